@@ -4,7 +4,7 @@ Nothing here shares code with the kernels: frames come from matrix exponentials,
 from sums over points.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,13 +13,19 @@ import pytest
 from scipy.linalg import expm
 
 from fmd.core.arrays import Array
+from fmd.core.joint_kinds import JointKind
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
 from fmd.reduction.inertia import inertia_gram
+from fmd.scene.joints.fixed import FIXED
+from fmd.scene.joints.free import FREE
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.spherical import SPHERICAL
 
-Orders = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
+Orders = tuple[tuple[JointKind, ...], tuple[int, ...], tuple[int, ...]]
 
 # Joints, parents and numbers of modes. Together they have every joint on the ground, on a rigid and on a flexible body,
 # under a rigid and a flexible body, and bodies that carry none, one and several others.
@@ -79,7 +85,7 @@ class PointChain:
     def masses(self) -> Array:
         return np.concatenate(self.m)
 
-    def split(self, values: Array, sizes: tuple[int, ...]) -> tuple[list[Array], list[Array]]:
+    def split(self, values: Array, sizes: Mapping[JointKind, int]) -> tuple[list[Array], list[Array]]:
         """Share positions or rates out to joints and to modes: slow joints come first, then fast ones, then modes."""
         links = self.tree.links
         joints: list[Array] = [np.zeros(0)] * len(links)
@@ -97,10 +103,10 @@ class PointChain:
         return joints, modes
 
     def positions_of(self, q: Array) -> tuple[list[Array], list[Array]]:
-        return self.split(q, (0, 1, 1, 4, 7))
+        return self.split(q, {FIXED: 0, REVOLUTE: 1, PRISMATIC: 1, SPHERICAL: 4, FREE: 7})
 
     def rates_of(self, v: Array) -> tuple[list[Array], list[Array]]:
-        return self.split(v, (0, 1, 1, 3, 6))
+        return self.split(v, {FIXED: 0, REVOLUTE: 1, PRISMATIC: 1, SPHERICAL: 3, FREE: 6})
 
     def frames(self, q: Array) -> list[tuple[Array, Array]]:
         """Origin and rotation of each body's frame: an analytic function of q, complex where q is."""

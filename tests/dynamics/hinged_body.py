@@ -9,11 +9,12 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant
 from fmd.integrators.protocol import Trajectory
 from fmd.reduction.body import FlexibleBody
+from fmd.scene.joints.revolute import REVOLUTE
 
 
 def hinged(body: FlexibleBody | Link, load: Signal | None = None) -> CompiledSystem:

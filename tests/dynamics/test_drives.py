@@ -18,7 +18,7 @@ from fmd.core.arrays import Array
 from fmd.core.formula import parse_formula
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link, PointLoad
+from fmd.dynamics.links import Link, PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, formula, half_sine, linear_table
 from fmd.integrators.central_difference import CentralDifference
@@ -26,6 +26,8 @@ from fmd.integrators.protocol import evaluate
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
 from fmd.reduction.inertia import inertia_gram
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.drives import Drives
 
 CLOSELY = ScipyIvp("DOP853", 1e-11)

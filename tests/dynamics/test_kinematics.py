@@ -13,10 +13,12 @@ from fmd.core.formula import parse_formula
 from fmd.core.rotations import quaternion_of_matrix, rotation_matrix
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import FREE, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import formula
 from fmd.reduction.body import MarkerShapes
+from fmd.scene.joints.free import FREE
+from fmd.scene.joints.revolute import REVOLUTE
 
 Make = Callable[..., Any]
 

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from fmd.dynamics.force_laws import ForceLaw
-from fmd.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, UNIVERSAL, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
+from fmd.scene.joints.fixed import FIXED
+from fmd.scene.joints.free import FREE
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.spherical import SPHERICAL
+from fmd.scene.joints.universal import UNIVERSAL
 
 POINT = rigid_gram(1.0, np.zeros(3), np.eye(3))
 

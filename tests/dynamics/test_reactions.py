@@ -11,10 +11,14 @@ from fmd.core.arrays import Array
 from fmd.dynamics.closures import Coupler
 from fmd.dynamics.elements import Attachment
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import FIXED, PRISMATIC, REVOLUTE, SCREW, Link, PointLoad, rigid_gram
+from fmd.dynamics.links import Link, PointLoad, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.reactions import JointLoads, joint_loads
 from fmd.dynamics.signals.signal import constant
+from fmd.scene.joints.fixed import FIXED
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.screw import SCREW
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME
 from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism

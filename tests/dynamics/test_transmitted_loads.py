@@ -8,10 +8,13 @@ from scipy.integrate import solve_ivp
 
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import FIXED, FREE, REVOLUTE, Link, PointLoad, rigid_gram
+from fmd.dynamics.links import Link, PointLoad, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
 from fmd.dynamics.transmitted_loads import geometric_stiffness_over, transmitted_loads, without_negligible_terms
+from fmd.scene.joints.fixed import FIXED
+from fmd.scene.joints.free import FREE
+from fmd.scene.joints.revolute import REVOLUTE
 
 ROD = rigid_gram(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
 AT_END = np.array([1.0, 0.0, 0.0])

@@ -15,13 +15,14 @@ from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.jit.compiled import meaning
-from fmd.dynamics.links import SPHERICAL, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import accelerations, advance, velocities
 from fmd.integrators.adaptive import groups_of, kinds_of, step_within
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import DAMPED, RungeKutta
 from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.scene.joints.spherical import SPHERICAL
 
 BOTH = pytest.mark.parametrize("method", [ExponentialRosenbrock, RungeKutta])
 

@@ -10,10 +10,12 @@ from benchmarks.stability import case_builders
 from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.spherical import SPHERICAL
 from tests.dynamics.hinged_body import body_of, energies, hinged
 
 

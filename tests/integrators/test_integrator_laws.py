@@ -11,7 +11,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import REVOLUTE, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.integrators.central_difference import CentralDifference
@@ -20,6 +20,7 @@ from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
 from fmd.reduction.body import FlexibleBody
 from fmd.reduction.inertia import inertia_gram
+from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.hinged_body import body_of, energies, hinged
 from tests.linear_system import LinearSystem
 

@@ -13,7 +13,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant, half_sine
 from fmd.integrators.central_difference import CentralDifference
@@ -21,6 +21,8 @@ from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.subcycling import Subcycling
 from fmd.reduction.body import FlexibleBody
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
 from fmd.stages.runs import make_plans
 from tests.dynamics.hinged_body import body_of, energies, hinged
 

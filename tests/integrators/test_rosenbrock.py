@@ -12,7 +12,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.jit.compiled import kernel
-from fmd.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant, linear_table
 from fmd.integrators import phi_functions, rosenbrock
@@ -20,6 +20,9 @@ from fmd.integrators.automatic import Automatic
 from fmd.integrators.protocol import State, evaluate, evaluate_velocities
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.spherical import SPHERICAL
 from tests.dynamics.hinged_body import body_of, energies, hinged
 
 

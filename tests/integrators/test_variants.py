@@ -10,11 +10,13 @@ import pytest
 from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.variants import CompiledVariants
-from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.variants import march_variants
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.compiler.mechanisms import PointMechanism, random_mechanism
 
 STEP, TIMES = 0.002, np.linspace(0.0, 0.1, 8)

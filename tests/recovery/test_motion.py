@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
-from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fem.assembly import assemble
 from fmd.fem.markers import face_marker
@@ -24,6 +24,7 @@ from fmd.recovery.motion import Motion
 from fmd.reduction.body import FlexibleBody, free_frame_body, reduced_body
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.mode_families import lowest_modes
+from fmd.scene.joints.revolute import REVOLUTE
 
 N_TIMES = 7
 

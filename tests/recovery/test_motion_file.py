@@ -10,12 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
-from fmd.dynamics.links import FREE, REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import State, Trajectory
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import motion_dataset, write_motions
 from fmd.reduction.body import MarkerShapes
+from fmd.scene.joints.free import FREE
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.spherical import SPHERICAL
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 NEVER_STILL = "joint.hub.damper=1e-12 N m s"

@@ -11,7 +11,7 @@ import xarray
 
 from fmd.core.errors import InputError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import REVOLUTE, SPHERICAL, Link
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.fem.markers import Marker, face_marker
@@ -25,6 +25,8 @@ from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.inertia import InertiaGram
 from fmd.reduction.mode_families import lowest_modes
 from fmd.reduction.stiffening import stiffen_body
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.spherical import SPHERICAL
 from tests.dynamics.hinged_body import hinged as on_hinge
 
 Z = np.array([0.0, 0.0, 1.0])

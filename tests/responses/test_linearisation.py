@@ -10,10 +10,10 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.dynamics.links import FREE
 from fmd.integrators.protocol import evaluate, evaluate_velocities, move_positions
 from fmd.output.frequencies import rotating_table
 from fmd.responses.linearisation import Linearisation
+from fmd.scene.joints.free import FREE
 from fmd.scene.scene import load_scene
 from fmd.stability.tangent import OperatingPoint
 from fmd.stages.linear_model import linearise_scene

@@ -14,7 +14,9 @@ from fmd.scene.any_body import Body
 from fmd.scene.bodies import Bar, BarMesh, ModeSettings
 from fmd.scene.constraints import AnyCoupler
 from fmd.scene.damping import RayleighDamping
-from fmd.scene.joints import Joint, Prismatic, Revolute
+from fmd.scene.joints.any_joint import Joint
+from fmd.scene.joints.prismatic import Prismatic
+from fmd.scene.joints.revolute import Revolute
 from fmd.scene.loads import Drive, TorqueDrive
 from fmd.scene.outputs import Chart, Output
 from fmd.scene.places import MarkerPlace

@@ -9,7 +9,8 @@ from pydantic import TypeAdapter
 
 from fmd.core.units import Length, PositiveTime
 from fmd.scene.any_body import Body
-from fmd.scene.joints import Joint, Revolute
+from fmd.scene.joints.any_joint import Joint
+from fmd.scene.joints.revolute import Revolute
 from fmd.scene.loads import Drive
 from fmd.scene.outputs import CHART_QUANTITIES, Output
 from fmd.scene.reading import SceneTable

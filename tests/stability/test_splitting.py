@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import PRISMATIC, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
+from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.stability.amplification import cycle_growth
 from fmd.stability.splitting import choose_split, longest_step, recommend_step, split_at, step_limits
 

@@ -14,7 +14,7 @@ def joint(*overrides: str, scene: str = "beam", body: str = "beam"):
 def test_a_driven_hinge_on_the_ground_lets_the_body_turn_about_one_coordinate_axis():
     hub = joint()
     assert (hub.marker, hub.axis, hub.free) == ("root", (0.0, 0.0, 1.0), ((0.0, 0.0, 1.0),))
-    assert (hub.normal, hub.planar, hub.floating, hub.prescribed, hub.accelerated) == (2, True, False, False, False)
+    assert (hub.normal, hub.in_plane, hub.floating, hub.prescribed, hub.accelerated) == (2, True, False, False, False)
     assert hub.plane == pytest.approx([0.0, 0.0, 1.0])
 
 
@@ -34,18 +34,18 @@ def test_directions_in_which_the_body_turns_freely_are_unit_vectors():
         ),
         (
             'joint.hub={type="spherical", parent="ground", child="beam.root"}',
-            {"free": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), "normal": -1, "planar": False},
+            {"free": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), "normal": -1, "in_plane": False},
         ),
         (
             'joint.hub={type="free", parent="ground", child="beam.root"}',
-            {"accelerated": True, "floating": True, "free": (), "normal": -1, "planar": False},
+            {"accelerated": True, "floating": True, "free": (), "normal": -1, "in_plane": False},
         ),
     ],
 )
 def test_gravity_and_other_joints_change_what_depends_on_them(override, differs):
     extra = [] if "gravity" in override else ["drive={}"]
     one, other = joint(*extra), joint(*extra, override)
-    names = ("free", "floating", "prescribed", "planar", "normal", "accelerated")
+    names = ("free", "floating", "prescribed", "in_plane", "normal", "accelerated")
     assert {name: getattr(other, name) for name in names if getattr(one, name) != getattr(other, name)} == differs
 
 
@@ -70,9 +70,9 @@ def test_gravity_and_loads_out_of_the_plane_of_the_hinges_make_a_motion_in_space
     push = 'drive.push={type="point force", marker="beam.tip", direction=[1, 1, 0], force="1 N"}'
     lift = 'drive.lift={type="point force", marker="beam.tip", direction=[0, 0, 1], force="1 N"}'
     weight = "simulation.gravity=['0 m/s^2', '0 m/s^2', '-9.81 m/s^2']"
-    assert joint(push).planar
-    assert not joint(lift).planar
-    assert not joint(weight).planar
+    assert joint(push).in_plane
+    assert not joint(lift).in_plane
+    assert not joint(weight).in_plane
 
 
 def test_a_scene_of_parts_alone_has_a_floating_body():

@@ -11,7 +11,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.dynamics.kinematics import Kinematics
 from fmd.scene.orientation import AxisDirections, Orientation
-from fmd.stages.ground import axes_in_space, orientation_matrix
+from fmd.stages.ground import axes_in_space
 from fmd.stages.mechanism import place_joints
 from tests.scene.scenes import refused, scene_of
 
@@ -231,7 +231,7 @@ rotate = {vector(of_joint)}
     ],
 )
 def test_two_directions_give_right_handed_axes(axes: Any, columns: Any):
-    R = orientation_matrix(Orientation(axes=AxisDirections(**axes)))
+    R = Orientation(axes=AxisDirections(**axes)).matrix
     assert pytest.approx(np.array(columns).T, abs=1e-15) == R
     assert np.linalg.det(R) == pytest.approx(1.0)
 

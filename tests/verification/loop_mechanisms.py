@@ -14,11 +14,13 @@ from fmd.dynamics.closures import Place, close_joint, fixed_place
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.elements import Attachment, PointSpring
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw
-from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, formula
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaGram
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
 
 X, Y, Z = np.eye(3)
 
@@ -62,8 +64,7 @@ def double_four_bar() -> Case:
         rod("crank2", -1, 2 * X, Z, X),
     ]
     closures = [
-        close_joint("revolute", f"end{k}", place_on(f"coupler{k}", X), place_on(f"crank{k + 1}", X), Z)
-        for k in range(2)
+        close_joint(REVOLUTE, f"end{k}", place_on(f"coupler{k}", X), place_on(f"crank{k + 1}", X), Z) for k in range(2)
     ]
     mechanism = Mechanism(links, gravity=-9.81 * Y, closures=closures)
     up = np.pi / 2
@@ -77,7 +78,7 @@ def bricard() -> Case:
     for k, (axis, along) in enumerate(rods):
         links.append(rod(f"rod{k}", k - 1, place, axis, along))
         place = along
-    closure = close_joint("revolute", "end", place_on("rod4", Y), fixed_place(Z), X)
+    closure = close_joint(REVOLUTE, "end", place_on("rod4", Y), fixed_place(Z), X)
     mechanism = Mechanism(links, gravity=-9.81 * Y, closures=[closure])
     return Case(CompiledSystem(mechanism), np.zeros(5), np.zeros(5))
 
@@ -122,7 +123,7 @@ def andrews_squeezer() -> Case:
         for name, parent, place, mass, centre, moment in bodies
     ]
     ends = [("K3", -ss * Y), ("K4", -e * Y), ("K6", zf * X)]
-    closures = [close_joint("revolute", body, place_on("K2", -d * X), place_on(body, at), Z) for body, at in ends]
+    closures = [close_joint(REVOLUTE, body, place_on("K2", -d * X), place_on(body, at), Z) for body, at in ends]
     hook, wall = (
         Attachment(body, place_on(body, at).marker) for body, at in (("K3", np.array([0.02, -0.018, 0.0])), ("", C))
     )
@@ -165,7 +166,7 @@ def flexible_slider_crank() -> Case:
         Link("rod", gram, REVOLUTE, 0, 0.15 * X, omega=np.sqrt(omega2), damping=np.zeros(4)),
         Link("slider", rigid_gram(0.075552, 0 * X, np.zeros((3, 3))), PRISMATIC, axis=X),
     ]
-    closure = close_joint("revolute", "pin", Place("rod", end), place_on("slider", 0 * X), Z)
+    closure = close_joint(REVOLUTE, "pin", Place("rod", end), place_on("slider", 0 * X), Z)
     mechanism = Mechanism(links, closures=[closure])
     shapes = [
         [0.0, 0.0, 0.103339863e-4, 0.169327969e-4],

@@ -8,12 +8,16 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.closures import close_joint, fixed_place
-from fmd.dynamics.links import REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
+from fmd.scene.joints.any_joint import JOINTS
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.spherical import SPHERICAL
 from tests.verification.absolute_coordinates import AbsoluteBodies, Gap
 from tests.verification.loop_mechanisms import place_on
 
 _KINDS = {"revolute": REVOLUTE, "spherical": SPHERICAL}
+_ENDS = {joint.kind.name: joint.kind for joint in JOINTS}
 _FREEDOMS = {"revolute": 1, "universal": 2, "cylindrical": 2, "spherical": 3, "point-on-line": 4}
 
 
@@ -50,7 +54,9 @@ def random_loop(seed: int, spatial: bool) -> Loop:
         Link(f"body{k}", rigid_gram(masses[k], centres[k], inertias[k]), _KINDS[kinds[k]], k - 1, at, axes[k])
         for k, at in enumerate([places[0], *steps[:-1]])
     ]
-    end = close_joint(kinds[n], "end", place_on(f"body{n - 1}", steps[-1]), fixed_place(places[n]), axes[n], other)
+    end = close_joint(
+        _ENDS[kinds[n]], "end", place_on(f"body{n - 1}", steps[-1]), fixed_place(places[n]), axes[n], other
+    )
     reference = AbsoluteBodies(masses, list(centres), inertias, _gaps(kinds, axes, other, places), gravity)
     return Loop(Mechanism(links, gravity=gravity, closures=[end]), reference, places)
 

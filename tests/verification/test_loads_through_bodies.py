@@ -15,8 +15,10 @@ from fmd.core.errors import InputError
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import FIXED, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
+from fmd.scene.joints.fixed import FIXED
+from fmd.scene.joints.revolute import REVOLUTE
 from fmd.stages.mechanism import find_start
 
 LENGTH, WIDTH, HEIGHT, E, RHO = 1.0, 0.02, 0.006, 70e9, 2700.0

@@ -11,7 +11,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
 from fmd.dynamics.closures import Place, close_joint
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import PRISMATIC, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import evaluate_projection
@@ -20,6 +20,9 @@ from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.subcycling import Subcycling
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import inertia_gram
+from fmd.scene.joints.point_on_line import POINT_ON_LINE
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
 from fmd.stability.operating_points import find_operating_points
 
 pytestmark = pytest.mark.slow
@@ -60,7 +63,7 @@ def slider_crank() -> tuple[Mechanism, Array]:
     crank = Link("crank", rigid_gram(1.0, 0.1 * X, np.diag([0.0, 0.02, 0.02])), REVOLUTE, -1, 0 * X, Z)
     rod = bar("rod", 0, 0.2 * X, 0.6, [80.0, 320.0, 720.0], None)
     slider = Link("slider", rigid_gram(0.5, 0 * X, np.zeros((3, 3))), PRISMATIC, -1, 0 * X, X)
-    pin = close_joint("revolute", "pin", Place("rod", end_of(0.6, 3)), Place("slider", end_of(0.0 + 1e-9, 0)), Z)
+    pin = close_joint(REVOLUTE, "pin", Place("rod", end_of(0.6, 3)), Place("slider", end_of(0.0 + 1e-9, 0)), Z)
     start = {"crank": 0.4, "rod": -0.53, "slider": 0.78}
     return Mechanism([crank, rod, slider], closures=[pin], assembled={k: (x,) for k, x in start.items()}), 20.0 * Y
 
@@ -69,7 +72,7 @@ def four_bar() -> tuple[Mechanism, Array]:
     crank = bar("crank", -1, 0 * X, 0.3, [300.0], None)
     coupler = bar("coupler", 0, 0.3 * X, 0.8, [90.0, 360.0], end_of(0.3, 1))
     rocker = bar("rocker", -1, 0.7 * X, 0.5, [200.0, 800.0], None)
-    pin = close_joint("revolute", "pin", Place("coupler", end_of(0.8, 2)), Place("rocker", end_of(0.5, 2)), Z)
+    pin = close_joint(REVOLUTE, "pin", Place("coupler", end_of(0.8, 2)), Place("rocker", end_of(0.5, 2)), Z)
     start = {"crank": 1.2, "coupler": -0.8, "rocker": 1.4}
     gravity = -9.81 * Y
     return Mechanism([crank, coupler, rocker], (), gravity, closures=[pin], assembled=_tuples(start)), 8.0 * Y
@@ -79,7 +82,7 @@ def tied_pendulums() -> tuple[Mechanism, Array]:
     """Two bending pendulums, the end of one in a slot of the other's."""
     left = bar("left", -1, 0 * X, 0.5, [150.0, 600.0], None)
     right = bar("right", -1, 0.4 * X, 0.7, [100.0, 400.0], None)
-    pin = close_joint("point-on-line", "pin", Place("right", end_of(0.7, 2)), Place("left", end_of(0.5, 2)), X)
+    pin = close_joint(POINT_ON_LINE, "pin", Place("right", end_of(0.7, 2)), Place("left", end_of(0.5, 2)), X)
     return Mechanism(
         [left, right], (), -9.81 * Y, closures=[pin], assembled=_tuples({"left": -1.0, "right": -1.6})
     ), 3 * Y

@@ -16,13 +16,18 @@ from scipy.special import ellipj, ellipk
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import FIXED, FREE, PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import evaluate
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
+from fmd.scene.joints.fixed import FIXED
+from fmd.scene.joints.free import FREE
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.spherical import SPHERICAL
 
 X, Y, Z = np.eye(3)
 NOWHERE = np.zeros(3)

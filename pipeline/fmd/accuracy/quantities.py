@@ -11,7 +11,6 @@ from fmd.accuracy.error_estimates import OrientationQuantity, Quantity
 from fmd.accuracy.matching import match_shapes
 from fmd.core.arrays import Array, IntArray
 from fmd.core.rotations import quaternion_of_matrix
-from fmd.dynamics.links import CYLINDRICAL, FREE, PLANAR, SPHERICAL, UNIVERSAL
 from fmd.recovery.stress import StressHistory, von_mises
 
 if TYPE_CHECKING:
@@ -75,13 +74,13 @@ def _lies_in_space(motion: Motion) -> list[Quantity]:
     """Return orientation and position of the bodies on joints that have several coordinates."""
     found: list[Quantity] = []
     for number, link in enumerate(motion.mechanism.links):
-        if link.joint not in (SPHERICAL, FREE, UNIVERSAL, CYLINDRICAL, PLANAR) or link.motion is not None:
+        if link.n_rates < 2:
             continue
         frame = motion.kinematics.frames[number]
         turned = OrientationQuantity(f"{link.joint_name}, orientation", "rad", quaternion_of_matrix(frame.rotation))
         if turned.scale > _STILL:
             found.append(turned)
-        if link.joint not in (SPHERICAL, UNIVERSAL):
+        if link.joint.slides:
             found.append(Quantity(f"{link.joint_name}, position", "m", frame.origin))
     return found
 

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.joint_kinds import SPACE, JointKind, find_direction
 from fmd.reduction.body import MarkerShapes
 
 GROUND = ""
@@ -58,8 +59,9 @@ class Closure:
         The joint's places on the parent and on the child.
     along : ndarray, shape (k, 3)
         Directions in which the places coincide: in space if they are three, else in the axes of the first's section.
-    square : ndarray, shape (m, 2, 3)
-        Pairs of directions that stay perpendicular, each one in the axes of the first's and of the second's section.
+    square : sequence of ndarray, shapes (k, 2, 3)
+        Pairs of directions, one in the axes of the first's and one of the second's section, whose products sum to
+        zero: a single pair stays perpendicular.
     distance : float
         Distance that the places keep [m]; 0 for none.
     left_out : sequence of int
@@ -71,7 +73,7 @@ class Closure:
     first: Place
     second: Place
     along: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    square: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    square: Sequence[Array] = ()
     distance: float = 0.0
     left_out: Sequence[int] = ()
 
@@ -107,14 +109,14 @@ class Closure:
 
 @dataclass(frozen=True)
 class Coupler:
-    """A linear relation between joint coordinates, ``Σ factors s = offset``: gears, racks and screws.
+    """A linear relation between joint coordinates, ``Σ factors s = offset``: gears and racks.
 
     Parameters
     ----------
     name : str
         Its own.
     joints : sequence of str
-        Links whose revolute or prismatic joints take part.
+        Links whose joints, of one coordinate each, take part.
     factors : sequence of float
         One for each joint.
     offset : float
@@ -150,7 +152,7 @@ Constraint = Closure | Coupler
 
 
 def close_joint(
-    kind: str,
+    kind: JointKind,
     name: str,
     first: Place,
     second: Place,
@@ -163,63 +165,32 @@ def close_joint(
 
     Parameters
     ----------
-    kind : str
-        ``fixed``, ``revolute``, ``prismatic``, ``cylindrical``, ``spherical``, ``universal``, ``planar`` or
-        ``point-on-line``.
+    kind : JointKind
+        With the directions that it keeps.
     axis, other : ndarray, shape (3,)
-        Its axis in the axes of the first place and of the second; the same numbers by default. Of a universal joint
-        they are perpendicular, of a planar joint the plane's normal.
+        Its axis in the axes of the first place and of the second; the same numbers by default.
     of_first, of_second : ndarray, shape (3, 3), optional
         Rotations from the axes of each place into those of its body; none by default.
 
     Raises
     ------
     ValueError
-        The kind is none of these, or an axis has no direction.
+        A joint of this kind can't close a loop, or an axis has no direction.
     """
-    axis = _unit(name, axis)
-    other = axis if other is None else _unit(name, other)
-    across, everywhere = perpendicular_axes(axis), np.eye(3)
-    aligned = np.array([[u, other] for u in across])
-    own = perpendicular_axes(other)
-    locked = np.array([[axis, own[0]], [across[0], own[1]], [across[1], other]])
-    if of_first is not None:
-        axis, across = of_first @ axis, across @ of_first.T
-        aligned[:, 0], locked[:, 0] = aligned[:, 0] @ of_first.T, locked[:, 0] @ of_first.T
-    if of_second is not None:
-        other = of_second @ other
-        aligned[:, 1], locked[:, 1] = aligned[:, 1] @ of_second.T, locked[:, 1] @ of_second.T
-    match kind:
-        case "fixed":
-            return Closure(name, first, second, everywhere, locked)
-        case "revolute":
-            return Closure(name, first, second, everywhere, aligned)
-        case "prismatic":
-            return Closure(name, first, second, across, locked)
-        case "cylindrical":
-            return Closure(name, first, second, across, aligned)
-        case "spherical":
-            return Closure(name, first, second, everywhere)
-        case "universal":
-            return Closure(name, first, second, everywhere, np.array([[axis, other]]))
-        case "planar":
-            return Closure(name, first, second, axis[None], aligned)
-        case "point-on-line":
-            return Closure(name, first, second, across)
-        case _:
-            raise ValueError(f"joint {name} is {kind}, which can't close a loop")
-
-
-def _unit(name: str, axis: Array) -> Array:
-    axis = np.asarray(axis, dtype=float)
-    if not (length := float(np.linalg.norm(axis))) > 0.0:
+    if not (kind.points or kind.squares):
+        raise ValueError(f"joint {name} is {kind.name}, which can't close a loop")
+    if not all(np.linalg.norm(given) > 0.0 for given in (axis, axis if other is None else other)):
         raise ValueError(f"the axis of {name} has no direction")
-    return axis / length
 
+    def of_parent(way: str) -> Array:
+        direction = find_direction(way, axis)
+        return direction if of_first is None else np.asarray(of_first @ direction)
 
-def perpendicular_axes(axis: Array) -> Array:
-    """Return two unit vectors across an axis, a right-handed system with it, along the axes of space where they fit."""
-    start = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    first = np.cross(axis, np.cross(start, axis))
-    first = first / np.linalg.norm(first)
-    return np.array([first, np.cross(axis, first)])
+    def of_child(way: str) -> Array:
+        direction = find_direction(way, axis if other is None else other)
+        return direction if of_second is None else np.asarray(of_second @ direction)
+
+    everywhere = kind.points == SPACE
+    along = np.eye(3) if everywhere else np.array([of_parent(way) for way in kind.points])
+    square = [np.array([[of_parent(one), of_child(two)] for one, two in row]) for row in kind.squares]
+    return Closure(name, first, second, along, square)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import EPSILON, Array, IntArray
-from fmd.dynamics.links import CYLINDRICAL, FREE, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.reduction.inertia import InertiaGram
 
@@ -104,7 +104,7 @@ def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
     size = float(np.sqrt(gram.mass))
     forces = [product[0, 1:] / inertia for product in products]
     couplings = [product[1:, 1:] for product in products]
-    accelerated = link.parent >= 0 or link.n_slides > 0 or link.joint == SCREW or bool(np.any(mechanism.gravity))
+    accelerated = link.parent >= 0 or bool(link.joint.slides) or bool(np.any(mechanism.gravity))
     if accelerated:
         forces += list(gram.S[:, 1:] / size)
         couplings += list(gram.bow)
@@ -147,12 +147,11 @@ def _common_axis(mechanism: Mechanism, body: int) -> Array | None:
     """Unit vector in a body's axes that every rotation of the mechanism is about, or ``None``."""
     axes, turned = list[Array](), list[Array]()  # axes in space, and each body's axes at rest
     for link in mechanism.links:
-        if link.joint in (SPHERICAL, FREE, UNIVERSAL):
+        if link.joint.turns_in_space:
             return None
         carrier = turned[link.parent] if link.parent >= 0 else np.eye(3)
         turned.append(carrier @ link.place_axes)
-        if link.joint in (REVOLUTE, CYLINDRICAL, PLANAR, SCREW):
-            axes.append(turned[-1] @ link.axis / np.linalg.norm(link.axis))
+        axes += [turned[-1] @ link.direction(step) for step in link.joint.turns]
         axes += list((carrier @ link.place_rotations).T)
     for link, into_space in zip(mechanism.links, turned, strict=True):
         for at in mechanism.closed_places(link.name):

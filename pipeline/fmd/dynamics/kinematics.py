@@ -72,9 +72,9 @@ class Kinematics:
         return self.q[:, at : at + link.n_positions], self.v[:, first : first + link.n_rates]
 
     def along_joint(self, body: int) -> tuple[Array, Array]:
-        """Position and rate of a revolute or prismatic joint, (n_times,) each.
+        """Position and rate of a joint with one coordinate, (n_times,) each.
 
-        Of a revolute joint they are those of the body's section that the joint grips: what an encoder reads.
+        Of a hinge they are those of the body's section that the joint grips: what an encoder reads.
         """
         position, rate = self._over(self._recorded.of_joint(body)).T
         return position, rate

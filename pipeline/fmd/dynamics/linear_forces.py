@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.layout import Layout
-from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.links import Link
 
 
 class LinearForces(NamedTuple):
@@ -54,14 +54,14 @@ def gather_linear_forces(links: Sequence[Link], layout: Layout) -> LinearForces:
             own[i] = link.spring
             grip = np.zeros(n)  # what stretches the spring: the joint, and the section's turning with the modes
             grip[i] = 1.0
-            if link.joint == REVOLUTE and len(link.joint_rotation):
+            if link.grips_section:
                 grip[modes] = link.joint_rotation
             K += link.spring * np.outer(grip, grip)
             C += link.damper * np.outer(grip, grip)
         for j, law in enumerate(link.laws):
             grip = np.zeros(n)
             grip[layout.rate[k] + j] = 1.0
-            if link.joint == REVOLUTE and len(link.joint_rotation):
+            if link.grips_section:
                 grip[modes] = link.joint_rotation
             along, slope = np.outer(grip, grip), max(float(law.curve.slopes(np.zeros(1))[0]), 0.0)
             own[layout.rate[k] + j] += slope

@@ -8,21 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.closures import perpendicular_axes
+from fmd.core.joint_kinds import ElementaryMotion, JointKind, find_direction
 from fmd.dynamics.force_laws import ForceLaw
 from fmd.dynamics.signals.signal import Signal, constant
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaGram
 
-FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, UNIVERSAL, CYLINDRICAL, PLANAR, SCREW = range(9)
-ONE_AXIS = (REVOLUTE, PRISMATIC, SCREW)
-"""Joints with one coordinate, which may have a spring, a damper, a load or a prescribed motion."""
-
 _JUMP = 1e-6
 _ORTHONORMAL = 1e-12
-_N_RATES = (0, 1, 1, 3, 6, 2, 2, 3, 1)
-_N_POSITIONS = (0, 1, 1, 4, 7, 2, 2, 3, 1)
-_N_SLIDES = (0, 0, 1, 0, 3, 0, 1, 2, 0)
 
 
 @dataclass(frozen=True)
@@ -35,15 +28,14 @@ class Link:
         The body's name.
     gram : InertiaGram
         Inertia integrals about the joint, in the body's frame, for unit modal masses.
-    joint : int
-        ``FIXED``, ``REVOLUTE``, ``PRISMATIC``, ``SPHERICAL``, ``FREE``, ``UNIVERSAL``, ``CYLINDRICAL``, ``PLANAR`` or
-        ``SCREW``. Coordinates of several are displacements first, then angles.
+    joint : JointKind
+        Its coordinates and motion.
     parent : int
         Number of the body that carries it, -1 for the ground; smaller than its own.
     place : ndarray, shape (3,)
         The joint in the parent's frame [m].
     axis : ndarray, shape (3,)
-        Unit vector of a joint's axis, in the joint's axes; a planar joint's normal.
+        Direction of the joint's axis, in the joint's axes.
     omega : ndarray, shape (n,)
         Modal angular frequencies [rad/s], ascending.
     damping : ndarray, shape (n,)
@@ -53,15 +45,15 @@ class Link:
     place_bow : ndarray, shape (6, n_parent, n_parent)
         Their second order, as in `MarkerShapes.bow`; empty if it is left out.
     joint_rotation : ndarray, shape (n,)
-        Rotation of the body's own section at a revolute joint about its axis, for unit modal coordinates.
+        Rotation of the body's own section at a hinge about its axis, for unit modal coordinates.
     joint_bow : ndarray, shape (n, n)
         Its second order, ``½ qᵀ joint_bow q``; empty if it is left out.
     spring, rest, damper : float
-        Of a revolute or prismatic joint [N m/rad or N/m; rad or m; N m s/rad or N s/m].
+        Along a joint with one coordinate [N m/rad or N/m; rad or m; N m s/rad or N s/m].
     load : Signal
-        Torque or force along a revolute or prismatic joint [N m or N].
+        Torque or force along a joint with one coordinate [N m or N].
     motion : Signal, optional
-        Prescribed angle or displacement of a revolute or prismatic joint [rad or m]; the joint has no coordinate then.
+        Prescribed angle or displacement of a joint with one coordinate [rad or m], which has none then.
     joint_name : str
         The joint's name.
     markers : mapping of str to MarkerShapes
@@ -70,9 +62,9 @@ class Link:
         The marker on the section at the joint, from which deflections are seen; empty where they are seen from the
         body's frame itself.
     other_axis : ndarray, shape (3,)
-        Second axis of a universal joint, in the body's axes.
+        Second axis of a joint that has two, in the body's axes.
     lead : float
-        Displacement of a screw joint for an angle [m/rad].
+        Displacement for an angle, where one coordinate is for both [m/rad].
     laws : tuple of ForceLaw
         Forces along each of a joint's coordinates, beside its spring and damper; none, or one for each.
     place_axes : ndarray, shape (3, 3)
@@ -83,7 +75,7 @@ class Link:
 
     name: str
     gram: InertiaGram
-    joint: int
+    joint: JointKind
     parent: int = -1
     place: Array = field(default_factory=lambda: np.zeros(3))
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
@@ -116,27 +108,40 @@ class Link:
     @property
     def unit(self) -> str:
         """Unit of the joint's position where that is one number, ``rad`` or ``m``; else empty."""
-        return {REVOLUTE: "rad", PRISMATIC: "m", SCREW: "rad"}.get(self.joint, "")
+        return self.joint.unit
 
     @property
     def n_rates(self) -> int:
         """Number of the joint's rates."""
-        return 0 if self.motion else _N_RATES[self.joint]
+        return 0 if self.motion else self.joint.n_rates
 
     @property
     def n_positions(self) -> int:
         """Number of the joint's position coordinates."""
-        return 0 if self.motion else _N_POSITIONS[self.joint]
+        return 0 if self.motion else self.joint.n_positions
 
     @property
     def n_slides(self) -> int:
         """Number of the joint's displacements, which come before its angles."""
-        return _N_SLIDES[self.joint]
+        return self.joint.n_slides
 
     @property
-    def slide_axes(self) -> Array:
-        """Directions of a planar joint's two displacements, in the joint's axes, shape (2, 3)."""
-        return perpendicular_axes(self.axis / np.linalg.norm(self.axis))
+    def n_scalars(self) -> int:
+        """Number of the joint's coordinates that are one number each; its quaternion comes after them."""
+        return 0 if self.motion else len(self.joint.units)
+
+    @property
+    def grips_section(self) -> bool:
+        """True if the joint's own angle is that of a section which turns with the body's modes."""
+        return len(self.joint_rotation) > 0 and self.motion is None
+
+    def direction(self, step: ElementaryMotion) -> Array:
+        """Return the unit vector of a joint's displacement or rotation, shape (3,)."""
+        return find_direction(step.along, self.axis, self.other_axis)
+
+    def share(self, step: ElementaryMotion) -> float:
+        """Return how much of its coordinate a displacement or rotation takes."""
+        return step.factor * (self.lead if step.by_lead else 1.0)
 
     def require_valid(self, number: int, parent_modes: int) -> None:
         """Raise ``ValueError`` unless the link can be the one of this number on a parent with so many modes."""
@@ -152,7 +157,7 @@ class Link:
             if (found := getattr(self, name).shape[1]) not in (0, parent_modes):
                 raise ValueError(f"{name} of {self.name} has {found} columns, its parent {parent_modes} modes")
         along = self.spring or self.damper or self.motion or self.load != constant(0.0)
-        if along and self.joint not in ONE_AXIS:
+        if along and not self.unit:
             raise ValueError(f"the joint of {self.name} takes no spring, damper, load or motion: it has no axis")
         if len(self.laws) not in (0, self.n_rates):
             raise ValueError(f"the joint of {self.name} has {self.n_rates} rates and {len(self.laws)} force laws")

@@ -18,7 +18,7 @@ from fmd.dynamics.closures import GROUND, Closure, Constraint, Coupler
 from fmd.dynamics.elements import Element
 from fmd.dynamics.layout import Layout, layout_of
 from fmd.dynamics.linear_forces import LinearForces, gather_linear_forces
-from fmd.dynamics.links import FREE, SPHERICAL, Link, PointLoad
+from fmd.dynamics.links import Link, PointLoad
 from fmd.dynamics.signals.activity import Activity, find_activity
 from fmd.dynamics.signals.signal import Signal
 from fmd.reduction.body import MarkerShapes
@@ -121,7 +121,7 @@ class Mechanism:
         """Positions of the undeformed mechanism with all joints at 0, or where loops close, shape (n_positions,)."""
         q = np.zeros(self.n_positions)
         for link, first in zip(self.links, self.layout.position, strict=True):
-            if link.joint in (SPHERICAL, FREE):
+            if link.joint.turns_in_space:
                 q[first + link.n_positions - 1] = 1.0  # a unit quaternion, its scalar part last
             if link.name in self.assembled:
                 q[first : first + link.n_positions] = self.assembled[link.name]

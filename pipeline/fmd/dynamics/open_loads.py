@@ -88,7 +88,7 @@ def largest_gap(rigid: Mechanism, times: Array, q: Array) -> float:
         for closure in rigid.closing_joints:
             first, second, apart = _places_of(motion, closure)
             axes = closure.along if len(closure.along) == 3 else closure.along @ first.T
-            gaps = [*(axes @ apart), *(first @ a @ (second @ b) for a, b in closure.square)]
+            gaps = [*(axes @ apart), *(sum(first @ a @ (second @ b) for a, b in pairs) for pairs in closure.square)]
             gaps += [np.linalg.norm(apart) - closure.distance] if closure.distance else []
             largest = max([largest, *(abs(gap) for gap in gaps)])
     return float(largest)
@@ -117,7 +117,7 @@ def _row_wrenches(motion: Kinematics, closure: Closure) -> list[State]:
     for direction in closure.along:
         d = direction if len(closure.along) == 3 else first @ direction
         pairs.append((d, np.cross(d, apart)))
-    turns = [np.cross(first @ a, second @ b) for a, b in closure.square]
+    turns = [np.sum([np.cross(first @ a, second @ b) for a, b in pairs], axis=0) for pairs in closure.square]
     rows = [_on_both(closure, -d, m, d, np.zeros(3)) for d, m in pairs]
     rows += [_on_both(closure, np.zeros(3), c, np.zeros(3), -c) for c in turns]
     if closure.distance:

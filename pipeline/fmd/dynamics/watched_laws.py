@@ -8,7 +8,6 @@ from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.force_laws import ForceLaw
 from fmd.dynamics.formula_pieces import LawPieces
 from fmd.dynamics.law_pieces import find_pieces
-from fmd.dynamics.links import ONE_AXIS, PRISMATIC
 from fmd.dynamics.mechanism import Mechanism
 
 
@@ -41,9 +40,8 @@ def find_watched(mechanism: Mechanism) -> tuple[WatchedLaw, ...]:
     """Find the force laws of joints and springs that have short pieces; prescribed joints feel none."""
     laws: list[tuple[str, ForceLaw, PointSpring | int, str]] = []
     for number, link in enumerate(mechanism.links):
-        if link.joint in ONE_AXIS and link.motion is None:
-            unit = "m" if link.joint == PRISMATIC else "rad"
-            laws += [(f"joint {link.joint_name or link.name}", law, number, unit) for law in link.laws]
+        if link.unit and link.motion is None:
+            laws += [(f"joint {link.joint_name or link.name}", law, number, link.unit) for law in link.laws]
     springs = (element for element in mechanism.elements if isinstance(element, PointSpring))
     laws += [(f"spring {element.name}", element.law, element, "m") for element in springs]
     found = (WatchedLaw(name, law, find_pieces(law), holder, unit) for name, law, holder, unit in laws)

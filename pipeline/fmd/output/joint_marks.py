@@ -11,6 +11,7 @@ from fmd.stages.ground import ground_place, joint_axes, place_axes
 
 if TYPE_CHECKING:
     from fmd.render.moving_bodies import MovingLine, MovingShape
+    from fmd.scene.joints.any_joint import Joint
     from fmd.stages.pipeline import Pipeline
 
 JOINT, GROUND, SPRING, BUSHING = "#4b5563", "#9aa2ad", "#5b7f6b", "#b08a3e"
@@ -18,8 +19,6 @@ _RADIUS = 0.011  # of a mark over the mechanism's size
 _NEAR = 5.0  # radii of a mark: a body's points so near tell how far a pin reaches
 _COILS, _PER_COIL = 9, 12
 _WIRE = 1.3  # radius of a coil over that of a mark
-_ABOUT_AN_AXIS = ("revolute", "cylindrical", "screw")
-_BALLS = ("spherical", "universal", "point-on-line")
 
 
 class Marks:
@@ -84,10 +83,10 @@ class Marks:
             one, other = (self.position(place) for place in spring.between)
             found.append(MovingLine(_coil(one, other, _WIRE * self.radius), SPRING, 1.8))
         for joint in self.run.scene.joint.values():
-            if joint.type == "distance":
+            if joint.mark.shape == "line":
                 ends = [self.position(place) for place in (joint.parent, joint.child)]
                 found.append(MovingLine(np.stack(ends, axis=1), JOINT, 2.0))
-            elif joint.type in ("prismatic", "cylindrical") and joint.parent.startswith("ground"):
+            elif joint.mark.rail and joint.parent.startswith("ground"):
                 axis = self._axis_in_parent(joint)
                 start, places = self.position(joint.parent)[0], self.position(joint.child)
                 along = np.append((places - start) @ axis, 0.0)
@@ -106,34 +105,30 @@ class Marks:
         from fmd.render.moving_bodies import MovingShape
         from fmd.render.solids import axes_along, make_ball, make_box, make_cylinder
 
-        joint: Any = self.run.scene.joint[name]
+        joint = self.run.scene.joint[name]
         r, origin = self.radius, np.zeros(3)
-        if joint.type in _BALLS:
+        if joint.mark.shape == "ball":
             surface = make_ball(origin, 1.25 * r)
-        elif joint.type in _ABOUT_AN_AXIS:
+        elif joint.mark.shape == "pin":
             axis = self._axis_in_child(joint)
             half = max(1.5 * r, *(self._reach(place, axis) + 0.4 * r for place in (joint.parent, joint.child)))
             if self._is_around(joint.child):
                 return []
             surface = make_cylinder(-half * axis, half * axis, 0.8 * r)
-        elif joint.type in ("prismatic", "planar"):
+        elif joint.mark.shape == "box":
             axis = self._axis_in_child(joint)
-            edges = np.array([2.2, 2.2, 3.2] if joint.type == "prismatic" else [3.2, 3.2, 1.0]) * r
-            surface = make_box(edges, origin, axes_along(axis))
-        else:  # fixed, free and distance
+            surface = make_box(np.array(joint.mark.edges) * r, origin, axes_along(axis))
+        else:
             return []
         return [MovingShape(surface, JOINT, self.position(joint.child), self.rotation(joint.child))]
 
-    def _axis_in_child(self, joint: Any) -> Array:
+    def _axis_in_child(self, joint: Joint) -> Array:
         """Return a joint's axis in the axes of its child's body, z of one without."""
-        given = getattr(joint, "axis", (0.0, 0.0, 1.0))
-        if joint.type in ("revolute", "prismatic"):  # of a universal joint it is the second axis
-            given = joint.child_axis or given
-        return _unit(joint_axes(self.run.scene, joint).axis_in_child(given))
+        return _unit(joint_axes(self.run.scene, joint).axis_in_child(joint.axis_of_child))
 
-    def _axis_in_parent(self, joint: Any) -> Array:
+    def _axis_in_parent(self, joint: Joint) -> Array:
         """Return a joint's axis in the axes of its parent's body, z of one without."""
-        return _unit(joint_axes(self.run.scene, joint).in_parent @ np.array(getattr(joint, "axis", (0.0, 0.0, 1.0))))
+        return _unit(joint_axes(self.run.scene, joint).in_parent @ joint.direction("axis"))
 
     def _reach(self, place: str, axis: Array) -> float:
         """Return how far a flexible body reaches along an axis around one of its markers [m]."""
@@ -158,7 +153,7 @@ class Marks:
         held: dict[str, tuple[str, Array]] = {}  # what holds on to a place, and its axis in space
         for joint in self.run.scene.joint.values():
             for place, other in ((joint.parent, joint.child), (joint.child, joint.parent)):
-                holds = place.partition(".")[0] == "ground" and joint.type not in ("free", "planar")
+                holds = place.partition(".")[0] == "ground" and joint.mark.stands
                 if holds and not self._is_around(other):
                     find = self._axis_in_parent if place == joint.parent else self._axis_in_child
                     held.setdefault(place, (other, find(joint)))

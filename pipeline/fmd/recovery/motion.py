@@ -13,7 +13,7 @@ from fmd.core.arrays import Array
 from fmd.core.html import facts, scaled
 from fmd.core.short_repr import short_repr
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.reactions import JointLoads, closing_reactions, constraint_residual, joint_loads
 from fmd.integrators.protocol import Trajectory
@@ -131,14 +131,14 @@ class Motion:
 
     @property
     def deflection_across_arm(self) -> Array | None:
-        """Deflection of the tip across its arm about a revolute joint [m], (n_times,); ``None`` at other joints."""
+        """Deflection of the tip across its arm about a hinge [m], (n_times,); ``None`` at other joints."""
         number, name = self._tip
         link = self.mechanism.links[number]
         if link.part:
             return None
         arm = np.cross(link.axis, link.markers[name].position)
         length = np.linalg.norm(arm)
-        return np.asarray(self.tip_deflection @ (arm / length)) if link.joint == REVOLUTE and length else None
+        return np.asarray(self.tip_deflection @ (arm / length)) if link.joint.is_hinge and length else None
 
     @property
     def tip_link(self) -> Link:

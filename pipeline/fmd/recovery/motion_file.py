@@ -4,8 +4,8 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``quaternion`` (x, y, z, w: scalar part last). All variables have the dimensions ``run`` and ``time`` first.
 
 ========================== ========= =====================================================================
-``J.position``, ``J.rate``           of a revolute, prismatic or screw joint J; on a revolute one, of the section there
-``J.coordinates``, ``J.rates``       of a universal, cylindrical or planar joint: displacements [m], then angles [rad]
+``J.position``, ``J.rate``           of a joint J with one coordinate; on a hinge, of the section there
+``J.coordinates``, ``J.rates``       of a joint with several: displacements [m], then angles [rad]
 ``J.orientation``                    of a spherical or free joint: the child against its parent
 ``J.angular_velocity``               of such a joint, about the child's axes
 ``J.displacement``                   of a free joint, along the parent's axes; ``J.velocity`` is its rate
@@ -35,7 +35,6 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
 from fmd.core.rotations import quaternion_of_matrix
-from fmd.dynamics.links import FREE, SPHERICAL
 from fmd.recovery.motion import Motion
 
 if TYPE_CHECKING:
@@ -184,7 +183,7 @@ def joint_variables(motion: Motion) -> Iterator[Variable]:
             position, rate = motion.kinematics.along_joint(k)
             yield Variable(f"{joint}.position", position, (), link.unit, f"position of joint {joint}")
             yield Variable(f"{joint}.rate", rate, (), f"{link.unit}/s", f"rate of joint {joint}")
-        elif link.joint in (SPHERICAL, FREE):
+        elif link.joint.turns_in_space:
             position, rate = motion.kinematics.joint_coordinates(k)
             text = f"quaternion of {link.name} against what joint {joint} hangs it on"
             yield Variable(f"{joint}.orientation", position[:, -4:], _QUATERNION, "1", text)
@@ -198,6 +197,6 @@ def joint_variables(motion: Motion) -> Iterator[Variable]:
             yield Variable(f"{joint}.coordinates", position, dims, "1", text)
             text = f"rates of the displacements and angles of joint {joint}, by the second"
             yield Variable(f"{joint}.rates", rate, dims, "1", text)
-        if link.joint == FREE:
+        if link.joint.is_free:
             yield Variable(f"{joint}.displacement", position[:, :3], _XYZ, "m", f"displacement in joint {joint}")
             yield Variable(f"{joint}.velocity", rate[:, :3], _XYZ, "m/s", f"velocity in joint {joint}")

@@ -26,7 +26,7 @@ from fmd.core.formula import parse_formula
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 from fmd.dynamics.compiler.linearised import LinearisedMechanism, Tangents
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import FREE, SPHERICAL, PointLoad
+from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, formula
 from fmd.responses.moving_axes import position_map, turning_axes
@@ -174,7 +174,7 @@ class Linearisation:
             first, slides = int(self._released.layout.rate[k]), link.n_slides
             for j in range(link.n_rates):
                 unit = "m" if j < slides else "rad"
-                if link.joint in (FREE, SPHERICAL):
+                if link.joint.turns_in_space:
                     name = f"{link.joint_name}.{'' if j < slides else 'r'}{'xyz'[j % 3]}"
                 else:
                     name = f"{link.joint_name}.position" + (f" {j + 1}" if link.n_rates > 1 else "")

@@ -7,7 +7,6 @@ from scipy.linalg import block_diag
 
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.rotations import matrix_of_quaternion
-from fmd.dynamics.links import FREE, SPHERICAL
 from fmd.dynamics.mechanism import Mechanism
 
 
@@ -16,9 +15,9 @@ def position_map(mechanism: Mechanism, q: Array) -> Array:
     out = np.zeros((mechanism.n_positions, mechanism.n))
     for k, link in enumerate(mechanism.links):
         at, first = int(mechanism.layout.position[k]), int(mechanism.layout.rate[k])
-        scalars = link.n_slides if link.joint in (FREE, SPHERICAL) else link.n_rates
+        scalars = link.n_scalars
         out[at + np.arange(scalars), first + np.arange(scalars)] = 1.0
-        if link.joint in (FREE, SPHERICAL) and link.n_rates:
+        if link.joint.turns_in_space:
             e = q[at + scalars : at + scalars + 4]
             turn = slice(first + scalars, first + scalars + 3)
             out[at + scalars : at + scalars + 3, turn] = 0.5 * (e[3] * np.eye(3) + _skew(e[:3]))
@@ -32,7 +31,7 @@ def with_unit_quaternions(mechanism: Mechanism, q: Array) -> Array:
     """Return positions whose quaternions have the length 1."""
     out = q.copy()
     for k, link in enumerate(mechanism.links):
-        if link.joint in (FREE, SPHERICAL) and link.n_rates:
+        if link.joint.turns_in_space:
             at = int(mechanism.layout.position[k]) + link.n_slides
             out[at : at + 4] /= np.linalg.norm(out[at : at + 4])
     return out
@@ -42,7 +41,7 @@ def turning_axes(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array
     """Return W of ``δη_space = W δη``, Ω of ``δη̇ = δv − Ω δη``, and the part of Ω that acts on accelerations, too."""
     parts, turning, sliding = {}, {}, {}
     for k, link in enumerate(mechanism.links):
-        if link.joint not in (FREE, SPHERICAL) or not link.n_rates:
+        if not link.joint.turns_in_space:
             continue
         at, first, slides = int(mechanism.layout.position[k]), int(mechanism.layout.rate[k]), link.n_slides
         omega = _skew(v[first + slides : first + slides + 3])

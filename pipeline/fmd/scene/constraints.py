@@ -1,4 +1,4 @@
-"""Constraints without coordinates of their own in a scene file: distances, points on lines, gears and racks."""
+"""Couplers of joints in a scene file: gears and racks."""
 
 from __future__ import annotations
 
@@ -6,65 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from fmd.core.units import Angle, Length, PositiveLength
+from fmd.core.units import Angle, Length
 from fmd.scene.reading import SceneTable
-from fmd.scene.values import Axis, JointName, Number, PlaceName
-
-
-class Distance(SceneTable):
-    """A massless rod: two places of bodies that hang on other joints keep their distance.
-
-    Parameters
-    ----------
-    parent, child : str
-        Markers or places on the ground.
-    length : float
-        Their distance [m].
-
-    Examples
-    --------
-    ::
-
-        [joint.tie]
-        type = "distance"
-        parent = "ground.eye"
-        child = "arm.tip"
-        length = "0.4 m"
-    """
-
-    type: Literal["distance"]
-    parent: PlaceName
-    child: PlaceName
-    length: PositiveLength
-
-
-class PointOnLine(SceneTable):
-    """A pin in a slot: the child's place stays on a line of the parent, free to turn.
-
-    Parameters
-    ----------
-    parent : str
-        Marker or place on the ground that the line goes through.
-    child : str
-        Marker or place that stays on it.
-    axis : tuple of float
-        Direction of the line in the axes of the parent's marker or place; its length doesn't count.
-
-    Examples
-    --------
-    ::
-
-        [joint.slot]
-        type = "point-on-line"
-        parent = "ground"
-        child = "rod.end"
-        axis = [1, 0, 0]
-    """
-
-    type: Literal["point-on-line"]
-    parent: PlaceName
-    child: PlaceName
-    axis: Axis
+from fmd.scene.values import JointName, Number
 
 
 class Gear(SceneTable):

@@ -14,9 +14,9 @@ from fmd.scene.constraints import AnyCoupler
 from fmd.scene.force_elements import ForceElement
 from fmd.scene.ground import GroundPlace
 from fmd.scene.histories import Quantities
-from fmd.scene.joints import Joint
+from fmd.scene.joints.any_joint import Joint, closing_joints, kinds_that
+from fmd.scene.joints.joint import RATE_KEYS, CarryingJoint
 from fmd.scene.loads import Drive, MotionDrive, PointForce, PointTorque
-from fmd.scene.loops import OF_COORDINATES, closing_joints
 from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export, Output
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
@@ -24,7 +24,10 @@ from fmd.scene.responses import FrequencyResponseChart
 from fmd.scene.runs import name_methods
 from fmd.scene.simulation import Simulation
 
-_SINGLE = ("revolute", "prismatic", "screw")  # the joints with one coordinate
+_SINGLE = kinds_that(lambda kind: bool(kind.unit))
+_ALONG = kinds_that(lambda kind: kind.unit == "m")
+_ABOUT = kinds_that(lambda kind: kind.unit == "rad")
+_HINGES = kinds_that(lambda kind: kind.is_hinge)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +86,12 @@ class CrossCheck:
             yield from self._check_place(joint.child, "joint", name, "child")
             if joint.parent.partition(".")[0] == (body := joint.child.partition(".")[0]):
                 yield FaultError(f"holds {body} to itself", "joint", name, "child")
-            elif joint.type == "planar" and body in self.body:
+            elif joint.measured_across and body in self.body:
                 marker = self.body[body].marker.get(joint.child.partition(".")[2])
                 if marker is not None and marker.is_turned:
                     mend = "turn the joint instead, by its rotate or axes"
                     yield FaultError(
-                        f"has axes of its own, which a planar joint can't take; {mend}", "joint", name, "child"
+                        f"has axes of its own, which a {joint.type} joint can't take; {mend}", "joint", name, "child"
                     )
 
     def _check_drives(self) -> Iterator[FaultError]:
@@ -96,7 +99,7 @@ class CrossCheck:
             if isinstance(drive, PointForce | PointTorque):
                 yield from self._check_marker(drive.marker, "drive", name, "marker")
                 continue
-            fitting = {"force": ("prismatic",), "motion": _SINGLE}.get(drive.type, ("revolute", "screw"))
+            fitting = {"force": _ALONG, "motion": _SINGLE}.get(drive.type, _ABOUT)
             faults = [*self._check_joint(drive.joint, fitting, f"a {drive.type}", "drive", name, "joint")]
             yield from faults
             if not faults and isinstance(drive, MotionDrive):
@@ -106,7 +109,7 @@ class CrossCheck:
         for name, coupler in self.coupler.items():
             ends = ("joint", "driver") if coupler.type == "gear" else ("rack", "pinion")
             for key in ends:
-                fitting = ("prismatic",) if key == "rack" else ("revolute",)
+                fitting = _ALONG if key == "rack" else _HINGES
                 yield from self._check_joint(getattr(coupler, key), fitting, f"a {coupler.type}", "coupler", name, key)
             if len({getattr(coupler, key) for key in ends}) == 1:
                 yield FaultError("couples a joint with itself", "coupler", name, ends[1])
@@ -123,7 +126,8 @@ class CrossCheck:
     def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
         """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
         joint = self.joint[drive.joint]
-        wanted, other = ("position", "angle") if joint.type == "prismatic" else ("angle", "position")
+        wanted = joint.position_key
+        other = "angle" if wanted == "position" else "position"
         if getattr(drive, wanted) is None:
             yield FaultError(f"is missing: a {joint.type} joint moves by its {wanted}", "drive", name, wanted)
         if getattr(drive, other) is not None:
@@ -144,7 +148,7 @@ class CrossCheck:
         yield from self._check_marker(self.simulation.tip, "simulation", "tip")
         if self.simulation.start == "equilibrium":
             for name, joint in self.joint.items():
-                for key in ("rate", "rates", "spin", "velocity"):
+                for key in RATE_KEYS:
                     if np.any(getattr(joint, key, 0.0)):
                         yield FaultError(
                             "has no effect: simulation.start is 'equilibrium', at rest", "joint", name, key
@@ -185,7 +189,7 @@ class CrossCheck:
         yield from faults
         if not faults and chart.unit is not None:
             try:
-                unit = "m" if self.joint[chart.joint].type == "prismatic" else "rad"
+                unit = self.joint[chart.joint].kind.unit
                 unit_ratio(f"{unit}/s" if chart.quantity == "joint_rate" else unit, chart.unit)
             except ValueError as error:
                 yield FaultError(str(error), *path, "unit")
@@ -256,10 +260,11 @@ class CrossCheck:
             if name in closing:
                 yield from self._check_closing(name, joint)
                 continue
-            if joint.type in ("revolute", "prismatic") and joint.child_axis is not None:
-                yield FaultError("has no effect: the joint carries its child, along axis", "joint", name, "child_axis")
+            for key in joint.closing_keys:
+                if getattr(joint, key) is not None:
+                    yield FaultError("has no effect: the joint carries its child, along axis", "joint", name, key)
             parents[child] = joint.parent.partition(".")[0]
-            if joint.type == "free" and child in self._flexible and self._flexible[child].support:
+            if joint.kind.is_free and child in self._flexible and self._flexible[child].support:
                 yield FaultError("holds nothing that a support could hold on to; take a fixed joint", "joint", name)
         for name in self.body:
             if name in parents:
@@ -273,17 +278,13 @@ class CrossCheck:
     def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
         """A joint that closes a loop holds two places together, and has no coordinate of its own."""
         child = joint.child.partition(".")[0]
-        if joint.type in ("distance", "point-on-line"):
+        if not isinstance(joint, CarryingJoint):
             return
-        if joint.type == "free":
-            yield FaultError("holds nothing: the child hangs on another joint already", "joint", name, "type")
-        if joint.type == "screw":
-            mend = "write it before the other joint that carries its child"
-            yield FaultError(f"can't close a loop; {mend}", "joint", name, "type")
+        if joint.cannot_close:
+            yield FaultError(joint.cannot_close, "joint", name, "type")
         mend = f"write it before the other joint that carries {child}, which closes the loop then"
-        for key in OF_COORDINATES:
-            if key in joint.model_fields_set:
-                yield FaultError(f"closes a loop, so it has no coordinate for this; {mend}", "joint", name, key)
+        for key in joint.of_coordinates:
+            yield FaultError(f"closes a loop, so it has no coordinate for this; {mend}", "joint", name, key)
 
     def _check_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
         if name not in self.joint:

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from typing import Self
 
+import numpy as np
 from pydantic import model_validator
 
+from fmd.core.arrays import Array
+from fmd.core.rotations import rotation_matrix
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Axis, Turn
 
+_ROUND_OFF = 1e-15  # of an entry of a rotation
 _SQUARE = 1e-3  # cosine between two axes that are written with few digits
 
 
@@ -80,3 +84,18 @@ class Orientation(SceneTable):
     def is_turned(self) -> bool:
         """True if there are axes other than those without these keys."""
         return self.axes is not None or any(self.rotate)
+
+    @property
+    def matrix(self) -> Array:
+        """Rotation from these axes into those that there would be without these keys, shape (3, 3)."""
+        if self.axes is None:
+            axes = rotation_matrix(np.array([self.rotate]))[0]
+            whole = np.rint(axes) + 0.0  # 90° has zeros and ones
+            return np.asarray(np.where(np.abs(axes - whole) <= _ROUND_OFF, whole, axes))
+        (name, first), (other, near) = ((name, np.array(axis)) for name, axis in self.axes.given.items())
+        across = near - (near @ first) * first
+        columns = {name: first, other: across / np.linalg.norm(across)}
+        for third, before, after in (("x", "y", "z"), ("y", "z", "x"), ("z", "x", "y")):
+            if third not in columns:
+                columns[third] = np.cross(columns[before], columns[after])
+        return np.stack([columns[axis] for axis in "xyz"], axis=1) + 0.0

@@ -19,9 +19,8 @@ from fmd.scene.constraints import AnyCoupler
 from fmd.scene.cross_checks import CrossCheck
 from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
 from fmd.scene.ground import GroundPlace
-from fmd.scene.joints import Joint
+from fmd.scene.joints.any_joint import Joint, closing_joints
 from fmd.scene.loads import Drive
-from fmd.scene.loops import closing_joints
 from fmd.scene.outputs import Output
 from fmd.scene.reading import Fault, FaultError, SceneTable, list_faults, raise_faults
 from fmd.scene.scene_files import read_source

@@ -19,7 +19,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from fmd.core.units import Angle, Length, to_si, unit_ratio
+from fmd.core.units import Angle, AngularRate, Length, to_si, unit_ratio
 
 _NAME = "[A-Za-z][A-Za-z0-9_-]{0,39}"
 _SHORTEST = 1e-100  # largest component of a direction
@@ -153,6 +153,7 @@ PlaceName = Annotated[
     Words('``"body.marker"``, ``"ground"`` or ``"ground.place"``'),
     WithJsonSchema({"type": "string", "pattern": rf"^(ground|{_NAME}\.{_NAME})$"}),
 ]
+Spin = tuple[AngularRate, AngularRate, AngularRate]
 ElementName = Annotated[Text, Words('``"body.element"``'), _IN_A_BODY]
 FaceName = Annotated[Text, Words("name of a face")]
 PartName = Annotated[Text, Words("name of a part")]

@@ -12,17 +12,16 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.limits import newton as limits
 from fmd.core.newton import Tolerance, largest, solve
-from fmd.core.rotations import quaternion_of_matrix
 from fmd.dynamics.closures import Closure
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.closures import ConstraintRow
 from fmd.integrators.protocol import move_positions
-from fmd.stages.ground import joint_axes, orientation_matrix
+from fmd.scene.joints.joint import POSITION_KEYS, RATE_KEYS
+from fmd.stages.ground import joint_axes
 from fmd.stages.mass_check import require_inertia
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
-    from fmd.scene.joints import Free, Joint
     from fmd.scene.scene import Scene
 
 _CLOSING = Tolerance(limits.CLOSING_CORRECTIONS, residual=limits.CLOSED, stalled=limits.OPEN)
@@ -67,36 +66,10 @@ def given_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
     for k, link in enumerate(mechanism.links):
         joint, at, first = scene.joint[link.joint_name], mechanism.layout.position[k], mechanism.layout.rate[k]
         if link.motion is None:
-            positions, rates = _start_of_free(scene, joint) if joint.type == "free" else _given(joint)
+            positions, rates = joint.start(joint_axes(scene, joint).in_child)
             q0[at : at + len(positions)] = positions
             v0[first : first + len(rates)] = rates
     return q0, v0
-
-
-def _given(joint: Joint) -> tuple[Sequence[float], Sequence[float]]:
-    """Return a joint's coordinates and rates at the start; of a rotation in space the rates alone."""
-    match joint.type:
-        case "revolute" | "screw":
-            return [joint.angle], [joint.rate]
-        case "prismatic":
-            return [joint.position], [joint.rate]
-        case "universal":
-            return joint.angles, joint.rates
-        case "cylindrical":
-            return [joint.position, joint.angle], [joint.velocity, joint.rate]
-        case "planar":
-            return [*joint.position, joint.angle], [*joint.velocity, joint.rate]
-        case "spherical":
-            return [], joint.spin
-    return [], []
-
-
-def _start_of_free(scene: Scene, joint: Free) -> tuple[Sequence[float], Sequence[float]]:
-    """Return displacement and quaternion of a free joint at the start, and its rates, in the axes of its place."""
-    into = joint_axes(scene, joint).in_child
-    turn = into @ orientation_matrix(joint) @ into.T
-    position, velocity = into @ np.array(joint.position), into @ np.array(joint.velocity)
-    return [*position, *quaternion_of_matrix(turn[None])[0]], [*velocity, *joint.spin]
 
 
 def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tuple[Array, Array]:
@@ -138,19 +111,13 @@ def _joint_rates(mechanism: Mechanism) -> IntArray:
 
 def _loose(scene: Scene, mechanism: Mechanism, what: str) -> IntArray:
     """Rates of the joints whose ``position`` or ``rate`` the scene leaves open."""
-    keys = {"position": {"angle", "angles", "position"}, "rate": {"rate", "rates", "spin", "velocity"}}[what]
+    keys = POSITION_KEYS if what == "position" else {*RATE_KEYS}
     parts = [
         np.arange(at, at + link.n_rates)
         for link, at in zip(mechanism.links, mechanism.layout.rate, strict=True)
-        if not keys & _given_keys(scene.joint[link.joint_name])
+        if not keys & scene.joint[link.joint_name].given_keys
     ]
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
-
-
-def _given_keys(joint: Joint) -> set[str]:
-    """Return the keys that a joint has in the scene; the turn of a free joint is its position, too."""
-    given = joint.model_fields_set
-    return given | {"position"} if joint.type == "free" and joint.is_turned else given
 
 
 def following_joints(scene: Scene, mechanism: Mechanism) -> list[IntArray]:

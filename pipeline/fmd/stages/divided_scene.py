@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 from fmd.scene.any_body import Flexible
 from fmd.scene.bodies import Solid
-from fmd.scene.joints import Fixed, Joint
+from fmd.scene.joints.any_joint import Joint
+from fmd.scene.joints.fixed import Fixed
 from fmd.scene.places import MARKER_WAYS, MarkerPlace, NamedElement
 from fmd.scene.scene import Scene
 from fmd.stages.piece_mesh import CutPart, face_of

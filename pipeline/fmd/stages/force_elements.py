@@ -19,7 +19,7 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.scene.force_curves import ForceByElongation
 from fmd.scene.force_elements import AngleStop, Bearing, Bushing, LengthStop, Spring
-from fmd.scene.joints import Joint
+from fmd.scene.joints.joint import JointTable
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
@@ -28,20 +28,14 @@ Locate = Callable[[str], tuple[Place, Array]]
 """Returns a marker or a place on the ground by its name, and its axes in those of its body."""
 
 
-def joint_laws(joint: Joint) -> tuple[ForceLaw, ...]:
+def joint_laws(joint: JointTable) -> tuple[ForceLaw, ...]:
     """Return the force laws along a joint's coordinates, beside the spring and damper of one with a single axis."""
-    if joint.type == "universal":
-        return tuple(_linear_law(*at) for at in zip(joint.springs, joint.rests, joint.dampers, strict=True))
-    if joint.type == "cylindrical":
-        along = _linear_law(joint.spring, joint.rest, joint.damper)
-        return along, _linear_law(joint.turning_spring, joint.rest_angle, joint.turning_damper)
-    if joint.type not in ("revolute", "prismatic", "screw") or not (joint.stop or joint.friction):
-        return ()
-    return (ForceLaw(stops=_stops(joint.stop), friction=joint.friction, friction_rate=joint.friction_rate),)
-
-
-def _linear_law(stiffness: float, rest: float, damping: float) -> ForceLaw:
-    return ForceLaw(ForceCurve((-stiffness * rest, stiffness)), damping)
+    if joint.kind.unit:
+        (along,) = joint.along
+        if not (along.stop or along.friction):
+            return ()
+        return (ForceLaw(stops=_stops(along.stop), friction=along.friction, friction_rate=along.friction_rate),)
+    return tuple(ForceLaw(ForceCurve((-at.spring * at.rest, at.spring)), at.damper) for at in joint.along)
 
 
 def add_elements(

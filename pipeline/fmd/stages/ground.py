@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.rotations import rotation_matrix
-from fmd.scene.joints import Joint
-from fmd.scene.orientation import Orientation
+from fmd.scene.joints.any_joint import Joint
+from fmd.scene.joints.joint import CarryingJoint
 from fmd.scene.scene import Scene
 
-_ROUND_OFF = 1e-15  # of a direction or of an entry of a rotation
+_ROUND_OFF = 1e-15  # of a direction
 
 
 @dataclass(frozen=True)
@@ -35,25 +34,10 @@ class JointAxes:
         """Rotation (3, 3) from the child's body axes into those of the parent's, with the coordinates at 0."""
         return np.asarray(self.in_parent @ self.in_child.T)
 
-    def axis_in_child(self, direction: tuple[float, float, float]) -> Array:
+    def axis_in_child(self, direction: tuple[float, float, float] | Array) -> Array:
         """Return a direction (3,) of the joint in the child's body axes, without round-off where it is along them."""
         axis = self.in_child @ np.array(direction, dtype=float)
         return np.asarray(np.where(np.abs(axis) > _ROUND_OFF * np.linalg.norm(axis), axis, 0.0))
-
-
-def orientation_matrix(given: Orientation) -> Array:
-    """Return the rotation (3, 3) from axes that a scene turns into those that they would be without."""
-    if given.axes is None:
-        axes = rotation_matrix(np.array([given.rotate]))[0]
-        whole = np.rint(axes) + 0.0  # 90° has zeros and ones
-        return np.asarray(np.where(np.abs(axes - whole) <= _ROUND_OFF, whole, axes))
-    (name, first), (other, near) = ((name, np.array(axis)) for name, axis in given.axes.given.items())
-    across = near - (near @ first) * first
-    columns = {name: first, other: across / np.linalg.norm(across)}
-    for third, before, after in (("x", "y", "z"), ("y", "z", "x"), ("z", "x", "y")):
-        if third not in columns:
-            columns[third] = np.cross(columns[before], columns[after])
-    return np.stack([columns[axis] for axis in "xyz"], axis=1) + 0.0
 
 
 def ground_place(scene: Scene, place: str) -> tuple[Array, Array]:
@@ -67,20 +51,20 @@ def ground_place(scene: Scene, place: str) -> tuple[Array, Array]:
     name = place.partition(".")[2]
     if not name:
         return np.zeros(3), np.eye(3)
-    return np.array(scene.ground[name].at), orientation_matrix(scene.ground[name])
+    return np.array(scene.ground[name].at), scene.ground[name].matrix
 
 
 def place_axes(scene: Scene, place: str) -> Array:
     """Return the rotation (3, 3) from the axes of a marker or a place into those of its body, or into space."""
     body, _, name = place.partition(".")
-    return ground_place(scene, place)[1] if body == "ground" else orientation_matrix(scene.body[body].marker[name])
+    return ground_place(scene, place)[1] if body == "ground" else scene.body[body].marker[name].matrix
 
 
 def joint_axes(scene: Scene, joint: Joint) -> JointAxes:
-    """Return the axes of a joint; those of a free joint, whose own turn is its start, are its parent's."""
+    """Return the axes of a joint; those of one whose own turn is its start are its parent's."""
     in_parent = place_axes(scene, joint.parent)
-    if isinstance(joint, Orientation) and joint.type != "free":
-        in_parent = in_parent @ orientation_matrix(joint)
+    if isinstance(joint, CarryingJoint) and not joint.starts_turned:
+        in_parent = in_parent @ joint.matrix
     return JointAxes(in_parent, place_axes(scene, joint.child))
 
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.scene.compound_joints import Planar
-from fmd.scene.joints import Prismatic, Revolute
+from fmd.scene.joints.any_joint import Joint
 from fmd.scene.loads import Drive
 from fmd.scene.scene import Scene
 from fmd.stages.ground import axes_in_space, joint_axes, place_axes
@@ -34,7 +33,7 @@ class InboardJoint:
         Holds nothing at all: a free joint, or none.
     prescribed : bool
         Its motion is given.
-    planar : bool
+    in_plane : bool
         Every joint of the scene keeps to the plane across ``axis``, and so do gravity and all loads.
     normal : int
         Number of the only coordinate axis that the body turns about in space, on a hinge to the ground; else -1.
@@ -49,7 +48,7 @@ class InboardJoint:
     free: tuple[Direction, ...]
     floating: bool
     prescribed: bool
-    planar: bool
+    in_plane: bool
     normal: int = -1
     accelerated: bool = True
     loaded: tuple[tuple[str, bool], ...] = ()
@@ -63,7 +62,7 @@ class InboardJoint:
     @property
     def plane(self) -> Array | None:
         """Normal of the plane of motion, shape (3,); ``None`` if the scene moves in space."""
-        return np.array(self.axis) if self.planar else None
+        return np.array(self.axis) if self.in_plane else None
 
 
 def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
@@ -72,40 +71,40 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
     if body not in scene.carrying:  # a scene of parts alone
         axis = (0.0, 0.0, 1.0)
         loaded = _loaded_markers(scene, body, axis)
-        return InboardJoint("", axis, (), floating=True, prescribed=False, planar=False, loaded=loaded)
+        return InboardJoint("", axis, (), floating=True, prescribed=False, in_plane=False, loaded=loaded)
     name = scene.carrying[body]
     joint = scene.joint[name]
     prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
-    hinges = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type in ("revolute", "planar")]
+    hinges = [_axis_in_space(scene, other) for other in scene.joint.values() if other.kind.keeps_plane_across_axis]
     into_body = axes_in_space(scene, body).T
     axis = _turned(into_body, hinges[0]) if hinges else (0.0, 0.0, 1.0)
-    if joint.type == "revolute":
-        x, y, z = joint_axes(scene, joint).axis_in_child(joint.axis)
+    if joint.kind.is_hinge:
+        x, y, z = joint_axes(scene, joint).axis_in_child(joint.direction("axis"))
         axis = float(x), float(y), float(z)
     normal = _turned(into_body.T, axis)
-    in_plane = [_parallel(normal, hinge) for hinge in hinges]
-    in_plane += [other.type in ("fixed", "revolute", "prismatic", "planar") for other in scene.joint.values()]
-    slides = [_axis_in_space(scene, other) for other in scene.joint.values() if other.type == "prismatic"]
-    in_plane += [_across(normal, slide) for slide in slides]
-    in_plane += [not gravity or _across(normal, scene.simulation.gravity)]
-    in_plane += [_acts_in_plane(scene, drive, normal) for drive in scene.drive.values()]
-    in_plane += [not any(scene.elements.values())]  # which may pull across any plane
+    kept = [_parallel(normal, hinge) for hinge in hinges]
+    kept += [other.kind.may_keep_plane for other in scene.joint.values()]
+    slides = [_axis_in_space(scene, other) for other in scene.joint.values() if other.kind.is_slide]
+    kept += [_across(normal, slide) for slide in slides]
+    kept += [not gravity or _across(normal, scene.simulation.gravity)]
+    kept += [_acts_in_plane(scene, drive, normal) for drive in scene.drive.values()]
+    kept += [not any(scene.elements.values())]  # which may pull across any plane
     free: tuple[Direction, ...] = ()
-    if joint.type == "revolute" and not prescribed:
+    if joint.kind.is_hinge and not prescribed:
         free = (axis,)
-    elif joint.type == "spherical":
+    elif joint.kind.is_ball:
         free = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     on_ground = joint.parent.partition(".")[0] == "ground"
-    about_an_axis = joint.type == "revolute" and on_ground and np.count_nonzero(axis) == 1
+    about_an_axis = joint.kind.is_hinge and on_ground and np.count_nonzero(axis) == 1
     return InboardJoint(
         marker=joint.child.partition(".")[2],
         axis=axis,
         free=free,
-        floating=joint.type == "free",
+        floating=joint.kind.is_free,
         prescribed=prescribed,
-        planar=all(in_plane),
+        in_plane=all(kept),
         normal=int(np.argmax(np.abs(axis))) if about_an_axis else -1,
-        accelerated=gravity or not on_ground or joint.type not in ("fixed", "revolute", "spherical", "universal"),
+        accelerated=gravity or not on_ground or bool(joint.kind.slides),
         loaded=_loaded_markers(scene, body, normal),
     )
 
@@ -114,9 +113,9 @@ def _loaded_markers(scene: Scene, body: str, normal: Direction) -> tuple[tuple[s
     closing = [scene.joint[name] for name in scene.closing]
     ends = [*(joint.parent for joint in scene.joint.values()), *(joint.child for joint in closing)]
     places = dict.fromkeys(ends, True)
-    if any(joint.type == "fixed" for joint in closing):
+    if any(joint.kind.is_weld for joint in closing):
         # What walls clamp at both ends may buckle across the plane, too.
-        clamps = [joint for joint in scene.joint.values() if joint.type == "fixed"]
+        clamps = [joint for joint in scene.joint.values() if joint.kind.is_weld]
         places |= {at: False for joint in clamps for at in (joint.parent, joint.child)}
     for drive in scene.drive.values():
         if drive.type in ("point force", "point torque"):
@@ -136,10 +135,10 @@ def _acts_in_plane(scene: Scene, drive: Drive, normal: Direction) -> bool:
     return _parallel(normal, direction) if drive.type == "point torque" else _across(normal, direction)
 
 
-def _axis_in_space(scene: Scene, joint: Revolute | Prismatic | Planar) -> Direction:
-    return _turned(
-        axes_in_space(scene, joint.parent.partition(".")[0]) @ joint_axes(scene, joint).in_parent, joint.axis
-    )
+def _axis_in_space(scene: Scene, joint: Joint) -> Direction:
+    x, y, z = joint.direction("axis")
+    into_space = axes_in_space(scene, joint.parent.partition(".")[0]) @ joint_axes(scene, joint).in_parent
+    return _turned(into_space, (x, y, z))
 
 
 def _turned(R: Array, direction: Direction) -> Direction:

@@ -16,7 +16,7 @@ from fmd.responses.ports import MotionPort
 from fmd.responses.state_space import StateSpace
 from fmd.scene.variants import correct_statically, open_to_space, replace_start
 from fmd.stability.tangent import OperatingPoint
-from fmd.stages.linear_ports import SINGLE, find_input, find_output
+from fmd.stages.linear_ports import find_input, find_output
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
@@ -123,7 +123,7 @@ def default_inputs(scene: Scene) -> list[str]:
 
 def default_outputs(scene: Scene) -> list[str]:
     """Return the names of a scene's tip and of its joints with one position as outputs."""
-    joints = [name for name, joint in scene.joint.items() if joint.type in SINGLE and name not in scene.closing]
+    joints = [name for name, joint in scene.joint.items() if joint.kind.unit and name not in scene.closing]
     return [*(f"{scene.simulation.tip}.{way}" for way in "xyz"), *(f"{name}.position" for name in joints)]
 
 

@@ -36,8 +36,6 @@ _DIRECTIONS: dict[str, tuple[Direction, bool]] = {
 _ORDERS = {"velocity": 1, "acceleration": 2}
 _COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 _NOT_LINEAR = ("von Mises", "principal 1", "principal 2", "principal 3")
-SINGLE = ("revolute", "prismatic", "screw")
-"""Joints with one position."""
 
 
 @dataclass(frozen=True)
@@ -146,8 +144,8 @@ def _marker_port(mechanism: Mechanism, name: str, place: str, way: str, unit: st
 
 def _find_joint_input(scene: Scene, name: str, joint: str, kind: str) -> NamedInput:
     given = scene.joint[joint]
-    wanted = "force" if given.type == "prismatic" else "torque"
-    if given.type not in SINGLE or joint in scene.closing:
+    wanted = "force" if given.kind.unit == "m" else "torque"
+    if not given.kind.unit or joint in scene.closing:
         problem = f"is a {given.type} joint{' that closes a loop' if joint in scene.closing else ''}"
         raise InputError("--in", "", name, f"{problem}; a torque or force acts along a revolute or prismatic one")
     if kind != wanted:
@@ -179,11 +177,11 @@ def _find_drive(scene: Scene, name: str, rest: str) -> NamedInput:
 
 def _joint_output(scene: Scene, mechanism: Mechanism, name: str, joint: str, kind: str) -> JointPort:
     given = scene.joint[joint]
-    if given.type not in SINGLE or joint in scene.closing:
+    if not given.kind.unit or joint in scene.closing:
         raise InputError("--out", "", name, f"is a {given.type} joint without one position; a marker's motion works")
     order = ("position", "rate", "acceleration").index(kind)
     number = mechanism.number_of(given.child.partition(".")[0])
-    unit = ("m" if given.type == "prismatic" else "rad") + ("", "/s", "/s^2")[order]
+    unit = given.kind.unit + ("", "/s", "/s^2")[order]
     return JointPort(name, unit, number, order=order)
 
 
@@ -191,8 +189,8 @@ def _input_names(scene: Scene) -> Iterator[str]:
     for marker in _markers(scene):
         yield f"{marker}.{'|'.join(_DIRECTIONS)}"
     for name, joint in scene.joint.items():
-        if joint.type in SINGLE and name not in scene.closing:
-            yield f"{name}.{'force' if joint.type == 'prismatic' else 'torque'}"
+        if joint.kind.unit and name not in scene.closing:
+            yield f"{name}.{'force' if joint.kind.unit == 'm' else 'torque'}"
     yield from (f"drive.{name}" for name in scene.drive)
     yield "ground.x|y|z"
 
@@ -201,6 +199,6 @@ def _output_names(scene: Scene, elements: list[str]) -> Iterator[str]:
     for marker in _markers(scene):
         yield f"{marker}.{'|'.join(_DIRECTIONS)}[.velocity|.acceleration]"
     for name, joint in scene.joint.items():
-        if joint.type in SINGLE and name not in scene.closing:
+        if joint.kind.unit and name not in scene.closing:
             yield f"{name}.position|rate|acceleration"
     yield from (f"{element}.{'|'.join(_COMPONENTS)}" for element in elements)

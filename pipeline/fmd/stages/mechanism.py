@@ -13,20 +13,7 @@ from fmd.dynamics.closures import Closure, Constraint, Coupler, Place, close_joi
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.steady import find_steady_state
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import (
-    CYLINDRICAL,
-    FIXED,
-    FREE,
-    PLANAR,
-    PRISMATIC,
-    REVOLUTE,
-    SCREW,
-    SPHERICAL,
-    UNIVERSAL,
-    Link,
-    PointLoad,
-    rigid_gram,
-)
+from fmd.dynamics.links import Link, PointLoad, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, half_sine, total
 from fmd.reduction.body import FlexibleBody, MarkerShapes
@@ -43,18 +30,6 @@ from fmd.stages.signals import require_sound_drives, signal_of
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
-
-_JOINTS = {
-    "fixed": FIXED,
-    "revolute": REVOLUTE,
-    "prismatic": PRISMATIC,
-    "spherical": SPHERICAL,
-    "free": FREE,
-    "universal": UNIVERSAL,
-    "cylindrical": CYLINDRICAL,
-    "planar": PLANAR,
-    "screw": SCREW,
-}
 
 
 def build_mechanism(
@@ -190,20 +165,16 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         settings["section"] = _section(scene, places, body)
     else:
         gram = _gram(scene.body[body], places.origin(body))
-    if joint.type in ("universal", "cylindrical", "planar"):
-        settings |= {"axis": axes.axis_in_child(joint.axis), "laws": joint_laws(joint)}
-    if joint.type == "universal":
-        settings["other_axis"] = axes.axis_in_child(joint.child_axis)
-    if joint.type == "screw":
-        settings["lead"] = joint.lead / (2 * np.pi)
-    if joint.type in ("revolute", "prismatic", "screw"):
-        axis = axes.axis_in_child(joint.axis)
-        settings |= {"spring": joint.spring, "rest": joint.rest, "damper": joint.damper}
-        motion = _motion(scene, name)
-        settings["laws"] = joint_laws(joint) if motion is None else ()
-        settings |= {"axis": axis, "motion": motion, "load": _load(scene, name, gram, axis)}
-        if joint.type == "revolute" and body in places.bodies and settings["motion"] is None:
-            settings |= {"joint_rotation": reduced.joint_rotation, "joint_bow": reduced.joint_bow}
+    axis = axes.axis_in_child(joint.direction("axis"))
+    motion = _motion(scene, name)
+    settings |= {"axis": axis, "other_axis": axes.axis_in_child(joint.direction("child_axis", "axis"))}
+    settings |= {"lead": joint.lead_per_angle, "laws": joint_laws(joint) if motion is None else ()}
+    if joint.kind.unit:
+        (along,) = joint.along
+        settings |= {"spring": along.spring, "rest": along.rest, "damper": along.damper}
+        settings |= {"motion": motion, "load": _load(scene, name, gram, axis)}
+    if joint.kind.is_hinge and body in places.bodies and motion is None:
+        settings |= {"joint_rotation": reduced.joint_rotation, "joint_bow": reduced.joint_bow}
     parent = places.parent(body)
     if parent != "ground":
         at = places.marker(joint.parent)
@@ -211,18 +182,17 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         settings |= {"place_shapes": at.translation, "place_rotations": at.rotation, "place_bow": at.bow}
     else:
         settings["place"] = ground_place(scene, joint.parent)[0]
-    return Link(body, gram, _JOINTS[joint.type], **settings)
+    return Link(body, gram, joint.kind, **settings)
 
 
 def _closure(scene: Scene, places: _Places, name: str) -> Closure:
     joint = scene.joint[name]
     first, second = (places.on_either(place)[0] for place in (joint.parent, joint.child))
-    if joint.type == "distance":
-        return Closure(name, first, second, distance=joint.length)
+    if joint.kept_distance:
+        return Closure(name, first, second, distance=joint.kept_distance)
     axes = joint_axes(scene, joint)
-    axis = np.array(getattr(joint, "axis", (0.0, 0.0, 1.0)), dtype=float)
-    other = np.array(getattr(joint, "child_axis", None) or axis, dtype=float)
-    return close_joint(joint.type, name, first, second, axis, other, axes.in_parent, axes.in_child)
+    axis, other = joint.direction("axis"), joint.direction("child_axis", "axis")
+    return close_joint(joint.kind, name, first, second, axis, other, axes.in_parent, axes.in_child)
 
 
 def _couplers(scene: Scene) -> list[Coupler]:

@@ -23,7 +23,7 @@ Vibrations = Callable[[float], WhirlingModes]
 def runs_in_bearings(scene: Scene) -> bool:
     """Return True if a scene's first body is free, and bearings hold what it carries."""
     joint = next((scene.joint[name] for name in scene.carrying.values()), None)
-    return bool(scene.bearing) and joint is not None and joint.type == "free"
+    return bool(scene.bearing) and joint is not None and joint.kind.is_free
 
 
 def find_vibrations(run: Pipeline) -> Vibrations:
@@ -58,7 +58,7 @@ def _is_alone(scene: Scene) -> bool:
     if not scene.moves:
         return True
     held = scene.spring or scene.bushing or scene.bearing
-    return len(scene.body) == 1 and [joint.type for joint in scene.joint.values()] == ["revolute"] and not held
+    return len(scene.body) == 1 and [joint.kind.is_hinge for joint in scene.joint.values()] == [True] and not held
 
 
 def _part_on_hub(run: Pipeline) -> Vibrations:

@@ -11,7 +11,6 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.rotations import matrix_of_quaternion, quaternion_of_matrix, rotation_matrix
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import REVOLUTE
 from fmd.integrators.protocol import evaluate_projection
 from fmd.responses.linearisation import Linearisation
 from fmd.responses.ports import Direction, MarkerPort
@@ -262,7 +261,7 @@ def _find_hub(pipeline: Pipeline, mechanism: Mechanism, q: Array) -> OnHub:
     while mechanism.links[root].parent >= 0:
         root = mechanism.links[root].parent
     link = mechanism.links[root]
-    if link.joint != REVOLUTE:
+    if not link.joint.is_hinge:
         mend = (
             "a rotor turns about a revolute joint on the ground, or its first body is free and held by bearings: "
             "nothing else tells the axis of rotation"

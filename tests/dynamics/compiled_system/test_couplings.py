@@ -9,12 +9,15 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.core.formula import parse_formula
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import PRISMATIC, REVOLUTE, SPHERICAL, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import formula, half_sine
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.spherical import SPHERICAL
 
 POINT = rigid_gram(2.0, np.zeros(3), np.zeros((3, 3)))
 ROD = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))

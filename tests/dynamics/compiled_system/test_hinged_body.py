@@ -8,11 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.integrators.protocol import evaluate
 from fmd.reduction.inertia import inertia_gram
+from fmd.scene.joints.revolute import REVOLUTE
 
 START, DURATION, PEAK = 0.2, 1.5, 20.0  # of half a sine of torque
 SIZES = pytest.mark.parametrize("n", [1, 3, 4, 6])

@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from fmd.core.arrays import Array
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import PRISMATIC, REVOLUTE
 from fmd.dynamics.signals.signal import constant
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
 
 Make = Callable[..., Any]
 

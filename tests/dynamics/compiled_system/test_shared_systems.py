@@ -6,10 +6,11 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.dynamics.compiled_system import shared
 from fmd.dynamics.compiled_system.shared import share_system
-from fmd.dynamics.links import REVOLUTE, Link, PointLoad, rigid_gram
+from fmd.dynamics.links import Link, PointLoad, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.integrators.central_difference import CentralDifference
+from fmd.scene.joints.revolute import REVOLUTE
 
 TIMES = np.linspace(0.0, 0.1, 11)
 

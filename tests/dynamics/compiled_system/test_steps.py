@@ -9,7 +9,7 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import FIXED, PRISMATIC, REVOLUTE, Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
 from fmd.integrators.central_difference import CentralDifference
@@ -17,6 +17,9 @@ from fmd.integrators.protocol import State
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
+from fmd.scene.joints.fixed import FIXED
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
 
 Make = Callable[..., Any]
 

@@ -10,7 +10,14 @@ import numpy as np
 from scipy.linalg import expm
 
 from fmd.core.arrays import Array
-from fmd.dynamics.links import CYLINDRICAL, FREE, PLANAR, PRISMATIC, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL
+from fmd.scene.joints.cylindrical import CYLINDRICAL
+from fmd.scene.joints.free import FREE
+from fmd.scene.joints.planar import PLANAR
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.screw import SCREW
+from fmd.scene.joints.spherical import SPHERICAL
+from fmd.scene.joints.universal import UNIVERSAL
 from tests.dynamics.compiler.mechanisms import PointMechanism, Points
 
 STEP = 1e-30  # of complex differences

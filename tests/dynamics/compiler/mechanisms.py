@@ -13,26 +13,23 @@ from scipy.linalg import expm
 
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.formula import parse_formula
+from fmd.core.joint_kinds import JointKind
 from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw
-from fmd.dynamics.links import (
-    CYLINDRICAL,
-    FIXED,
-    FREE,
-    PLANAR,
-    PRISMATIC,
-    REVOLUTE,
-    SCREW,
-    SPHERICAL,
-    UNIVERSAL,
-    Link,
-    PointLoad,
-    rigid_gram,
-)
+from fmd.dynamics.links import Link, PointLoad, rigid_gram
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, formula, half_sine
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaGram, inertia_gram
+from fmd.scene.joints.cylindrical import CYLINDRICAL
+from fmd.scene.joints.fixed import FIXED
+from fmd.scene.joints.free import FREE
+from fmd.scene.joints.planar import PLANAR
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
+from fmd.scene.joints.screw import SCREW
+from fmd.scene.joints.spherical import SPHERICAL
+from fmd.scene.joints.universal import UNIVERSAL
 
 JOINTS = (FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE)
 MORE_JOINTS = (UNIVERSAL, CYLINDRICAL, PLANAR, SCREW)
@@ -89,7 +86,7 @@ EACH = pytest.mark.parametrize(
 
 @cache
 def random_mechanism(
-    seed: int, second_order: bool = False, joints: tuple[int, ...] = JOINTS, whole: bool = False
+    seed: int, second_order: bool = False, joints: tuple[JointKind, ...] = JOINTS, whole: bool = False
 ) -> PointMechanism:
     """Make one of one to four bodies, any of them rigid or flexible, on random joints, markers and under random loads.
 
@@ -101,14 +98,15 @@ def random_mechanism(
 
 
 def _any_mechanism(
-    seed: int, rng: np.random.Generator, second_order: bool, joints: tuple[int, ...], whole: bool
+    seed: int, rng: np.random.Generator, second_order: bool, joints: tuple[JointKind, ...], whole: bool
 ) -> PointMechanism:
     plane = seed % 5 == 4
     sizes = [int(n) for n in rng.integers(0, 4, size=rng.integers(1, 5))]
     bodies = [_random_points(n, rng, plane) for n in sizes]
     links: list[Link] = []
     for k, n in enumerate(sizes):
-        kind = int(rng.choice(JOINTS[:3] if plane else joints))
+        kinds = JOINTS[:3] if plane else joints
+        kind = kinds[int(rng.integers(len(kinds)))]
         kind = REVOLUTE if k == 0 and kind == FIXED else kind
         parent = int(rng.integers(-1, k)) if k else -1
         links.append(_random_link(k, kind, parent, n, sizes[parent] if parent >= 0 else 0, bodies[k], rng, plane))
@@ -133,7 +131,7 @@ def _random_points(n_modes: int, rng: np.random.Generator, plane: bool) -> Point
 
 def _random_link(
     number: int,
-    kind: int,
+    kind: JointKind,
     parent: int,
     n: int,
     n_parent: int,

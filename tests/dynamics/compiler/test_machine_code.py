@@ -23,9 +23,11 @@ from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.machine import LoadedObject, compile_object
 from fmd.dynamics.compiler.program import Output, Program
 from fmd.dynamics.compiler.store import load_program, object_path
-from fmd.dynamics.links import PRISMATIC, REVOLUTE, PointLoad
+from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant, formula
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.compiler.comparison import TIME
 from tests.dynamics.compiler.mechanisms import random_mechanism
 

@@ -3,7 +3,9 @@
 from collections import Counter
 from collections.abc import Iterator
 
-from fmd.dynamics.links import FIXED, PRISMATIC, REVOLUTE
+from fmd.scene.joints.fixed import FIXED
+from fmd.scene.joints.prismatic import PRISMATIC
+from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.compiler.mechanisms import JOINTS, SEEDS, random_mechanism
 
 

@@ -8,9 +8,10 @@ import pytest
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.cleaning import THRESHOLD, orthonormal_rows
 from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
-from fmd.dynamics.links import REVOLUTE, Link
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.reduction.inertia import inertia_gram
+from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.compiler import lagrange
 from tests.dynamics.compiler.comparison import TIME, difference
 from tests.dynamics.compiler.mechanisms import random_mechanism

@@ -9,7 +9,7 @@ import skfem
 
 from fmd.core.errors import InputError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import FREE, Link
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fem.assembly import assemble
 from fmd.integrators.protocol import evaluate
@@ -17,6 +17,7 @@ from fmd.reduction.formats.sid_file import read_sid, write_sid
 from fmd.reduction.formats.sid_terms import Taylor, equations_of_motion, modal_data_of, sid_terms
 from fmd.reduction.inertia import inertia_gram
 from fmd.reduction.modal_data import ModalData
+from fmd.scene.joints.free import FREE
 from tests.reduction.formats.bodies_of_points import N_MODES, point_body, stiffened
 
 BODY = point_body()

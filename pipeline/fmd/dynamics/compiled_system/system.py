@@ -31,7 +31,6 @@ from fmd.dynamics.compiler.closures import scale_rows
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.jit.compiled import aligned
-from fmd.dynamics.links import FREE, SPHERICAL
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.resolution import shortest_missed
 from fmd.dynamics.watch import Watch, make_watch
@@ -126,10 +125,10 @@ class CompiledSystem(ReferenceState):
         position = np.full(self.n, -1, dtype=np.int64)
         for k, link in enumerate(mechanism.links):
             rate, first = int(mechanism.layout.rate[k]), int(mechanism.layout.position[k])
-            slides = 3 if link.joint == FREE else 0 if link.joint == SPHERICAL else link.n_rates
-            position[rate : rate + slides] = np.arange(first, first + slides)
-            if link.joint in (FREE, SPHERICAL):
-                quaternions.append((rate + slides, first + slides))
+            scalars = link.n_scalars
+            position[rate : rate + scalars] = np.arange(first, first + scalars)
+            if link.joint.turns_in_space:
+                quaternions.append((rate + scalars, first + scalars))
             modes = mechanism.modes_of(k)
             position[modes] = modes + self.n_positions - self.n
         address, rows = self.compiled.address, self.compiled.rows

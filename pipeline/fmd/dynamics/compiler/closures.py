@@ -188,13 +188,15 @@ def _trace_closure(inputs: Coordinates, frames: list[MovingFrame], closure: Clos
         rows.append(
             ConstraintRow(closure.name, dot(d, apart), _opposed(first, second, d, cross(d, apart)), bias, False)
         )
-    for one, other in closure.square:
-        a, b = first.turned(one), second.turned(other)
-        c = cross(a, b)
-        changing = add(cross(cross(first.w, a), b), cross(a, cross(second.w, b)))
+    for pairs in closure.square:
+        turned = [(first.turned(one), second.turned(other)) for one, other in pairs]
+        c = add(*(cross(a, b) for a, b in turned))
+        changing = add(
+            *(part for a, b in turned for part in (cross(cross(first.w, a), b), cross(a, cross(second.w, b))))
+        )
         bias = dot(subtract(first.w, second.w), changing)
-        minus = scale(-1.0, c)
-        rows.append(ConstraintRow(closure.name, dot(a, b), [(first, zero3, c), (second, zero3, minus)], bias, True))
+        gap, minus = total([dot(a, b) for a, b in turned]), scale(-1.0, c)
+        rows.append(ConstraintRow(closure.name, gap, [(first, zero3, c), (second, zero3, minus)], bias, True))
     if closure.distance:
         d = scale(1.0 / closure.distance, apart)
         gap = (dot(apart, d) - closure.distance) * 0.5

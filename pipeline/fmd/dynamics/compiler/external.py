@@ -30,7 +30,7 @@ from fmd.dynamics.compiler.program import Output, Program
 from fmd.dynamics.compiler.programs import trace_program
 from fmd.dynamics.compiler.tangents import direction_inputs
 from fmd.dynamics.compiler.variants import Key, VariantCoordinates
-from fmd.dynamics.links import ONE_AXIS, PointLoad
+from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant
 
@@ -67,7 +67,7 @@ class ExternalMechanism:
     @property
     def driven_links(self) -> list[int]:
         """Numbers of the bodies on joints with one axis, whose loads and motions come first among the inputs."""
-        return [k for k, link in enumerate(self.mechanism.links) if link.joint in ONE_AXIS]
+        return [k for k, link in enumerate(self.mechanism.links) if link.unit]
 
     @property
     def signals(self) -> list[Signal]:
@@ -85,7 +85,7 @@ class ExternalMechanism:
         """Place and value of each constant that is an argument: what the joints' springs have, and modal damping."""
         table: dict[Key, float] = {}
         for body, link in enumerate(self.mechanism.links):
-            acts = link.joint in ONE_AXIS and link.motion is None
+            acts = link.unit and link.motion is None
             given = {name: float(getattr(link, name)) for name in JOINT_CONSTANTS}
             if acts and link.spring:
                 table |= {(body, "spring"): given["spring"], (body, "rest"): given["rest"]}

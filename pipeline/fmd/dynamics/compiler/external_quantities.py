@@ -12,7 +12,6 @@ from fmd.dynamics.compiler.forces import section_angle
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Scalar, Vector, total
 from fmd.dynamics.compiler.joint_loads import trace_joint_loads
-from fmd.dynamics.links import FREE, ONE_AXIS, SPHERICAL
 
 _TINY = 1e-300  # Pa²: the square of a von Mises stress whose root has a derivative at no stress, too
 
@@ -75,17 +74,17 @@ def _position_rates(inputs: Coordinates) -> dict[int, Scalar]:
     for body, link in enumerate(mechanism.links):
         first = int(mechanism.layout.position[body])
         q, v = inputs.joint_positions(body), inputs.joint_rates(body)
-        slides = link.n_rates if link.joint not in (FREE, SPHERICAL) else 3 if link.joint == FREE else 0
-        rates |= {first + k: v[k] for k in range(slides)}
-        if link.joint in (FREE, SPHERICAL):
-            (x, y, z, w), (a, b, c) = q[slides:], (rate * 0.5 for rate in v[slides:])
+        scalars = link.n_scalars
+        rates |= {first + k: v[k] for k in range(scalars)}
+        if link.joint.turns_in_space:
+            (x, y, z, w), (a, b, c) = q[scalars:], (rate * 0.5 for rate in v[scalars:])
             turns = (
                 w * a + y * c - z * b,
                 w * b - x * c + z * a,
                 w * c + x * b - y * a,
                 -(x * a) - y * b - z * c,
             )
-            rates |= {first + slides + k: turn for k, turn in enumerate(turns)}
+            rates |= {first + scalars + k: turn for k, turn in enumerate(turns)}
     return rates
 
 
@@ -94,7 +93,7 @@ def joint_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[Ext
     found = []
     for frame in frames:
         link = frame.link
-        if link.joint not in ONE_AXIS:
+        if not link.unit:
             continue
         (own,) = inputs.joint_positions(frame.number) if link.motion is None else inputs.signal(link.motion)
         found.append(ExternalQuantity(frame.number, "", "position", (), own + section_angle(inputs.graph, frame)))

@@ -15,7 +15,7 @@ from fmd.dynamics.compiler.elements import trace_actions
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
 from fmd.dynamics.compiler.laws import trace_law
-from fmd.dynamics.links import ONE_AXIS, REVOLUTE, PointLoad
+from fmd.dynamics.links import PointLoad
 
 JOINT_CONSTANTS = ("spring", "rest", "damper")
 
@@ -130,7 +130,7 @@ class GivenForces:
 def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
     """Return the force or torque along a joint: those of its load, spring, damper, stops and friction."""
     link, graph = frame.link, inputs.graph
-    if link.joint not in ONE_AXIS or link.motion is not None:
+    if not link.unit or link.motion is not None:
         return graph.number(0.0)
     x, rate = joint_elongation(inputs, frame)
     spring, rest, damper = (inputs.number(frame.number, name, getattr(link, name)) for name in JOINT_CONSTANTS)
@@ -141,7 +141,7 @@ def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
 
 
 def joint_elongation(inputs: Coordinates, frame: MovingFrame) -> tuple[Scalar, Scalar]:
-    """Return position and rate of a joint with one axis, a revolute one's of the section that it grips."""
+    """Return position and rate of a joint with one axis, a hinge's of the section that it grips."""
     (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
     return s + section_angle(inputs.graph, frame), ds + joint_grip(inputs.graph, frame).dot(frame.v)
 
@@ -149,7 +149,7 @@ def joint_elongation(inputs: Coordinates, frame: MovingFrame) -> tuple[Scalar, S
 def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:
     """Return the angle by which a body's own section has turned in its joint."""
     link = frame.link
-    if not (link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None):
+    if not link.grips_section:
         return graph.number(0.0)
     return combine([(0.5, graph.array(link.joint_rotation)), (0.5, joint_grip(graph, frame))]).dot(frame.q)
 
@@ -157,7 +157,7 @@ def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:
 def joint_grip(graph: Graph, frame: MovingFrame) -> Vector:
     """Return how much a body's own section turns in its joint for unit modal coordinates, at its deflection."""
     link = frame.link
-    if not (link.joint == REVOLUTE and len(link.joint_rotation) and link.motion is None):
+    if not link.grips_section:
         return graph.zeros(len(link.omega))
     grip = graph.array(link.joint_rotation)
     return grip + frame.q.multiplied_by(link.joint_bow) if link.joint_bow.size else grip

@@ -40,7 +40,7 @@ from fmd.dynamics.compiler.cleaning import (
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.marker import MarkerMotion, rotation, trace_marker
-from fmd.dynamics.links import CYLINDRICAL, FREE, ONE_AXIS, PLANAR, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL, Link
+from fmd.dynamics.links import Link
 from fmd.reduction.body import MarkerShapes
 
 _PARALLEL = 1e-14
@@ -224,60 +224,63 @@ class _JointMotion:
 
 
 def _trace_joint(inputs: Coordinates, number: int, link: Link, marker: MarkerMotion) -> _JointMotion:
-    graph = inputs.graph
+    graph, kind = inputs.graph, link.joint
     zero3 = constants(graph, [0.0] * 3)
-    turned = (link.place_axes != np.eye(3)).any()
-    on_place = product(marker.R, [constants(graph, row) for row in link.place_axes]) if turned else marker.R
-    motion = _JointMotion(on_place, zero3, zero3, zero3, zero3, zero3, [])
-    s, ds = inputs.joint_positions(number), inputs.joint_rates(number)
-    if link.joint in ONE_AXIS:
-        unit = clean_direction(link.axis)
-        axis = constants(graph, unit)
-        known = [*s, *ds, graph.number(0.0)]
-        if link.motion is not None:
-            known = inputs.signal(link.motion, derivatives=2)
-        along, rate, acceleration = (scale(value, axis) for value in known)
-        if link.joint in (REVOLUTE, SCREW):
-            turn = rotation(graph, unit, known[0])
-            motion.R = product(on_place, turn) if turned else _turn_about(graph, marker, unit, known[0])
-            motion.turning, motion.turn_acceleration = rate, acceleration
-            motion.shift, motion.sliding, motion.slide_acceleration = (
-                scale(link.lead, part) for part in (along, rate, acceleration)
-            )
-            motion.directions = [scale(link.lead, axis) + axis]
-        else:
-            motion.shift, motion.sliding, motion.slide_acceleration = along, rate, acceleration
-            motion.directions = [axis + zero3]
-        if link.motion is not None:
-            motion.directions = []
-    elif link.joint == UNIVERSAL:
-        first, second = clean_direction(link.axis), clean_direction(link.other_axis)
-        last = rotation(graph, second, s[1])
-        motion.R = product(product(on_place, rotation(graph, first, s[0])), last)
-        about = [times(transpose(last), constants(graph, first)), constants(graph, second)]
-        turns = [scale(rate, axis) for rate, axis in zip(ds, about, strict=True)]
-        motion.turning, motion.turn_acceleration = add(*turns), cross(*turns)
-        motion.directions = [zero3 + axis for axis in about]
-    elif link.joint in (CYLINDRICAL, PLANAR):
-        unit = clean_direction(link.axis)
-        turn = rotation(graph, unit, s[-1])
-        motion.R, motion.turning = product(on_place, turn), scale(ds[-1], constants(graph, unit))
-        slides = [unit] if link.joint == CYLINDRICAL else [clean_direction(axis) for axis in link.slide_axes]
-        in_body = [times(transpose(turn), constants(graph, axis)) for axis in slides]
-        if link.joint == CYLINDRICAL:
-            in_body = [constants(graph, unit)]  # which turning leaves where it is
-        motion.shift = add(*(scale(x, axis) for x, axis in zip(s[:-1], in_body, strict=True)))
-        motion.sliding = add(*(scale(x, axis) for x, axis in zip(ds[:-1], in_body, strict=True)))
-        motion.directions = [*(axis + zero3 for axis in in_body), zero3 + constants(graph, unit)]
-    elif link.joint in (SPHERICAL, FREE):
-        turn = _quaternion_rotation(s[-4:])
-        motion.R, motion.turning = product(on_place, turn), ds[-3:]
-        into_body = transpose(turn)
-        if link.joint == FREE:
-            motion.shift, motion.sliding = times(into_body, s[:3]), times(into_body, ds[:3])
-            motion.directions = [list(row) + zero3 for row in turn]
-        motion.directions = motion.directions + [zero3 + row for row in identity(graph, 3)]
+    s, ds, dds = inputs.joint_positions(number), inputs.joint_rates(number), constants(graph, [0.0] * link.n_scalars)
+    if link.motion is not None:
+        s, ds, dds = ([value] for value in inputs.signal(link.motion, derivatives=2))
+    R, turn, about = _trace_turns(graph, link, marker, s)
+    motion = _JointMotion(R, zero3, zero3, zero3, zero3, zero3, [])
+    slides, turns = ([zero3] * len(kind.units) for _ in range(2))
+    for step in kind.slides:
+        axis = scale(link.share(step), constants(graph, clean_direction(link.direction(step))))
+        if turn is not None and not kind.shifts_along_turns:
+            axis = times(transpose(turn), axis)
+        k = step.coordinate
+        slides[k] = axis
+        motion.shift = add(motion.shift, scale(s[k], axis))
+        motion.sliding = add(motion.sliding, scale(ds[k], axis))
+        motion.slide_acceleration = add(motion.slide_acceleration, scale(dds[k], axis))
+    for k, axis in about:
+        turns[k] = add(turns[k], axis)
+        rate = scale(ds[k], axis)
+        swept = cross(motion.turning, rate)  # as those before it turn on
+        motion.turn_acceleration = add(motion.turn_acceleration, scale(dds[k], axis), swept)
+        motion.turning = add(motion.turning, rate)
+    if link.motion is None:
+        motion.directions = [slide + of_turn for slide, of_turn in zip(slides, turns, strict=True)]
+    if kind.turns_in_space:
+        motion.turning = ds[-3:]
+        motion.directions += [zero3 + row for row in identity(graph, 3)]
     return motion
+
+
+def _trace_turns(
+    graph: Graph, link: Link, marker: MarkerMotion, s: list[Scalar]
+) -> tuple[Matrix, Matrix | None, list[tuple[int, Vector3]]]:
+    """Return the body's rotation in its parent and on its place, and the axis of each step in the body's axes.
+
+    The axes are those for unit rates of the steps' coordinates, whose numbers stand beside them.
+    """
+    kind, turned = link.joint, (link.place_axes != np.eye(3)).any()
+    R = product(marker.R, [constants(graph, row) for row in link.place_axes]) if turned else marker.R
+    if kind.turns_in_space:
+        turn = _quaternion_rotation(s[-4:])
+        return product(R, turn), turn, []
+    after: Matrix | None = None
+    about: list[tuple[int, Vector3]] = []
+    steps = [
+        (step, clean_direction(link.direction(step)), s[step.coordinate] * link.share(step)) for step in kind.turns
+    ]
+    for number, (_, unit, angle) in enumerate(steps):
+        of_marker = number == 0 and not turned
+        R = _turn_about(graph, marker, unit, angle) if of_marker else product(R, rotation(graph, unit, angle))
+    for step, unit, angle in reversed(steps):
+        axis = scale(link.share(step), constants(graph, unit))
+        about.insert(0, (step.coordinate, axis if after is None else times(transpose(after), axis)))
+        own = rotation(graph, unit, angle)
+        after = own if after is None else product(own, after)
+    return R, after, about
 
 
 def _turn_about(graph: Graph, marker: MarkerMotion, axis: Array, angle: Scalar) -> Matrix:

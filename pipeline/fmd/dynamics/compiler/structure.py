@@ -6,7 +6,6 @@ from fmd.dynamics.compiler.bodies import trace_inertia
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.program import Program
-from fmd.dynamics.links import REVOLUTE
 
 
 def describe_structure(inputs: Coordinates, frames: list[MovingFrame], accelerations: Program) -> list[str]:
@@ -19,7 +18,7 @@ def describe_structure(inputs: Coordinates, frames: list[MovingFrame], accelerat
     reads = {node.data for node in (graph.nodes[k] for k in accelerations.nodes) if node.operation == "input"}
     for frame in frames:
         link, position = frame.link, int(inputs.mechanism.layout.position[frame.number])
-        if link.joint == REVOLUTE and link.n_rates and ("q", (position,)) not in reads:
+        if link.joint.is_hinge and link.n_rates and ("q", (position,)) not in reads:
             lines.append(f"cyclic angle: accelerations don't depend on that of {link.name}")
         if not link.omega.size:
             continue

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmd.dynamics.compiler.external import ExternalMechanism
 from fmd.dynamics.compiler.external_quantities import ExternalQuantity
-from fmd.dynamics.links import FREE, SPHERICAL, Link
+from fmd.dynamics.links import Link
 
 _AXES = ("x", "y", "z")
 _COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
@@ -50,10 +50,13 @@ class Names:
                 int(mechanism.layout.position[body]),
                 int(mechanism.layout.rate[body]),
             )
-            turn = link.n_rates if link.joint not in (FREE, SPHERICAL) else link.n_slides
             for k in range(link.n_positions):
-                unit = "m" if k < link.n_slides else "rad" if k < turn else ""
-                what = f"coordinate of joint {link.joint_name}" if k < turn else "part of a quaternion, the scalar last"
+                unit = "m" if k < link.n_slides else "rad" if k < link.n_scalars else ""
+                what = (
+                    f"coordinate of joint {link.joint_name}"
+                    if k < link.n_scalars
+                    else "part of a quaternion, the scalar last"
+                )
                 positions[first + k] = Entry(f"states.{joint}.coordinate[{k + 1}]", unit, what)
             for k in range(link.n_rates):
                 unit = "m/s" if k < link.n_slides else "rad/s"

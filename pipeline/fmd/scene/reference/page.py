@@ -14,7 +14,7 @@ from fmd.scene.bodies import Bar
 from fmd.scene.constraints import Gear
 from fmd.scene.histories import HISTORY_QUANTITIES, HistoryQuantity, Quantities
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
-from fmd.scene.joints import Revolute
+from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.loads import PulseDrive
 from fmd.scene.outputs import CHART_QUANTITIES, Chart
 from fmd.scene.reading import SceneTable
@@ -52,8 +52,8 @@ def write_page() -> str:
     """
     anchors: dict[type, str] = {section.table: section.anchor for section in SECTIONS if section.table}
     # Where a table may be of several kinds, a link leads to the part of the page about all of them.
-    anchors |= {Bar: "#bodies", Revolute: "#joints", PulseDrive: "#drives", RUNS[0]: "#runs"}
-    anchors |= {Chart: "#outputs", Gear: "#couplers"}
+    anchors |= {Bar: "#bodies", PulseDrive: "#drives", RUNS[0]: "#runs"}
+    anchors |= {Chart: "#outputs", Gear: "#couplers", JOINTS[0]: "#joints"}
     ready = ", ".join(f"`{name}`" for name in list_ready_scenes())
     blocks, kind = [INTRODUCTION.format(ready=ready).strip()], ""
     for section in SECTIONS:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmd.scene.bodies import Bar, BarMesh, ModeSettings, Solid
-from fmd.scene.compound_joints import Cylindrical, Planar, Screw, Universal
-from fmd.scene.constraints import Distance, Gear, PointOnLine, Rack
+from fmd.scene.constraints import Gear, Rack
 from fmd.scene.damping import RayleighDamping
 from fmd.scene.force_curves import ForceByElongation
 from fmd.scene.force_elements import (
@@ -28,7 +27,8 @@ from fmd.scene.imported_bodies import (
     MeshFile,
     Substance,
 )
-from fmd.scene.joints import Fixed, Free, Prismatic, Revolute, Spherical
+from fmd.scene.joints.any_joint import JOINTS
+from fmd.scene.joints.joint import CarryingJoint
 from fmd.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
 from fmd.scene.orientation import AxisDirections, Orientation
 from fmd.scene.outputs import Chart, Export
@@ -236,17 +236,8 @@ SECTIONS = (
     Section("## Axes", Orientation, _AXES),
     Section("### Directions of axes", AxisDirections),
     Section("## Joints", None, _JOINTS),
-    Section("### Revolute joint", Revolute),
-    Section("### Prismatic joint", Prismatic),
-    Section("### Fixed joint", Fixed),
-    Section("### Spherical joint", Spherical),
-    Section("### Free joint", Free),
-    Section("### Universal joint", Universal),
-    Section("### Cylindrical joint", Cylindrical),
-    Section("### Planar joint", Planar),
-    Section("### Screw joint", Screw),
-    Section("### Distance", Distance),
-    Section("### Point on a line", PointOnLine),
+    Section("### Every joint that carries a body", CarryingJoint),
+    *(Section(f"### {joint.title}", joint) for joint in JOINTS),
     Section("## Couplers", None, _COUPLERS),
     Section("### Gear", Gear),
     Section("### Rack and pinion", Rack),

@@ -1,0 +1,160 @@
+"""What a kind of joint lets a body do and what it holds, as data that scenes, equations and pictures read.
+
+A joint moves a body against its place by displacements along directions of the joint, then by rotations one after the
+other, each by a share of one of its coordinates. Directions have names: ``axis`` and ``other axis`` are those of the
+joint, ``across 1`` and ``across 2`` complete a right-handed system with its axis, ``x``, ``y``, ``z`` are the joint's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array
+
+AXIS, OTHER, ACROSS, SPACE = "axis", "other axis", ("across 1", "across 2"), ("x", "y", "z")
+
+Row = tuple[tuple[str, str], ...]
+"""A constraint on rotations: the products of directions of the parent's side and of the child's sum to zero."""
+
+ALIGNED: tuple[Row, ...] = tuple(((side, AXIS),) for side in ACROSS)
+"""Both axes stay parallel."""
+LOCKED: tuple[Row, ...] = (((AXIS, ACROSS[0]),), ((ACROSS[0], ACROSS[1]),), ((ACROSS[1], AXIS),))
+"""Nothing turns."""
+
+
+@dataclass(frozen=True, slots=True)
+class ElementaryMotion:
+    """A displacement along a direction or a rotation about it, by a share of a coordinate.
+
+    Parameters
+    ----------
+    along : str
+        Name of the direction.
+    coordinate : int
+        Number of the coordinate.
+    factor : float
+        Share of it.
+    by_lead : bool
+        True if the joint's lead [m/rad] is a factor, too.
+    """
+
+    along: str
+    coordinate: int = 0
+    factor: float = 1.0
+    by_lead: bool = False
+
+
+@dataclass(frozen=True)
+class JointKind:
+    """Coordinates, motion and constraints of a kind of joint.
+
+    Parameters
+    ----------
+    name : str
+        As scenes have it.
+    units : tuple of str
+        Unit of each coordinate that is one number, ``m`` before ``rad``.
+    slides, turns : tuple of ElementaryMotion
+        Displacements, along directions of the place; then rotations, each in axes that those before it have turned.
+    turns_in_space : bool
+        True if a unit quaternion, the last of the coordinates, turns the body; its rates are about the body's axes.
+    points : tuple of str
+        Directions in which a joint of this kind keeps both places together where it closes a loop.
+    squares : tuple of Row
+        What it then keeps of the rotation.
+    """
+
+    name: str
+    units: tuple[str, ...] = ()
+    slides: tuple[ElementaryMotion, ...] = ()
+    turns: tuple[ElementaryMotion, ...] = ()
+    turns_in_space: bool = False
+    points: tuple[str, ...] = ()
+    squares: tuple[Row, ...] = ()
+
+    @property
+    def n_rates(self) -> int:
+        """Number of rates."""
+        return len(self.units) + 3 * self.turns_in_space
+
+    @property
+    def n_positions(self) -> int:
+        """Number of position coordinates."""
+        return len(self.units) + 4 * self.turns_in_space
+
+    @property
+    def n_slides(self) -> int:
+        """Number of coordinates that are displacements; they come first."""
+        return self.units.count("m")
+
+    @property
+    def unit(self) -> str:
+        """Unit of the coordinate of a joint that has one, ``rad`` or ``m``; else empty."""
+        return self.units[0] if self.n_rates == 1 else ""
+
+    @property
+    def is_hinge(self) -> bool:
+        """True if the body turns about one axis and does nothing else."""
+        return self.unit == "rad" and not self.slides
+
+    @property
+    def is_slide(self) -> bool:
+        """True if the body moves along one axis and does nothing else."""
+        return self.unit == "m" and not self.turns
+
+    @property
+    def is_ball(self) -> bool:
+        """True if the body turns in space about a point."""
+        return self.turns_in_space and not self.slides
+
+    @property
+    def is_free(self) -> bool:
+        """True if the joint holds nothing."""
+        return self.n_rates == 6
+
+    @property
+    def is_weld(self) -> bool:
+        """True if the joint holds everything."""
+        return len(self.points) + len(self.squares) == 6
+
+    @property
+    def keeps_plane_across_axis(self) -> bool:
+        """True if a body turns about the joint's axis, and keeps to the plane across it."""
+        turning = bool(self.turns) and all(step.along == AXIS for step in self.turns)
+        return turning and all(step.along in ACROSS for step in self.slides)
+
+    @property
+    def may_keep_plane(self) -> bool:
+        """True if there is a plane that a body on this joint keeps to: any, one along its axis or the one across it."""
+        return self.is_weld or self.is_slide or self.keeps_plane_across_axis
+
+    @property
+    def shifts_along_turns(self) -> bool:
+        """True if displacements are along the axis of all rotations, which leave them where they are."""
+        along = {step.along for step in (*self.slides, *self.turns)}
+        return len(along) == 1 and not self.turns_in_space
+
+
+def perpendicular_axes(axis: Array) -> Array:
+    """Return two unit vectors across an axis, a right-handed system with it, along the axes of space where they fit."""
+    start = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = np.cross(axis, np.cross(start, axis))
+    first = first / np.linalg.norm(first)
+    return np.array([first, np.cross(axis, first)])
+
+
+def find_direction(name: str, axis: Array, other: Array | None = None) -> Array:
+    """Return a direction of a joint by its name, shape (3,), a unit vector.
+
+    Parameters
+    ----------
+    axis, other : ndarray, shape (3,)
+        The joint's axis and its other axis.
+    """
+    if name in SPACE:
+        return np.asarray(np.eye(3)[SPACE.index(name)])
+    given = np.asarray(other if name == OTHER and other is not None else axis, dtype=float)
+    unit = given / np.linalg.norm(given)
+    return np.asarray(perpendicular_axes(unit)[ACROSS.index(name)] if name in ACROSS else unit)

@@ -1,0 +1,49 @@
+"""A kept distance in a scene file."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from fmd.core.joint_kinds import JointKind
+from fmd.core.units import PositiveLength
+from fmd.scene.joints.joint import JointTable, Mark
+from fmd.scene.values import PlaceName
+
+DISTANCE = JointKind("distance")
+
+
+class Distance(JointTable):
+    """A massless rod: two places of bodies that hang on other joints keep their distance.
+
+    Parameters
+    ----------
+    parent, child : str
+        Markers or places on the ground.
+    length : float
+        Their distance [m].
+
+    Examples
+    --------
+    ::
+
+        [joint.tie]
+        type = "distance"
+        parent = "ground.eye"
+        child = "arm.tip"
+        length = "0.4 m"
+    """
+
+    kind = DISTANCE
+    title = "Distance"
+    mark = Mark("line")
+    carries = False
+
+    type: Literal["distance"]
+    parent: PlaceName
+    child: PlaceName
+    length: PositiveLength
+
+    @property
+    def kept_distance(self) -> float:
+        """Distance that the joint keeps between its places [m]."""
+        return self.length

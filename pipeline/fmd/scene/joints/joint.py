@@ -1,0 +1,170 @@
+"""What every kind of joint answers about itself: its coordinates at the start, what acts along them, and its mark."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.joint_kinds import JointKind
+from fmd.scene.force_elements import AngleStop, LengthStop
+from fmd.scene.orientation import Orientation
+from fmd.scene.reading import SceneTable
+from fmd.scene.values import MarkerName, PlaceName
+
+POSITION_KEYS = frozenset({"angle", "angles", "position"})
+"""Keys of joints that give coordinates at the start."""
+RATE_KEYS = ("rate", "rates", "spin", "velocity")
+"""Keys of joints that give rates at the start."""
+_SCALARS = (("position", "m"), ("angle", "rad"))
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A joint's mark in pictures.
+
+    Attributes
+    ----------
+    shape : str
+        ``ball``, ``pin`` along the axis, ``box`` with its last edge along the axis, ``line`` from place to place, or
+        empty for none.
+    edges : tuple of float
+        Edges of a box in radii of a mark.
+    rail : bool
+        True if a line shows the way of the child on the ground.
+    stands : bool
+        True if the ground is shown where it holds the joint.
+    """
+
+    shape: str = ""
+    edges: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    rail: bool = False
+    stands: bool = True
+
+
+@dataclass(frozen=True)
+class Along:
+    """Spring, damper, end stops and friction along a joint's coordinate, in SI units."""
+
+    spring: float = 0.0
+    rest: float = 0.0
+    damper: float = 0.0
+    stop: LengthStop | AngleStop | None = None
+    friction: float = 0.0
+    friction_rate: float = 1.0
+
+
+class JointTable(SceneTable):
+    """Answers of a joint of any kind, of which a kind overrides those that are its own.
+
+    Attributes
+    ----------
+    kind : JointKind
+        Coordinates, motion and constraints.
+    title : str
+        Heading of its section in the page about scenes.
+    mark : Mark
+        In pictures.
+    carries : bool
+        True if a joint of this kind can carry a body; else it closes a loop wherever it is.
+    closing_keys : tuple of str
+        Keys that have an effect only where the joint closes a loop.
+    measured_across : bool
+        True if coordinates are measured along or about directions across the axis, in the child's own axes.
+    starts_turned : bool
+        True if ``rotate`` and ``axes`` turn the child at the start, and not the joint.
+    cannot_close : str
+        Why a joint of this kind can't close a loop, if so.
+    kept_distance : float
+        Distance that it keeps between its places [m]; 0 for none.
+    """
+
+    kind: ClassVar[JointKind]
+    title: ClassVar[str]
+    mark: ClassVar[Mark] = Mark()
+    carries: ClassVar[bool] = True
+    closing_keys: ClassVar[tuple[str, ...]] = ()
+    measured_across: ClassVar[bool] = False
+    starts_turned: ClassVar[bool] = False
+    cannot_close: ClassVar[str] = ""
+
+    @property
+    def kept_distance(self) -> float:
+        """Distance that the joint keeps between its places [m]; 0 for none."""
+        return 0.0
+
+    @property
+    def lead_per_angle(self) -> float:
+        """Displacement for an angle, where one coordinate is for both [m/rad]."""
+        return 0.0
+
+    @property
+    def given_keys(self) -> set[str]:
+        """Keys that the scene gives about the start."""
+        return set()
+
+    @property
+    def position_key(self) -> str:
+        """Key of the coordinate of a joint that has one."""
+        return next(key for key, unit in _SCALARS if unit == self.kind.unit)
+
+    @property
+    def along(self) -> tuple[Along, ...]:
+        """What acts along each coordinate; empty where nothing can."""
+        return ()
+
+    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
+        """Return coordinates and rates at the start; of a rotation in space that starts at none the rates alone.
+
+        Parameters
+        ----------
+        into_child : ndarray, shape (3, 3)
+            Rotation from the joint's axes into those of the child's body.
+        """
+        return [], []
+
+    def direction(self, *keys: str) -> Array:
+        """Return the direction that the first given of some keys has, shape (3,); z where none has one."""
+        found = (given for key in keys if (given := getattr(self, key, None)) is not None)
+        return np.array(next(found, (0.0, 0.0, 1.0)), dtype=float)
+
+    @property
+    def axis_of_child(self) -> Array:
+        """The joint's axis in the axes of the child's marker, shape (3,)."""
+        return self.direction(*(key for key in ("child_axis", "axis") if key == "axis" or key in self.closing_keys))
+
+
+class CarryingJoint(JointTable, Orientation):
+    """A joint holds a marker of a body, its child, on a marker of another body or on a place on the ground, its parent.
+
+    Parameters
+    ----------
+    parent : str
+        Marker or place on the ground, ``"ground.NAME"``, that the joint hangs on; ``"ground"`` is its origin.
+    child : str
+        Marker of the body that the joint carries.
+    """
+
+    parent: PlaceName
+    child: MarkerName
+
+    @property
+    def given_keys(self) -> set[str]:
+        """Keys that the scene gives; the turn of a joint that starts turned is its position, too."""
+        return self.model_fields_set | ({"position"} if self.starts_turned and self.is_turned else set())
+
+    @property
+    def of_coordinates(self) -> list[str]:
+        """Keys that the scene gives about coordinates, of which a joint that closes a loop has none."""
+        general = {"type", *CarryingJoint.model_fields, *self.closing_keys}
+        optional = [name for name, field in type(self).model_fields.items() if not field.is_required()]
+        return [name for name in optional if name not in general and name in self.model_fields_set]
+
+
+def along_axis(joint: Any) -> tuple[Along, ...]:
+    """Return what acts along the one coordinate of a joint with the keys of a spring, a damper, a stop and friction."""
+    given = (joint.spring, joint.rest, joint.damper, joint.stop, joint.friction, joint.friction_rate)
+    return (Along(*given),)

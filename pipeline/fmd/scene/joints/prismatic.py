@@ -1,0 +1,83 @@
+"""A slide in a scene file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from fmd.core.arrays import Array
+from fmd.core.joint_kinds import ACROSS, AXIS, LOCKED, ElementaryMotion, JointKind
+from fmd.core.units import Force, Length, NonNegative, Positive, TranslationalDamping, TranslationalStiffness, Velocity
+from fmd.scene.force_elements import LengthStop
+from fmd.scene.joints.joint import Along, CarryingJoint, Mark, along_axis
+from fmd.scene.values import Axis
+
+PRISMATIC = JointKind("prismatic", ("m",), slides=(ElementaryMotion(AXIS),), points=ACROSS, squares=LOCKED)
+
+
+class Prismatic(CarryingJoint):
+    """A slide: the child moves along one axis of the parent, without turning.
+
+    Parameters
+    ----------
+    axis : tuple of float
+        Direction of the axis in the axes of the parent's marker or place; its length
+        doesn't count.
+    child_axis : tuple of float, optional
+        The same direction in the axes of the child's marker or place, of a joint that closes a loop; the numbers of
+        ``axis`` by default, which are right if the child doesn't turn against the parent but about the axis.
+    position : float
+        Displacement of the child's marker from the parent's at the start [m].
+    rate : float
+        Speed at the start [m/s].
+    spring : float
+        Stiffness of a spring along the axis [N/m].
+    rest : float
+        Displacement at which the spring is unstretched [m].
+    damper : float
+        Coefficient of a damper along the axis [N s/m].
+    stop : LengthStop, optional
+        End stops.
+    friction : float
+        Largest friction along the axis [N].
+    friction_rate : float
+        Speed at which friction has reached 71 % of that [m/s].
+
+    Examples
+    --------
+    ::
+
+        [joint.slide]
+        type = "prismatic"
+        parent = "rod.rest"
+        child = "slider.centre"
+        axis = [1, 0, 0]
+        position = "0.15 m"
+        spring = "1000 N/m"
+    """
+
+    kind = PRISMATIC
+    title = "Prismatic joint"
+    mark = Mark("box", (2.2, 2.2, 3.2), rail=True)
+    closing_keys = ("child_axis",)
+
+    type: Literal["prismatic"]
+    axis: Axis
+    child_axis: Axis | None = None
+    position: Length = 0.0
+    rate: Velocity = 0.0
+    spring: Annotated[TranslationalStiffness, NonNegative] = 0.0
+    rest: Length = 0.0
+    damper: Annotated[TranslationalDamping, NonNegative] = 0.0
+    stop: LengthStop | None = None
+    friction: Annotated[Force, NonNegative] = 0.0
+    friction_rate: Annotated[Velocity, Positive] = 1e-3
+
+    @property
+    def along(self) -> tuple[Along, ...]:
+        """Spring, damper, stops and friction along the axis."""
+        return along_axis(self)
+
+    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
+        """Return coordinates and rates at the start."""
+        return [self.position], [self.rate]

@@ -1,0 +1,44 @@
+"""A ball joint in a scene file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+from fmd.core.arrays import Array
+from fmd.core.joint_kinds import SPACE, JointKind
+from fmd.scene.joints.joint import CarryingJoint, Mark
+from fmd.scene.values import Spin
+
+SPHERICAL = JointKind("spherical", turns_in_space=True, points=SPACE)
+
+
+class Spherical(CarryingJoint):
+    """A ball joint: the child's marker stays on the parent's and turns freely.
+
+    Parameters
+    ----------
+    spin : tuple of float
+        Angular velocity against the parent at the start, along the child's axes [rad/s].
+
+    Examples
+    --------
+    ::
+
+        [joint.ball]
+        type = "spherical"
+        parent = "ground"
+        child = "top.foot"
+        spin = ["0 rad/s", "0 rad/s", "100 rad/s"]
+    """
+
+    kind = SPHERICAL
+    title = "Spherical joint"
+    mark = Mark("ball")
+
+    type: Literal["spherical"]
+    spin: Spin = (0.0, 0.0, 0.0)
+
+    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
+        """Return coordinates and rates at the start."""
+        return [], self.spin
