@@ -70,7 +70,7 @@ FACTS = {
     "fmd.integrators.runge_kutta": {"DAMPED", "_E3", "_E5", "_D"},
     "fmd.reduction.body_file": {"VERSION"},
     "fmd.reduction.factor.factor": {"_GIGA"},
-    "fmd.reduction.formats.superelement_files": {"_INTERFACE"},
+    "fmd.reduction.formats.openfast_file": {"_INTERFACE"},
 }
 
 Sources = Mapping[str, str]

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fmd.output.formats import _WRITERS
 from fmd.reduction.body_file import load_body
 from fmd.reduction.equivalent_model import equivalent_model, modes_of
+from fmd.reduction.formats.body_format import body_format
 from fmd.reduction.formats.exudyn_file import read_exudyn
 from fmd.reduction.formats.mbdyn_file import read_mbdyn
-from fmd.reduction.formats.netcdf_file import read_netcdf
+from fmd.reduction.formats.python_file import read_netcdf
 from fmd.reduction.formats.sid_file import read_sid
-from fmd.scene.outputs import EXPORT_FORMATS, MECHANISM_FORMATS, Export
+from fmd.scene.outputs import BODY_FORMATS, EXPORT_FORMATS, MECHANISM_FORMATS, Export
 
 PART = """title = "part"
 [body.a]
@@ -33,8 +33,9 @@ marker = { root = { face = "x-" } }
 FEW = ("--set", "body.beam.mesh.divisions=[8,1,1]")
 
 
-def test_every_format_has_a_name_a_suffix_and_a_writer():
-    assert set(_WRITERS) == set(EXPORT_FORMATS) >= set(MECHANISM_FORMATS)
+def test_every_format_has_a_name_a_suffix_and_a_file():
+    assert set(EXPORT_FORMATS) > set(MECHANISM_FORMATS)
+    assert all(callable(body_format(name).write) for name in BODY_FORMATS)
     assert set(EXPORT_FORMATS) == set(Export.model_fields["format"].annotation.__args__[0].__args__)
 
 

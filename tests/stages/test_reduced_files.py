@@ -171,7 +171,7 @@ def test_damping_of_the_scene_goes_before_the_files(tmp_path: Path):
     ("file", "root", "message"),
     [
         ("none.SID_FEM", "1", "body.beam.body.file = 'none.SID_FEM': can't be read"),
-        ("beam.sid", "1", "is no file of a reduced body that is read; these are: .sid_fem .fem .npz .nc"),
+        ("beam.sid", "1", "is no file of a reduced body that is read; these are: .nc .sid_fem .npz .fem"),
         ("beam.SID_FEM", "root", "body.beam.marker.root.node = 'root': no such node"),
     ],
 )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmd.output.formats import write_body, write_format
+from fmd.output.formats import write_format
 from fmd.output.histories import write_extremes, write_history
 from fmd.output.stress_fields import write_envelope, write_fatigue
 from fmd.recovery.stress import choose_frames, von_mises
@@ -40,7 +40,7 @@ def _write_mesh(run: Pipeline, body: str, _frames: int, path: Path) -> None:
 
 
 def _write_body(run: Pipeline, body: str, _frames: int, path: Path) -> None:
-    write_body(run, body, path)
+    write_format(run, "python", body, path)
 
 
 def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:

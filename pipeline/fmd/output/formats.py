@@ -1,30 +1,25 @@
-"""Formats of other programs: a flexible body, or the whole mechanism, as files that they read.
+"""Export of a flexible body, or of the whole mechanism, in the format of another program.
 
-`fmd.scene.outputs` has the formats' names and suffixes; this page has what writes each.
+`fmd.scene.outputs` has the formats' names and suffixes, `fmd.reduction.formats` a file for each format of bodies.
 """
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 
+import numpy as np
+
+from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.reduction.body_file import save_body
+from fmd.fem.model import FEModel
+from fmd.reduction.formats.body_format import DrawnBody, ExportedBody, body_format
+from fmd.reduction.modal_data import ModalData, modal_data, without_stiffening
+from fmd.reduction.modes import Modes
+from fmd.reduction.superelement import Superelement
+from fmd.scene.damping import damping_ratios
 from fmd.scene.outputs import MECHANISM_FORMATS
 from fmd.stages.pipeline import Pipeline
-
-# Module and function of each format: ``function(run, body or None, path)`` writes the files and returns their paths.
-# A module is loaded when its format is written.
-_WRITERS = {
-    "fmu": "fmd.output.fmu.write:write_fmu",
-    "python": "fmd.output.formats:write_python",
-    "sid": "fmd.output.body_formats:write_sid",
-    "exudyn": "fmd.output.body_formats:write_exudyn",
-    "mbdyn": "fmd.output.body_formats:write_mbdyn",
-    "simscape": "fmd.output.body_formats:write_simscape",
-    "openfast": "fmd.output.body_formats:write_openfast",
-    "full": "fmd.output.body_formats:write_full",
-}
+from fmd.stages.spatial_body import spatial_body, superelement, surface_stress
 
 
 def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list[Path]:
@@ -46,32 +41,55 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
     InputError
         The format can't hold what the scene has.
     """
-    for own, count in run.scene.pieces.items():
-        if name not in MECHANISM_FORMATS and body in (None, own):
-            mend = f"format {name} holds a body in one piece; --set body.{own}.pieces=1 exports it"
-            raise InputError(run.scene.file, f"body.{own}.pieces", count, mend)
-    module, _, function = _WRITERS[name].partition(":")
-    files: list[Path] = getattr(importlib.import_module(module), function)(run, body, path)
-    return files
+    if name in MECHANISM_FORMATS:
+        from fmd.output.fmu.write import write_fmu
 
-
-def write_python(run: Pipeline, body: str | None, path: Path) -> list[Path]:
-    """Write a reduced body as NetCDF, for Python."""
+        return write_fmu(run, body, path)
     assert body is not None
-    write_body(run, body, path)
-    return [path]
+    if body in run.scene.pieces:
+        mend = f"format {name} holds a body in one piece; --set body.{body}.pieces=1 exports it"
+        raise InputError(run.scene.file, f"body.{body}.pieces", run.scene.pieces[body], mend)
+    return body_format(name).write(_PipelineBody(run, body), path)
 
 
-def write_body(run: Pipeline, body: str, path: Path) -> None:
-    """Write modes, mass, stiffness, inertia integrals and the stress of each mode of a body as NetCDF."""
-    part = run.parts[body]
-    if run.scene.moves:
-        reduced = part.for_any_motion(run.bodies[body])
-        stress = part.surface_stress if part.has_stress else None
-    else:
-        from fmd.stages.spatial_body import spatial_body, surface_stress
+class _PipelineBody(ExportedBody):
+    """A flexible body of a pipeline."""
 
-        reduced = spatial_body(part, stiffened=False)
-        stress = surface_stress(part, reduced)
-    surface = part.surface if part.has_stress else None
-    save_body(path, reduced, surface, stress, part.modes.frequencies_hz)
+    def __init__(self, run: Pipeline, name: str) -> None:
+        moves = run.scene.moves
+        self._run, self._part, self.name = run, run.parts[name], name
+        self.gravity = np.array(run.scene.simulation.gravity if moves else (0.0, 0.0, 0.0))
+        self.stiffened = not moves or run.scene.simulation.stiffening != "off"
+
+    def modal_data(self, stiffened: bool) -> ModalData:
+        body, damping = spatial_body(self._part, stiffened), self._part.shape.modes.damping
+        data = modal_data(body, np.array(damping_ratios(damping, body.omega.tolist())))
+        return data if stiffened else without_stiffening(data)  # a body from a file may bring its own
+
+    def in_space(self) -> DrawnBody:
+        body = spatial_body(self._part, stiffened=False)
+        if not self._part.has_stress:
+            return DrawnBody(body, None, None)
+        return DrawnBody(body, self._part.surface, surface_stress(self._part, body))
+
+    def in_scene(self) -> DrawnBody:
+        if not self._run.scene.moves:
+            return self.in_space()
+        body = self._part.for_any_motion(self._run.bodies[self.name])
+        if not self._part.has_stress:
+            return DrawnBody(body, None, None)
+        return DrawnBody(body, self._part.surface, self._part.surface_stress)
+
+    def superelement(self) -> Superelement:
+        return superelement(self._part)
+
+    def full_model(self) -> tuple[FEModel, Modes]:
+        if self._part.is_reduced:
+            raise self.fault("body", "is a reduced body, and has no full matrices")
+        return self._part.fe, self._part.modes
+
+    def frequencies_hz(self) -> Array:
+        return self._part.modes.frequencies_hz
+
+    def fault(self, key: str, problem: str) -> InputError:
+        return InputError(self._part.file, f"body.{self.name}.{key}", None, problem)

@@ -58,6 +58,9 @@ EXPORT_FORMATS: dict[str, tuple[str, ...]] = {
 MECHANISM_FORMATS = ("fmu",)
 """Those of them that hold the whole mechanism; the others hold one flexible body."""
 
+BODY_FORMATS = {name: suffixes for name, suffixes in EXPORT_FORMATS.items() if name not in MECHANISM_FORMATS}
+"""Formats of a flexible body, and the suffixes of their files."""
+
 _SUFFIXES = (".msh", ".vtu", ".vtkhdf", ".nc")
 _FORMAT_SUFFIXES = tuple(suffix for own in EXPORT_FORMATS.values() for suffix in own if suffix not in _SUFFIXES)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,11 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.errors import InputError
-from fmd.reduction.formats.exudyn_file import read_exudyn
-from fmd.reduction.formats.mbdyn_file import read_mbdyn
-from fmd.reduction.formats.netcdf_file import read_netcdf
-from fmd.reduction.formats.sid_file import read_sid
+from fmd.reduction.formats.body_format import BodyFormat, body_format
 from fmd.reduction.modal_data import without_stiffening
+from fmd.scene.outputs import BODY_FORMATS
 from fmd.scene.reading import suggest_name
 
 if TYPE_CHECKING:
@@ -28,9 +27,6 @@ if TYPE_CHECKING:
     from fmd.scene.source_files import SourceFiles
     from fmd.stages.basis import HeldModel
 
-READERS = {".sid_fem": read_sid, ".fem": read_mbdyn, ".npz": read_exudyn, ".nc": read_netcdf}
-"""Readers of reduced bodies by the suffix of their files, in lower case."""
-
 
 def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
     """Read a reduced body from the file that a scene names.
@@ -38,16 +34,24 @@ def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
     Raises
     ------
     InputError
-        The file's suffix is none of `READERS`, or it can't be read.
+        No format of bodies that are read has the file's suffix, or it can't be read.
     """
     from fmd.reduction.equivalent_model import equivalent_model
 
     assert source is not None
     path = Path(source.path)
-    if path.suffix.lower() not in READERS:
-        mend = f"is no file of a reduced body that is read; these are: {' '.join(READERS)}"
-        raise InputError(str(path), "", None, mend)
-    return equivalent_model(READERS[path.suffix.lower()](path))
+    for own in _formats_of(path.suffix.lower()):
+        if own.read is not None:
+            return equivalent_model(own.read(path))
+    read = [suffixes[0].lower() for name, suffixes in BODY_FORMATS.items() if body_format(name).read is not None]
+    raise InputError(str(path), "", None, f"is no file of a reduced body that is read; these are: {' '.join(read)}")
+
+
+def _formats_of(suffix: str) -> Iterator[BodyFormat]:
+    """Yield the formats of bodies whose files have a suffix, given in lower case."""
+    for name, suffixes in BODY_FORMATS.items():
+        if suffix in map(str.lower, suffixes):
+            yield body_format(name)
 
 
 def modes_of_file(fe: FEModel) -> Modes:

@@ -17,8 +17,8 @@ from fmd.output.formats import write_format
 from fmd.reduction.equivalent_model import equivalent_model, modes_of
 from fmd.reduction.formats.exudyn_file import read_exudyn
 from fmd.reduction.formats.mbdyn_file import read_mbdyn
+from fmd.reduction.formats.openfast_file import read_extptfm
 from fmd.reduction.formats.sid_file import read_sid
-from fmd.reduction.formats.superelement_files import read_extptfm
 from fmd.reduction.modal_data import ModalData
 from fmd.verification.case import Figure, VerificationCase, make_figures, open_scene
 from fmd.verification.closed_forms import timoshenko_free

@@ -9,6 +9,7 @@ that Exudyn's mean of their motions is the marker's own motion.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from fmd.core.files import whole_file
 from fmd.core.limits.files import MARKER_ARM
 from fmd.fem.surface import SurfaceTopology
 from fmd.reduction.body import MarkerShapes
+from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
 from fmd.reduction.inertia import InertiaGram
 from fmd.reduction.modal_data import ModalData
 
@@ -189,3 +191,19 @@ def _products(T: Array) -> Array:
     """Return ``∫ a_c b_d dm`` of ``∫ ãᵀ b̃ dm`` (3, 3, …)."""
     trace = 0.5 * np.einsum("aa...->...", T)
     return np.asarray(np.multiply.outer(np.eye(3), trace) - T).swapaxes(0, 1)
+
+
+def _write(body: ExportedBody, path: Path) -> list[Path]:
+    """Write a body, and a script beside it that loads it."""
+    reduced, surface, stress = body.in_space()
+    nodes = slice(None) if surface is None else surface.nodes
+    x, shapes = reduced.x[nodes], reduced.shapes[nodes]
+    write_exudyn(path, exudyn_arrays(body.modal_data(stiffened=False), x, shapes, surface, stress))
+    script = path.with_suffix(".py")
+    template = files("fmd.reduction.formats").joinpath("exudyn_body.py.txt").read_text(encoding="utf-8")
+    with whole_file(script) as half:
+        half.write_text(template.replace("@FILE@", path.name).replace("@BODY@", body.name), encoding="utf-8")
+    return [path, script]
+
+
+FORMAT = BodyFormat(_write, read_exudyn)

@@ -22,6 +22,7 @@ from fmd.core.files import whole_file
 from fmd.core.limits.files import MOST_NUMBERS, SAME_MASS
 from fmd.core.limits.rank import INDEPENDENT_FUNCTIONS
 from fmd.reduction.body import MarkerShapes
+from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
 from fmd.reduction.inertia import InertiaGram
 from fmd.reduction.modal_data import ModalData, function_products
 
@@ -230,3 +231,11 @@ def _sum_points(nodes: list[MarkerShapes], lumped: Array, n: int) -> tuple[Array
         arms = np.concatenate([np.eye(3)[:, :, None], np.einsum("abc,bj->acj", EPSILON, node.rotation)], axis=2)
         G += np.einsum("aci,c,bcj->abij", arms, spread, arms)
     return G, S, float(lumped[:, 0].sum())
+
+
+def _write(body: ExportedBody, path: Path) -> list[Path]:
+    write_mbdyn(path, body.modal_data(stiffened=False))
+    return [path]
+
+
+FORMAT = BodyFormat(_write, read_mbdyn)

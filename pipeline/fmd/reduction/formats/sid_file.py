@@ -18,6 +18,7 @@ from fmd.core.errors import InputError
 from fmd.core.files import whole_file
 from fmd.core.limits.files import MOST_ENTRIES
 from fmd.reduction.body import MarkerShapes
+from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
 from fmd.reduction.formats.sid_terms import PARTS, Taylor, modal_data_of, sid_terms
 from fmd.reduction.modal_data import ModalData
 
@@ -276,3 +277,11 @@ class _Reader:
         if not text.isdigit():
             raise self.fault(f"'{text}' is no whole number")
         return int(text)
+
+
+def _write(body: ExportedBody, path: Path) -> list[Path]:
+    write_sid(path, body.modal_data(body.stiffened))
+    return [path]
+
+
+FORMAT = BodyFormat(_write, read_sid)

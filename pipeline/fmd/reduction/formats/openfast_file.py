@@ -1,4 +1,4 @@
-"""Superelements as files: OpenFAST's ExtPtfm in its text format of FLEX, and MATLAB's for Simscape Multibody."""
+"""Superelements for OpenFAST's module ExtPtfm, in its text format of FLEX."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
 from fmd.core.limits.files import LONGEST_LINE, MOST_COORDINATES
+from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
 from fmd.reduction.superelement import Superelement
 
 _KEYS = {"!mass matrix": "M", "!stiffness matrix": "K", "!damping matrix": "D"}
@@ -150,26 +151,12 @@ def _rows(path: Path, lines: list[str], first: int, count: int, length: int) -> 
     return np.array(rows).reshape(count, length)
 
 
-def write_simscape(path: Path, element: Superelement) -> None:
-    """Write what Simscape's block *Reduced Order Flexible Solid* asks for, as a MATLAB file.
+def _write(body: ExportedBody, path: Path) -> list[Path]:
+    try:
+        return write_extptfm(path, body.superelement(), body.gravity)
+    except ValueError as error:
+        mend = f"{error}; name one by modes.boundary = 'interface' and modes.interface = ['…']"
+        raise body.fault("modes.interface", mend) from error
 
-    It holds ``origins`` (k, 3) [m] and ``quaternions`` (k, 4) of the interface frames, whose axes are the part's;
-    ``names`` (k, 1); ``K``, ``M`` and ``C``, in the order of `Superelement`; ``frequencies_hz`` of the fixed-interface
-    modes.
-    """
-    from scipy.io import savemat
 
-    k = len(element.origins)
-    names = np.empty((k, 1), dtype=object)
-    names[:, 0] = list(element.origins)
-    arrays = {
-        "origins": np.array(list(element.origins.values())),
-        "quaternions": np.tile([1.0, 0.0, 0.0, 0.0], (k, 1)),
-        "names": names,
-        "K": element.K,
-        "M": element.M,
-        "C": element.D,
-        "frequencies_hz": element.omega[:, None] / (2 * np.pi),
-    }
-    with whole_file(path) as part, part.open("wb") as stream:
-        savemat(stream, arrays)
+FORMAT = BodyFormat(_write)

@@ -1,4 +1,4 @@
-"""Reduced bodies from our own NetCDF files, as a body that a scene names by its file."""
+"""Reduced bodies in our own NetCDF files: modes, mass, stiffness, inertia integrals and the stress of each mode."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 
 from fmd.core.errors import InputError
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.body_file import load_body
+from fmd.reduction.body_file import load_body, save_body
+from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
 from fmd.reduction.modal_data import ModalData
 
 
@@ -37,3 +38,11 @@ def read_netcdf(path: Path) -> ModalData:
         surface=saved.surface,
         stress=saved.stress,
     )
+
+
+def _write(body: ExportedBody, path: Path) -> list[Path]:
+    save_body(path, *body.in_scene(), body.frequencies_hz())
+    return [path]
+
+
+FORMAT = BodyFormat(_write, read_netcdf)

@@ -1,0 +1,102 @@
+"""What a format of flexible bodies is, and what its writer may ask a body for."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import NamedTuple
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.fem.model import FEModel
+from fmd.fem.surface import SurfaceTopology
+from fmd.reduction.body import FlexibleBody
+from fmd.reduction.modal_data import ModalData
+from fmd.reduction.modes import Modes
+from fmd.reduction.superelement import Superelement
+
+
+class DrawnBody(NamedTuple):
+    """A reduced body with what is seen of it.
+
+    Attributes
+    ----------
+    body : FlexibleBody
+    surface : SurfaceTopology or None
+        Its outer surface, if its file or mesh has one.
+    stress : ndarray, shape (n_surface, 6, n), or None
+        Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
+    """
+
+    body: FlexibleBody
+    surface: SurfaceTopology | None
+    stress: Array | None
+
+
+class ExportedBody(ABC):
+    """A flexible body of a scene as a format's writer sees it; each result is computed when it is asked for.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the scene.
+    gravity : ndarray, shape (3,)
+        Gravity of the scene, zero without motion [m/s²].
+    stiffened : bool
+        True unless the scene turns geometric stiffening off.
+    """
+
+    name: str
+    gravity: Array
+    stiffened: bool
+
+    @abstractmethod
+    def modal_data(self, stiffened: bool) -> ModalData:
+        """Return shapes and inertia integrals for any motion in space, with or without geometric stiffening."""
+
+    @abstractmethod
+    def in_space(self) -> DrawnBody:
+        """Return the body reduced for any motion in space, without geometric stiffening."""
+
+    @abstractmethod
+    def in_scene(self) -> DrawnBody:
+        """Return the body as its scene's mechanism has it."""
+
+    @abstractmethod
+    def superelement(self) -> Superelement:
+        """Return matrices for the motions of the interface and the fixed-interface modes."""
+
+    @abstractmethod
+    def full_model(self) -> tuple[FEModel, Modes]:
+        """Return the full matrices, and the modes."""
+
+    @abstractmethod
+    def frequencies_hz(self) -> Array:
+        """Return the natural frequencies of the body's modes [Hz]."""
+
+    @abstractmethod
+    def fault(self, key: str, problem: str) -> InputError:
+        """Return the error of a key of the body, for what a format can't hold."""
+
+
+class BodyFormat(NamedTuple):
+    """How bodies are written and read in one format.
+
+    Attributes
+    ----------
+    write : callable
+        Writes a body's files and returns their paths, the given one first.
+    read : callable or None
+        Reads a body that a scene names by its file.
+    """
+
+    write: Callable[[ExportedBody, Path], list[Path]]
+    read: Callable[[Path], ModalData] | None = None
+
+
+def body_format(name: str) -> BodyFormat:
+    """Return the format of a name, ``FORMAT`` of the file NAME_file.py beside this one, loaded on first use."""
+    found: BodyFormat = import_module(f"fmd.reduction.formats.{name}_file").FORMAT
+    return found
