@@ -9,8 +9,8 @@ the first one stays with Euler angles. The springs of the arm's joints are linea
 on the coordinates themselves, at half the time of its torsional springs. Solvers and settings are the fastest that were
 found for the same error: generalised-α with modified Newton to 1e-8, a Jacobian a step. Its explicit solvers know no
 constraints, so the chains have none. Its floating frames know no geometric stiffening, so our side goes without, too:
-that moves the arm's tip by 4e-7 of its way. The robot stays 1.3e-5 from ours, because of Exudyn's marker on a section;
-`exudyn_sections` shows it.
+that moves the arm's tip by 4e-7 of its way. The robot stays 1.3e-5 from ours, because of Exudyn's marker on a section:
+a torque acts on the modes as if the section's own axes were the frame's.
 """
 
 from __future__ import annotations

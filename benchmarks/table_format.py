@@ -4,20 +4,45 @@ from __future__ import annotations
 
 import csv
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
-Row = dict[str, str]
+
+
+class Cell(str):
+    """An entry of a CSV file, formatted as a number: ``:t`` is a time [s], ``:r`` a ratio, ``:d`` a count."""
+
+    __slots__ = ()
+
+    def __format__(self, spec: str) -> str:
+        """Return the text; with a format, that of the number."""
+        if spec == "d":
+            return f"{int(self):,}"
+        special = {"t": format_seconds, "r": format_ratio}.get(spec)
+        return special(float(self)) if special else format(float(self), spec) if spec else str(self)
+
+
+Row = dict[str, Cell]
 
 
 def read_rows(name: str) -> list[Row]:
     """Read a CSV file of this folder; lines that start with # are comments."""
     with (HERE / f"{name}.csv").open(newline="") as file:
-        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+        rows = csv.DictReader(line for line in file if not line.startswith("#"))
+        return [{key: Cell(value) for key, value in row.items()} for row in rows]
+
+
+def group_rows(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:
+    """Collect the rows that have the same entries, in the order of their first ones, by these or by the only one."""
+    groups: dict[Any, list[Row]] = {}
+    for row in rows:
+        entries = tuple(str(row[key]) for key in keys)
+        groups.setdefault(entries if len(keys) > 1 else entries[0], []).append(row)
+    return groups
 
 
 def markdown(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -25,6 +50,12 @@ def markdown(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = list(header)
     lines = [head, ["---"] * len(head), *(list(row) for row in rows)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def listed(name: str, columns: Mapping[str, str], rows: Iterable[Row] | None = None) -> str:
+    """Tabulate a CSV file, or some of its rows: heading and format of each column, ``"{seconds:t} in all"``."""
+    chosen = read_rows(name) if rows is None else rows
+    return markdown(columns, ([form.format_map(row) for form in columns.values()] for row in chosen))
 
 
 def format_seconds(seconds: float) -> str:

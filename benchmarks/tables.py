@@ -13,22 +13,20 @@ from functools import partial
 from itertools import pairwise
 from math import exp, inf, isfinite, log
 from pathlib import Path
-from statistics import median
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE))
-from auto_tables import auto_choice, auto_error, truth  # noqa: E402 - beside this file
-from fmu_table import fmu  # noqa: E402 - beside this file
-from loop_tables import loops  # noqa: E402 - beside this file
-from pieces_tables import (  # noqa: E402 - beside this file
-    large_deflection,
-    nonlinear_modes,
-    pendulum,
-    piece_sections,
-    spin_up_pieces,
+from accuracy_tables import (  # noqa: E402 - beside this file
+    auto_choice,
+    auto_error,
+    deflection,
+    error_budget,
+    error_sources,
+    meshes,
+    stability,
+    truth,
 )
-from speed_tables import compiling, march_flops, march_speed, variants  # noqa: E402 - beside this file
-from table_format import Row, format_ratio, format_seconds, markdown, read_rows  # noqa: E402
+from table_format import Row, format_ratio, format_seconds, group_rows, listed, markdown, read_rows  # noqa: E402
 
 DOCS = HERE.parent / "docs"
 SLOT = re.compile(r"(<!-- table: ([\w-]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -53,10 +51,13 @@ METHODS = (
     "Exudyn RK44",
     "Exudyn RK67",
 )
-FACTOR = 5.0  # an error budget within this factor of the true error counts as near
-LATER = ("further", "propeller, quadratic")  # cases that were added when the estimates had been made
 ELEMENTS = ("cantilevers", "propeller", "hexahedra", "tetrahedra")
-ENERGY_KEEPING = ("central-difference", "reversible-sub-cycling")
+PEER = "Exudyn"
+
+
+def points_of(marches: list[Row]) -> Points:
+    """Return the seconds and errors of marches."""
+    return [(float(row["seconds"]), float(row["error"])) for row in marches]
 
 
 def seconds_at(points: Points, error: float) -> float:
@@ -73,9 +74,7 @@ def integrators() -> str:
     """Tabulate the seconds of each method for two errors of the tip, the fastest in bold."""
     columns = []
     for scene in SCENES:
-        points: dict[str, Points] = {}
-        for row in read_rows(scene):
-            points.setdefault(row["integrator"], []).append((float(row["seconds"]), float(row["error"])))
+        points = {name: points_of(rows) for name, rows in group_rows(read_rows(scene), "integrator").items()}
         for error in TIP_ERRORS:
             seconds = [seconds_at(points[method], error) if method in points else inf for method in METHODS]
             best = min(seconds)
@@ -85,21 +84,32 @@ def integrators() -> str:
     return markdown(["error of the tip", *header], ([m, *row] for m, row in zip(METHODS, rows, strict=True)))
 
 
+def loops() -> str:
+    """Tabulate mechanisms with loops: the fastest method of ours beside Exudyn's fastest, for each error."""
+    rows = []
+    for scene, methods in group_rows(read_rows("loops"), "scene").items():
+        points = {name: points_of(marches) for name, marches in group_rows(methods, "integrator").items()}
+        for error in TIP_ERRORS:
+            times = {name: seconds_at(found, error) for name, found in points.items()}
+            own = {name: time for name, time in times.items() if not name.startswith(PEER)}
+            peer = min((time for name, time in times.items() if name.startswith(PEER)), default=inf)
+            best = min(own, key=lambda name: own[name])
+            ratio = f"{format_ratio(peer / own[best])} ×" if isfinite(peer) else "–"
+            rows.append([scene, f"{error:.0e}", best, format_seconds(own[best]), format_seconds(peer), ratio])
+    return markdown(("mechanism", "error", "fastest of ours", "time", "Exudyn's", "ratio"), rows)
+
+
 def beam_subcycling() -> str:
     """Tabulate run time and errors of the beam with sub-cycling against plain central difference."""
-    header = ("method", "time", "over plain", "tip's deflection off by", "tip in space off by", "angle off by")
-    rows = (
-        [
-            row["method"],
-            f"{row['median_ms']} ms",
-            row["ratio"],
-            f"{row['tip_deflection_error_um']} µm",
-            f"{row['tip_position_error_um']} µm",
-            f"{row['joint_angle_error_urad']} µrad",
-        ]
-        for row in read_rows("beam_subcycling")
-    )
-    return markdown(header, rows)
+    columns = {
+        "method": "{method}",
+        "time": "{median_ms} ms",
+        "over plain": "{ratio}",
+        "tip's deflection off by": "{tip_deflection_error_um} µm",
+        "tip in space off by": "{tip_position_error_um} µm",
+        "angle off by": "{joint_angle_error_urad} µrad",
+    }
+    return listed("beam_subcycling", columns)
 
 
 def propeller() -> str:
@@ -112,69 +122,6 @@ def propeller() -> str:
     return markdown(("scene", "ratio of steps", "time over plain", "largest stress off plain's by"), rows)
 
 
-def meshes() -> str:
-    """Tabulate the fastest mesh of each element within 0.1 % in frequency, or the most accurate one that was tried."""
-    by_element: dict[tuple[str, str], list[Row]] = {}
-    for row in read_rows("modes"):
-        by_element.setdefault((row["scene"], row["element"]), []).append(row)
-    rows = []
-    for (scene, element), tried in by_element.items():
-        within = [row for row in tried if float(row["error"]) <= 1e-3]
-        by_time, by_error = (lambda row: float(row["seconds"])), (lambda row: float(row["error"]))
-        best = min(within, key=by_time) if within else min(tried, key=by_error)
-        rows.append(
-            [
-                scene,
-                element,
-                best["mesh"],
-                f"{int(best['unknowns']):,}",
-                f"{float(best['seconds']):.2g} s",
-                f"{100 * float(best['error']):.2g} %",
-            ]
-        )
-    return markdown(("part", "element", "mesh", "unknowns", "assembly and modes", "largest error of a frequency"), rows)
-
-
-def stability() -> str:
-    """Tabulate the outcome of the long marches for each family of systems."""
-    families: dict[str, list[Row]] = {}
-    for row in read_rows("stability"):
-        families.setdefault(row["family"], []).append(row)
-    rows = []
-    for family, marches in families.items():
-        cycles = [n for row in marches if (n := int(row["cycles"]))]
-        drifts = [
-            abs(float(row["drift"]))
-            for row in marches
-            if row["found"] == "lives" and row["integrator"] in ENERGY_KEEPING and row["drift"] != "nan"
-        ]
-        rows.append(
-            [
-                family,
-                f"{len(marches)}",
-                f"{min(cycles):,} … {max(cycles):,}" if min(cycles) < max(cycles) else f"{max(cycles):,}",
-                f"{sum(row['found'] == 'lives' for row in marches)}",
-                f"{sum(row['found'] == 'diverges' for row in marches)}",
-                f"{sum(row['predicted'] == 'either' for row in marches)}",
-                f"{sum(int(row['wrong']) for row in marches)}",
-                "has dampers" if family == "arm" else f"{max(drifts):.1e}",
-            ]
-        )
-    return markdown(
-        (
-            "systems",
-            "marches",
-            "major cycles each",
-            "stayed bounded",
-            "diverged",
-            "too close to call",
-            "predicted wrongly",
-            "largest drift of energy, central difference and reversible",
-        ),
-        rows,
-    )
-
-
 def whole_runs() -> str:
     """Tabulate the seconds of whole runs, cold and warm, by what they are spent on."""
     groups = {
@@ -183,11 +130,9 @@ def whole_runs() -> str:
         "start, imports and the rest": ("start, imports and the rest",),
         "error budget": ("error budget",),
     }
-    runs: dict[tuple[str, str], dict[str, Row]] = {}
-    for row in read_rows("pipeline"):
-        runs.setdefault((row["scene"], row["run"]), {})[row["stage"]] = row
     rows = []
-    for (scene, run), stages in runs.items():
+    for (scene, run), of_run in group_rows(read_rows("pipeline"), "scene", "run").items():
+        stages = {row["stage"]: row for row in of_run}
         seconds = {name: float(row["seconds"]) for name, row in stages.items()}
         shares = [sum(seconds.get(name, 0.0) for name in names) for names in groups.values()]
         rest = seconds["whole"] - sum(shares)
@@ -204,91 +149,74 @@ def eigen() -> str:
     for row in read_rows("eigen_peers"):
         total = float(row["total"] or "nan")
         own = total if row["program"] == "fmd" else own
-        cells = [f"{float(row[key]):.3g}" if row[key] else "" for key in ("assemble", "factor", "iterate")]
-        memory = f"{float(row['memory_mb']):,.0f} MB" if row["memory_mb"] else ""
+        cells = [f"{row[key]:.3g}" if row[key] else "" for key in ("assemble", "factor", "iterate")]
+        memory = f"{row['memory_mb']:,.0f} MB" if row["memory_mb"] else ""
         times = [f"{total:.3g}", f"{total / own:.2g}"] if isfinite(total) else ["–", "–"]
-        rows.append([f"{int(row['unknowns']):,}", row["program"], *cells, *times, memory, row["digits"], row["note"]])
+        rows.append([f"{row['unknowns']:d}", row["program"], *cells, *times, memory, row["digits"], row["note"]])
     header = ("unknowns", "program", "assemble", "factor", "iterate", "all", "over fmd")
     return markdown((*header, "peak memory", "digits in common", "remark"), rows)
 
 
 def assembly() -> str:
     """Tabulate the time of assembling stiffness and mass, other packages' over ours."""
-    blocks: dict[tuple[str, str], dict[str, Row]] = {}
-    for row in read_rows("assembly"):
-        package = re.sub(r" [\d.]+", "", row["package"])
-        blocks.setdefault((row["element"], row["unknowns"]), {})[package] = row
-    packages = list(dict.fromkeys(package for block in blocks.values() for package in sorted(block)))
-    others = [package for package in packages if package != "fmd"]
-    rows = (
-        [
-            element,
-            f"{int(unknowns):,}",
-            f"{float(block['fmd']['seconds']):.2g} s",
-            *(f"{format_ratio(float(block[name]['over fmd']))} ×" if name in block else "–" for name in others),
-        ]
-        for (element, unknowns), block in blocks.items()
-    )
-    return markdown(("element", "unknowns", "fmd", *others), rows)
-
-
-def error_budget() -> str:
-    """Tabulate how often the stated error covers the true one, and how often it is within a factor of five."""
-    cases: dict[str, list[Row]] = {}
-    for row in read_rows("error_budget"):
-        cases.setdefault(row["scene"], []).append(row)
-    first = [
-        row for name, rows in cases.items() if name not in LATER and not name.startswith("further") for row in rows
-    ]
-    cases |= {"all but the later ones": first, "all": [row for rows in cases.values() for row in rows]}
-
-    def share_of(rows: list[Row], least: float, most: float) -> str:
-        inside = [least * float(r["true"]) <= float(r["stated"]) <= most * float(r["true"]) for r in rows]
-        return f"{100 * sum(inside) / len(inside):.0f} % of {len(inside)}"
-
-    lines = (
-        [
-            name,
-            share_of(rows, 1.0, inf),
-            share_of(rows, 1.0, FACTOR),
-            share_of([row for row in rows if row["by_chance"] == "False"], 1.0, FACTOR),
-        ]
-        for name, rows in cases.items()
-    )
-    header = ("case", "true error below the stated one", "stated one within a factor of 5")
-    return markdown((*header, "the same without true errors that are small by chance"), lines)
-
-
-def error_sources() -> str:
-    """Tabulate the medians of stated over true errors by source and kind of result."""
-    groups: dict[tuple[str, str], list[float]] = {}
-    for row in read_rows("error_sources"):
-        ratio = float(row["stated"]) / float(row["true"])
-        groups.setdefault((row["source"], row["kind"]), []).append(ratio)
-        groups.setdefault((row["source"], "all"), []).append(ratio)
+    rows = [row | {"package": re.sub(r" [\d.]+", "", row["package"])} for row in read_rows("assembly")]
+    blocks = group_rows(rows, "element", "unknowns")
+    ordered = [name for block in blocks.values() for name in sorted(row["package"] for row in block)]
+    others = [package for package in dict.fromkeys(ordered) if package != "fmd"]
     lines = []
-    for source in dict.fromkeys(source for source, _ in groups):
-        kinds = sorted(kind for owner, kind in groups if owner == source and kind != "all")
-        for kind in (*kinds, "all"):
-            ratios = groups[source, kind]
-            covered = f"{100 * sum(ratio >= 1 for ratio in ratios) / len(ratios):.0f} % of {len(ratios)}"
-            lines.append([source, kind, f"{median(ratios):.1f}", covered])
-    return markdown(("source", "results", "median of stated over true", "true below stated"), lines)
+    for (element, unknowns), block in blocks.items():
+        by_package = {row["package"]: row for row in block}
+        ratios = [f"{by_package[name]['over fmd']:r} ×" if name in by_package else "–" for name in others]
+        lines.append([element, f"{int(unknowns):,}", f"{by_package['fmd']['seconds']:.2g} s", *ratios])
+    return markdown(("element", "unknowns", "fmd", *others), lines)
 
 
-def deflection() -> str:
-    """Tabulate stated and true errors of large deflections, in percent."""
-    deflections: dict[tuple[str, str], dict[str, str]] = {}
-    for row in read_rows("deflection"):
-        stated, true = (100 * float(row[key]) for key in ("stated", "true"))
-        line = deflections.setdefault((row["reference"], row["deflection"]), {})
-        line[row["quantity"]] = f"{stated:.2g} for {true:.2g}"
-    quantities = ("tip, deflection", "tip, largest deflection", "strip, largest von Mises stress")
-    lines = (
-        [reference, f"{100 * float(size):g} %", *(line.get(quantity, "–") for quantity in quantities)]
-        for (reference, size), line in deflections.items()
+def march_speed() -> str:
+    """Tabulate the time of a step, or of an adaptive method's evaluation, and the earlier version's over it."""
+    rows = read_rows("march_speed")
+    scenes = list(group_rows(rows, "scene"))
+
+    def cell(row: Row | None) -> str:
+        return f"{format_seconds(1e-9 * float(row['now_ns']))}, {row['ratio']:r} ×" if row else "–"
+
+    cells = {method: {row["scene"]: row for row in own} for method, own in group_rows(rows, "method").items()}
+    return markdown(("method", *scenes), ([name, *(cell(own.get(s)) for s in scenes)] for name, own in cells.items()))
+
+
+def march_flops() -> str:
+    """Tabulate the operations of a step of central differences and their rate beside a dense product's."""
+    cells = []
+    for row in read_rows("march_speed"):
+        if row["flops"]:
+            product = f"{float(row['gflop_s']) / float(row['of_dgemm']):.0f}"
+            cells.append([row["scene"], row["coordinates"], f"{row['flops']:d}", f"{row['gflop_s']:.2g}", product])
+    return markdown(("mechanism", "coordinates", "operations a step", "Gflop/s", "a dense product's, same run"), cells)
+
+
+def fmu() -> str:
+    """Tabulate errors by way and tolerance, sizes and run time of the scenes' FMUs."""
+
+    def error(way: str) -> Callable[[Row], str]:
+        return lambda row: f"{max(float(row[f'{way}_fmi2']), float(row[f'{way}_fmi3'])):.1e}"
+
+    ways = {"cs_1e-06": "co-simulation at 1e-6", "cs_1e-09": "1e-9", "cs_1e-12": "1e-12", "me": "model exchange"}
+    rows = [row | {way: error(way)(row) for way in ways} for row in read_rows("fmu")]
+    columns = {"scene, modes": "{scene}, {modes}"} | {name: f"{{{way}}}" for way, name in ways.items()}
+    columns |= {"FMI 2.0, 3.0 [kB]": "{kilobytes_fmi2}, {kilobytes_fmi3}"}
+    return listed("fmu", columns | {"run time (ours)": "{fmu_s:t} ({fmd_s:t})", "ratio": "{ratio}"}, rows)
+
+
+def large_deflection() -> str:
+    """Tabulate statics of parts in pieces: errors and times."""
+    rows = [
+        row | {"second order": "no" if row["stiffening"] == "off" else "yes"} for row in read_rows("large_deflection")
+    ]
+    same = {name: f"{{{name}}}" for name in ("case", "pieces", "second order", "coordinates")}
+    return listed(
+        "large_deflection",
+        same | {"error": "{error_percent} %", "warm statics": "{seconds:t}", "beside": "{note}"},
+        rows,
     )
-    return markdown(("reference", "of the length", "deflection [%]", "its size [%]", "stress [%]"), lines)
 
 
 def as_written(name: str) -> str:
@@ -299,10 +227,6 @@ def as_written(name: str) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     "large-deflection": large_deflection,
-    "pendulum": pendulum,
-    "piece-sections": piece_sections,
-    **{f"nonlinear-{case}": partial(nonlinear_modes, case) for case in ("plane", "space", "release")},
-    "spin-up-pieces": spin_up_pieces,
     "integrators": integrators,
     "beam-subcycling": beam_subcycling,
     "propeller": propeller,
@@ -310,9 +234,17 @@ TABLES: dict[str, Callable[[], str]] = {
     "stability": stability,
     "whole-runs": whole_runs,
     "march-speed": march_speed,
-    "variants": variants,
     "march-flops": march_flops,
-    "compiling": compiling,
+    "compiling": partial(
+        listed,
+        "compiling",
+        {
+            "scene": "{scene}",
+            "coordinates": "{coordinates}",
+            "functions": "{functions}",
+            "processor time": "{seconds} s",
+        },
+    ),
     "eigen": eigen,
     "assembly": assembly,
     "error-budget": error_budget,
@@ -322,7 +254,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "envelope": partial(as_written, "envelope"),
     **{f"elements-{part}": partial(as_written, f"elements-{part}") for part in ELEMENTS},
     "truth": truth,
-    "loops": lambda: loops(seconds_at, TIP_ERRORS),
+    "loops": loops,
     "auto-choice": auto_choice,
     "auto-error": auto_error,
     "fmu": fmu,
