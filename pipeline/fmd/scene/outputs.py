@@ -50,6 +50,7 @@ EXPORT_FORMATS: dict[str, tuple[str, ...]] = {
     "mbdyn": (".fem",),
     "simscape": (".mat",),
     "openfast": (".dat",),
+    "nastran": (".pch",),
     "full": (".mtx", ".npz", ".txt"),
     "fmu": (".fmu",),
 }
@@ -191,7 +192,7 @@ class Export(SceneTable):
 
     type: Literal["export"]
     file: Annotated[str, FileCheck((*_SUFFIXES, *_FORMAT_SUFFIXES))]
-    format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "full", "fmu"] | None = None
+    format: Literal["python", "sid", "exudyn", "mbdyn", "simscape", "openfast", "nastran", "full", "fmu"] | None = None
     body: BodyName | None = None
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
