@@ -19,9 +19,9 @@ from scipy.special import ellipeinc, ellipkinc
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.deflection import deflection_errors
-from fmd.accuracy.error_estimates import SAFETY
 from fmd.accuracy.quantities import motion_quantities
 from fmd.core.arrays import Array
+from fmd.core.limits.errors import SAFETY
 
 _TABLE = Path(__file__).parent / "deflection.csv"
 _DEFLECTIONS = (0.02, 0.05, 0.1, 0.2, 0.4)  # of the length

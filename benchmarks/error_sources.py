@@ -16,8 +16,9 @@ from pathlib import Path
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import state_errors, true_errors
-from fmd.accuracy.error_estimates import SAFETY, Row
+from fmd.accuracy.error_estimates import Row
 from fmd.core.cache import Cache
+from fmd.core.limits.errors import SAFETY
 
 _TABLE = Path(__file__).parent / "error_sources.csv"
 _ROUND_OFF = 1e-7

@@ -28,9 +28,10 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
 from fmd import load
+from fmd.core.limits.stepping import CO_SIMULATED
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.output.fmu.build import TARGETS
-from fmd.output.fmu.write import TOLERANCE, list_platforms, write_fmu
+from fmd.output.fmu.write import list_platforms, write_fmu
 from fmd.recovery.motion import Motion
 
 SCENES = ("rod-slider", "beam", "arm", "spin-up", "propeller")
@@ -84,7 +85,7 @@ def seconds_of(slave: FMU2Slave, duration: float) -> float:
 
 def compare_speed(run: Any, file: Path, folder: Path) -> tuple[float, float, int]:
     """Return the least run times of the machine code and of the FMU [s], and the former's evaluations."""
-    duration, method = float(run.scene.simulation.duration), RungeKutta(TOLERANCE)
+    duration, method = float(run.scene.simulation.duration), RungeKutta(CO_SIMULATED)
     slave, times = open_slave(file, folder), np.array([0.0, duration])
     method.march(run.system, *run.start, times)
     ours, theirs = [], []

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmd.core import formula as code
-from fmd.core.formula import MOST_DEPTH, Formula, parse_formula
+from fmd.core.formula import Formula, parse_formula
+from fmd.core.limits.scene import MOST_DEPTH
 
 NAMES = {name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "pi")}
 NAMES |= {"abs": abs, "min": min, "max": max}

@@ -43,7 +43,7 @@ def test_a_long_task_has_a_bar_with_its_name(monkeypatch: pytest.MonkeyPatch) ->
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(progress, "_SHOW_AFTER_SECONDS", 0.0)
+    monkeypatch.setattr(progress, "SHOW_AFTER_SECONDS", 0.0)
     with bars("mesh") as advance:
         for _ in range(200):
             advance(0.5)

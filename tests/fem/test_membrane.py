@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fmd.accuracy.stretching import OF_BENDING, excess_deflection
+from fmd.accuracy.stretching import excess_deflection
+from fmd.core.limits.errors import OF_BENDING
 from fmd.fem.assembly import assemble
 from fmd.fem.markers import Marker
 from fmd.fem.material import Material

@@ -8,9 +8,9 @@ from scipy.optimize import brentq
 from scipy.special import ellipeinc, ellipkinc
 
 from fmd import Pipeline, load_scene
-from fmd.accuracy.deflection import TOO_LARGE, deflection_errors, deflection_warnings
-from fmd.accuracy.error_estimates import SAFETY
+from fmd.accuracy.deflection import deflection_errors, deflection_warnings
 from fmd.accuracy.quantities import motion_quantities
+from fmd.core.limits.errors import SAFETY, TOO_LARGE
 from fmd.dynamics.kinematics import Kinematics
 from fmd.recovery.deformation import measure_deformation, node_deformation_shapes
 

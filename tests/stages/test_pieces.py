@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
-from fmd.accuracy.deflection import TOO_LARGE, find_deflection_error
+from fmd.accuracy.deflection import find_deflection_error
 from fmd.accuracy.piece_counts import choose_piece_counts
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.core.limits.errors import TOO_LARGE
 from fmd.dynamics.kinematics import Kinematics
 from fmd.output.summary import summarise
 from tests.verification.test_large_deflection import FORCE, strip

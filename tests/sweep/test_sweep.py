@@ -228,7 +228,7 @@ def test_a_cluster_that_loses_a_worker_loses_no_point_and_records_none_twice(env
 
 @pytest.mark.parametrize("address", ["nowhere", "tcp://127.0.0.1:9"])
 def test_a_scheduler_that_does_not_answer_is_reported(address, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("fmd.sweep.cluster._ANSWERS_WITHIN", 1)
+    monkeypatch.setattr("fmd.sweep.cluster.ANSWERS_WITHIN", 1)
     with pytest.raises(SystemExit, match="2"):
         main(["sweep", "beam", "--vary", "simulation.step=10us", "--scheduler", address, "--out", str(tmp_path)])
     said = capsys.readouterr().err

@@ -13,6 +13,8 @@ from fmd.accuracy.quantities import match_modes
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache
+from fmd.core.limits.errors import ALIKE, MORE_COARSE_MODES
+from fmd.core.limits.round_off import SOLVED
 from fmd.scene.scene import Scene
 from fmd.scene.variants import (
     COARSENING_FACTORS,
@@ -25,11 +27,6 @@ from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
 KINDS = ("displacement", "stress", "spot stress", "geometry")  # of quantities, by their convergence
-_SAME = 1e-9
-# Modal assurance criterion above which a shape of the other mesh is the run's own. The frequency of one that is less
-# alike tells of the shapes it is mixed with, as of vectors that round-off alone sets apart, and not of the mesh.
-ALIKE = 0.95
-_MORE = 1.5  # modes of the coarse mesh to find the run's among
 
 
 @dataclass(frozen=True)
@@ -115,7 +112,7 @@ def make_pair_across(run: Pipeline) -> Pair | None:
 def _matching_run(run: Pipeline, scene: Scene) -> Pipeline:
     """Return the run of a scene on another mesh, whose modes are those most like a run's, in its order."""
     beyond = max(part.modes.n_completing for part in run.parts.values())
-    more = change_modes(scene, lambda body: {"count": int(_MORE * body.modes.count) + 1 + beyond})
+    more = change_modes(scene, lambda body: {"count": int(MORE_COARSE_MODES * body.modes.count) + 1 + beyond})
     base, parts = Pipeline(more, Cache(None)), {}
     for name, own in run.parts.items():
         other = base.parts[name]
@@ -131,5 +128,5 @@ def _pair(run: Pipeline, scene: Scene) -> Pair:
     order, edges = min(own.order for own in run.parts.values()), min(own.mesh.order for own in run.parts.values())
     gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in KINDS}
     # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.
-    exact = all(abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < _SAME for name, body in run.bodies.items())
+    exact = all(abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < SOLVED for name, body in run.bodies.items())
     return Pair(run, coarse, gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()})

@@ -12,6 +12,7 @@ from fmd.accuracy.quantities import Quantities, mesh_quantities, motion_quantiti
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
+from fmd.core.limits.errors import COMPARED_FRAMES, HOT, HOTTEST_FRAMES
 from fmd.integrators.automatic import Automatic
 from fmd.recovery.stress import choose_frames
 from fmd.stages.runs import repeat_choice
@@ -20,10 +21,6 @@ if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
     from fmd.stages.pipeline import Pipeline
     from fmd.stages.runs import Plan
-
-_FRAMES = 60  # at which stress is compared
-_HOTTEST = 20  # of them around the largest stress
-_HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
 
 
 class Comparison:
@@ -88,11 +85,11 @@ class Comparison:
 
     def _choose_stress_samples(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""
-        frames = [choose_frames(len(self.motion.times), _FRAMES)]
+        frames = [choose_frames(len(self.motion.times), COMPARED_FRAMES)]
         for name in self.run.parts:
             values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
-            frames.append(np.argsort(values.max(axis=1))[-_HOTTEST:])
-            self.hot[name] = np.flatnonzero(values.max(axis=0) >= _HOT * values.max())
+            frames.append(np.argsort(values.max(axis=1))[-HOTTEST_FRAMES:])
+            self.hot[name] = np.flatnonzero(values.max(axis=0) >= HOT * values.max())
         self.frames = np.unique(np.concatenate(frames))
 
     def march(self, other: Pipeline, plan: Plan, work: float = 1.0) -> Motion:

@@ -7,19 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.core.limits.errors import OF_FOURTH, OF_SQUARE, PIECES_OF_ERROR, TOO_LARGE
+from fmd.core.limits.recovery import OF_LARGEST_STRAIN
 from fmd.stages.divided_scene import part_of
 
 if TYPE_CHECKING:
     from fmd.accuracy.quantities import Quantities
     from fmd.stages.pipeline import Pipeline
-
-TOO_LARGE = 0.01  # relative error from which on a run warns of large deflection
-# Pieces of a part over the root of the error that they are to divide: a chain of n bodies leaves about 1/n² of it.
-_PIECES = 1.25
-# Error of a chain over the square, or with displacements of second order the fourth power, of the largest rotation in a
-# piece: cantilevers of 3 to 16 pieces under P L²/EI = 1 to 10 have up to 0.08 and 0.3.
-_OF_SQUARE, _OF_FOURTH = 0.08, 0.3
-_OF_STRAIN = 0.25
 
 
 def deflection_errors(run: Pipeline, quantities: Quantities) -> dict[str, float]:
@@ -97,7 +91,9 @@ def deflection_warnings(run: Pipeline) -> list[dict[str, str]]:
 
 def count_pieces(error: float, now: int, order: int) -> int:
     """Return the number of pieces that would lower an error to `TOO_LARGE`, where it falls as ``1/n`` to an order."""
-    return max(now + 1, math.ceil(now * (_PIECES if now == 1 else 1.0) * math.pow(error / TOO_LARGE, 1.0 / order)))
+    return max(
+        now + 1, math.ceil(now * (PIECES_OF_ERROR if now == 1 else 1.0) * math.pow(error / TOO_LARGE, 1.0 / order))
+    )
 
 
 def is_of_second_order(run: Pipeline, body: str) -> bool:
@@ -113,4 +109,4 @@ def _error_in_frame(run: Pipeline, part: str) -> float:
         return deformation.second_order_error
     theta = deformation.rotation
     second = is_of_second_order(run, part_of(part))
-    return (_OF_FOURTH * theta**4 if second else _OF_SQUARE * theta**2) + _OF_STRAIN * deformation.strain
+    return (OF_FOURTH * theta**4 if second else OF_SQUARE * theta**2) + OF_LARGEST_STRAIN * deformation.strain

@@ -8,18 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_PART, SAFETY, SOURCES, Row
+from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_PART, SOURCES, Row
 from fmd.accuracy.model_errors import ModelError, summarise_causes
 from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
 from fmd.accuracy.time_limit import TimeLimit
+from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
 from fmd.stages.divided_scene import part_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage
-
-_TIMES_RUN = 3.0  # time limit over the time of the run
-_LEAST_SECONDS = 10.0  # of a time limit
-_WHOLE_SECONDS = 40.0  # of a run and its budget, if the run leaves a part of what it took itself
-_LEAST_PART = 0.3
 
 
 @dataclass(frozen=True)
@@ -95,7 +91,7 @@ def allowed_seconds(run: Pipeline) -> float:
     Where both would take more than 40 s it is what the run leaves of these, but 0.3 times what it took at least.
     """
     taken = sum(run.log.seconds.values())
-    return max(min(_TIMES_RUN * taken, _WHOLE_SECONDS - taken), _LEAST_PART * taken, _LEAST_SECONDS)
+    return max(min(TIMES_RUN * taken, WHOLE_SECONDS - taken), LEAST_PART_OF_RUN * taken, LEAST_SECONDS)
 
 
 def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:

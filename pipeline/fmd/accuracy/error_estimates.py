@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.errors import LEAST_SHOWN, MOST_OF_EIGENVALUE, NEAR_PEAK, SAFETY
 from fmd.reduction.body import FlexibleBody
 
 NO_PART = "no part in it"
@@ -23,11 +24,6 @@ MORE_OF_MESH = "discretisation, left out"
 """The same for the mesh's error, where another mesh that tells a part of it was left out."""
 NUMERICAL = ("discretisation", "truncation", "time", "recovery")  # sources that finer computations lower
 SOURCES = (*NUMERICAL, "model")
-# An estimate has the size of an error and is no bound: the stated error is this many times all estimates together.
-SAFETY = 2.0
-_LEAST_SHOWN = 1e-5
-_NEAR_PEAK = 0.8  # of the largest value
-_MOST = 0.75
 
 
 @dataclass(frozen=True)
@@ -75,7 +71,7 @@ class Quantity:
         """
         apart = self._apart(other)
         if self.largest:
-            near = self.sizes >= _NEAR_PEAK * self.scale
+            near = self.sizes >= NEAR_PEAK * self.scale
             starts = np.flatnonzero(near & ~np.r_[False, near[:-1]])
             apart = max(apart, 0.5 * float(np.abs(self._peaks(near, starts) - other._peaks(near, starts)).max()))
         return _over(apart, max(self.scale, other.scale))
@@ -109,7 +105,7 @@ def percent(error: float) -> str:
     """Write a relative error in percent, to two digits; whole ones from a hundred on."""
     if error >= 0.995:
         return f"{100 * error:.0f}"
-    return f"{100 * error:.2g}" if error >= _LEAST_SHOWN else "<.001"
+    return f"{100 * error:.2g}" if error >= LEAST_SHOWN else "<.001"
 
 
 def _angles_between(e: Array, f: Array) -> Array:
@@ -188,7 +184,7 @@ def shifted_frequencies(omega: Array, excess: Array, part: float) -> Array:
     excess : ndarray, shape (n,)
         Relative excess of their squares; at most three quarters of a square are taken off.
     """
-    return np.asarray(omega * np.sqrt(1 - np.clip(part * excess, -_MOST, _MOST)))
+    return np.asarray(omega * np.sqrt(1 - np.clip(part * excess, -MOST_OF_EIGENVALUE, MOST_OF_EIGENVALUE)))
 
 
 def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
@@ -211,7 +207,7 @@ def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]
         Matrix from these coordinates to the given body's that have the same forces.
     """
     parts, directions = np.linalg.eigh(np.eye(len(excess)) - 0.5 * (excess + excess.T))
-    kept = (directions * np.clip(parts, 1 - _MOST, 1 + _MOST)) @ directions.T
+    kept = (directions * np.clip(parts, 1 - MOST_OF_EIGENVALUE, 1 + MOST_OF_EIGENVALUE)) @ directions.T
     omega2, turn = np.linalg.eigh(body.omega[:, None] * kept * body.omega)
     return _combined(body, turn, np.sqrt(omega2)), turn * omega2 / body.omega[:, None] ** 2
 

@@ -17,17 +17,31 @@ import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.comparison import Comparison
-from fmd.accuracy.error_estimates import NO_PART, SAFETY, shifted_frequencies, soften_body
+from fmd.accuracy.error_estimates import NO_PART, shifted_frequencies, soften_body
 from fmd.accuracy.model_errors import ModelErrors
 from fmd.accuracy.quantities import mesh_quantities
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.core.limits.automatic import IMPLICIT_STEPS_IN_ACTION
+from fmd.core.limits.errors import (
+    ACROSS_SHARE,
+    COARSE_SHARE,
+    COMPARED_IMPLICIT_STEPS,
+    FINER_TOLERANCE,
+    FINER_WORK,
+    MOST_OF_CHANGE,
+    MOST_REFINEMENTS,
+    OF_TOLERANCE,
+    SAFETY,
+    SHORT_SECONDS,
+)
+from fmd.core.limits.stability import SURELY_STABLE
 from fmd.integrators.exponential import PiecewiseExponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.recovery.stress import von_mises
 from fmd.scene.variants import enrich_bases
-from fmd.stages.runs import STABLE, plan_like
+from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
     from fmd.integrators.protocol import Integrator
@@ -37,20 +51,8 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
     from fmd.stages.runs import Plan
 
-_SHORT = 0.5  # seconds of a march that may be taken again with half of its step
 # Multiples of the extrapolated change of frequencies; the first, SAFETY, tells most.
 _SHIFTS = (SAFETY, 1.0, 0.5, 1.5)
-_COARSE_SHARE = 0.25  # of the time that mesh and modes took, for those of half as many elements each way
-_ACROSS_SHARE = 2.0  # of that time, for more elements from side to side
-_OF_TOLERANCE = 0.01  # less of an adaptive method's tolerance isn't believed
-_FINER_WORK = 2.0  # work of a march that is finer in time, over the run's
-_FINER = 0.1
-_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
-_STEPS_IN_ACTION = 8  # in the shortest load
-_MOST_REFINEMENTS = 4  # until a finer march differs from the run's
-# Recovered stress overstates the error of static responses to forces on a face, where stress jumps, 25 times on the
-# beam, and patches of elements that at edges: both count up to this many times of what the coarse mesh tells.
-_MOST_OF_CHANGE = 3.0
 
 
 class Estimates(Comparison):
@@ -112,16 +114,16 @@ class Estimates(Comparison):
     def _time(self) -> dict[str, float | str]:
         """Estimate the error of time integration by another step or a finer tolerance."""
         plan, gain = self.plan, 0.0
-        for _ in range(_MOST_REFINEMENTS):
+        for _ in range(MOST_REFINEMENTS):
             integrator, gain = _change_fineness(plan, self.motion.trajectory.seconds)
             plan = replace(plan, integrator=integrator)
-            other = self.march(self.run, plan, _FINER_WORK)
+            other = self.march(self.run, plan, FINER_WORK)
             chosen = self.run.fine_times[1]
             if not np.array_equal(other.trajectory.q[chosen], self.motion.trajectory.q):
                 break  # else a method that chooses its step had met the finer tolerance already, and took the same one
         theirs = self.quantities_of(self.run, other, self.hot)
         # Two tolerances may take the same steps as far as a slow body is concerned, whose error then doesn't change.
-        least = _OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
+        least = OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
         changes = self.changes(theirs).items()
         return {name: max(error / gain, least) if error else 0.0 for name, error in changes}
 
@@ -145,7 +147,7 @@ class Estimates(Comparison):
     def _implicit_method(self) -> GeneralizedAlpha:
         """Return generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
         duration, system = float(self.run.output_times[-1]), self.plan.system
-        steps = max(_IMPLICIT_STEPS, math.ceil(_STEPS_IN_ACTION * duration / system.shortest_action))
+        steps = max(COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action))
         return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
@@ -190,14 +192,14 @@ class Estimates(Comparison):
         changed, alike = pair.excess_of_shapes(name)
         recovered = np.diag(excess)
         static = body.omega > part.modes.omega.max()
-        most = np.where(static, _MOST_OF_CHANGE * np.abs(changed), np.inf)
+        most = np.where(static, MOST_OF_CHANGE * np.abs(changed), np.inf)
         wanted = np.where(alike, _root_mean_square(np.minimum(recovered, most), changed), recovered)
         return _root_mean_square(of_modes, pair.excess_of_modes(name)), _with_diagonal(excess, wanted)
 
     def _coarse_pair(self) -> Pair | str:
         """Return the run and its scene on a coarser mesh, or the reason why there is none."""
         try:
-            self.require_modes(_COARSE_SHARE)
+            self.require_modes(COARSE_SHARE)
         except LeftOutError as why:
             self._leave_out_mesh("a coarser mesh", why)
             return str(why)
@@ -207,7 +209,7 @@ class Estimates(Comparison):
     def _pair_across(self) -> Pair | None:
         """Return the run and its scene with more elements from side to side, if it has few and time is left."""
         try:
-            self.require_modes(_ACROSS_SHARE)
+            self.require_modes(ACROSS_SHARE)
             return make_pair_across(self.run)
         except (LeftOutError, *FAULTS) as why:
             self._leave_out_mesh("few elements from side to side", why)
@@ -256,7 +258,7 @@ class Estimates(Comparison):
         for name, error in self._changes_by_shapes(pair).items():
             shape = error / pair.gains[self.quantities[name].kind]
             if isinstance(again := recovery.get(name), float):
-                recovery[name] = again = min(again, _MOST_OF_CHANGE * shape)
+                recovery[name] = again = min(again, MOST_OF_CHANGE * shape)
                 shape = max(shape - again, 0.0)
             self._shapes[name] = math.hypot(self._shapes.get(name, 0.0), shape)
         return {}
@@ -291,7 +293,7 @@ class Estimates(Comparison):
     def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | None]:
         """Return a plan for the richer model, and the run's own motion by its step if that is a shorter one."""
         method: Any = self.plan.integrator
-        limit = STABLE * method.largest_step(rich.system)
+        limit = SURELY_STABLE * method.largest_step(rich.system)
         if not method.step > limit:
             return plan_like(self.plan, rich), None
         shorter = replace(self.plan, integrator=replace(method, step=limit))
@@ -336,8 +338,8 @@ def _change_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
     if isinstance(method, PiecewiseExponential):  # its errors fall by the third power where they are worst
         return replace(method, step=method.step / 2, least=2 * method.least), 1 - 0.5**3
     if not method.step:
-        return replace(method, tolerance=max(_FINER * method.tolerance, 3e-14)), 1 - _FINER
+        return replace(method, tolerance=max(FINER_TOLERANCE * method.tolerance, 3e-14)), 1 - FINER_TOLERANCE
     order = method.order(plan.system)
-    if seconds < _SHORT or not 8 * method.step < method.largest_step(plan.system):
+    if seconds < SHORT_SECONDS or not 8 * method.step < method.largest_step(plan.system):
         return replace(method, step=method.step / 2), 1 - 0.5**order
     return replace(method, step=2 * method.step), 2.0**order - 1

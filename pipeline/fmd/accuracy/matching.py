@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-
-_SAME_FREQUENCY = 0.02  # relative: of shapes that the mesh alone keeps apart
+from fmd.core.limits.errors import SAME_FREQUENCY_OF_MESHES
 
 
 def match_shapes(x: Array, shapes: Array, other_x: Array, other_m: Any, other_shapes: Array) -> IntArray:
@@ -50,7 +49,7 @@ def find_counterparts(
     rows, columns = linear_sum_assignment(likeness, maximize=True)
     numbers, alike = np.zeros(len(likeness), dtype=np.int64), np.zeros(len(likeness))
     numbers[rows] = columns
-    same = np.abs(other_omega / other_omega[columns, None] - 1) < _SAME_FREQUENCY
+    same = np.abs(other_omega / other_omega[columns, None] - 1) < SAME_FREQUENCY_OF_MESHES
     alike[rows] = (likeness[rows] * same).sum(axis=1)
     return numbers, alike
 

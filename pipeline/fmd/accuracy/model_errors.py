@@ -14,19 +14,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmd.accuracy.coarse_mesh import ALIKE, Pair
+from fmd.accuracy.coarse_mesh import Pair
 from fmd.accuracy.deflection import deflection_errors
 from fmd.accuracy.error_estimates import soften_body
 from fmd.accuracy.matching import find_counterparts
-from fmd.accuracy.stretching import (
-    OF_VIBRATION,
-    TEXT,
-    excess_deflection,
-    stiffening_by_stretch,
-    stretching_bodies,
-)
+from fmd.accuracy.stretching import TEXT, excess_deflection, stiffening_by_stretch, stretching_bodies
 from fmd.accuracy.time_limit import FAULTS, LeftOutError
 from fmd.core.arrays import Array
+from fmd.core.limits.errors import (
+    ALIKE,
+    BARE_METAL,
+    HARDLY_SHIFTED,
+    LARGE_MESH,
+    OF_EIGENVALUE,
+    OF_EIGENVALUE_SECOND_ORDER,
+    OF_LIMIT,
+    OF_VIBRATION,
+    WORTH_NAMING,
+)
 from fmd.scene.variants import attach_roots_rigidly, damp_bodies
 from fmd.stages.divided_scene import part_of
 from fmd.stages.pipeline import Pipeline
@@ -34,20 +39,6 @@ from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
     from fmd.accuracy.comparison import Comparison
-
-# Shift of a vibration's eigenvalue over the square of the largest rotation: 0.02 for a cantilever's first mode, whose
-# phase against a geometrically exact beam was measured over 25 periods.
-_OF_EIGENVALUE = 0.03
-# With displacements of second order a mass at the end comes nearer as it swings, which makes the vibration slower. What
-# makes up for it in truth, the bending energy of θ' = w'' / (1 − w'²)½, ¾ of 0.46 θ² of the eigenvalue at most, isn't
-# in the model: five bars with and without such masses were off by 0.19 to 0.34 θ² against the elastica in motion.
-_OF_EIGENVALUE_BOWED = 0.25
-# Of what two meshes extrapolate to: the change by a rigid root falls more slowly on elements as small as the root.
-_OF_LIMIT = 1.5
-_LARGE = 30_000  # unknowns of a mesh that isn't solved anew with rigid roots
-_HARDLY = 1e-6  # relative shift that isn't worth a march
-_BARE_METAL = 0.001  # damping of a part that is given none, over its critical damping
-_WORTH_NAMING = 1e-4  # relative error
 
 
 @dataclass(frozen=True)
@@ -131,7 +122,7 @@ class ModelErrors:
             (
                 "no damping",
                 self._damping,
-                f"a body has no damping, and its vibrations never die; with {100 * _BARE_METAL:g} % of critical, as "
+                f"a body has no damping, and its vibrations never die; with {100 * BARE_METAL:g} % of critical, as "
                 "of bare metal, results would change so much; modes.damping of the body takes it in",
                 False,
             ),
@@ -153,7 +144,7 @@ class ModelErrors:
 
     def _add(self, cause: str, errors: dict[str, float], text: str, counted: bool = True) -> None:
         quantity = max(errors, key=lambda name: errors[name], default="")
-        if errors.get(quantity, 0.0) > _WORTH_NAMING:
+        if errors.get(quantity, 0.0) > WORTH_NAMING:
             self.causes.append(ModelError(cause, errors[quantity], quantity, text, counted))
         for name, error in errors.items() if counted else ():
             before = self.of_quantities.get(name, 0.0)
@@ -181,7 +172,7 @@ class ModelErrors:
     def _shifted_vibrations(self) -> dict[str, float] | None:
         """Return the change of the motion where each body rings as deflections of its size make it ring."""
         shifts = {name: self._shift_of_eigenvalues(name) for name in self._run.deformations}
-        if not max(shifts.values(), default=0.0) > _HARDLY:
+        if not max(shifts.values(), default=0.0) > HARDLY_SHIFTED:
             return None
         return self._softened(
             {name: shift * np.eye(len(self._run.bodies[name].omega)) for name, shift in shifts.items()}
@@ -190,7 +181,7 @@ class ModelErrors:
     def _shift_of_eigenvalues(self, name: str) -> float:
         """Return the relative shift of a body's eigenvalues by its largest rotation."""
         bowed = any(marker.bow.size for marker in self._run.bodies[name].markers.values())
-        share = _OF_EIGENVALUE_BOWED if bowed else _OF_EIGENVALUE
+        share = OF_EIGENVALUE_SECOND_ORDER if bowed else OF_EIGENVALUE
         return share * self._run.deformations[name].rotation ** 2
 
     def _stretching(self) -> dict[str, float] | None:
@@ -202,7 +193,7 @@ class ModelErrors:
         ratios = {name: stiffening_by_stretch(self._run, name) for name in names}
         too_far = max(excess_deflection(ratio) for ratio in ratios.values())
         errors = dict.fromkeys(self._comparison.of_motion, too_far)
-        if too_far > _WORTH_NAMING:
+        if too_far > WORTH_NAMING:
             sizes = {name: -OF_VIBRATION * r * np.eye(len(self._run.bodies[name].omega)) for name, r in ratios.items()}
             errors |= {name: max(too_far, change) for name, change in self._softened(sizes).items()}
         return errors
@@ -239,11 +230,11 @@ class ModelErrors:
             else:
                 of_modes, of_shapes = _gain_by_rigid_root(pair.coarse, on_coarse, name)
                 of_shapes = of_shapes[pair.counterparts(name)[0]]
-                if run.parts[name].modes.dofs <= _LARGE:
+                if run.parts[name].modes.dofs <= LARGE_MESH:
                     own_modes, own_shapes = _gain_by_rigid_root(run, rigid, name)
                     of_modes, of_shapes = (
-                        _OF_LIMIT * (2 * own_modes - of_modes),
-                        _OF_LIMIT * (2 * own_shapes - of_shapes),
+                        OF_LIMIT * (2 * own_modes - of_modes),
+                        OF_LIMIT * (2 * own_shapes - of_shapes),
                     )
             excess[name] = -np.diag(of_shapes)
             held = run.parts[name].modes.n_rigid == 0  # a free part's own frequencies know of no root
@@ -253,7 +244,7 @@ class ModelErrors:
 
     def _damping(self) -> dict[str, float] | None:
         """Return the change of the motion with a little damping, if a body has none."""
-        scene = damp_bodies(self._run.scene, _BARE_METAL)
+        scene = damp_bodies(self._run.scene, BARE_METAL)
         return None if scene is None else self._changes(self._run.variant(scene, spin=self._run.spin))
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from fmd.accuracy.deflection import TOO_LARGE, find_deflection_error
-from fmd.accuracy.error_estimates import SAFETY
+from fmd.accuracy.deflection import find_deflection_error
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.errors import SAFETY, TOO_LARGE
+from fmd.core.limits.pieces import FEWEST_PIECES, MOST_PIECES_TRIED
 from fmd.scene.scene import Scene
 from fmd.scene.variants import set_pieces
 from fmd.stages.pipeline import Pipeline
-
-_FEWEST, _MOST = 2, 128
 
 
 def choose_piece_counts(run: Pipeline) -> Pipeline:
@@ -25,7 +24,7 @@ def choose_piece_counts(run: Pipeline) -> Pipeline:
     AccuracyError
         There is no motion, however many pieces.
     """
-    counts = dict.fromkeys(find_open_pieces(run.scene), _FEWEST)
+    counts = dict.fromkeys(find_open_pieces(run.scene), FEWEST_PIECES)
     if not counts:
         return run
     accuracy = run.scene.accuracy
@@ -35,10 +34,14 @@ def choose_piece_counts(run: Pipeline) -> Pipeline:
         try:
             errors = {name: find_deflection_error(chosen, name) for name in counts}
         except AccuracyError:
-            if max(counts.values()) >= _MOST:
+            if max(counts.values()) >= MOST_PIECES_TRIED:
                 raise
             errors = dict.fromkeys(counts, 1.0)
-        more = {name: 2 * counts[name] for name, error in errors.items() if error > wanted and counts[name] < _MOST}
+        more = {
+            name: 2 * counts[name]
+            for name, error in errors.items()
+            if error > wanted and counts[name] < MOST_PIECES_TRIED
+        }
         if not more:
             return chosen
         try:

@@ -7,8 +7,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
-from fmd.accuracy.error_estimates import NUMERICAL, SAFETY, Row, percent
+from fmd.accuracy.error_estimates import NUMERICAL, Row, percent
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.errors import SAFETY
+from fmd.core.limits.refinement import (
+    BOLDEST,
+    GENTLEST,
+    LEAST_ERROR,
+    MESH_POWER,
+    MORE_MODES,
+    MOST_ELEMENTS,
+    MOST_ROUNDS,
+    SHARE,
+    STALLED_ERROR,
+    TIME_SHARE,
+)
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.runs import AutoRun
@@ -23,15 +36,6 @@ from fmd.scene.variants import (
 )
 from fmd.stages.pipeline import Pipeline
 
-_MOST_ROUNDS = 6
-_MOST_ELEMENTS = 20_000
-_SHARE = 0.5  # of the wanted accuracy that a source may take
-_STALLED = 0.75  # of what is stated is left after each of two rounds, or more: refining doesn't help
-_GENTLEST, _BOLDEST = 1.25, 1.7  # refinement of a mesh in one round, each way
-_MESH_POWER = 1 / 3  # between the orders of stress and of all else on quadratic elements
-_MORE_MODES = 1.6
-_TIME_SHARE = 0.05  # of the wanted accuracy, for time integration at the start: it costs the least
-_LEAST_ERROR = 1e-10
 _FAILED = "a round that failed"
 
 
@@ -142,8 +146,8 @@ def meet_accuracy(run: Pipeline) -> Refinement:
     stated: list[dict[str, float]] = []
     best, chosen = run, 0
     here = run
-    ended_by = f"{_MOST_ROUNDS} rounds"
-    for left in reversed(range(_MOST_ROUNDS)):
+    ended_by = f"{MOST_ROUNDS} rounds"
+    for left in reversed(range(MOST_ROUNDS)):
         here = here.variant(scene, here.store.monitor)
         try:
             budget = ERROR_BUDGET.of(here)
@@ -166,14 +170,14 @@ def meet_accuracy(run: Pipeline) -> Refinement:
         if worst.numerical <= wanted:
             return Refinement(here, tuple(rounds), len(rounds) - 1)
         scene = _refined(scene, this.shares, wanted)
-        if any(part.has_mesh and len(part.mesh.cells) > _MOST_ELEMENTS for part in here.parts.values()):
-            ended_by = f"{_MOST_ELEMENTS} elements"
+        if any(part.has_mesh and len(part.mesh.cells) > MOST_ELEMENTS for part in here.parts.values()):
+            ended_by = f"{MOST_ELEMENTS} elements"
             break
     return Refinement(best, tuple(rounds), chosen, ended_by)
 
 
 def _start(scene: Scene, wanted: float) -> Scene:
-    scene = replace_error(replace_runs(scene, AutoRun(integrator="auto")), max(_TIME_SHARE * wanted, _LEAST_ERROR))
+    scene = replace_error(replace_runs(scene, AutoRun(integrator="auto")), max(TIME_SHARE * wanted, LEAST_ERROR))
     scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
     return replace_order(coarsen_meshes(scene) or scene, 2)
 
@@ -194,7 +198,7 @@ def _is_stalled(stated: list[float], wanted: float, left: int) -> bool:
     if len(stated) < 3 or stated[-1] <= wanted:
         return False
     rate: float = (stated[-1] / stated[-3]) ** 0.5
-    return rate > _STALLED and stated[-1] * rate**left > wanted
+    return rate > STALLED_ERROR and stated[-1] * rate**left > wanted
 
 
 def _shares(rows: list[Row]) -> dict[str, float]:
@@ -207,21 +211,21 @@ def _shares(rows: list[Row]) -> dict[str, float]:
 
 def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
     """Return the next scene, refined in each source that takes more than its share."""
-    too_much = {source: share / (_SHARE * wanted) for source, share in shares.items()}
-    mesh = max(too_much["discretisation"], too_much["recovery"]) ** _MESH_POWER
+    too_much = {source: share / (SHARE * wanted) for source, share in shares.items()}
+    mesh = max(too_much["discretisation"], too_much["recovery"]) ** MESH_POWER
     if mesh > 1:
-        scene = refine_meshes(scene, min(max(mesh, _GENTLEST), _BOLDEST)) or scene
+        scene = refine_meshes(scene, min(max(mesh, GENTLEST), BOLDEST)) or scene
     if too_much["truncation"] > 1:
         scene = change_modes(
             scene,
             lambda body: (
                 {"enrich": "ritz"}
                 if body.modes.enrich == "inertia"
-                else {"count": int(_MORE_MODES * body.modes.count) + 1}
+                else {"count": int(MORE_MODES * body.modes.count) + 1}
             ),
         )
     if too_much["time"] > 1:
-        scene = replace_error(scene, max(scene.simulation.error / (2 * too_much["time"]), _LEAST_ERROR))
+        scene = replace_error(scene, max(scene.simulation.error / (2 * too_much["time"]), LEAST_ERROR))
     return scene
 
 

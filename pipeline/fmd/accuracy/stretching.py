@@ -12,6 +12,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
+from fmd.core.limits.errors import HARDLY_TURNED, OF_BENDING
 from fmd.stages.divided_scene import part_of
 
 if TYPE_CHECKING:
@@ -19,13 +20,6 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 _SOURCES, _PACKAGES = ("fmd/fem", "fmd/reduction"), ("numpy", "scipy")
-# Bending alone has up to 0.81 θ² with the largest rotation θ: 0.46 of a cantilever under a force at its end, 0.8 of one
-# that bends evenly. That is an error by large rotation, which has a row of its own.
-OF_BENDING = 0.85
-# Rotation of a body that isn't held all around, below which even a plate of 1/300 of its length hardly stretches.
-_HARDLY_TURNED = 0.003
-# Of harmonic motion, whose mean stiffness is ¾ of the stiffening at its largest deflection.
-OF_VIBRATION = 0.75
 TEXT = (
     "a body that can't shorten as it deflects, between supports or as a plate that twists, stretches, and is stiffer "
     "than linear bending has it; smaller deflections are right, and so is a bar whose far end a fixed joint on the "
@@ -38,7 +32,7 @@ def stretching_bodies(run: Pipeline) -> list[str]:
     return [
         name
         for name, deformation in run.deformations.items()
-        if run.parts[name].has_mesh and (run.parts[name].shape.support or deformation.rotation > _HARDLY_TURNED)
+        if run.parts[name].has_mesh and (run.parts[name].shape.support or deformation.rotation > HARDLY_TURNED)
     ]
 
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.patience import JUDGED_AFTER
 
 FAULTS = (AccuracyError, InputError, np.linalg.LinAlgError)
 """Errors of a variant of a run that leave an estimate out; the run itself has its results."""
 clock = time.perf_counter  # a benchmark on a machine that others use may count processor seconds instead
 TIME_IS_SHORT = "it would take about"
 """Words of an estimate that the time limit left out."""
-_JUDGED_AFTER = 0.5  # seconds of a march from which on its progress forecasts the rest
 
 
 def _read_clock() -> float:
@@ -68,7 +68,7 @@ class TimeLimit:
             if not first or done < first[0][1]:  # another march of the same method
                 first[:] = [(now, done)]
             taken, part = now - first[0][0], done - first[0][1]
-            if taken > _JUDGED_AFTER and part > 0 and done < 1:
+            if taken > JUDGED_AFTER and part > 0 and done < 1:
                 self.require(taken * (1 - done) / part)
 
         return advance

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from fmd.accuracy.error_budget import Budget
 from fmd.accuracy.error_estimates import Row
+from fmd.core.limits.errors import TOO_UNCERTAIN
+from fmd.core.limits.shown import NAMED_RESULTS
 from fmd.scene.scene import Scene
 from fmd.scene.variants import replace_order
 
-TOO_UNCERTAIN = 0.2
-"""Stated relative error beyond which a run warns of a result."""
-_SHOWN = 3  # results of a source that are named
 _OWN_WARNING = ("large deflection", "stretching", "stiffening left off")  # causes that every run warns of
 
 
@@ -28,9 +27,11 @@ def uncertain_warnings(scene: Scene, budget: Budget) -> list[dict[str, str]]:
 
 
 def _name(rows: list[Row]) -> str:
-    first, *others = (f"'{row.name}' {{}}by up to {100 * row.numerical:.0f} %" for row in rows[:_SHOWN])
+    first, *others = (f"'{row.name}' {{}}by up to {100 * row.numerical:.0f} %" for row in rows[:NAMED_RESULTS])
     named = ", ".join([first.format("may be off "), *(text.format("") for text in others)])
-    more = f" and {len(rows) - _SHOWN} more by over {100 * TOO_UNCERTAIN:g} %" if len(rows) > _SHOWN else ""
+    more = (
+        f" and {len(rows) - NAMED_RESULTS} more by over {100 * TOO_UNCERTAIN:g} %" if len(rows) > NAMED_RESULTS else ""
+    )
     return named + more
 
 

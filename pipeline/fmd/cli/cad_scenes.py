@@ -10,15 +10,10 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
+from fmd.core.limits.scene import LONGEST_NAME, MOST_HELD, MOST_MARKERS, SPEED, STEEL, WEIGHTS
 from fmd.stages.meshing.cad_files import FaceOutline, PartOutline, choose_element_size, describe_cad_file
 
 _NUMBERED = re.compile(r"face-\d+")
-_MOST_MARKERS = 40
-_LONGEST = 40
-_WEIGHTS = 20.0  # force of the push over the part's weight as steel
-_STEEL = 7850.0  # [kg/m³]
-_MOST_HELD = 0.2  # of the part's surface
-_SPEED = 60.0  # length of the part over the duration of the push [m/s]
 
 
 def write_cad_scene(cad: Path, target: Path) -> str:
@@ -41,8 +36,8 @@ def write_cad_scene(cad: Path, target: Path) -> str:
     root, tip = _choose_ends(part, markers)
     extents = [high - low for low, high in zip(part.low, part.high, strict=True)]
     length = max(extents)
-    weight = part.volume * _STEEL * 9.81
-    pulse = _round(length / _SPEED)
+    weight = part.volume * STEEL * 9.81
+    pulse = _round(length / SPEED)
     name = _make_name(cad.stem) or "part"
     thin = min(range(3), key=lambda a: extents[a])
     unitless = " (BREP has no unit: metres)" if cad.suffix.lower() == ".brep" else ""
@@ -59,7 +54,7 @@ def write_cad_scene(cad: Path, target: Path) -> str:
         "root": root,
         "tip": tip,
         "direction": str([int(a == thin) for a in range(3)]),
-        "force": f"{_round(_WEIGHTS * weight):g}",
+        "force": f"{_round(WEIGHTS * weight):g}",
         "pulse": f"{pulse:g}",
         "duration": f"{1e3 * 20 * pulse:g} ms",
         "step": f"{1e3 * pulse / 20:g} ms",
@@ -72,13 +67,13 @@ def _name_markers(part: PartOutline) -> dict[str, FaceOutline]:
     """Return the faces that get a marker, by its name: those with names, or the largest if fewer than two have one."""
     named = [face for face in part.faces if not _NUMBERED.fullmatch(face.name)]
     if len(named) < 2:
-        named = sorted(part.faces, key=lambda face: -face.area)[:_MOST_MARKERS]
+        named = sorted(part.faces, key=lambda face: -face.area)[:MOST_MARKERS]
     markers: dict[str, FaceOutline] = {}
-    for face in named[:_MOST_MARKERS]:
+    for face in named[:MOST_MARKERS]:
         name = base = _make_name(face.name) or "face"
         number = 2
         while name in markers:
-            name, number = f"{base[: _LONGEST - 4]}-{number}", number + 1
+            name, number = f"{base[: LONGEST_NAME - 4]}-{number}", number + 1
         markers[name] = face
     return markers
 
@@ -89,7 +84,7 @@ def _choose_ends(part: PartOutline, markers: dict[str, FaceOutline]) -> tuple[st
     That is its first hole, else the face with the farthest other one; a face that is most of the part would leave
     little of it to vibrate.
     """
-    most = _MOST_HELD * sum(face.area for face in part.faces)
+    most = MOST_HELD * sum(face.area for face in part.faces)
     small = sorted((name for name, face in markers.items() if face.area <= most), reverse=True)  # xmin, then xmax
     small = small or list(markers)
 
@@ -113,8 +108,8 @@ def _write_markers(part: PartOutline, markers: dict[str, FaceOutline], root: str
         lines.append(f"{name} = {{ face = {json.dumps(face.name, ensure_ascii=False)}{rigid} }} # {_describe(face)}")
     taken = {face.name for face in markers.values()}
     rest = [face for face in part.faces if face.name not in taken]
-    lines += [f"# {face.name}: {_describe(face)}" for face in rest[:_MOST_MARKERS]]
-    more = len(rest) - _MOST_MARKERS
+    lines += [f"# {face.name}: {_describe(face)}" for face in rest[:MOST_MARKERS]]
+    more = len(rest) - MOST_MARKERS
     return lines + ([f"# and {more} more, which fmd mesh lists"] if more > 0 else [])
 
 
@@ -132,7 +127,7 @@ def _write_millimetres(length: float) -> str:
 def _make_name(text: str) -> str:
     """Return a text as a name of a scene: a letter, then letters, digits, ``_`` and ``-``; empty if nothing is left."""
     name = re.sub(r"[^A-Za-z0-9_]+", "-", text).strip("-_")
-    name = re.sub(r"^[^A-Za-z]+", "", name)[:_LONGEST]
+    name = re.sub(r"^[^A-Za-z]+", "", name)[:LONGEST_NAME]
     return "" if name == "ground" else name
 
 

@@ -11,13 +11,11 @@ from fmd.cli.inputs import read_rate, solve_scene
 from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import new_table, open_console, print_files
 from fmd.core.errors import InputError
+from fmd.core.limits.shown import CAMPBELL_CROSSINGS, CAMPBELL_LINES, CAMPBELL_MODES
 
 if TYPE_CHECKING:
     from fmd.output.campbell import CampbellDiagram
 
-_MOST_MODES = 8  # in the terminal's table; the file has all
-_LINES = 10
-_MOST_CROSSINGS = 30
 _MARKS = {"forward": " ↻", "backward": " ↺", "none": ""}
 
 
@@ -83,10 +81,10 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
     """Print the frequencies of the first modes at about ten of the rates, with an arrow for their whirl."""
     from fmd.output.campbell import whirl_word
 
-    n_modes = min(diagram.frequencies_hz.shape[1], _MOST_MODES)
+    n_modes = min(diagram.frequencies_hz.shape[1], CAMPBELL_MODES)
     columns = [f"mode {k + 1}" for k in range(n_modes)]
     table = new_table(f"{diagram.title} [Hz]", diagram.unit, *columns)
-    for k in range(0, len(diagram.rates), max(1, len(diagram.rates) // _LINES)):
+    for k in range(0, len(diagram.rates), max(1, len(diagram.rates) // CAMPBELL_LINES)):
         cells = [
             f"{value:.3f}{_MARKS[whirl_word(whirl)]}"
             for value, whirl in zip(diagram.frequencies_hz[k, :n_modes], diagram.whirl[k], strict=False)
@@ -106,10 +104,10 @@ def _print_crossings(diagram: CampbellDiagram) -> None:
     """Print where multiples of the rate meet frequencies."""
     title = "Crossings with multiples of the rate"
     table = new_table(title, "order", diagram.unit, "Hz", "mode", "whirl", "damping ratio")
-    for row, at in list(zip(diagram.crossing_rows(), diagram.crossings, strict=True))[:_MOST_CROSSINGS]:
+    for row, at in list(zip(diagram.crossing_rows(), diagram.crossings, strict=True))[:CAMPBELL_CROSSINGS]:
         figures = (f"{diagram.told(at.rate):.2f}", f"{at.frequency_hz:.3f}", str(at.mode))
         table.add_row(f"{at.order:g}", *figures, row["whirl"], f"{at.damping:.3g}")
     console = open_console()
     console.print(table)
-    if len(diagram.crossings) > _MOST_CROSSINGS:
-        console.print(f"and {len(diagram.crossings) - _MOST_CROSSINGS} more at higher rates")
+    if len(diagram.crossings) > CAMPBELL_CROSSINGS:
+        console.print(f"and {len(diagram.crossings) - CAMPBELL_CROSSINGS} more at higher rates")

@@ -11,12 +11,11 @@ from fmd.cli.inputs import solve_scene
 from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import new_table, open_console, print_files
 from fmd.core.errors import InputError
+from fmd.core.limits.shown import TABLE_POLES
 from fmd.core.units import to_si
 
 if TYPE_CHECKING:
     from fmd.output.responses import FrequencyResponse
-
-_MOST_POLES = 20  # in the terminal's table; the files have all
 
 
 def frf(
@@ -109,11 +108,11 @@ def _print(found: FrequencyResponse) -> None:
     console, summary = open_console(), found.summary()
     table = new_table(f"Poles about {summary['about']}", "pole", "Hz", "damping ratio")
     pairs = list(zip(summary["poles_hz"], summary["damping"], strict=True))
-    for k, (frequency, damping) in enumerate(pairs[:_MOST_POLES]):
+    for k, (frequency, damping) in enumerate(pairs[:TABLE_POLES]):
         table.add_row(str(k + 1), f"{frequency:.4f}", f"{damping:.4g}")
     console.print(table)
-    if len(pairs) > _MOST_POLES:
-        console.print(f"and {len(pairs) - _MOST_POLES} more, up to {pairs[-1][0]:.4g} Hz")
+    if len(pairs) > TABLE_POLES:
+        console.print(f"and {len(pairs) - TABLE_POLES} more, up to {pairs[-1][0]:.4g} Hz")
     for pair, zeros in summary["zeros_hz"].items():
         console.print(f"zeros of {pair}: {', '.join(f'{zero:.4f}' for zero in zeros) or 'none'} Hz", soft_wrap=True)
     for row in summary.get("random", ()):

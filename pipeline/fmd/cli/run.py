@@ -14,15 +14,14 @@ from fmd.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_j
 from fmd.cli.tables import frequency_tables, new_table, open_console
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.html import scaled
+from fmd.core.limits.shown import LINE_POLES
+from fmd.core.limits.stability import COUPLED, GROWING
 from fmd.output.explain import Forecast, forecast_run
 from fmd.output.key_figures import largest_deflection, largest_stress
 from fmd.output.stated_errors import ERROR_COLUMNS, error_cells
 from fmd.output.summary import UNMET, UNMOVED
 from fmd.output.write import write_results
 
-_COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
-_MOST_POLES = 5  # in a line
-_GROWING = 0.01  # growth over the scene by the method itself that is worth a note
 _FATES = {"run": "run", "cached": "be read", "skipped": "be skipped", "open": "run or not"}
 
 
@@ -204,7 +203,7 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         f"note: {row['integrator']} {row['substeps']}:1 by itself makes small vibrations grow by "
         f"{100 * (row['growth'] - 1):.2g} % over the scene"
         for row in summary["integrations"]
-        if row["growth"] > 1 + _GROWING
+        if row["growth"] > 1 + GROWING
     ]
     lines += [
         f"model: {each['text']}"
@@ -224,7 +223,7 @@ def _notes(summary: dict[str, Any]) -> list[str]:
             line += f"; largest tip deflection {largest_deflection(summary)}"
         lines.append(line)
     for response in summary.get("responses", ()):
-        poles = ", ".join(f"{pole:.4g}" for pole in response["poles_hz"][:_MOST_POLES])
+        poles = ", ".join(f"{pole:.4g}" for pole in response["poles_hz"][:LINE_POLES])
         lines.append(f"{response['files'][0]}: linear about {response['about']}, poles at {poles} … Hz")
         lines += [f"RMS of {row['output']}: {row['rms']:.4g} {row['unit']}" for row in response.get("random", ())]
     for file, life in summary.get("fatigue", {}).items():
@@ -245,7 +244,7 @@ def _notes(summary: dict[str, Any]) -> list[str]:
 def _notes_on_body(name: str, body: dict[str, Any], sub_cycled: bool) -> list[str]:
     """Collect the notes on a body: repairs of its mesh, inertial coupling with its joint, stiffening."""
     lines = [f"mesh of {name}: {note}" for note in body["mesh_notes"]]
-    if sub_cycled and body["coupling"] > _COUPLED and not body["prescribed"]:
+    if sub_cycled and body["coupling"] > COUPLED and not body["prescribed"]:
         lines.append(
             f"note: rotation and modes of {name} couple through the mass matrix ({body['coupling']:.2f}), so "
             'sub-cycling is weakly unstable at every step; simulation.frame = "joint-conforming" removes that, and '

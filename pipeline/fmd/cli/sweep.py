@@ -14,6 +14,7 @@ from fmd.cli.options import Json, SceneName, Set, print_json
 from fmd.cli.tables import new_table, open_console, print_files
 from fmd.core.errors import InputError
 from fmd.core.html import scaled
+from fmd.core.limits.shown import SWEPT_JOINTS
 from fmd.core.progress import bars
 from fmd.sweep.cluster import compute_on_cluster
 from fmd.sweep.local import compute_locally
@@ -35,7 +36,6 @@ _FIGURES = {
     "run.0.seconds": ("time of integration", "s"),
 }
 _JOINT = "run.0.final.joint_positions."
-_MOST_JOINTS = 2
 
 
 def sweep(
@@ -92,7 +92,7 @@ def sweep(
 
 
 def _print_points(result: Sweep, rows: Sequence[dict[str, Any]]) -> None:
-    joints = [name for name in rows[0] if name.startswith(_JOINT)][:_MOST_JOINTS]
+    joints = [name for name in rows[0] if name.startswith(_JOINT)][:SWEPT_JOINTS]
     figures = _FIGURES | {name: (name.removeprefix(_JOINT), "") for name in joints}
     figures = {name: words for name, words in figures.items() if any(row.get(name) is not None for row in rows)}
     keys = [variation.key.rpartition(".")[2] for variation in result.variations]

@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-_UNCUT = 10_000  # characters
+from fmd.core.limits.shown import UNCUT
 
 
 def new_table(title: str, *columns: str, wide: int = 0) -> Table:
@@ -41,7 +41,7 @@ def open_console() -> Console:
     """Open standard output for text and tables; a file or a pipe gets lines as long as they are, none cut."""
     console = Console(markup=False, emoji=False)  # [body.arm] is a name
     if not console.is_terminal and "COLUMNS" not in os.environ:
-        console.width = _UNCUT
+        console.width = UNCUT
     return console
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-_MOST_SHOWN = 20  # faults in a message
+from fmd.core.limits.shown import MOST_FAULTS
 
 
 class InputError(Exception):
@@ -40,7 +40,7 @@ class InputError(Exception):
         self.file, self.key, self.value, self.mend, self.line, self.others = file, key, value, mend, line, tuple(others)
         place = ": ".join(part for part in (f"{file}:{line}" if line else file, key) if part)
         given = "" if value is None else f" = {value!r}"
-        lines = [f"{place}{given}: {mend}", *map(str, others[: _MOST_SHOWN - 1])]
+        lines = [f"{place}{given}: {mend}", *map(str, others[: MOST_FAULTS - 1])]
         left_out = len(others) + 1 - len(lines)
         super().__init__("\n".join([*lines, f"and {left_out} more"] if left_out > 0 else lines))
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
 
-_ABANDONED = 3600.0  # seconds; no file takes as long to be written
+from fmd.core.limits.patience import ABANDONED_SECONDS
 
 
 def remove_abandoned(folder: Path, pattern: str) -> None:
@@ -17,7 +17,7 @@ def remove_abandoned(folder: Path, pattern: str) -> None:
     with suppress(OSError):
         for part in folder.glob(pattern):
             with suppress(OSError):
-                if time.time() - part.stat().st_mtime > _ABANDONED:
+                if time.time() - part.stat().st_mtime > ABANDONED_SECONDS:
                     part.unlink()
 
 

@@ -8,11 +8,12 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from fmd.core.limits.scene import LONGEST_FORMULA, MOST_DEPTH
+
 # Codes of the postfix program. A constant takes the next of the constants.
 CONSTANT, TIME, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, NEGATE = range(8)
 SIN, COS, TAN, EXP, LOG, SQRT, TANH, ABS, MINIMUM, MAXIMUM = range(8, 18)
 BEFORE, UNTIL = 18, 19  # chooses by t < c or t <= c: pops c, the value until then, the value after
-MOST_DEPTH = 16
 
 _FUNCTIONS: dict[str, tuple[int, int, Callable[..., float]]] = {
     "sin": (SIN, 1, math.sin),
@@ -36,7 +37,6 @@ _OPERATORS: dict[type[ast.operator], tuple[int, Callable[[float, float], float]]
 _CONSTANTS = {"pi": math.pi}
 _ALLOWED = f"t, pi, numbers, + - * / **, {', '.join(_FUNCTIONS)} and 'a if t < c else b'"
 _CONDITION = "a condition compares t with a constant, e.g. t < 0.5; for two of them write one 'if' into the other"
-_MOST_CHARACTERS = 500
 # Refused before Python's parser sees them: quotes, brackets and comments, and a number that runs into a name, of which
 # 0x1f, 1_000 and 2j are some and of which others only make Python warn.
 _FOREIGN = re.compile(r"[^A-Za-z0-9_.+*/()<>=, \t\r\n-]")
@@ -98,8 +98,8 @@ def parse_formula(text: str, variable: str = "t") -> Formula:
     ValueError
         The text is no formula; the message says where, and what works.
     """
-    if len(text) > _MOST_CHARACTERS:
-        raise ValueError(f"is longer than {_MOST_CHARACTERS} characters; use a table")
+    if len(text) > LONGEST_FORMULA:
+        raise ValueError(f"is longer than {LONGEST_FORMULA} characters; use a table")
     if not text.strip():
         raise ValueError(f"is empty; a formula is made of {_ALLOWED}")
     if match := _FOREIGN.search(text):

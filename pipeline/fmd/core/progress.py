@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
+from fmd.core.limits.patience import SHOW_AFTER_SECONDS
+
 Advance = Callable[[float], None]
 """Takes the part of a task that is done, 0…1."""
-
-_SHOW_AFTER_SECONDS = 1.0
 
 
 class Monitor(Protocol):
@@ -38,7 +38,7 @@ def bars(name: str) -> Iterator[Advance]:
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(name, total=None, visible=False)
-        timer = threading.Timer(_SHOW_AFTER_SECONDS, lambda: progress.update(task, visible=True))
+        timer = threading.Timer(SHOW_AFTER_SECONDS, lambda: progress.update(task, visible=True))
         timer.daemon = True
         timer.start()
         try:

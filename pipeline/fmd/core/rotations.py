@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
-
-_SMALL = 0.05  # angle [rad] below which series replace differences that cancel
+from fmd.core.limits.mechanism import SMALL_ANGLE
 
 
 class BodyFrame(NamedTuple):
@@ -46,9 +45,9 @@ def rotation_matrix(angle: Array) -> Array:
 
 def _coefficients(square: Array) -> tuple[Array, Array]:
     """``(1 − cos θ)/θ²`` and ``(θ − sin θ)/θ³`` for the squares of angles."""
-    size = np.sqrt(np.maximum(square, _SMALL**2))
+    size = np.sqrt(np.maximum(square, SMALL_ANGLE**2))
     one, two = (1.0 - np.cos(size)) / size**2, (size - np.sin(size)) / size**3
-    small = square <= _SMALL**2
+    small = square <= SMALL_ANGLE**2
     one = np.where(small, 0.5 - square / 24 + square**2 / 720 - square**3 / 40320, one)
     return one, np.where(small, 1 / 6 - square / 120 + square**2 / 5040 - square**3 / 362880, two)
 

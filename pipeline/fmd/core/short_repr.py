@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-_MOST_LETTERS = 60
+from fmd.core.limits.shown import LONGEST_TEXT
 
 
 def short_repr(dataclass: Any) -> str:
@@ -22,10 +22,10 @@ def _shorten(value: Any) -> str:
         return f"<{value.dtype} {' × '.join(map(str, value.shape)) or 'scalar'}>"
     if isinstance(value, Mapping):
         names = ", ".join(map(str, value))
-        return f"<{len(value)}: {names}>" if len(names) < _MOST_LETTERS else f"<{len(value)} items>"
+        return f"<{len(value)}: {names}>" if len(names) < LONGEST_TEXT else f"<{len(value)} items>"
     if isinstance(value, bool | int | float | str) or value is None:
         text = repr(value)
-        return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}…"
+        return text if len(text) <= LONGEST_TEXT else f"{text[:LONGEST_TEXT]}…"
     if isinstance(value, tuple | list):
         return f"<{len(value)} items>"
     return f"<{type(value).__name__}>"

@@ -33,6 +33,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.files import whole_file
+from fmd.core.limits.scene import LONGEST_QUANTITY
 from fmd.core.paths import cache_folder
 
 if TYPE_CHECKING:
@@ -73,7 +74,6 @@ _UNIT = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
 _PRODUCT = rf"{_UNIT}(?:(?:\s*[*/·]\s*|\s+){_UNIT})*"
 _UNITS = re.compile(_PRODUCT)
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_PRODUCT})?\s*")
-_LONGEST = 60
 
 
 @cache
@@ -127,7 +127,7 @@ def to_si(value: object, kind: str) -> float:
     wanted = f"{_article(kind)} is wanted, e.g. '{example}'"
     if isinstance(value, int | float):
         raise ValueError(f"needs a unit, e.g. '{example}'")
-    if not isinstance(value, str) or len(value) > _LONGEST or not (match := _QUANTITY.fullmatch(value)):
+    if not isinstance(value, str) or len(value) > LONGEST_QUANTITY or not (match := _QUANTITY.fullmatch(value)):
         raise ValueError(f"isn't a number with a unit: {wanted}")
     number, unit = match.groups()
     if unit is None:
@@ -185,7 +185,7 @@ def parse_quantity(text: str) -> tuple[float, str]:
     ValueError
         The text is no number with a known unit.
     """
-    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
+    match = _QUANTITY.fullmatch(text) if len(text) <= LONGEST_QUANTITY else None
     factor, base = _base_units(match[2]) if match and match[2] else (Decimal(0), "")
     if match is None or not base:
         raise ValueError(f"{text!r} isn't a number with a unit")
@@ -253,7 +253,7 @@ def unit_ratio(unit: str, wanted: str) -> float:
         The wanted unit is unknown, or has another dimension.
     """
     factor, base = _base_units(unit)
-    known = len(wanted) <= _LONGEST and _UNITS.fullmatch(wanted)
+    known = len(wanted) <= LONGEST_QUANTITY and _UNITS.fullmatch(wanted)
     wanted_factor, wanted_base = _base_units(wanted) if known else (Decimal(0), "")
     if wanted_base != base:
         raise ValueError(f"isn't a unit that {unit} converts to; '{unit}' works")

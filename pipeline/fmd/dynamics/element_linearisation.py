@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.mechanism import NO_LENGTH
 from fmd.dynamics.elements import Element, SixAxisSpring
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.linear_forces import LinearForces
 from fmd.dynamics.mechanism import Mechanism
-
-_SMALL = 1e-12  # length [m] of a spring whose line has no direction
 
 
 def linearise_forces(mechanism: Mechanism) -> LinearForces:
@@ -56,7 +55,7 @@ def _element_matrices(motion: Kinematics, element: Element) -> tuple[Array, Arra
     along = J.T @ J
     K = max(float(law.curve.slopes(at)[0]), 0.0) * along
     tension, length = float(law.curve.values(at)[0]), float(at[0] + element.rest)
-    if tension > 0.0 and length > _SMALL:
+    if tension > 0.0 and length > NO_LENGTH:
         swing = (swings[:-1] - swings[-1]).T
         K = K + tension / length * (swing.T @ swing - along)
     return K, law.resting_damping * along, law.stop_stiffness * along, law.stop_damping * along

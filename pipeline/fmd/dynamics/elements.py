@@ -9,13 +9,9 @@ from typing import Self
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.closures import GROUND, Place
 from fmd.dynamics.force_laws import ForceLaw
-
-SHORTEST = 1e-9
-"""Length [m] below which a spring between points has no direction: its length is ``√(d² + SHORTEST²)``."""
-
-_ORTHONORMAL = 1e-12
 
 
 @dataclass(frozen=True)
@@ -31,7 +27,7 @@ class Attachment(Place):
     axes: Array = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
-        if not np.allclose(self.axes.T @ self.axes, np.eye(3), atol=_ORTHONORMAL):
+        if not np.allclose(self.axes.T @ self.axes, np.eye(3), atol=SUMMED):
             raise ValueError("the axes of a force element's place are not orthonormal")
 
 

@@ -10,21 +10,22 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.formula import Formula
+from fmd.core.limits.loads import (
+    FARTHEST,
+    GAUSS_POINTS,
+    INSET,
+    LITTLE_WORK,
+    MOST_LEVELS,
+    MOST_PIECES,
+    NARROWER,
+    NEAREST,
+    SMOOTH_REST,
+    SOMEWHAT_BEYOND,
+    TAYLOR_TERMS,
+    WIDER,
+)
 from fmd.dynamics.signals.bounds import Bools, PieceBounds
 from fmd.dynamics.signals.signal import formula as formula_signal
-
-_FARTHEST = 1e3  # metres or radians: up to there a formula's pieces are sought
-_NARROWER = 8.0  # times as short a range, where pieces are too many
-_NEAREST = 1e-2  # metres or radians: within it, a feature is weighed beside the work of the force up to there
-_LITTLE = 1e-8  # of force times way: work of what is of no account
-_SOMEWHAT_BEYOND = 1.25  # times as far: the flank of a peak is weighed beside its top
-_SMOOTH = 0.5  # of a piece's own size: largest rest of its Taylor polynomial
-_TERMS = 7  # of that, the last of which bounds the rest
-_INSET = 1e-3  # of a piece, from its ends
-_MOST_LEVELS, _MOST_PIECES = 44, 2048
-_WIDER = 16.0  # times as much: beside a kink, over thrice the way
-GAUSS_POINTS = 32
-"""Points of the quadrature by which a formula is integrated over a piece."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +52,14 @@ class LawPieces:
 @lru_cache(maxsize=64)
 def divide_formula(formula: Formula) -> LawPieces:
     """Divide the elongations until a formula is smooth on each piece, or does next to nothing there."""
-    farthest = _FARTHEST
+    farthest = FARTHEST
     while True:
         pieces = _FormulaPieces(formula, farthest)
         if pieces.resolved:
             break
-        farthest /= _NARROWER
+        farthest /= NARROWER
     edges = pieces.edges
-    if farthest == _FARTHEST:
+    if farthest == FARTHEST:
         return LawPieces(edges[1:-1])
     return LawPieces(edges, float(np.diff(edges).min()))
 
@@ -87,14 +88,14 @@ class _FormulaPieces:
 
     def _divide(self, begin: Array, end: Array, farthest: float) -> tuple[Array, bool]:
         kept, count = [end[-1:]], 0
-        for level in range(_MOST_LEVELS + 1):
+        for level in range(MOST_LEVELS + 1):
             smooth, little = self._weigh(begin, end)
-            done = smooth | little | (level == _MOST_LEVELS)
+            done = smooth | little | (level == MOST_LEVELS)
             kept.append(begin[done])
             count += len(done)
             if done.all():
                 break
-            if count > _MOST_PIECES and farthest > _NEAREST:
+            if count > MOST_PIECES and farthest > NEAREST:
                 return np.zeros(0), False
             first, last = begin[~done], end[~done]
             middle = 0.5 * (first + last)
@@ -108,20 +109,20 @@ class _FormulaPieces:
         both, rough = self._series(np.concatenate([begin, middle]), np.concatenate([end, middle]))
         bounds, at_middle, rough = [x[:, :n] for x in both], [x[:, n:] for x in both], rough[:n]
         sizes = [np.abs(x[0]) * half**k for k, x in enumerate(at_middle[:-1])]
-        rest = np.where(rough, math.inf, np.abs(bounds[-1]).max(axis=0) * half ** (_TERMS - 1))
+        rest = np.where(rough, math.inf, np.abs(bounds[-1]).max(axis=0) * half ** (TAYLOR_TERMS - 1))
         spread = np.minimum(np.nan_to_num(rest, nan=math.inf), bounds[0][1] - bounds[0][0])
         nothing = ~self._has_value(begin, middle, end)  # the march will tell
-        little = np.nan_to_num(spread, nan=math.inf) * (end - begin) <= _LITTLE * self._weight(begin, end, sizes[0])
-        return (np.isfinite(rest) & (rest <= _SMOOTH * np.sum(sizes, axis=0))) | nothing, little
+        little = np.nan_to_num(spread, nan=math.inf) * (end - begin) <= LITTLE_WORK * self._weight(begin, end, sizes[0])
+        return (np.isfinite(rest) & (rest <= SMOOTH_REST * np.sum(sizes, axis=0))) | nothing, little
 
     def _has_value(self, begin: Array, middle: Array, end: Array) -> Bools:
         """Return on which pieces the formula has a finite value in the middle or near an end."""
-        inset = _INSET * (end - begin)
+        inset = INSET * (end - begin)
         points = np.concatenate([begin + inset, middle, end - inset])
         (values, *_), _ = self._series(points, points, 1)
         return np.asarray(np.isfinite(values[0]).reshape(3, -1).any(axis=0))
 
-    def _series(self, begin: Array, end: Array, n_terms: int = _TERMS) -> tuple[list[Array], Bools]:
+    def _series(self, begin: Array, end: Array, n_terms: int = TAYLOR_TERMS) -> tuple[list[Array], Bools]:
         pieces = PieceBounds(begin, end, n_terms)
         return pieces.run_program(self._formula.codes, self._formula.constants), pieces.rough
 
@@ -129,7 +130,7 @@ class _FormulaPieces:
         """Return the largest force known from 0 to somewhat beyond the near end of each piece, times that way."""
         middle, weight = 0.5 * (begin + end), np.full(len(begin), math.inf)
         near = np.where(begin * end < 0.0, 0.0, np.minimum(np.abs(begin), np.abs(end)))
-        far = np.maximum(_SOMEWHAT_BEYOND * near, _NEAREST)
+        far = np.maximum(SOMEWHAT_BEYOND * near, NEAREST)
         for side, known in self._known.items():
             inside = np.copysign(1.0, middle) == side
             new = np.stack([np.abs(middle[inside]), np.nan_to_num(force[inside], posinf=0.0)])
@@ -158,7 +159,7 @@ class _FormulaPieces:
             return
         begin, end = self.edges[:-1], self.edges[1:]
         about, _ = self._series(begin - lengths, end + lengths, 1)
-        weight = _WIDER * _LITTLE * self._weight(begin, end, np.zeros(len(begin)))
+        weight = WIDER * LITTLE_WORK * self._weight(begin, end, np.zeros(len(begin)))
         little = (about[0][1] - about[0][0]) * lengths <= weight
         shorter = np.r_[False, (lengths[1:-1] < lengths[2:]) & (lengths[1:-1] < lengths[:-2]), False]
         self.edges = np.delete(self.edges, np.flatnonzero(little & shorter))

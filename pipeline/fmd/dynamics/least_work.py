@@ -16,13 +16,12 @@ from dataclasses import replace
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.limits.mechanism import SHARED_MOMENTS
+from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.open_loads import SelfStress, self_stresses
 from fmd.dynamics.transmitted_loads import BodyLoads, loaded_places
-
-_MOMENTS = 21  # of a motion, between which shares are interpolated
-_DEPENDENT = 1e-9  # of the largest: states that no body's energy tells apart
 
 
 def share_open_loads(mechanism: Mechanism, motion: Kinematics, loads: Sequence[BodyLoads]) -> list[BodyLoads]:
@@ -38,7 +37,7 @@ def share_open_loads(mechanism: Mechanism, motion: Kinematics, loads: Sequence[B
         Those of the rigid bodies, one for each.
     """
     count, rigid = len(motion.times), motion.mechanism
-    moments = np.unique(np.linspace(0, count - 1, _MOMENTS).astype(int))
+    moments = np.unique(np.linspace(0, count - 1, SHARED_MOMENTS).astype(int))
     wrenches = [np.zeros((len(moments), len(own.wrenches), 6)) for own in loads]
     joints = [np.zeros((len(moments), 6)) for _ in loads]
     for number, k in enumerate(moments):
@@ -71,7 +70,7 @@ def _least_work(mechanism: Mechanism, loads: Sequence[BodyLoads], states: Sequen
     by_states.append(np.diag([np.sqrt(state.compliance) for state in states]))
     known.append(np.zeros(len(states)))
     G = np.concatenate(by_states)
-    return np.asarray(-np.linalg.lstsq(G, np.concatenate(known), rcond=_DEPENDENT)[0])
+    return np.asarray(-np.linalg.lstsq(G, np.concatenate(known), rcond=SOLVED)[0])
 
 
 def _modal(mechanism: Mechanism, body: int, wrenches: Array) -> Array:

@@ -13,6 +13,8 @@ from typing import TypeVar
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.mechanism import LEAST_SHARE
+from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import turned
 from fmd.dynamics.closures import Closure, Place
 from fmd.dynamics.kinematics import Kinematics
@@ -23,8 +25,6 @@ from fmd.reduction.body import FlexibleBody, MarkerShapes
 
 AnyPlace = TypeVar("AnyPlace", bound=Place)
 
-_SHARE = 0.1
-_ROUND_OFF = 1e-9  # of the largest form
 ELEMENT = "element "
 """What is before a force element's name, which may be that of a joint too."""
 
@@ -143,11 +143,11 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
         if not forms.size:
             return forms
         peaks = np.abs(values).max(axis=0)
-        counts = (_sizes(forms, omega) * np.maximum(peaks, _SHARE * peaks.max()) > tolerance) | stays
+        counts = (_sizes(forms, omega) * np.maximum(peaks, LEAST_SHARE * peaks.max()) > tolerance) | stays
         return np.where(counts[:, None, None], forms, 0.0) if counts.any() else forms[:, :0, :0]
 
     def counting_bow(bow: Array, wrench: Array, unknown: Array) -> Array:
-        stays = unknown & (_sizes(bow, omega) > _ROUND_OFF * _sizes(bow, omega).max()) if bow.size else unknown
+        stays = unknown & (_sizes(bow, omega) > SOLVED * _sizes(bow, omega).max()) if bow.size else unknown
         parts = [counting(bow[k : k + 3], wrench[:, k : k + 3], stays[k : k + 3]) for k in (0, 3)]
         n = max(part.shape[1] for part in parts)
         return np.concatenate([part if part.size else np.zeros((3, n, n)) for part in parts])

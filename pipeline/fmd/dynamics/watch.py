@@ -14,12 +14,10 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.stepping import INTO_PIECE, LEAST_PART, MOST_PART
 from fmd.dynamics.jit.compiled import inner, kernel
 from fmd.dynamics.jit.native import call_native
 from fmd.dynamics.jit.table import Table
-
-_INTO = 0.5  # of a piece: how far a step may enter it
-_LEAST_PART, _MOST_PART = 0.05, 0.9  # of a step that went too far: what is tried next
 
 
 @dataclass(frozen=True)
@@ -130,7 +128,7 @@ def passed_part(w: Watch, t: float, h: float, q: Array, v: Array) -> float:
             if w.rest[k] >= 0.0:
                 low = min(low, _closest(w.ways[k], w.new_ways[k]) - w.rest[k])
             part = min(part, _part_within(w, k, low, high))
-    return part if part >= 1.0 else min(max(part, _LEAST_PART), _MOST_PART)
+    return part if part >= 1.0 else min(max(part, LEAST_PART), MOST_PART)
 
 
 @inner
@@ -164,7 +162,7 @@ def _part_within(w: Watch, k: int, low: float, high: float) -> float:
         if begin >= high or begin - x > reach:
             break
         length = w.edges[i + 1] - begin if first <= i < last - 1 else w.beyond[k]
-        reach = min(reach, max(begin - x, 0.0) + _INTO * length)
+        reach = min(reach, max(begin - x, 0.0) + INTO_PIECE * length)
     if high - x > reach:
         part = reach / (high - x)
     reach = math.inf
@@ -173,7 +171,7 @@ def _part_within(w: Watch, k: int, low: float, high: float) -> float:
         if end <= low or x - end > reach:
             break
         length = end - w.edges[i] if first <= i < last - 1 else w.beyond[k]
-        reach = min(reach, max(x - end, 0.0) + _INTO * length)
+        reach = min(reach, max(x - end, 0.0) + INTO_PIECE * length)
     if x - low > reach:
         part = min(part, reach / (x - low))
     return part

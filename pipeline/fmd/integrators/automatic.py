@@ -12,6 +12,31 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
+from fmd.core.limits.automatic import (
+    COMPARED_TIMES,
+    COUNTED_STEPS,
+    DOUBLED_OFTEN,
+    FEW_STEPS,
+    FEWEST_EVALUATIONS,
+    FINEST_TOLERANCE,
+    FIRST_IMPLICIT_STEPS,
+    FIRST_STEPS,
+    FIRST_TOLERANCE,
+    IMPLICIT_SHARE,
+    IMPLICIT_STEPS_IN_ACTION,
+    LEAP,
+    MANY_BREAKPOINTS,
+    MOST_DOUBLINGS,
+    MOST_EXPLICIT,
+    NEARLY,
+    ODD,
+    RESOLVED,
+    SHORTER_STEPS,
+    TRIAL,
+    WORTH_A_CORE,
+    WORTH_A_TRIAL,
+    WORTHWHILE,
+)
 from fmd.dynamics.system import System
 from fmd.integrators.adaptive import groups_of
 from fmd.integrators.central_difference import CentralDifference
@@ -19,7 +44,6 @@ from fmd.integrators.exponential import PiecewiseExponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.march_pairs import Gain, Pairs, compared_times
 from fmd.integrators.method_costs import (
-    LEAP,
     explicit_cost,
     explicit_pair_cost,
     exponential_cost,
@@ -33,31 +57,10 @@ from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import DAMPED, RungeKutta
 from fmd.integrators.side_by_side import March, march_at_once, march_in_turn
 
-_FIRST_STEPS = 128  # of the exponential method over the duration
-_ODD = 13  # by which numbers of steps are more than doubled
-_MOST_DOUBLINGS = 13
-_DOUBLED_OFTEN = 16.0  # by which its error falls with twice as many steps, where all is smooth
-_MANY = 256  # breakpoints, as of a table, at each of which the exponential method would have to start anew
-_FEW = 400  # stable steps of the Runge-Kutta method over the duration: not stiff
-_MOST_EXPLICIT = 1e8  # leapfrog steps over the duration: beyond, no explicit method comes to an end
-_FIRST_TOLERANCE = 0.3  # of an adaptive method, over the wanted error
 _FINER: dict[type, float] = {
     RungeKutta: 0.01,
     ExponentialRosenbrock: 0.1,
 }  # tolerance over the one before
-_FINEST = 3e-14  # tolerance; the same one twice would agree with itself
-_IMPLICIT_STEPS = 256  # of generalised-α over the duration, at first
-_STEPS_IN_ACTION = 8  # of generalised-α in the shortest load
-_TRIAL = 1 / 16  # of the duration
-_WORTH_A_TRIAL = 1000.0  # steps of the Rosenbrock method
-_FEWEST_EVALUATIONS = 3.0  # of generalised-α in a step
-_PIECE = 16  # steps of it, over which they are counted
-_SHARE = 1 / 6  # of the cost of two marches by central difference: what generalised-α may cost
-_WORTHWHILE = 0.8  # of a march by the Runge-Kutta method: what finer marches by central difference may cost
-_NEARLY = 1.25  # times as many steps: of the finer of two marches of second order
-_SHORTER = 1.5  # times as many steps, where stable ones of the reference state weren't
-_COMPARED = 100  # output times at which two marches are compared, at least
-_WORTH_A_CORE = 1.5e7  # operations of a march, beside which another thread's start is short
 _GAINS = {
     PiecewiseExponential.name: Gain(3.0, 0.0, math.inf),
     RungeKutta.name: Gain(5.0, 3.0, 30.0),
@@ -69,7 +72,6 @@ _GAINS = {
 
 A method of second order whose fastest vibrations are out of step has the same error with half the step.
 """
-_RESOLVED = 4.0  # radians of the highest frequency in a step of the Runge-Kutta method
 _UNRESOLVED = Gain(1.2, 0.7, 4.0)  # of longer ones, in which the fastest vibrations die away
 
 
@@ -152,9 +154,9 @@ class Automatic(Integrator):
         groups, n = groups_of(system), system.n_positions
         report = Pairs(self.error, groups[:n], groups[n:] - groups[:n].max(initial=-1) - 1)
         # Vibrations have short peaks.
-        some = times if self._stiff(system) else compared_times(times, _COMPARED)
+        some = times if self._stiff(system) else compared_times(times, COMPARED_TIMES)
         for marches in self._methods(system, q0, v0, some, times, report, progress):
-            march = march_at_once if marches.cost > _WORTH_A_CORE else march_in_turn
+            march = march_at_once if marches.cost > WORTH_A_CORE else march_in_turn
             found, seconds = march(marches.functions(system, q0, v0, some, times), progress)
             report.seconds += seconds
             agreed = False
@@ -196,24 +198,28 @@ class Automatic(Integrator):
         """Yield one or two methods, each finer than that before, with the operations of the last one."""
         stiff = self._stiff(system)
         # The exponential method has no quaternions, and steps that couplings of stiff systems bound.
-        if system.n_positions == system.n and len(system.breakpoints) <= _MANY and not (stiff and system.coupled):
+        if (
+            system.n_positions == system.n
+            and len(system.breakpoints) <= MANY_BREAKPOINTS
+            and not (stiff and system.coupled)
+        ):
             yield from self._exponential_methods(system, some.size, times.size, report)
         adaptive: type[RungeKutta | ExponentialRosenbrock] = RungeKutta
-        if self.duration > _MOST_EXPLICIT * system.largest_step:  # by dampers
+        if self.duration > MOST_EXPLICIT * system.largest_step:  # by dampers
             adaptive = ExponentialRosenbrock
         elif stiff:
             leapfrog_steps = max(
                 system.highest_frequency * self.duration / LEAP,
-                _STEPS_IN_ACTION * self.duration / system.shortest_action,
+                IMPLICIT_STEPS_IN_ACTION * self.duration / system.shortest_action,
             )
             leapfrog_steps = self.duration / system.resolving_step(self.duration / leapfrog_steps)[0]
             cost = 3 * leapfrog_steps * leapfrog_cost(system)  # of two marches, of so many steps and twice as many
-            yield from self._implicit_methods(system, q0, v0, _SHARE * cost, report)
-            if cost > _WORTH_A_TRIAL * rosenbrock_cost(system, 1.0):
-                end = min(_TRIAL * self.duration, float(times[-1]))
+            yield from self._implicit_methods(system, q0, v0, IMPLICIT_SHARE * cost, report)
+            if cost > WORTH_A_TRIAL * rosenbrock_cost(system, 1.0):
+                end = min(TRIAL * self.duration, float(times[-1]))
                 adaptive = self._choose_adaptive(system, q0, v0, cost, end, progress)
             if adaptive is RungeKutta:
-                allowed = _WORTHWHILE * stable_steps(system, self.duration) * explicit_cost(system)
+                allowed = WORTHWHILE * stable_steps(system, self.duration) * explicit_cost(system)
                 yield from self._leapfrog_methods(system, leapfrog_steps, allowed, report)
         report.start_anew()
         cost = explicit_pair_cost(system, self.duration) / 2 if adaptive is RungeKutta else np.inf
@@ -226,7 +232,7 @@ class Automatic(Integrator):
             yield _Marches((method,), cost, start)
 
     def _stiff(self, system: System) -> bool:
-        return stable_steps(system, self.duration) > _FEW
+        return stable_steps(system, self.duration) > FEW_STEPS
 
     def _adaptive_methods(
         self, method: type[RungeKutta | ExponentialRosenbrock]
@@ -236,13 +242,13 @@ class Automatic(Integrator):
         Else two marches by the longest stable steps would agree that both lose the fastest vibrations.
         """
         for k, tolerance in enumerate(self._tolerances(_FINER[method])):
-            yield RungeKutta(tolerance, DAMPED / _NEARLY**k) if method is RungeKutta else method(tolerance)
+            yield RungeKutta(tolerance, DAMPED / NEARLY**k) if method is RungeKutta else method(tolerance)
 
     def _tolerances(self, finer: float) -> list[float]:
         """Return tolerances from coarse to the finest one, which comes once: twice it would agree with itself."""
-        found = [max(self.error * _FIRST_TOLERANCE, _FINEST)]
-        while found[-1] > 2 * _FINEST:
-            found.append(max(finer * found[-1], _FINEST))
+        found = [max(self.error * FIRST_TOLERANCE, FINEST_TOLERANCE)]
+        while found[-1] > 2 * FINEST_TOLERANCE:
+            found.append(max(finer * found[-1], FINEST_TOLERANCE))
         return found
 
     def _exponential_methods(
@@ -253,20 +259,20 @@ class Automatic(Integrator):
 
         def march(k: int) -> PiecewiseExponential:
             # Odd numbers, lest two marches agree that see a vibration at the same points of its periods.
-            steps = _FIRST_STEPS * 2**k + (_ODD * (2 * k - 1) if k else 0)
+            steps = FIRST_STEPS * 2**k + (ODD * (2 * k - 1) if k else 0)
             # What happens between two breakpoints takes finer steps too, lest two marches agree that miss it alike.
             return PiecewiseExponential(self.duration / steps, 2 ** (k + 2))
 
-        first = exponential_cost(system, _FIRST_STEPS, n_compared)
-        cost, k = exponential_cost(system, 2 * _FIRST_STEPS, n_outputs), 1
+        first = exponential_cost(system, FIRST_STEPS, n_compared)
+        cost, k = exponential_cost(system, 2 * FIRST_STEPS, n_outputs), 1
         if not first + cost < allowed:
             return
         yield _Marches((march(0), march(1)), cost)
         while not report.failures:
             more = report.difference / self.error if np.isfinite(report.difference) else 1.0
-            k += max(1, math.ceil(math.log(more, _DOUBLED_OFTEN)))
-            cost = exponential_cost(system, _FIRST_STEPS * 2**k, n_outputs)
-            if k > _MOST_DOUBLINGS or not cost < allowed:
+            k += max(1, math.ceil(math.log(more, DOUBLED_OFTEN)))
+            cost = exponential_cost(system, FIRST_STEPS * 2**k, n_outputs)
+            if k > MOST_DOUBLINGS or not cost < allowed:
                 return
             yield _Marches((march(k),), cost)
 
@@ -278,20 +284,22 @@ class Automatic(Integrator):
         A piece of the motion tells how many evaluations a step takes, two marches how many steps the error asks for.
         """
         report.start_anew()
-        steps = float(max(_IMPLICIT_STEPS, np.ceil(_STEPS_IN_ACTION * self.duration / system.shortest_action)))
+        steps = float(
+            max(FIRST_IMPLICIT_STEPS, np.ceil(IMPLICIT_STEPS_IN_ACTION * self.duration / system.shortest_action))
+        )
         cost = implicit_cost(system)
-        if 3 * steps * _FEWEST_EVALUATIONS * cost <= allowed:
+        if 3 * steps * FEWEST_EVALUATIONS * cost <= allowed:
             steps = self.duration / system.resolving_step(self.duration / steps)[0]
-        if 3 * steps * _FEWEST_EVALUATIONS * cost > allowed:
+        if 3 * steps * FEWEST_EVALUATIONS * cost > allowed:
             return
         try:
-            piece = np.array([_PIECE * self.duration / steps])
-            per_step = GeneralizedAlpha(self.duration / steps).march(system, q0, v0, piece).evaluations / _PIECE
+            piece = np.array([COUNTED_STEPS * self.duration / steps])
+            per_step = GeneralizedAlpha(self.duration / steps).march(system, q0, v0, piece).evaluations / COUNTED_STEPS
         except AccuracyError:  # a step has no solution
             per_step = float(system.n)
         if 3 * steps * per_step * cost > allowed:
             return
-        steps *= _NEARLY
+        steps *= NEARLY
         while steps * per_step * cost <= allowed:
             yield self._nearly_alike(GeneralizedAlpha, steps, steps * per_step * cost)
             if report.before is not None:
@@ -305,25 +313,25 @@ class Automatic(Integrator):
         step, the difference hardly falls, and other methods take over.
         """
         report.start_anew()
-        steps *= _NEARLY
+        steps *= NEARLY
         while steps * leapfrog_cost(system) <= allowed:
             yield self._nearly_alike(CentralDifference, steps, steps * leapfrog_cost(system))
             if report.failures > 2 or report.stays:
                 return
-            steps *= report.more_steps() if np.isfinite(report.difference) else _SHORTER
+            steps *= report.more_steps() if np.isfinite(report.difference) else SHORTER_STEPS
 
     def _nearly_alike(self, method: type[CentralDifference | GeneralizedAlpha], steps: float, cost: float) -> _Marches:
         """Return marches by a method of second order, the last one with so many steps.
 
         Far fewer steps in the first don't resolve all vibrations, and tell less than the order promises.
         """
-        return _Marches((method(_NEARLY * self.duration / steps), method(self.duration / steps)), cost)
+        return _Marches((method(NEARLY * self.duration / steps), method(self.duration / steps)), cost)
 
     def _choose_adaptive(
         self, system: System, q0: Array, v0: Array, explicit: float, end: float, progress: Progress | None
     ) -> type[RungeKutta | ExponentialRosenbrock]:
         """Choose between explicit methods by their cost and the Rosenbrock method by the steps it takes to ``end``."""
-        method = ExponentialRosenbrock(self.error * _FIRST_TOLERANCE)
+        method = ExponentialRosenbrock(self.error * FIRST_TOLERANCE)
         try:
             # Its progress is that of a march to the end, which may be ended where that would take too long.
             watch = None if progress is None else lambda done: progress(end / self.duration * done)
@@ -336,7 +344,7 @@ class Automatic(Integrator):
 
 
 def _gain(coarse: Trajectory, system: System) -> Gain:
-    if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > _RESOLVED:
+    if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > RESOLVED:
         return _UNRESOLVED
     return _GAINS[coarse.integrator]
 

@@ -9,12 +9,9 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits.automatic import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS
 from fmd.dynamics.jit.compiled import kernel
 from fmd.integrators.protocol import Trajectory
-
-_OF_RATES = 0.5  # of their error counts: they hold more of the fastest vibrations, which matter less
-_STAYS = 0.7  # of the difference of coarser marches
-_MARGIN, _FEWEST, _MOST = 1.2, 1.5, 8.0  # on the steps that a difference asks for; times as many steps as before
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,7 @@ class Pairs:
         """Return how many times as many steps a method of second order should take next; 2 if nothing is known."""
         if not np.isfinite(self.difference):
             return 2.0
-        return float(np.clip(_MARGIN * np.sqrt(self.difference / self.error), _FEWEST, _MOST))
+        return float(np.clip(MARGIN * np.sqrt(self.difference / self.error), FEWEST_TIMES, MOST_TIMES))
 
     def agrees(self, trajectory: Trajectory, gain: Gain) -> bool:
         """Count a march, and return true if it differs from the one before by less than the error allows.
@@ -104,7 +101,7 @@ class Pairs:
         if before is None:
             return False
         apart_before, self.apart = self.apart, self._apart(before, trajectory)
-        self.stays = self.apart > _STAYS * apart_before
+        self.stays = self.apart > STAYS * apart_before
         self.difference = self.apart / max(gain.of(before, trajectory), gain.out_of_step if self.stays else 0.0)
         return self.difference < self.error
 
@@ -114,7 +111,7 @@ class Pairs:
         of_positions, moved = _largest_difference(before.q, after.q, at, self.groups, np.zeros(0))
         # Where nothing moves, rates are round-off: what the positions are in the whole time counts at least.
         of_rates, _ = _largest_difference(before.v, after.v, at, self.rate_groups, moved / end)
-        return max(of_positions, _OF_RATES * of_rates)
+        return max(of_positions, OF_RATES * of_rates)
 
 
 def motion_difference(q: Array, v: Array, exact: Trajectory, groups: IntArray, rate_groups: IntArray) -> float:

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from fmd.core.limits.automatic import (
+    ACCURATE_EVALUATIONS,
+    ACCURATE_STABLE_STEP,
+    COST_OF_COORDINATE,
+    COST_OF_PIECE,
+    COST_OF_SAMPLE,
+    OVERHEAD,
+)
 from fmd.dynamics.system import System
 from fmd.integrators.runge_kutta import DAMPED
-
-LEAP = 1.8  # radians of the highest frequency in a step of central difference, of the 2 that are stable
-_COST = 60.0  # operations of an evaluation for each coordinate, of a system that doesn't tell
-_OVERHEAD = 3000.0  # operations of an iteration of generalised-α beside its evaluation
-_A_PIECE = 1e6  # operations of a march of the exponential method between two breakpoints, before its first step
-_A_SAMPLE = 350.0  # operations of an output of that method, for each coordinate
-_ACCURATE, _ACCURATE_STABLE = 1000.0, 60.0  # evaluations of two marches by the Runge-Kutta method: and a stable step's
 
 
 def evaluation_cost(system: System) -> float:
     """Operations of an evaluation of the accelerations."""
-    return float(getattr(system, "evaluation_cost", _COST * system.n))
+    return float(getattr(system, "evaluation_cost", COST_OF_COORDINATE * system.n))
 
 
 def explicit_cost(system: System) -> float:
@@ -39,13 +40,13 @@ def rosenbrock_cost(system: System, step: float) -> float:
 
 def implicit_cost(system: System) -> float:
     """Cost of an evaluation of generalised-α, with a solution by a kept factor or its share of a new one."""
-    return evaluation_cost(system) + 4 * system.n**2 + _OVERHEAD
+    return evaluation_cost(system) + 4 * system.n**2 + OVERHEAD
 
 
 def exponential_cost(system: System, steps: int, n_outputs: int) -> float:
     """Cost of a march of the exponential method by so many steps; each breakpoint begins a march of its own."""
     of_steps = 4 * steps * (evaluation_cost(system) + 20 * system.n)
-    return of_steps + _A_SAMPLE * n_outputs * system.n + _A_PIECE * len(system.breakpoints)
+    return of_steps + COST_OF_SAMPLE * n_outputs * system.n + COST_OF_PIECE * len(system.breakpoints)
 
 
 def stable_steps(system: System, duration: float) -> float:
@@ -55,4 +56,4 @@ def stable_steps(system: System, duration: float) -> float:
 
 def explicit_pair_cost(system: System, duration: float) -> float:
     """Cost of two marches of the Runge–Kutta method over a duration [s], of which the second mostly does."""
-    return (_ACCURATE + _ACCURATE_STABLE * stable_steps(system, duration)) * explicit_cost(system) / 12
+    return (ACCURATE_EVALUATIONS + ACCURATE_STABLE_STEP * stable_steps(system, duration)) * explicit_cost(system) / 12

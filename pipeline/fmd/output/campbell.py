@@ -12,16 +12,14 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.files import whole_file
+from fmd.core.limits.rotors import NO_DAMPING, NO_WHIRL
+from fmd.core.limits.shown import DRAWN_MODES
 from fmd.responses.whirl import WhirlingModes
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rotor import Vibrations, find_vibrations, runs_in_bearings
 
 RPM = 2 * np.pi / 60
 """One revolution per minute [rad/s]."""
-
-_MOST_DRAWN = 10  # modes in the chart, the lowest; the table has all
-_UNDAMPED = 1e-10  # damping ratio of round-off
-_NONE = 0.1  # circulation below which a motion is to and fro
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ class CampbellDiagram:
 
 def whirl_word(whirl: float) -> str:
     """Return ``forward``, ``backward`` or ``none`` for a circulation."""
-    return "none" if abs(whirl) < _NONE else "forward" if whirl > 0 else "backward"
+    return "none" if abs(whirl) < NO_WHIRL else "forward" if whirl > 0 else "backward"
 
 
 def compute_campbell(run: Pipeline, rates: Array, orders: Sequence[float], in_rpm: bool = False) -> CampbellDiagram:
@@ -130,7 +128,7 @@ def compute_campbell(run: Pipeline, rates: Array, orders: Sequence[float], in_rp
     for k, at in enumerate(found):
         for table, values in zip(tables, at, strict=True):
             table[k, : len(values)] = values
-    damping[np.abs(damping) < _UNDAMPED] = 0.0
+    damping[np.abs(damping) < NO_DAMPING] = 0.0
     still = rates == 0.0
     whirl[still] = np.where(np.isfinite(frequencies[still]), 0.0, np.nan)  # pairs of equal frequency whirl at will
     crossings = _find_crossings(vibrations, rates, frequencies, orders)
@@ -156,7 +154,7 @@ def _find_crossings(
                 rate = float(brentq(gap, rates[k], rates[k + 1], rtol=1e-10))
                 at = vibrations(rate)
                 frequency, damping, whirl = (float(values[mode]) for values in at)
-                damping = 0.0 if abs(damping) < _UNDAMPED else damping
+                damping = 0.0 if abs(damping) < NO_DAMPING else damping
                 found.append(Crossing(order, mode + 1, rate, frequency, damping, whirl))
     return tuple(sorted(found, key=lambda at: at.rate))
 
@@ -179,12 +177,12 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
     files = ["campbell.csv", "campbell.png"]
     draw_campbell(
         diagram.told(diagram.rates),
-        diagram.frequencies_hz[:, :_MOST_DRAWN],
+        diagram.frequencies_hz[:, :DRAWN_MODES],
         folder / "campbell.png",
         title=diagram.title,
         unit=diagram.unit,
         orders=sorted({at.order for at in diagram.crossings}) or None,
-        crossings=[(diagram.told(at.rate), at.frequency_hz) for at in diagram.crossings if at.mode <= _MOST_DRAWN],
+        crossings=[(diagram.told(at.rate), at.frequency_hz) for at in diagram.crossings if at.mode <= DRAWN_MODES],
     )
     if diagram.crossings:
         told = diagram.crossing_rows()

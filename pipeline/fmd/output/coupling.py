@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
+from fmd.core.limits.stability import STRONG
 from fmd.stability.limits import inertial_coupling
 from fmd.stages.pipeline import Pipeline
-
-STRONG = 0.99
-"""Inertial coupling β beyond which sub-cycling is warned of."""
 
 
 def coupling_warnings(run: Pipeline) -> list[dict[str, str]]:

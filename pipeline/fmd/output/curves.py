@@ -9,6 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.core.limits.shown import HARDLY_MOVES
 from fmd.core.units import convert_values
 from fmd.recovery.motion import Motion
 from fmd.scene.outputs import Chart
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 Curves = tuple[str, dict[str, Array], tuple[str, ...]]
 _XYZ = ("x", "y", "z")
-_AT_REST = 1e-3  # of the largest movement of a component: what moves less isn't drawn
 
 
 class Drawn(NamedTuple):
@@ -87,7 +87,7 @@ def _moving(label: str, curves: dict[str, Array], components: tuple[str, ...]) -
     with np.errstate(invalid="ignore"):
         sizes = np.max([np.ptp(values, axis=0) for values in curves.values()], axis=0)
     sizes = np.nan_to_num(sizes)
-    moving = sizes > _AT_REST * sizes.max()
+    moving = sizes > HARDLY_MOVES * sizes.max()
     if not moving.any():  # all is at rest: lines of what is known, or of all
         known = np.isfinite(next(iter(curves.values()))).all(axis=0)
         moving = known if known.any() else ~known

@@ -11,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
+from fmd.core.limits.shown import DIGITS
 from fmd.core.netcdf import write_netcdf
 from fmd.output.csv_rows import write_rows
 from fmd.recovery.motion import Motion
@@ -25,7 +26,6 @@ from fmd.recovery.stress import modal_stress, stress_measure
 from fmd.scene.histories import ExtremesTable, History, Quantities
 from fmd.stages.pipeline import Pipeline
 
-_DIGITS = 10
 _COMPONENTS = {"axis": "xyz", "quaternion": "xyzw"}
 
 
@@ -41,7 +41,7 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
             columns = list(_columns(history_variables(run, output, run.motion)))
             header = ["time [s]", *(f"{name} [{units}]" for name, units, _ in columns)]
             table = np.column_stack([run.motion.times, *(values for *_, values in columns)])
-            write_rows(part, header, ([f"{x:.{_DIGITS}g}" for x in row] for row in table))
+            write_rows(part, header, ([f"{x:.{DIGITS}g}" for x in row] for row in table))
     return [output.file]
 
 
@@ -49,7 +49,7 @@ def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[s
     """Write a table of extremes into a folder and return its name."""
     rows = extremes(run, output)
     with whole_file(folder / output.file) as part:
-        texts = ([f"{x:.{_DIGITS}g}" if isinstance(x, float) else str(x) for x in row.values()] for row in rows)
+        texts = ([f"{x:.{DIGITS}g}" if isinstance(x, float) else str(x) for x in row.values()] for row in rows)
         write_rows(part, list(rows[0]), texts)
     return [output.file]
 

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from fmd.core.limits.mechanism import MOVED_BY_CLOSING
 from fmd.stages.assembly import constraint_rank, given_joints
 from fmd.stages.pipeline import Pipeline
-
-_MOVED = 1e-6  # of a radian or metre
 
 
 def loop_figures(run: Pipeline) -> dict[str, Any]:
@@ -47,7 +46,12 @@ def loop_warnings(run: Pipeline) -> list[dict[str, str]]:
         joint = run.divided_scene.joint[link.joint_name]
         for turning, sliding, given, taken, places in keys:
             key, at = turning if link.unit == "rad" else sliding, int(places[k])
-            if link.unit and link.n_rates and key in joint.model_fields_set and abs(given[at] - taken[at]) > _MOVED:
+            if (
+                link.unit
+                and link.n_rates
+                and key in joint.model_fields_set
+                and abs(given[at] - taken[at]) > MOVED_BY_CLOSING
+            ):
                 unit = f"{link.unit}/s" if key == "rate" else link.unit
                 text = (
                     f"joint.{link.joint_name}.{key} is {taken[at]:.6g} {unit} at the start in place of "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.shown import FLAT_MOTION, HARDLY_TURNS, WEIGHTLESS
 from fmd.output.joint_marks import Marks
 from fmd.output.rigid_shapes import shape_surfaces
 from fmd.recovery.stress import stress_measure
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 
 # Pale, so that none is taken for a stress.
 BODY_COLOURS = ("#b3bdc9", "#cbbf9f", "#abc0b0", "#c6adb1", "#aeb2cb", "#c9c6a4", "#a9c1c6", "#c2b3a5")
-_FLAT = 0.05  # least extent of a motion in a plane, over its largest
-_AT_REST = 0.05  # rate of rotation that rounds to nothing in revolutions a minute [rad/s]
-_WEIGHTLESS = 1e-9  # gravity that is none [m/s²]
 
 
 def view_mechanism(
@@ -143,15 +141,17 @@ def _upwards(run: Pipeline, places: Array) -> Array | None:
     """Return the direction against gravity; without gravity, z for a motion in space and none for one in a plane."""
     gravity = np.array(run.scene.simulation.gravity)
     size = float(np.linalg.norm(gravity))
-    if size > _WEIGHTLESS:
+    if size > WEIGHTLESS:
         return np.asarray(-gravity / size)
     extents = np.ptp(places, axis=0)
-    return np.array([0.0, 0.0, 1.0]) if extents.min() > _FLAT * extents.max() and len(run.scene.body) > 1 else None
+    return (
+        np.array([0.0, 0.0, 1.0]) if extents.min() > FLAT_MOTION * extents.max() and len(run.scene.body) > 1 else None
+    )
 
 
 def _rates(run: Pipeline, chosen: IntArray) -> tuple[str, ...]:
     """Return the rate of rotation of the scene's one body as texts, none of a body that doesn't turn."""
     spin = run.motion.spin(next(iter(run.scene.body)))[chosen]
-    if spin.max() < _AT_REST:
+    if spin.max() < HARDLY_TURNS:
         return ()
     return tuple(f"{turns * 60 / (2 * np.pi):,.0f} rpm".replace(",", " ") for turns in spin)

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.core.limits.recovery import MISSED_STRESS, UNRESOLVED_STRESS
 from fmd.recovery.envelope import estimate_missed_peak, estimate_missed_vibration
 
 if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
-
-_MISSED = 0.02  # of the largest stress, between output times
-_UNRESOLVED = 0.1  # of it: more than this is hidden by vibrations that hardly any output times follow
 
 
 def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[str, str]]:
@@ -28,10 +26,10 @@ def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[s
     found = []
     for body, node in worst.items():
         missed = _missed(run, body, node)
-        if missed > _MISSED:
-            step = _one_digit_below(1e3 * run.scene.simulation.output_step * math.sqrt(_MISSED / missed))
-            beyond = f"{100 * missed:.2g} %{' or more' if missed > _UNRESOLVED else ''}"
-            tells = "tells more" if missed > _UNRESOLVED else f"resolves it to {100 * _MISSED:g} %"
+        if missed > MISSED_STRESS:
+            step = _one_digit_below(1e3 * run.scene.simulation.output_step * math.sqrt(MISSED_STRESS / missed))
+            beyond = f"{100 * missed:.2g} %{' or more' if missed > UNRESOLVED_STRESS else ''}"
+            tells = "tells more" if missed > UNRESOLVED_STRESS else f"resolves it to {100 * MISSED_STRESS:g} %"
             text = (
                 f"{body}: its largest stress may be {beyond} larger between output times; "
                 f"simulation.output_step = '{step} ms' {tells}"

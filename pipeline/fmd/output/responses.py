@@ -13,6 +13,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import whole_file
+from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RESONANT, UNBOUNDED, UNDAMPED
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
 from fmd.responses.frequencies import choose_frequencies
 from fmd.responses.random_vibration import RandomResponse, random_response
@@ -20,11 +21,6 @@ from fmd.scene.responses import FrequencyResponseChart
 from fmd.stages.linear_model import LinearModel, linearise_scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.spectral_density import read_density
-
-_FINE = 1.05  # ratio of distances from a pole: integrals over a resonance are then right to 2e-4
-_UNDAMPED = 1e-8  # damping ratio
-_NEAR, _AWAY, _RESONANT = 1e-7, 1e-3, 100.0  # a resonance is so much larger at the first of two distances
-_LARGE = 1e12  # a response beyond is that of an undamped pole itself
 
 
 @dataclass(frozen=True)
@@ -125,7 +121,7 @@ def compute_response(
     random = None
     if density is not None:
         _require_stationary(linear, lowest, highest)
-        fine = choose_frequencies(linear.model, lowest, highest, points, _FINE)
+        fine = choose_frequencies(linear.model, lowest, highest, points, FINE_RATIO)
         random = random_response(fine, linear.frequency_response(fine)[:, :, 0], density)
     return FrequencyResponse(linear, frequencies[finite], values[finite], random)
 
@@ -138,10 +134,10 @@ def _require_stationary(linear: LinearModel, lowest: float, highest: float) -> N
         raise AccuracyError(f"no root mean square: {problem}, so noise has no stationary answer")
     if not np.isfinite(linear.frequency_response(np.array([lowest]))).all():
         raise AccuracyError(f"no root mean square: the response is unbounded at {lowest:g} Hz; begin above, by --from")
-    undamped = model.poles_hz[(np.abs(model.damping) < _UNDAMPED) & (model.poles_hz >= lowest)]
+    undamped = model.poles_hz[(np.abs(model.damping) < UNDAMPED) & (model.poles_hz >= lowest)]
     for pole in undamped[undamped <= highest]:
-        near, away = np.abs(linear.frequency_response(pole * (1.0 + np.array([_NEAR, _AWAY]))))
-        if (near > _RESONANT * away).any():
+        near, away = np.abs(linear.frequency_response(pole * (1.0 + np.array([NEAR_POLE, AWAY_FROM_POLE]))))
+        if (near > RESONANT * away).any():
             problem = f"the mode at {pole:.5g} Hz has no damping, so noise makes it grow without bound"
             raise AccuracyError(f"no root mean square: {problem}; modes.damping, or dampers, bound it")
 
@@ -210,7 +206,7 @@ def _draw(found: FrequencyResponse, path: Path, title: str) -> None:
     for k, (name, unit) in enumerate(found.inputs):
         for j, (output, of_output) in enumerate(found.outputs):
             label = f"{output} by {name}" if len(found.inputs) > 1 else output
-            values = np.where(np.abs(found.values[:, j, k]) < _LARGE, found.values[:, j, k], np.nan)
+            values = np.where(np.abs(found.values[:, j, k]) < UNBOUNDED, found.values[:, j, k], np.nan)
             curves.append(ResponseCurve(label, response_unit(of_output, unit), values))
     if found.random is not None:
         for j, (output, unit) in enumerate(found.outputs):

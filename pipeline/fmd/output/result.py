@@ -12,6 +12,7 @@ from fmd.accuracy.error_budget import Budget, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
+from fmd.core.limits.shown import MANY_BODIES
 from fmd.core.progress import Monitor, bars, silent
 from fmd.output.notebook import Animation, Picture, Summary, draw_inline, read_output
 from fmd.output.pictures import DRAWINGS
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from fmd.stages.linear_model import LinearModel
     from fmd.stages.store import Log
 
-_MANY = 5  # bodies, whose names aren't listed
-
 
 class Result(SolvedScene):
     """Results of a scene, each computed on first use and with the accuracy that the scene wants.
@@ -43,7 +42,7 @@ class Result(SolvedScene):
 
     def __repr__(self) -> str:
         scene = self.scene
-        bodies = ", ".join(scene.body) if len(scene.body) < _MANY else f"{len(scene.body)} bodies"
+        bodies = ", ".join(scene.body) if len(scene.body) < MANY_BODIES else f"{len(scene.body)} bodies"
         return f"Result({scene.name}: {scene.title}; {bodies})"
 
     def _repr_html_(self) -> str:

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.core.limits.recovery import APART
 from fmd.recovery.stress import von_mises
 
 if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
-
-_APART = 0.1  # of the larger stress
 
 
 def spot_stress_warnings(run: Pipeline) -> list[dict[str, str]]:
@@ -29,7 +28,7 @@ def spot_stress_warnings(run: Pipeline) -> list[dict[str, str]]:
             part.elements, points, part.element_places, part.stress_at(points), part.element_stress, strict=True
         ):
             there, here = (float(von_mises((modal @ q.T)[None])[0].max()) for modal in (of_point, of_middle))
-            if abs(there - here) > _APART * max(there, here):
+            if abs(there - here) > APART * max(there, here):
                 text = (
                     f"{body}.{name}: the element's middle, where its stress is taken, is "
                     f"{1e3 * np.linalg.norm(middle - point):.2g} mm from its point; the largest von Mises stress is "

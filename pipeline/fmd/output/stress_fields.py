@@ -10,6 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.files import whole_file
+from fmd.core.limits.shown import DECADES, DIGITS
 from fmd.fem.surface import surface_normals
 from fmd.output.csv_rows import write_rows
 from fmd.output.mechanism_view import body_surface
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
 AnyField = TypeVar("AnyField", bound="SurfaceField")
 
-_DECADES = 6  # of lives that a picture or a mesh tells apart
-_DIGITS = 10
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -91,7 +90,7 @@ def _assess(run: Pipeline, output: Fatigue) -> FatigueLife:
 
 def _share(output: Fatigue) -> float:
     """Part of the largest damage down to which that of all nodes is wanted."""
-    return 1.0 if output.file.endswith(".csv") else 10.0**-_DECADES
+    return 1.0 if output.file.endswith(".csv") else 10.0**-DECADES
 
 
 def fatigue_law(output: Fatigue) -> FatigueLaw:
@@ -130,11 +129,11 @@ def draw_fatigue(run: Pipeline, output: Fatigue, folder: Path, draw: Drawer = dr
     draw(
         "field_picture.draw_field",
         body_surface(run, output.body),
-        np.zeros(len(lives)) + _DECADES if endless else lives,
+        np.zeros(len(lives)) + DECADES if endless else lives,
         folder / output.file,
         title=output.title or f"{run.scene.title}: life by {output.stress}",
         quantity="log₁₀ of the repeats to failure",
-        limits=(low, low + _DECADES),
+        limits=(low, low + DECADES),
         weights=np.ones(len(lives)) if endless else found.damage,
         label=label,
         camera=camera_of(run, _turned_round(output)),
@@ -201,7 +200,7 @@ def _write_field(
     header = ["node", "x_m", "y_m", "z_m", *columns]
     table = np.column_stack([points, *columns.values()])
     with whole_file(folder / file) as part:
-        write_rows(part, header, ([str(surface.nodes[k]), *(f"{x:.{_DIGITS}g}" for x in table[k])] for k in worst))
+        write_rows(part, header, ([str(surface.nodes[k]), *(f"{x:.{DIGITS}g}" for x in table[k])] for k in worst))
     return [file]
 
 

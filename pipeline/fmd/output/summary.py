@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from fmd.accuracy.deflection import TOO_LARGE, deflection_warnings
+from fmd.accuracy.deflection import deflection_warnings
 from fmd.accuracy.error_budget import Budget, state_errors
-from fmd.accuracy.error_estimates import SAFETY
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.accuracy.stretching import stretching_warnings
 from fmd.accuracy.time_limit import TIME_IS_SHORT
 from fmd.accuracy.uncertain_results import uncertain_warnings
+from fmd.core.limits.errors import MORE_TIME, SAFETY, TOO_LARGE
 from fmd.core.version import __version__
 from fmd.output.coupling import coupling_warnings
 from fmd.output.explain import STAGES
@@ -34,7 +34,6 @@ from fmd.stages.signals import find_idle_drives
 _OF_PIECES = {"lowest frequencies": 0.05, "deflections": 0.01}
 UNMET, UNMOVED = "accuracy-not-met", "load-without-motion"
 """Codes of warnings of results that fail a check."""
-_MORE_TIME = 5.0  # times the limit of an error budget that isn't whole
 
 
 def summarise_solved(
@@ -221,7 +220,7 @@ def _budget_warnings(run: Pipeline, budget: Budget, seconds: float) -> list[dict
         text = f"the error budget isn't whole: {'; '.join(budget.left_out)}"
         if any(TIME_IS_SHORT in why for why in budget.left_out):
             allowed = seconds if math.isfinite(seconds) else budget.seconds
-            text += f"; with --budget-seconds {math.ceil(_MORE_TIME * max(allowed, 1.0))} more of it is estimated"
+            text += f"; with --budget-seconds {math.ceil(MORE_TIME * max(allowed, 1.0))} more of it is estimated"
         warnings.append({"code": "budget-incomplete", "text": text})
     wanted = run.scene.accuracy
     causes = [each for each in budget.model if each.counted and wanted is not None and SAFETY * each.error > wanted]

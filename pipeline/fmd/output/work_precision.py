@@ -18,6 +18,8 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import whole_file
+from fmd.core.limits.patience import MARCH_SECONDS
+from fmd.core.limits.stability import NEARLY_STABLE
 from fmd.dynamics.system import System
 from fmd.integrators.exponential import Exponential
 from fmd.integrators.protocol import Integrator, Trajectory
@@ -27,8 +29,6 @@ from fmd.recovery.motion import Motion
 from fmd.scene.runs import RUNS
 from fmd.stages.pipeline import Pipeline
 
-_MOST_SECONDS = 2.0  # a march longer than this ends its method's range
-_STABLE = 0.9  # of the largest stable step
 _PEERS = Path(__file__).parents[3] / "benchmarks"
 _PEER_SCRIPTS = ("exudyn_peer", "exudyn_chains", "heyoka_peer")  # each has CASES, and peer_rows of one of them
 _EMPTY: Any = None
@@ -128,12 +128,12 @@ def compare(
                 continue
             ends = times[[0, -1]]
             seconds = [method.march(system, q0, v0, ends).seconds]
-            while len(seconds) < repeats and sum(seconds) < _MOST_SECONDS:
+            while len(seconds) < repeats and sum(seconds) < MARCH_SECONDS:
                 seconds.append(method.march(system, q0, v0, ends).seconds)
             errors, substeps = errors_of(motion, reference), motion.substeps
             figures = (median(seconds), errors.tip, motion.evaluations, errors.modal, errors.joint)
             rows.append(WorkPrecisionRow(label, float(motion.step), substeps, *figures))
-            if median(seconds) > _MOST_SECONDS:
+            if median(seconds) > MARCH_SECONDS:
                 break
     return WorkPrecision(tuple(rows), reference_error)
 
@@ -141,14 +141,14 @@ def compare(
 def _families(system: System, duration: float) -> Iterator[Iterator[tuple[str, Integrator]]]:
     """Yield each method's range, coarse to fine; steps divide a fifth of the duration, where a drive may end."""
     steps = [duration / (5 * 2**k) for k in range(3, 20)]
-    explicit = [step for step in steps if step < _STABLE * system.largest_step][:7]
+    explicit = [step for step in steps if step < NEARLY_STABLE * system.largest_step][:7]
     coarse = [step for step in steps if step >= explicit[-1]]
     for run in RUNS:
         for family in run.ladders(explicit, coarse):
             yield (
                 (f"{method.name} {method.substeps}:1" if method.substeps > 1 else method.name, method)
                 for method in family
-                if method.suits(system) and method.step < _STABLE * method.largest_step(system)
+                if method.suits(system) and method.step < NEARLY_STABLE * method.largest_step(system)
             )
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from fmd.core.limits.scene import MOST_CUT_PIECES
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.damping import Damping, RayleighDamping
 from fmd.scene.places import MarkerPlace, NamedElement, Support
@@ -25,14 +26,13 @@ Poisson = Annotated[Number, AfterValidator(_check_poisson), Words("number above 
 
 
 def _check_pieces(value: object) -> object:
-    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= _MOST_PIECES):
+    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_CUT_PIECES):
         return value
-    raise ValueError(f"must be a whole number from 1 to {_MOST_PIECES}, or 'auto'")
+    raise ValueError(f"must be a whole number from 1 to {MOST_CUT_PIECES}, or 'auto'")
 
 
-_MOST_PIECES = 1000
 Pieces = Annotated[
-    int | Literal["auto"], BeforeValidator(_check_pieces), Words(f'whole number, 1 to {_MOST_PIECES}, or ``"auto"``')
+    int | Literal["auto"], BeforeValidator(_check_pieces), Words(f'whole number, 1 to {MOST_CUT_PIECES}, or ``"auto"``')
 ]
 
 

@@ -8,12 +8,11 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationInfo, model_validator
 
 from fmd.core.formula import parse_formula
+from fmd.core.limits.scene import MOST_ELONGATIONS
 from fmd.core.units import Length, unit_ratio
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.table_files import Column, read_table, scene_folder
 from fmd.scene.values import LengthUnit, Number, SourceFile
-
-_MOST_ELONGATIONS = 200
 
 
 class ForceByElongation(SceneTable):
@@ -52,7 +51,7 @@ class ForceByElongation(SceneTable):
     """
 
     formula: str | None = None
-    elongations: Annotated[tuple[Length, ...], Field(min_length=2, max_length=_MOST_ELONGATIONS)] | None = None
+    elongations: Annotated[tuple[Length, ...], Field(min_length=2, max_length=MOST_ELONGATIONS)] | None = None
     values: tuple[Number, ...] | None = None
     file: SourceFile | None = None
     elongation: Column | None = None
@@ -66,8 +65,8 @@ class ForceByElongation(SceneTable):
         table = read_table(self, "elongation", ("formula", "elongations", "values"), scene_folder(info))
         if table is None:
             return self
-        if len(table.values) > _MOST_ELONGATIONS:
-            raise FaultError(f"has {len(table.values)} rows; {_MOST_ELONGATIONS} are the most", "file")
+        if len(table.values) > MOST_ELONGATIONS:
+            raise FaultError(f"has {len(table.values)} rows; {MOST_ELONGATIONS} are the most", "file")
         elongations = tuple(unit_ratio(self.elongation_unit, "m") * x for x in table.arguments)
         return self.model_copy(update={"elongations": elongations, "values": table.values})
 

@@ -14,12 +14,12 @@ from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, Validatio
 from pydantic_core import ErrorDetails, InitErrorDetails
 
 from fmd.core.errors import InputError
+from fmd.core.limits.shown import LONGEST_VALUE
 from fmd.scene.toml_lines import KeyPath
 
 Place = tuple[str, int | None]
 """A file and a line in it, from 1; ``None`` where it has no lines."""
 
-_MOST_SHOWN = 80  # characters of a value in a message
 _PACKAGE = str(Path(__file__).parents[1])
 # Where a table may be of several kinds pydantic puts the kind into a fault's path, and the type of other alternatives.
 _TABLES_OF_KINDS = ("body", "joint", "drive", "coupler")
@@ -85,7 +85,7 @@ class Fault(NamedTuple):
         try:
             for key in self.path:
                 value = value[key]
-            return value if len(repr(value)) <= _MOST_SHOWN else None
+            return value if len(repr(value)) <= LONGEST_VALUE else None
         except (LookupError, TypeError, ValueError, RecursionError):  # repr refuses very large integers
             return None
 

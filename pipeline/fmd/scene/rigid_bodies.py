@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import model_validator
 
+from fmd.core.limits.round_off import SOLVED
 from fmd.core.units import MomentOfInertia, NonNegative, PositiveLength, PositiveMass
 from fmd.scene.orientation import Orientation
 from fmd.scene.reading import FaultError, SceneTable
@@ -13,8 +14,6 @@ from fmd.scene.values import Name, Point
 from fmd.scene.visuals import Visuals
 
 Moment = Annotated[MomentOfInertia, NonNegative]
-
-_ROUNDING = 1e-9  # a plate's moments, 0.1 and 0.2 and 0.3, are just possible whatever their last digit
 
 
 class PointMarker(Orientation):
@@ -134,6 +133,6 @@ class RigidBody(SceneTable):
     @model_validator(mode="after")
     def _inertia_of_a_body(self) -> RigidBody:
         largest = max(self.inertia)
-        if largest > (sum(self.inertia) - largest) * (1 + _ROUNDING):
+        if largest > (sum(self.inertia) - largest) * (1 + SOLVED):
             raise FaultError("isn't any body's: no moment is greater than the sum of the other two", "inertia")
         return self

@@ -14,13 +14,13 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
+from fmd.core.limits.scene import LONGEST_SYMBOL
 from fmd.core.units import example_of, list_units
 from fmd.scene.reference.page import KNOWN_BY_FILES, is_kind, read_docstring, read_meanings
 from fmd.scene.scene import Scene
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
-_LONGEST_SYMBOL = 3  # letters; only words have a plural
 _PREFIXES = (
     "da|[YZEPTGMkhdcmunpfazyµμ]|yotta|zetta|exa|peta|tera|giga|mega|kilo|hecto|deka|deca|deci|centi|milli|micro|nano|"
     "pico|femto|atto|zepto|yocto"
@@ -109,7 +109,7 @@ def _describe_quantities() -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _name_pattern(names: list[str]) -> str:
-    plurals = [f"{name}s?" if len(name) > _LONGEST_SYMBOL else name for name in sorted(names)]
+    plurals = [f"{name}s?" if len(name) > LONGEST_SYMBOL else name for name in sorted(names)]
     return f"(({_PREFIXES})?({'|'.join(plurals)}))"
 
 

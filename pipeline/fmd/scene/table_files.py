@@ -11,12 +11,9 @@ from typing import Annotated, NamedTuple
 
 from pydantic import BeforeValidator, ValidationInfo
 
+from fmd.core.limits.scene import FEWEST_ROWS, MOST_ROWS, MOST_TABLE_BYTES
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.values import Words
-
-_MOST_BYTES = 50_000_000
-_MOST_ROWS = 100_000
-_FEWEST_ROWS = 2
 
 
 def _check_column(column: object) -> object:
@@ -121,10 +118,10 @@ def read_columns(
     if named or not _is_number(header[0], comma):
         rows = rows[1:]
     numbers = [_find_column(header, *column) for column in (argument, value)]
-    if len(rows) < _FEWEST_ROWS:
-        raise FaultError(f"has {len(rows)} rows of numbers; a table needs {_FEWEST_ROWS} at least", "file")
-    if len(rows) > _MOST_ROWS:
-        raise FaultError(f"has {len(rows)} rows; {_MOST_ROWS} are the most", "file")
+    if len(rows) < FEWEST_ROWS:
+        raise FaultError(f"has {len(rows)} rows of numbers; a table needs {FEWEST_ROWS} at least", "file")
+    if len(rows) > MOST_ROWS:
+        raise FaultError(f"has {len(rows)} rows; {MOST_ROWS} are the most", "file")
     arguments, values = (tuple(_read_number(row, header, k, comma) for row in rows) for k in numbers)
     for row, (before, after) in zip(rows[1:], pairwise(arguments), strict=True):
         if not after > before:
@@ -136,12 +133,12 @@ def read_columns(
 def _read_text(path: Path) -> str:
     try:
         with path.open("rb") as stream:
-            content = stream.read(_MOST_BYTES + 1)
+            content = stream.read(MOST_TABLE_BYTES + 1)
     except (OSError, ValueError) as error:
         what = getattr(error, "strerror", None) or error
         raise FaultError(f"can't be read: {what}; it is looked for at {path}", "file") from None
-    if len(content) > _MOST_BYTES:
-        raise FaultError(f"is over {_MOST_BYTES // 1_000_000} MB; write the columns that are wanted", "file")
+    if len(content) > MOST_TABLE_BYTES:
+        raise FaultError(f"is over {MOST_TABLE_BYTES // 1_000_000} MB; write the columns that are wanted", "file")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from fmd.core.errors import InputError
+from fmd.core.limits.scene import MOST_SCENE_BYTES
 from fmd.scene.reading import suggest_name
 from fmd.scene.toml_lines import KeyPath, find_lines
-
-_MOST_BYTES = 1_000_000
 
 
 def list_ready_scenes() -> tuple[str, ...]:
@@ -56,10 +55,10 @@ def _read(file: str, source: Traversable) -> str:
         if not source.is_file():
             raise InputError(file, "", None, f"no such file; the ready scenes: {', '.join(list_ready_scenes())}")
         with source.open("rb") as stream:
-            content = stream.read(_MOST_BYTES + 1)
+            content = stream.read(MOST_SCENE_BYTES + 1)
     except (OSError, ValueError) as error:
         raise InputError(file, "", None, f"can't be read: {error}") from None
-    if len(content) > _MOST_BYTES:
+    if len(content) > MOST_SCENE_BYTES:
         raise InputError(file, "", None, "is over 1 MB; a scene file is text of a few kB")
     try:
         return content.decode("utf-8-sig")

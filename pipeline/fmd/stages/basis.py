@@ -11,6 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
+from fmd.core.limits.modes import RITZ_GENERATIONS
 from fmd.core.limits.rank import NEW_RESIDUAL_VECTOR, NEW_RESPONSE
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
@@ -27,8 +28,6 @@ from fmd.reduction.modes import Modes, TooManyModesError
 from fmd.reduction.stiffening import stiffen_body
 from fmd.scene.reduced_bodies import AnyModes
 from fmd.stages.inboard_joint import InboardJoint
-
-_RITZ_GENERATIONS = 4
 
 
 @dataclass(frozen=True)
@@ -171,7 +170,7 @@ def _enriched_shapes(model: HeldModel, modes: Modes, settings: AnyModes) -> tupl
     if model.fixed is not None:
         own = acceleration_loads(fe, markers[joint.marker].position, joint.plane)
         loads = np.concatenate([loads, own], axis=2)
-    generations = _RITZ_GENERATIONS if settings.enrich == "ritz" else 1
+    generations = RITZ_GENERATIONS if settings.enrich == "ritz" else 1
     held = model.reaction_if_held(settings)
     least = NEW_RESIDUAL_VECTOR if settings.enrich == "residual" else NEW_RESPONSE
     omega, shapes = enrich_modes(modes, fe, model.solver, loads, held, generations, least)

@@ -16,13 +16,12 @@ import numpy as np
 from scipy.linalg import eigh, null_space
 
 from fmd.core.arrays import Array
+from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.transmitted_loads import ELEMENT, BodyLoads, geometric_stiffness_over, loaded_places
 from fmd.stages.assembly import undeformed_positions
-
-_DEPENDENT = 1e-8  # of the largest singular value
 
 
 @dataclass(frozen=True)
@@ -125,11 +124,11 @@ def _elastic_ways(system: CompiledSystem, t: float, q: Array) -> Array:
     joints = np.setdiff1d(
         np.arange(n), np.concatenate([system.mechanism.modes_of(k) for k in range(len(system.mechanism.links))])
     )
-    ways = null_space(J, rcond=_DEPENDENT) if len(J) else np.eye(n)
+    ways = null_space(J, rcond=DEPENDENT_CONSTRAINT) if len(J) else np.eye(n)
     alone = np.zeros((n, 0))
     if len(joints):
-        of_joints = null_space(J[:, joints], rcond=_DEPENDENT) if len(J) else np.eye(len(joints))
+        of_joints = null_space(J[:, joints], rcond=DEPENDENT_CONSTRAINT) if len(J) else np.eye(len(joints))
         alone = np.zeros((n, of_joints.shape[1]))
         alone[joints] = of_joints
     across = alone.T @ system.mass_matrix(q, t) @ ways
-    return np.asarray(ways @ null_space(across, rcond=_DEPENDENT)) if len(across) else ways
+    return np.asarray(ways @ null_space(across, rcond=DEPENDENT_CONSTRAINT)) if len(across) else ways

@@ -18,6 +18,8 @@ from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import stage_key
+from fmd.core.limits.pieces import SAME_WEIGHT
+from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import move_loads, rigid_motions
 from fmd.fem.assembly import assemble
 from fmd.fem.markers import Marker, traction_marker
@@ -31,8 +33,6 @@ if TYPE_CHECKING:
     from fmd.stages.piece_mesh import Cut, CutPart
 
 _SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages/cut_sections.py", "fmd/stages/pieces.py")
-_SAME_PLACE = 1e-9  # of the part's extent
-_SAME_WEIGHT = 1e-2  # of the largest: sections whose weights differ by less, by distant loads, have equal ones
 
 
 def weigh_cuts(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> tuple[Marker | None, ...]:
@@ -210,12 +210,12 @@ def _like_a_known(marker: Marker, known: Sequence[Marker], x: Array) -> Marker:
         if len(other.nodes) != len(marker.nodes):
             continue
         away, place = cKDTree(x[other.nodes] - other.position).query(r)
-        if away.max() > _SAME_PLACE * extent:
+        if away.max() > SOLVED * extent:
             continue
         pairs = [
             (other.translation_weights[:, place], marker.translation_weights),
             (other.rotation_weights[:, place], marker.rotation_weights),
         ]
-        if all(np.abs(a - b).max() < _SAME_WEIGHT * np.abs(b).max() for a, b in pairs):
+        if all(np.abs(a - b).max() < SAME_WEIGHT * np.abs(b).max() for a, b in pairs):
             return replace(marker, translation_weights=pairs[0][0], rotation_weights=pairs[1][0])
     return marker

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.errors import InputError
+from fmd.core.limits.stepping import MANY_RADIANS, MOST_STEPS
 from fmd.dynamics.fastest_part import find_fastest_part
 from fmd.integrators.missed_work import round_down
 from fmd.scene.runs import name_methods
@@ -15,9 +16,6 @@ if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.system import CompiledSystem
     from fmd.integrators.protocol import Integrator
     from fmd.scene.simulation import Simulation
-
-_MOST_STEPS = 1e12  # a day or more
-_MANY = 1e6  # radians, or times in which a motion falls to 37 %: more are due to one part, which is named
 
 
 def require_resolved_loads(file: str, key: str, method: Integrator, system: CompiledSystem) -> None:
@@ -53,8 +51,8 @@ def require_countable_steps(file: str, key: str, step: float, duration: float) -
     InputError
         It takes more steps than a machine does in days.
     """
-    if 0.0 < step * _MOST_STEPS < duration:
-        shortest = duration / _MOST_STEPS
+    if 0.0 < step * MOST_STEPS < duration:
+        shortest = duration / MOST_STEPS
         raise InputError(
             file,
             key,
@@ -87,9 +85,9 @@ def require_known_phases(file: str, key: str, method: Integrator, system: Compil
 def describe_fastest(system: CompiledSystem, duration: float) -> str:
     """Name the part whose vibration or decay is too fast for a duration [s], and a value that is not; else nothing."""
     part = find_fastest_part(system)
-    if part is None or not part.rate * duration > _MANY:
+    if part is None or not part.rate * duration > MANY_RADIANS:
         return ""
-    share, times = _MANY / (part.rate * duration), part.rate * duration
+    share, times = MANY_RADIANS / (part.rate * duration), part.rate * duration
     if part.damps:
         return (
             f"; the damper of {part.name} stops what it moves in {1.0 / part.rate:.2g} s, {times:.1e} of which are in "

@@ -8,13 +8,12 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.core.limits.mechanism import NO_INERTIA
 
 if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.system import CompiledSystem
     from fmd.dynamics.mechanism import Mechanism
     from fmd.scene.scene import Scene
-
-_NO_INERTIA = 1e-14  # of the other coordinates', for each of them: round-off of the mass matrix
 
 
 def require_inertia(scene: Scene, system: CompiledSystem) -> None:
@@ -28,7 +27,7 @@ def require_inertia(scene: Scene, system: CompiledSystem) -> None:
     sizes = np.sqrt(np.maximum(M.diagonal(), 0.0))
     sizes[sizes == 0.0] = 1.0
     least, ways = np.linalg.eigh(M / np.outer(sizes, sizes))
-    if least[0] > _NO_INERTIA * len(M):
+    if least[0] > NO_INERTIA * len(M):
         return
     joint, motion = _describe_rate(system.mechanism, ways[:, 0] / sizes)
     raise InputError(

@@ -9,12 +9,12 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from fmd.core.arrays import IntArray
+from fmd.core.limits.pieces import CONTACT
 from fmd.fem.partition import PartitionError, facet_areas
 from fmd.fem.space import Discretisation
 from fmd.stages.piece_mesh import Cut
 
 INBOARD = "cut:inboard"  # no marker of a scene has a colon in its name
-_CONTACT = 0.01  # of the largest cut's area: pieces that touch in less aren't welded
 
 
 def join_pieces(
@@ -50,7 +50,7 @@ def join_pieces(
     """
     patches = _find_patches(space, labels, elements, local)
     largest = max(area for area, _ in patches)
-    ranked = sorted((patch for patch in patches if patch[0] > _CONTACT * largest), key=lambda patch: -patch[0])
+    ranked = sorted((patch for patch in patches if patch[0] > CONTACT * largest), key=lambda patch: -patch[0])
     pairs = [labels[elements[facets[0]]].tolist() for _, facets in ranked]
     order, tree = [root], dict[int, tuple[int, int]]()
     for piece in order:  # grows meanwhile: breadth first

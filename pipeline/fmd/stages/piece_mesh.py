@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.pieces import GRID
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
     from fmd.fem.mesh import SolidMesh
-
-_GRID = 0.7312e-12  # of the extent: places of nodes are rounded to this, so that equal pieces are equal to the bit
 
 
 @dataclass(frozen=True)
@@ -117,4 +116,4 @@ def face_of(marker: str) -> str:
 
 def round_to_grid(x: Array, extent: float) -> Array:
     """Round positions [m] in a part of an extent [m] to a grid finer than any node's place matters."""
-    return np.asarray(np.round(x / (_GRID * extent)) * (_GRID * extent))
+    return np.asarray(np.round(x / (GRID * extent)) * (GRID * extent))

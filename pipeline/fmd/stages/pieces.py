@@ -13,6 +13,7 @@ import numpy as np
 
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError
+from fmd.core.limits.pieces import MOST_OF_PIECE, MOVES
 from fmd.fem.markers import facets_on_face
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.partition import PartitionError, divide_mesh, interior_facets, join_fragments
@@ -23,9 +24,6 @@ from fmd.stages.piece_mesh import Cut, CutPart, PieceMesh, face_of, round_to_gri
 
 if TYPE_CHECKING:
     from fmd.stages.part import FlexiblePart
-
-_MOVES = 5  # of a marker's elements and of those that come loose
-_MOST_OF_PIECE = 0.5  # of a piece's volume: a marker's face whose elements fill more isn't moved into one piece
 
 
 def cut_part(part: FlexiblePart, count: int) -> CutPart:
@@ -75,11 +73,11 @@ def _elements_among(space: Discretisation, nodes: IntArray) -> IntArray:
 def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[str, IntArray], count: int) -> IntArray:
     """Move the elements of each marker into the piece that most of them are in, and loose ones after them."""
     pairs, volumes = interior_facets(part.space)[0], part.space.volumes
-    for _ in range(_MOVES):
+    for _ in range(MOVES):
         moved = labels.copy()
         for name, elements in markers.items():
             found = np.bincount(labels[elements], volumes[elements], minlength=count)
-            if np.count_nonzero(found) > 1 and found.sum() > _MOST_OF_PIECE * volumes.sum() / count:
+            if np.count_nonzero(found) > 1 and found.sum() > MOST_OF_PIECE * volumes.sum() / count:
                 key = f"body.{part.name}.marker.{name}"
                 over = f"its face extends over {np.count_nonzero(found)} of the body's {count} pieces"
                 raise InputError(part.file, key, None, f"{over}; take fewer pieces or a smaller face")

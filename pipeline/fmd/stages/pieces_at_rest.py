@@ -12,6 +12,8 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
+from fmd.core.limits.pieces import COMPARED_FREQUENCIES, FAMILIES
+from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import move_loads
 from fmd.stages.part import FlexiblePart
 from fmd.stages.piece_mesh import CutPart
@@ -20,9 +22,6 @@ if TYPE_CHECKING:
     from fmd.reduction.body import FlexibleBody
 
 _SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages/pieces_at_rest.py")
-_COMPARED = 3  # lowest frequencies
-_ROUND_OFF = 1e-9  # of a compliance
-_FAMILIES = 4  # times as many of the part, of which one family has some
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ def _measure(part: FlexiblePart, ports: Sequence[str]) -> PartAtRest:
     from fmd.reduction.mode_families import lowest_modes
 
     solver = replace(part.model).solver  # a copy: its factor is let go with it
-    count = _COMPARED * (1 if part.shape.modes.family == "any" else _FAMILIES)
+    count = COMPARED_FREQUENCIES * (1 if part.shape.modes.family == "any" else FAMILIES)
     found = {}
     columns = {name: part.markers[name].columns(len(part.space.x), np.eye(3)) for name in ports}
     for name, f in balance(part, ports, columns).items():
@@ -153,9 +152,9 @@ def frequency_error(together: PiecesAtRest, part: FlexiblePart, whole: PartAtRes
 
     Modes of one family have fewer frequencies than the part; each of these counts against the nearest one.
     """
-    ours, true = together.frequencies_hz[:_COMPARED], whole.frequencies_hz
+    ours, true = together.frequencies_hz[:COMPARED_FREQUENCIES], whole.frequencies_hz
     if part.shape.modes.family == "any":
-        n = min(len(ours), len(true), _COMPARED)
+        n = min(len(ours), len(true), COMPARED_FREQUENCIES)
         return float(np.abs(ours[:n] / true[:n] - 1.0).max(initial=0.0))
     ours = ours[ours < true.max(initial=0.0)]
     return float(np.abs(ours[:, None] / true - 1.0).min(axis=1).max(initial=0.0))
@@ -178,5 +177,5 @@ def _relative(ours: Array, true: Array) -> float:
     used = size > 0.0  # a single point takes no torque
     scale = np.outer(size[used], size[used])
     values, vectors = np.linalg.eigh(true[np.ix_(used, used)] / scale)
-    kept = vectors[:, values > _ROUND_OFF] / np.sqrt(values[values > _ROUND_OFF])
+    kept = vectors[:, values > SOLVED] / np.sqrt(values[values > SOLVED])
     return float(np.abs(np.linalg.eigvalsh(kept.T @ (ours[np.ix_(used, used)] / scale) @ kept) - 1.0).max(initial=0.0))

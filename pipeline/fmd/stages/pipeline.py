@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache, stage_key
 from fmd.core.errors import InputError
+from fmd.core.limits.recovery import FINER_TIMES, NEAR_LARGEST_DEFLECTION
 from fmd.core.paths import cache_folder
 from fmd.core.progress import Monitor, silent
 from fmd.recovery.deformation import Deformation, measure_deformation
@@ -39,9 +40,6 @@ if TYPE_CHECKING:
     from fmd.reduction.modes import Modes
     from fmd.stages.runs import Plan
     from fmd.stages.stiffening_check import SpinCheck, StiffnessChange
-
-_NEAR_LARGEST = 0.8  # of the tip's largest deflection
-_FINER = 32  # times as many times there tell what is largest between two output times
 
 
 class Pipeline:
@@ -382,8 +380,8 @@ class Pipeline:
     def fine_times(self) -> tuple[Array, IntArray]:
         """Output times with many more around the tip's largest deflections [s]; which of them are output times."""
         tip = self.motion.tip_size
-        near = (tip > 0) & (tip >= _NEAR_LARGEST * tip.max())
-        numbers = np.r_[0, np.cumsum(np.where(near[:-1] | near[1:], _FINER, 1))]
+        near = (tip > 0) & (tip >= NEAR_LARGEST_DEFLECTION * tip.max())
+        numbers = np.r_[0, np.cumsum(np.where(near[:-1] | near[1:], FINER_TIMES, 1))]
         return np.interp(np.arange(numbers[-1] + 1), numbers, self.output_times), numbers
 
     @cached_property

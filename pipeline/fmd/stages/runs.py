@@ -10,7 +10,8 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError, StabilityError
-from fmd.core.limits.stability import ALLOWED_GROWTH
+from fmd.core.limits.mechanism import NO_FORCE
+from fmd.core.limits.stability import ALLOWED_GROWTH, SURELY_STABLE
 from fmd.dynamics.compiled_system.positive_mass import require_positive_over
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -33,9 +34,6 @@ if TYPE_CHECKING:
     from fmd.scene.runs import Run
     from fmd.scene.scene import Scene
     from fmd.stability.operating_points import OperatingPoints
-
-STABLE = 0.4  # of the largest stable step: for a variant that is unstable at the run's own
-_NO_FORCE = 1e-3  # largest response of a mode that is left out, over the wanted error
 
 
 class BuiltScene(Protocol):
@@ -211,7 +209,7 @@ def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
     method: Any = plan.integrator
     limit = method.largest_step(first.system)
     if method.step >= limit:
-        method = replace(method, step=STABLE * limit)
+        method = replace(method, step=SURELY_STABLE * limit)
     return _leave_out_modes(variant, replace(first, integrator=method))
 
 
@@ -230,7 +228,7 @@ def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
     """Leave the modes out of a run that nothing excites, unless all are to be kept."""
     part = None
     if not built.keep_all:
-        part = excited_part(plan.mechanism, plan.start[0], _NO_FORCE * built.scene.simulation.error)
+        part = excited_part(plan.mechanism, plan.start[0], NO_FORCE * built.scene.simulation.error)
     if part is None:
         return plan
     return replace(plan, excited=part, excited_system=share_system(part.mechanism))

@@ -10,6 +10,18 @@ import numpy as np
 
 from fmd.core.errors import InputError
 from fmd.core.formula import parse_formula
+from fmd.core.limits.loads import (
+    DRIVE_SAMPLES,
+    FLAT,
+    GROWS,
+    JUMP,
+    JUMP_ROUND_OFF,
+    KINK_WIDTH,
+    PEAKS,
+    POLE_HALVINGS,
+    SHORTER_SPAN,
+    SPANS,
+)
 from fmd.dynamics.signals.activity import find_activity
 from fmd.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
 from fmd.scene.loads import PulseDrive
@@ -19,14 +31,6 @@ if TYPE_CHECKING:
     from fmd.scene.scene import Scene
 
 _KEYS = ("torque", "force", "angle", "position")
-_SAMPLES = 257
-_PEAKS = 4  # local maxima that are looked into: a pole is the largest of all
-_HALVINGS = 40  # of the interval around one
-_FLAT = 0.9
-_GROWS = 4.0  # a pole does by more over the last ten halvings, a step by none
-_JUMP, _ROUND_OFF = 1e-6, 1e-11  # relative to how much a motion and its rate change in all, and to their sizes
-_KINK_WIDTH = 1e-10  # of the time in which kinks are looked for: they lie within this about their times
-_SPANS, _SHORTER = 4, 1 / 64  # parts of the duration: kinks that are too many in the whole are followed in the first
 
 
 def signal_of(given: TimeFunction) -> Signal:
@@ -87,14 +91,14 @@ def _time_without_value(signal: Signal, duration: float, n_derivatives: int) -> 
     inside = [
         at for time in signal.breakpoints for at in (np.nextafter(time, -np.inf), time, np.nextafter(time, np.inf))
     ]
-    times = np.unique([*np.linspace(0.0, duration, _SAMPLES), *(at for at in inside if 0.0 <= at <= duration)])
+    times = np.unique([*np.linspace(0.0, duration, DRIVE_SAMPLES), *(at for at in inside if 0.0 <= at <= duration)])
     sizes = np.abs(signal.values(times)[:, :n_derivatives])
     if (bad := np.flatnonzero(~np.isfinite(sizes).all(axis=1))).size:
         return float(times[bad[0]])
     largest = sizes[:, 0]
     padded = np.r_[-1.0, largest, -1.0]
     tops = np.flatnonzero((padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]))
-    for top in tops[np.argsort(-largest[tops])][:_PEAKS]:
+    for top in tops[np.argsort(-largest[tops])][:PEAKS]:
         around = times[max(top - 1, 0)], times[min(top + 1, len(times) - 1)]
         if (pole := _find_pole(signal, float(times[top]), *map(float, around))) is not None:
             return pole
@@ -104,7 +108,7 @@ def _time_without_value(signal: Signal, duration: float, n_derivatives: int) -> 
 def _find_pole(signal: Signal, at: float, low: float, high: float) -> float | None:
     """Look for a pole about a local maximum between two other times, where values grow at every halving [s]."""
     sizes = []
-    for _ in range(_HALVINGS):
+    for _ in range(POLE_HALVINGS):
         points = np.array([low, 0.5 * (low + at), at, 0.5 * (at + high), high])
         values = np.abs(signal.values(points[1:4])[:, 0])
         if not np.isfinite(values).all():
@@ -112,9 +116,9 @@ def _find_pole(signal: Signal, at: float, low: float, high: float) -> float | No
         k = int(values.argmax())
         low, at, high = (float(point) for point in points[k : k + 3])
         sizes.append(values[k])
-        if values.min() >= _FLAT * values[k]:  # of a smooth function, seen from near
+        if values.min() >= FLAT * values[k]:  # of a smooth function, seen from near
             return None
-    return at if sizes[-1] > _GROWS * sizes[-11] else None
+    return at if sizes[-1] > GROWS * sizes[-11] else None
 
 
 def _describe_fault(signal: Signal, time: float, moves: bool) -> str:
@@ -133,14 +137,14 @@ def _describe_fault(signal: Signal, time: float, moves: bool) -> str:
 def _require_continuous(scene: Scene, path: str, given: TimeFunction, signal: Signal) -> None:
     """Raise ``InputError`` if a motion's position or rate jumps: no impulse would pass to the other coordinates."""
     assert scene.simulation is not None
-    course = signal.values(np.linspace(0.0, scene.simulation.duration, _SAMPLES))[:, :2]
-    little = _JUMP * np.ptp(course, axis=0) + _ROUND_OFF * np.abs(course).max(axis=0)
+    course = signal.values(np.linspace(0.0, scene.simulation.duration, DRIVE_SAMPLES))[:, :2]
+    little = JUMP * np.ptp(course, axis=0) + JUMP_ROUND_OFF * np.abs(course).max(axis=0)
     switches = [(time, 0.0) for time in signal.breakpoints if 0.0 < time <= scene.simulation.duration]
     for time, aside in [*switches, *_kinks(signal, scene.simulation.duration)]:
         sides = (min(time - aside, np.nextafter(time, -np.inf)), max(time + aside, np.nextafter(time, np.inf)))
         before, after = (np.array(signal.value(side)) for side in sides)
         passing = (sides[1] - sides[0]) * np.maximum(np.abs(before[1:]), np.abs(after[1:]))  # without any jump
-        if (np.abs(after - before)[:2] <= passing + np.maximum(little, _ROUND_OFF * np.abs(after[:2]))).all():
+        if (np.abs(after - before)[:2] <= passing + np.maximum(little, JUMP_ROUND_OFF * np.abs(after[:2]))).all():
             continue
         (x, rate), (other_x, other_rate) = before[:2] / given.factor, after[:2] / given.factor
         raise InputError(
@@ -156,8 +160,8 @@ def _require_continuous(scene: Scene, path: str, given: TimeFunction, signal: Si
 def _kinks(signal: Signal, duration: float) -> list[tuple[float, float]]:
     """Find kinks of abs, min and max in a formula, the first of them if they are very many; each with its width [s]."""
     span = duration
-    for _ in range(_SPANS):
+    for _ in range(SPANS):
         if kinks := find_activity(signal, span).kinks:
-            return [(time, _KINK_WIDTH * span) for time in kinks]
-        span *= _SHORTER
+            return [(time, KINK_WIDTH * span) for time in kinks]
+        span *= SHORTER_SPAN
     return []

@@ -14,6 +14,21 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.stiffening import (
+    CLOSED_BY_DEFORMING,
+    GROWTH,
+    MOMENTS,
+    MOST_RADIANS,
+    NEGLIGIBLE_TERMS,
+    OF_PIECES,
+    RIGID_IMPLICIT_STEPS,
+    RIGID_LEAPFROGS,
+    RINGING,
+    SAMPLED_TIMES,
+    SHORT_MARCH,
+    SLOPES,
+    SUSPECT,
+)
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.least_work import share_open_loads
@@ -36,25 +51,6 @@ if TYPE_CHECKING:
     from fmd.integrators.protocol import Integrator
     from fmd.reduction.body import FlexibleBody
     from fmd.scene.scene import Scene
-
-_SAMPLES = 401
-# ∫ φ'² dx of a slender body's lowest modes is 1.2 (clamped) to 6 (hinged) times the largest φ² over its length.
-_SLOPES = 10.0
-# Share of a motion that rings, where a change of frequency adds up to one of phase.
-_RINGING = 0.02
-# Terms that change a stiffness by less than this part of the wanted error are left out.
-_NEGLIGIBLE = 1e-2
-# Error of a part that turns, over the change of its pieces' stiffness by their own inertia: 0.1 to 0.3 were measured.
-_OF_PIECES = 0.3
-_SHORT_MARCH = 1000.0  # radians of the highest frequency, about a step each of 0.2 ms; compiling takes seconds
-_MOST_EXPLICIT = 1e6  # leapfrog steps of a march of rigid bodies
-_MOST_RADIANS = 1e6  # of its highest frequency that are followed
-_IMPLICIT_STEPS = 4000  # beyond
-# A deflection that grows by more than e³ has left what geometric stiffness describes.
-_GROWTH = 3.0
-_CLOSED = 1e-6  # m or rad: a gap that bodies close by deforming, not one of round-off
-_SUSPECT = 0.5  # of its buckling load on a body alone: what loops or elements hold is looked at as a whole
-_MOMENTS = 41  # at which the stiffness of what loops or elements hold is looked at
 
 
 @dataclass(frozen=True)
@@ -162,12 +158,12 @@ def check_spins(
         change = estimate_change(body, loads)
         (ratio,) = damping_ratios(scene.flexible[name].modes.damping, [first])
         lasting = 1.0 / max(ratio, 1e-300)  # radians of ringing
-        matters = change * (1.0 + 0.5 * _RINGING * min(first * scene.simulation.duration, lasting)) > error
+        matters = change * (1.0 + 0.5 * RINGING * min(first * scene.simulation.duration, lasting)) > error
         # Displacements of second order in its pieces also make the rotations of a chain converge faster.
         counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
         stiffened = wanted == "on" or (wanted == "auto" and counts)
         checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
-    opened = largest_gap(rigid, motion.times, motion.q) > _CLOSED
+    opened = largest_gap(rigid, motion.times, motion.q) > CLOSED_BY_DEFORMING
     if wanted == "auto" and (opened or any(check.stiffened for check in checks.values())):
         for name, check in checks.items():  # stretched by a body that deflects, or by a motion that is prescribed
             held = bool(check.loads.open.any()) and (meshed is None or name in meshed)
@@ -184,7 +180,7 @@ def estimate_change(body: FlexibleBody, loads: BodyLoads) -> float:
         np.linalg.norm(loads.wrenches[:, :, :3], axis=2) + np.linalg.norm(loads.wrenches[:, :, 3:], axis=2) / length
     )
     inertia = body.gram.mass * (acceleration + 0.5 * length * (spin**2 + turning))
-    return float(_SLOPES * (forces.sum(axis=0) + inertia).max() * (peaks / body.omega**2).max() / length)
+    return float(SLOPES * (forces.sum(axis=0) + inertia).max() * (peaks / body.omega**2).max() / length)
 
 
 def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, SpinCheck], error: float) -> Mechanism:
@@ -194,7 +190,9 @@ def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, SpinCheck], erro
     """
     for name, check in checks.items():
         if check.stiffened and not part_of(name):
-            mechanism = without_negligible_terms(mechanism, mechanism.number_of(name), check.loads, _NEGLIGIBLE * error)
+            mechanism = without_negligible_terms(
+                mechanism, mechanism.number_of(name), check.loads, NEGLIGIBLE_TERMS * error
+            )
     return mechanism
 
 
@@ -222,7 +220,7 @@ def keep_inertia_of_pieces(
     counts = {
         part_of(name)
         for name, body in pieces.items()
-        if not error or _OF_PIECES * change_by_inertia(body, checks[name].loads) > error
+        if not error or OF_PIECES * change_by_inertia(body, checks[name].loads) > error
     }
     return {
         name: body if part_of(name) in counts else replace(body, gram=linear[name].gram)
@@ -248,7 +246,7 @@ def find_changes(mechanism: Mechanism, checks: Mapping[str, SpinCheck]) -> dict[
             lowest = np.linalg.eigvalsh(K * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
             largest, buckling = float(np.abs(parts).max()), float(max(-parts[:, 0].min(), 0.0))
             changes[name] = StiffnessChange(largest, buckling, *_instability(check.times, lowest))
-    suspects = [name for name, change in changes.items() if change.buckling > _SUSPECT and not part_of(name)]
+    suspects = [name for name, change in changes.items() if change.buckling > SUSPECT and not part_of(name)]
     if suspects and (mechanism.closures or mechanism.elements):
         loads = {mechanism.number_of(name): checks[name].loads for name in changes}
         held = _find_held_change(mechanism, loads, checks[suspects[0]])
@@ -270,7 +268,7 @@ def _find_held_change(mechanism: Mechanism, loads: Mapping[int, BodyLoads], at: 
     from fmd.stages.buckling import held_stiffness
 
     system = share_system(mechanism)
-    moments = np.unique(np.linspace(0, len(at.times) - 1, _MOMENTS).astype(int))
+    moments = np.unique(np.linspace(0, len(at.times) - 1, MOMENTS).astype(int))
     held = [held_stiffness(system, loads, k, float(at.times[k]), at.positions[k]) for k in moments]
     buckling = max(each.buckling for each in held)
     return StiffnessChange(buckling, buckling, *_instability(at.times[moments], [each.lowest for each in held]))
@@ -282,7 +280,7 @@ def require_unbuckled(scene: Scene, changes: Mapping[str, StiffnessChange]) -> N
     Pieces of a part describe what follows buckling.
     """
     for name, change in changes.items():
-        if change.growth > _GROWTH and not part_of(name):
+        if change.growth > GROWTH and not part_of(name):
             raise InputError(
                 scene.file,
                 f"body.{name}",
@@ -324,7 +322,7 @@ def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> 
 
 def rigid_motion(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> Kinematics:
     """Compute the motion of a mechanism in which no body deforms; the arguments are those of `rigid_spins`."""
-    times = np.linspace(0.0, duration, _SAMPLES)
+    times = np.linspace(0.0, duration, SAMPLED_TIMES)
     q, v = _march_rigid(mechanism.rigid, q0, v0, times)
     return Kinematics(mechanism.rigid, times, q, v)
 
@@ -346,16 +344,16 @@ def _method_for(system: CompiledSystem, duration: float) -> Integrator:
 
     Vibrations that are too many to be followed keep their size by the trapezoidal rule, though not their frequency.
     """
-    if system.highest_frequency * duration > _MOST_RADIANS:
+    if system.highest_frequency * duration > MOST_RADIANS:
         from fmd.integrators.generalized_alpha import GeneralizedAlpha
 
-        return GeneralizedAlpha(duration / _IMPLICIT_STEPS, rho=1.0)
-    damped = duration > _MOST_EXPLICIT * system.largest_step  # strongly: explicit steps would take for ever
+        return GeneralizedAlpha(duration / RIGID_IMPLICIT_STEPS, rho=1.0)
+    damped = duration > RIGID_LEAPFROGS * system.largest_step  # strongly: explicit steps would take for ever
     if damped and system.mechanism.closures:
         from fmd.integrators.rosenbrock import ExponentialRosenbrock
 
         return ExponentialRosenbrock(1e-4)
-    if damped or (system.highest_frequency * duration < _SHORT_MARCH and not system.mechanism.closures):
+    if damped or (system.highest_frequency * duration < SHORT_MARCH and not system.mechanism.closures):
         from fmd.integrators.scipy_ivp import ScipyIvp
 
         return ScipyIvp("Radau" if damped else "DOP853", 1e-6)

@@ -14,11 +14,10 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache, stage_key
 from fmd.core.errors import InputError
+from fmd.core.limits.patience import VISUAL_SECONDS
 from fmd.core.units import unit_ratio
 from fmd.fem.formats.stl import read_stl
 from fmd.scene.scene import Scene
-
-_MOST_SECONDS = 300
 
 
 def find_visual_files(scene: Scene) -> dict[str, str]:
@@ -88,9 +87,9 @@ def _triangulate(path: Path) -> tuple[Array, IntArray]:
         arrays = Path(folder) / "arrays.npz"
         command = [sys.executable, "-P", "-m", "fmd.meshes.cad_faces", str(path.resolve()), str(arrays)]
         try:
-            done = subprocess.run(command, capture_output=True, check=False, timeout=_MOST_SECONDS)
+            done = subprocess.run(command, capture_output=True, check=False, timeout=VISUAL_SECONDS)
         except subprocess.TimeoutExpired:
-            raise ValueError(f"wasn't cut into triangles in {_MOST_SECONDS} s; take an STL file") from None
+            raise ValueError(f"wasn't cut into triangles in {VISUAL_SECONDS} s; take an STL file") from None
         if done.returncode != 0 or not arrays.is_file():
             said = done.stderr.decode(errors="replace").strip()
             raise ValueError(said or "Gmsh's OpenCASCADE stopped on it; is it damaged?")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmd.core.errors import InputError
+from fmd.core.limits.patience import ANSWERS_WITHIN, WORKS_WITHIN
 from fmd.sweep.record import Record, interrupted_record
 from fmd.sweep.work import compute_point
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from fmd.scene.scene import Scene
 
 _SCHEDULER = "--scheduler"
-_ANSWERS_WITHIN = 10  # s
-_WORKS_WITHIN = 60  # s; a cluster may start its workers when there is work
 
 
 def compute_on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tuple[str, Record]]:
@@ -35,7 +34,7 @@ def compute_on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tu
         raise InputError(_SCHEDULER, "", address, "needs Dask: install this package's extra 'cluster'") from None
     try:
         asyncio.run(_connect(address))  # first: a client that can't connect takes 20 s to give up closing
-        client = Client(address, timeout=_ANSWERS_WITHIN, set_as_default=False)
+        client = Client(address, timeout=ANSWERS_WITHIN, set_as_default=False)
     except (OSError, ValueError, ImportError) as error:
         mend = f"no Dask scheduler answers there, e.g. tcp://host:8786: {error}"
         raise InputError(_SCHEDULER, "", address, mend) from None
@@ -45,7 +44,7 @@ def compute_on_cluster(scenes: Mapping[str, Scene], address: str) -> Iterator[tu
             for key, scene in scenes.items()
         }
         try:
-            client.wait_for_workers(1, timeout=_WORKS_WITHIN)
+            client.wait_for_workers(1, timeout=WORKS_WITHIN)
         except TimeoutError:
             mend = f"has no workers; start some: dask worker {address}"
             raise InputError(_SCHEDULER, "", address, mend) from None
@@ -74,4 +73,4 @@ async def _connect(address: str) -> None:
     """Open and close a connection to a scheduler; raises ``OSError`` or ``ValueError`` if none answers."""
     from distributed.comm import connect
 
-    await (await connect(address, timeout=_ANSWERS_WITHIN)).close()
+    await (await connect(address, timeout=ANSWERS_WITHIN)).close()

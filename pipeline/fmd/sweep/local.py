@@ -16,12 +16,12 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING
 
+from fmd.core.limits.patience import POINT_TRIES
 from fmd.sweep.record import Record, interrupted_record
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
 
-_TRIES = 2
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -68,11 +68,11 @@ def compute_locally(scenes: Mapping[str, Scene], workers: int) -> Iterator[tuple
                 except (EOFError, OSError):
                     worker.stop()
                     worker = _Worker()
-                    if tries[key] < _TRIES:
+                    if tries[key] < POINT_TRIES:
                         waiting.append(key)
                         idle.append(worker)
                         continue
-                    record = interrupted_record(f"its process died, {_TRIES} times; short of memory?")
+                    record = interrupted_record(f"its process died, {POINT_TRIES} times; short of memory?")
                 idle.append(worker)
                 yield key, record
     finally:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.html import prefix_for
+from fmd.core.limits.shown import SWEPT_MODES, SWEPT_PANELS
 from fmd.sweep.points import Variation
 from fmd.sweep.study import Sweep
 
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from fmd.render.sweep_chart import SweepAxis, SweepPanel
 
 FILE = "sweep.png"
-_MOST_MODES = 6
-_MOST_PANELS = 6
 # Figures that are drawn where points differ in them, with their label and SI unit.
 _FIGURES = {
     "worst_stress.von_mises_pa": ("largest von Mises stress", "Pa"),
@@ -63,7 +62,7 @@ def draw_sweep(sweep: Sweep, rows: Sequence[dict[str, Any]], folder: Path, title
 
     axes = [_axis(variation) for variation in sweep.variations]
     panels = [_panel(label, unit, [(name, values.reshape(shape)) for name, values in lines], len(shape))
-              for label, unit, lines in figures[:_MOST_PANELS]]  # fmt: skip
+              for label, unit, lines in figures[:SWEPT_PANELS]]  # fmt: skip
     path = folder / FILE
     if len(axes) == 1:
         draw_sweep_lines(axes[0], panels, path, title=title)
@@ -74,7 +73,7 @@ def draw_sweep(sweep: Sweep, rows: Sequence[dict[str, Any]], folder: Path, title
 
 def _figures(rows: Sequence[dict[str, Any]]) -> list[tuple[str, str, list[tuple[str, Array]]]]:
     """List label, unit and lines by name of each figure that some point has."""
-    modes = [(f"mode {k + 1}", _column(rows, f"frequencies_hz.{k}")) for k in range(_MOST_MODES)]
+    modes = [(f"mode {k + 1}", _column(rows, f"frequencies_hz.{k}")) for k in range(SWEPT_MODES)]
     found = [("frequency", "Hz", [(name, values) for name, values in modes if np.isfinite(values).any()])]
     named = dict(_FIGURES)
     for name in rows[0]:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from fmd.core.cache import stage_key
 from fmd.core.errors import InputError
+from fmd.core.limits.scene import MOST_POINTS
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.source_files import digest_files
 
 _VARY = "--vary"
-_MOST_POINTS = 100_000
 _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
 _PACKAGES = ("gmsh", "numba", "numpy", "scikit-fem", "scipy")
 
@@ -82,8 +82,8 @@ def make_points(scene: str | Path, variations: Sequence[Variation], overrides: S
         There is no such scene, or it is refused at every point; the message is that of the first.
     """
     count = math.prod(len(v.values) for v in variations)
-    if count > _MOST_POINTS:
-        raise InputError(_VARY, "", None, f"makes {count} points; at most {_MOST_POINTS} in one sweep")
+    if count > MOST_POINTS:
+        raise InputError(_VARY, "", None, f"makes {count} points; at most {MOST_POINTS} in one sweep")
     points: list[Point] = []
     first: InputError | None = None
     for values in itertools.product(*(v.values for v in variations)):

@@ -48,7 +48,7 @@ def test_a_mechanism_that_differs_in_anything_has_a_system_of_its_own(other: Mec
 
 
 def test_the_systems_that_were_used_last_are_shared(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shared, "_MOST_SHARED", 2)
+    monkeypatch.setattr(shared, "MOST_SHARED", 2)
     first = share_system(swing())
     for rate in (1.0, 2.0):
         share_system(swing(gravity=np.array([0.0, rate, 0.0])))

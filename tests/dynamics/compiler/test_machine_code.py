@@ -139,7 +139,7 @@ def test_a_process_loads_an_object_once_and_keeps_the_last_used(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
-    monkeypatch.setattr(store, "_MOST_LOADED", 2)
+    monkeypatch.setattr(store, "MOST_LOADED", 2)
     first, second = load("sin"), load("cos")
     assert load("sin") is first
     load("stumpff4")

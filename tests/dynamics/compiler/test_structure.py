@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler.cleaning import THRESHOLD, orthonormal_rows
+from fmd.core.limits.round_off import SOLVED
+from fmd.dynamics.compiler.cleaning import orthonormal_rows
 from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
@@ -55,7 +56,7 @@ def test_round_off_out_of_the_plane_is_no_arithmetic_and_changes_no_more_than_it
     assert compile_mechanism(lifted).flops() == compile_mechanism(exact).flops()
     q, v = state(exact)
     a, b = (compile_mechanism(mechanism).accelerations(TIME, q, v) for mechanism in (exact, lifted))
-    assert difference(a, b) < 10 * THRESHOLD
+    assert difference(a, b) < 10 * SOLVED
     assert difference(a, lagrange.accelerations(lifted, q, v)) < 1e-8  # what differences leave
 
 
@@ -77,12 +78,12 @@ def test_cleaning_changes_no_mechanism_beyond_its_threshold(seed: int) -> None:
     rng = np.random.default_rng(seed)
 
     def noisy(values: Array) -> Array:
-        return values + 0.1 * THRESHOLD * np.abs(values).max(initial=0.0) * rng.uniform(-1, 1, values.shape)
+        return values + 0.1 * SOLVED * np.abs(values).max(initial=0.0) * rng.uniform(-1, 1, values.shape)
 
     links = [replace(link, place_shapes=noisy(link.place_shapes), place=noisy(link.place)) for link in mechanism.links]
     moved = replace(mechanism, links=links)
     a, b = (compile_interpreted(compile_mechanism(one), q, v) for one in (mechanism, moved))
-    assert difference(b, a) < 1e3 * THRESHOLD  # what the condition of the mechanism makes of it
+    assert difference(b, a) < 1e3 * SOLVED  # what the condition of the mechanism makes of it
 
 
 def compile_interpreted(compiled: CompiledMechanism, q: Array, v: Array) -> Array:

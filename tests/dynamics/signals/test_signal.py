@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
-from fmd.core.formula import MOST_DEPTH, parse_formula
+from fmd.core.formula import parse_formula
+from fmd.core.limits.scene import MOST_DEPTH
 from fmd.dynamics.compiler.machine import LoadedObject, compile_object
 from fmd.dynamics.compiler.signal_code import emit_signals
 from fmd.dynamics.signals.signal import (

@@ -22,3 +22,21 @@ ENVELOPE_NODES, ENVELOPE_FRAMES = 64, 256  # nodes and output times at a time: 7
 FATIGUE_NODES = 8  # nodes at a time in a thread
 FATIGUE_ROUND = 8 * FATIGUE_NODES  # nodes between two looks at the bound
 FATIGUE_STRETCHES = 256  # stretches of time, each with a bound of its own
+
+# Compiled code.
+MOST_SHARED = 16  # systems kept in a process, the last used last
+MOST_LOADED = 256  # programs that stay loaded in a process, the last used last
+# States that are evaluated together: the values of a mechanism's nodes at them stay in the processor's cache.
+STATES_AT_ONCE = 1024
+
+# Results.
+# Numbers kept for each output time. Measured: 1.0 kB a run with two rigid bodies, 0.7 kB with one body of five modes.
+NUMBERS_OF_BODY = 60
+NUMBERS_OF_COORDINATE = 4  # the same for each coordinate
+FINE_RUNS = 2  # as many runs more for the times between outputs at which a tip's deflection is largest
+ALWAYS_FIT = 1e8  # bytes, for which no memory is looked up
+
+# Python.
+# A short run has 180,000 objects, most of imports, that all stay; to look for garbage among them took 5 % of its
+# time.
+ALLOCATIONS = 50_000

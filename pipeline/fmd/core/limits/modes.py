@@ -45,6 +45,7 @@ GRADIENT_STEPS = 100  # in a round: a factor of K that is nearly exact needs few
 # Residuals beyond their limit count as round-off up to this many times what round-off of one product leaves. Free
 # bodies were found to have twice that, thin bars that are held at a face ten times.
 OF_ROUND_OFF = 100.0
+RITZ_GENERATIONS = 4  # of static responses, each to the inertia of the one before
 
 # Families and pairs.
 SAME_FREQUENCY = 1e-6  # relative difference of frequencies that count as one

@@ -4,6 +4,26 @@
 # For a mesh's file in a process of its own, whatever its size and for each MB of it.
 READING_SECONDS, READING_SECONDS_PER_MB = 60.0, 2.0
 READING_BYTES, READING_BYTES_PER_BYTE = 2 << 30, 60  # of memory, and for each byte of the file
+VISUAL_SECONDS = 300  # until a file that is only shown is read
+COMPILING_SECONDS = 600.0  # for one binary
 
 # Eigenproblem.
 LOOK_SECONDS = 0.002  # between two looks for a command
+
+# Files.
+ABANDONED_SECONDS = 3600.0  # seconds; no file takes as long to be written
+
+# Progress.
+SHOW_AFTER_SECONDS = 1.0  # before progress is shown at all
+JUDGED_AFTER = 0.5  # seconds of a march from which on its progress forecasts the rest
+
+# Clusters.
+ANSWERS_WITHIN = 10  # seconds until a cluster answers
+WORKS_WITHIN = 60  # seconds until it works; it may start its workers when there is work
+POINT_TRIES = 2  # of a point of a sweep whose process ends
+
+# Shapes.
+CAD_SECONDS = 1800  # until a CAD file is meshed
+
+# Work and precision.
+MARCH_SECONDS = 2.0  # a march longer than this ends its method's range

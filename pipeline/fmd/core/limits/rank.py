@@ -22,3 +22,11 @@ DEPENDENT_FIELD = 1e-12  # of a field's square, for what others leave of it
 
 # Constraints.
 DEPENDENT_CONSTRAINT = 1e-8  # of the largest singular value or pivot: constraints that others imply
+DEPENDENT_PIVOT = 1e-9  # of the largest pivot, the square of the ratio of lengths
+NO_PIVOT = 1e-14  # pivot over what free bodies would have: less moves nothing
+REDUNDANT_EQUATION = 1e-10  # of the largest singular value of the scaled equations
+
+# Forms of a body.
+NO_INVERSE_MASS = 1e-60  # [1/kg], beside any square
+ROW_ROUND_OFF = 1e-25  # of a row's square, below which what is left of it counts as none
+EARLIER_ROWS = 1e2  # times smaller squares still count for later rows, so that these are orthogonal to all that count

@@ -21,3 +21,10 @@ INDEPENDENT_TERM = 0.02  # of a term's norm over the points: with less outside t
 
 # Stress.
 NEAR_LARGEST_STRESS = 0.8  # of the largest von Mises stress
+APART = 0.1  # of the larger stress
+
+# Largest values.
+NEAR_LARGEST_DEFLECTION = 0.8  # of the tip's largest deflection
+FINER_TIMES = 32  # times as many times there tell what is largest between two output times
+MISSED_STRESS = 0.02  # of the largest stress, between output times
+UNRESOLVED_STRESS = 0.1  # of it: more than this is hidden by vibrations that hardly any output times follow

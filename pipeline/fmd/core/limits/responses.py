@@ -3,6 +3,10 @@
 # Frequencies.
 LEAST_DAMPING = 1e-5  # narrower resonances are taken as so wide
 NEAREST_TO_POLE = 0.05  # of half a bandwidth, distance from the pole
+FINE_RATIO = 1.05  # ratio of distances from a pole: integrals over a resonance are then right to 2e-4
+UNDAMPED = 1e-8  # damping ratio
+NEAR_POLE, AWAY_FROM_POLE, RESONANT = 1e-7, 1e-3, 100.0  # a resonance is so much larger at the first of two distances
+UNBOUNDED = 1e12  # a response beyond is that of an undamped pole itself
 
 # Poles and zeros.
 SLOW_POLE = 1e-6  # of the fastest oscillation: one that moves slower is a rigid motion

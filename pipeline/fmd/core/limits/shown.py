@@ -5,3 +5,44 @@ LONGEST_MESSAGE = 160  # characters of another program's message
 
 # Messages.
 LAST_WORDS = 400  # characters at the end of another program's output
+MOST_FAULTS = 20  # faults in a message
+LONGEST_TEXT = 60  # letters of a value in an object's text
+LONGEST_VALUE = 80  # characters of a value in a message
+MANY_BODIES = 5  # bodies, whose names aren't listed
+
+# Charts.
+SWEPT_MODES = 6  # in the chart of a sweep
+SWEPT_PANELS = 6  # in the chart of a sweep
+HARDLY_MOVES = 1e-3  # of the largest movement of a component: what moves less isn't drawn
+
+# Warnings.
+NAMED_RESULTS = 3  # results of a source that are named
+
+# Terminal.
+CAMPBELL_MODES = 8  # in the terminal's table; the file has all
+CAMPBELL_LINES = 10  # rates in the terminal's table
+CAMPBELL_CROSSINGS = 30  # critical rates in the terminal's table
+TABLE_POLES = 20  # in the terminal's table; the files have all
+LINE_POLES = 5  # named in a line
+SWEPT_JOINTS = 2  # columns of joints' positions in a sweep's table
+UNCUT = 10_000  # width of a table that is piped on, in characters
+
+# Campbell diagram.
+DRAWN_MODES = 10  # modes in the chart, the lowest; the table has all
+
+# Co-simulation.
+NUMBERS_A_LINE = 6  # of C's tables
+
+# Files.
+DIGITS = 10  # of numbers in tables
+DECADES = 6  # of lives that a picture or a mesh tells apart
+
+# Mechanism's picture.
+FLAT_MOTION = 0.05  # least extent of a motion in a plane, over its largest
+HARDLY_TURNS = 0.05  # rate of rotation that rounds to nothing in revolutions a minute [rad/s]
+WEIGHTLESS = 1e-9  # gravity that is none [m/s²]
+
+# Report.
+REPORTED_MODES = 6  # whose shapes are shown
+TICKS_OF_BAR = 5  # of a colour bar
+REPORTED_ROWS = 40  # of a table

@@ -6,9 +6,11 @@ BISECTIONS = 30  # of the longest safe step: it is then known to the last digits
 BEYOND_LIMIT = 1.02  # times the limit, where the worst operating point shows
 BELOW_CRITICAL = 0.8  # of the critical step: the longest one to recommend
 ALLOWED_GROWTH = 10.0  # factor over the duration, beyond which a march is called unstable
+NEARLY_STABLE = 0.9  # of the largest stable step: the longest one that is measured
 SMALLEST_SHARE = 1e-6  # of the upper step: no shorter one is tried
 SUMMIT = 0.5  # of the e-folds allowed: where growth comes so high and falls again, longer steps are not trusted
 DAMPED = 1.01  # step without dampers over that with them, from which they are named
+SURELY_STABLE = 0.4  # of the largest stable step: for a variant that is unstable at the run's own
 
 # Operating points.
 OPERATING_POINTS = 8  # of a motion, in the middles of equal parts of the duration
@@ -25,3 +27,8 @@ NO_RESTORING = 1e-6  # of the highest frequency: nothing holds what is below
 SLOW_STEPS = 200  # slow steps over the duration, at least
 HIGHEST_COURANT = 2.5  # Courant number up to which maps go
 SLOWNESS = 1e-3  # slow over fast frequency, at which the law of the weak instability is fitted
+STRONG = 0.99  # Inertial coupling β beyond which sub-cycling is warned of.
+
+# Terminal.
+COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
+GROWING = 0.01  # growth over the scene by the method itself that is worth a note

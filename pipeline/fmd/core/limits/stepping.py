@@ -17,6 +17,8 @@ MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW = 1e10, 20_000  # steps that never come to 
 RUNAWAY = 1e30  # Rates that add up to more are taken as divergence: no mechanism in SI units comes near it.
 FIRST_CYCLES = 1024  # steps: short marches are one call
 CYCLES_SECONDS = 0.2  # between two reports of progress
+MOST_STEPS = 1e12  # a day or more
+MANY_RADIANS = 1e6  # radians, or times in which a motion falls to 37 %: more are due to one part, which is named
 
 # Forces that steps pass unseen.
 MISSED_WORK = 0.05  # of a law's energies over the march: work that may be missed in a pass
@@ -35,3 +37,11 @@ RATE_ROUND_OFF = 1e-15  # of the largest rate and acceleration so far, and of wh
 # SciPy's methods.
 MOST_SCIPY_STEPS, SCIPY_WINDOW = 1e8, 2000  # steps that never come to an end, by the mean of so many
 FAR_OFF = 1e9  # [s]: neither an output time nor the end shortens a step, or sets the first one
+
+# Events.
+INTO_PIECE = 0.5  # of a piece: how far a step may enter it
+LEAST_PART, MOST_PART = 0.05, 0.9  # of a step that went too far: what is tried next
+
+# Co-simulation.
+DAMPED_STEP = 5.0  # step times angular frequency up to which vibrations are damped, from 1 on ever more; 5.7 is stable
+CO_SIMULATED = 1e-9  # Largest relative error of a co-simulation's step where nothing else is asked for.

@@ -13,6 +13,7 @@ from typing import Any
 
 from fmd.core.arrays import Array
 from fmd.core.limits.newton import NOT_PROJECTED, PROJECTED, PROJECTIONS, RELINEARISED
+from fmd.core.limits.rank import DEPENDENT_PIVOT, NO_PIVOT
 from fmd.core.newton import settles
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, Multipliers, TreeParameters
@@ -20,9 +21,6 @@ from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.jit.compiled import inlined, inner, meaning
 from fmd.dynamics.jit.native import call_native
 from fmd.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project
-
-_DEPENDENT = 1e-9  # of the largest pivot, the square of the ratio of lengths
-_NO_PIVOT = 1e-14  # beside what free bodies would do
 
 _settles = inlined(settles)
 
@@ -55,7 +53,7 @@ def _factor(m: Multipliers) -> None:
             order[k], order[best] = order[best], order[k]
             pivot = S[order[k], order[k]]
             top = max(top, pivot)
-            if not pivot > max(_DEPENDENT * top, _NO_PIVOT):
+            if not pivot > max(DEPENDENT_PIVOT * top, NO_PIVOT):
                 m.rank[0] = k
         if k >= m.rank[0]:
             return

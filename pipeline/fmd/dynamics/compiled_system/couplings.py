@@ -7,13 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.mechanism import (
+    COUPLED_DEFLECTION,
+    COUPLED_STATES,
+    COUPLED_TIMES,
+    NEGLIGIBLE_DAMPING,
+    NEGLIGIBLE_STIFFNESS,
+)
+from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiler.compiled import CompiledMechanism
-
-_SAMPLES = 3
-_TIMES = 33  # at which inputs are looked at
-_DEFLECTION = 0.1  # of modal coordinates, beside rates of 1 rad/s or m/s
-_NEGLIGIBLE = 1e-9  # beside what couples with itself
-_STIFFNESS, _DAMPING = 1e-5, 1e-8  # by rates of 1 rad/s: too small to tell within a major cycle
 
 
 class Couplings(NamedTuple):
@@ -48,7 +50,7 @@ def find_inertial_coupling(compiled: CompiledMechanism) -> bool:
     if compiled.mechanism.closures:
         return True
     masses = (compiled.mass_matrix(inputs, q) for inputs, q, _, _ in _states(compiled))
-    return any(_exceed(M, _NEGLIGIBLE * _scale(M)) for M in masses)
+    return any(_exceed(M, SOLVED * _scale(M)) for M in masses)
 
 
 def find_couplings(compiled: CompiledMechanism) -> Couplings:
@@ -60,7 +62,7 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
     shift, fast = compiled.mechanism.n_positions - compiled.mechanism.n, slice(n_slow, None)
     diagonals = [M.diagonal()[fast] for M in masses]
     constant = all(np.allclose(diagonal, diagonals[0], rtol=1e-12, atol=0.0) for diagonal in diagonals)
-    single = not any(_exceed(M[fast, fast], _NEGLIGIBLE * _scale(M[fast, fast])) for M in masses)
+    single = not any(_exceed(M[fast, fast], SOLVED * _scale(M[fast, fast])) for M in masses)
     mass = np.r_[np.zeros(n_slow), diagonals[0]] if constant and single else None
     elastic = damped = dragging = False
     driven = np.zeros(3 * len(compiled.signals), dtype=bool)
@@ -68,10 +70,10 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
         by_q, by_v, M = compiled.tangents(inputs, q, v, a)
         driven |= np.any(compiled.input_tangents(inputs, q, v, a)[fast], axis=0)
         K, C = by_q[fast, n_slow + shift :], by_v[fast, fast]
-        elastic |= _exceed(K, _STIFFNESS + _NEGLIGIBLE * _scale(K)) or _exceed(C, _DAMPING)
-        damped |= bool(np.any(np.abs(C) > _DAMPING * np.sqrt(np.abs(M.diagonal()[fast]))))
-        dragging |= bool((np.abs(by_v) > _NEGLIGIBLE * _scale(M))[:, fast].any())
-    inertial = any((np.abs(M) > _NEGLIGIBLE * _scale(M))[:n_slow, n_slow:].any() for M in masses)
+        elastic |= _exceed(K, NEGLIGIBLE_STIFFNESS + SOLVED * _scale(K)) or _exceed(C, NEGLIGIBLE_DAMPING)
+        damped |= bool(np.any(np.abs(C) > NEGLIGIBLE_DAMPING * np.sqrt(np.abs(M.diagonal()[fast]))))
+        dragging |= bool((np.abs(by_v) > SOLVED * _scale(M))[:, fast].any())
+    inertial = any((np.abs(M) > SOLVED * _scale(M))[:n_slow, n_slow:].any() for M in masses)
     return Couplings(inertial, mass, elastic, damped, dragging, np.flatnonzero(driven))
 
 
@@ -92,11 +94,11 @@ def _states(compiled: CompiledMechanism) -> list[tuple[Array, Array, Array, Arra
     """
     mechanism, random, largest = compiled.mechanism, np.random.default_rng(0), _largest_inputs(compiled)
     states = []
-    for _ in range(_SAMPLES):
+    for _ in range(COUPLED_STATES):
         q = random.uniform(-1.0, 1.0, mechanism.n_positions)
         for number, link in enumerate(mechanism.links):
             modes = mechanism.modes_of(number) + mechanism.n_positions - mechanism.n
-            q[modes] *= _DEFLECTION
+            q[modes] *= COUPLED_DEFLECTION
             if link.n_positions > link.n_rates:
                 last = mechanism.layout.position[number] + link.n_positions
                 q[last - 4 : last] /= np.linalg.norm(q[last - 4 : last])
@@ -108,7 +110,7 @@ def _states(compiled: CompiledMechanism) -> list[tuple[Array, Array, Array, Arra
 def _largest_inputs(compiled: CompiledMechanism) -> Array:
     """Return the largest of each input's values at even times and between breakpoints; 1 where these are all 0."""
     mechanism = compiled.mechanism
-    even = np.linspace(0.0, mechanism.horizon, _TIMES)
+    even = np.linspace(0.0, mechanism.horizon, COUPLED_TIMES)
     breaks = np.unique([0.0, mechanism.horizon, *(t for signal in compiled.signals for t in signal.breakpoints)])
     times = [*even, *(0.5 * (breaks[:-1] + breaks[1:]))]
     values = np.array([compiled.signal_values(t) for t in times])

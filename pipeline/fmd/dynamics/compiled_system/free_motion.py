@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
-
-_DEPENDENT = 1e-8  # of the largest singular value
+from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 
 
 class FreeMotion(NamedTuple):
@@ -31,7 +30,7 @@ def free_motion(M: Array, K: Array, C: Array, n_slow: int, J: Array) -> FreeMoti
         return FreeMotion(M, K, C, n_slow)
     slow, fast = slice(0, n_slow), slice(n_slow, None)
     alone = _null_space(J[:, slow])
-    D = np.linalg.pinv(J[:, slow], rcond=_DEPENDENT) @ J[:, fast]
+    D = np.linalg.pinv(J[:, slow], rcond=DEPENDENT_CONSTRAINT) @ J[:, fast]
     if alone.shape[1]:
         left = alone.T @ (M[slow, fast] - M[slow, slow] @ D)
         D = D + alone @ np.linalg.solve(alone.T @ M[slow, slow] @ alone, left)
@@ -45,5 +44,5 @@ def _null_space(A: Array) -> Array:
     if not A.size:
         return np.eye(A.shape[1])
     _, sizes, ways = np.linalg.svd(A)
-    rank = int((sizes > _DEPENDENT * max(1.0, float(sizes.max()))).sum())
+    rank = int((sizes > DEPENDENT_CONSTRAINT * max(1.0, float(sizes.max()))).sum())
     return np.asarray(ways[rank:].T)

@@ -15,14 +15,13 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InertiaError, StabilityError
+from fmd.core.limits.mechanism import LOOKED_AT, LOST_INERTIA
 
 if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.reference_state import ReferenceState
     from fmd.dynamics.mechanism import Mechanism
 
-_LOOKED_AT = 20  # output times with the largest deflections
 TOO_LIGHT = "combinations of modes are so light that round-off hides their inertia; fewer modes help"
-_LOST = 0.05  # of an inertia, where a march ends because it vanishes
 
 
 def require_positive_mass(system: ReferenceState, q: Array, where: str, least: float = 0.0) -> None:
@@ -74,7 +73,7 @@ def require_positive_over(system: ReferenceState, times: Array, q: Array) -> Non
     modes = np.concatenate([mechanism.modes_of(k) for k in stiffened]) + mechanism.n_positions - mechanism.n
     omega = np.concatenate([mechanism.links[k].omega for k in stiffened])
     energies = ((q[:, modes] * omega) ** 2).sum(axis=1)
-    for k in np.argsort(energies)[-_LOOKED_AT:]:
+    for k in np.argsort(energies)[-LOOKED_AT:]:
         require_positive_mass(system, q[k], f"at t = {times[k]:.4g} s")
 
 
@@ -93,4 +92,4 @@ def explain_failure(system: ReferenceState, failure: StabilityError) -> None:
     if all(mechanism.links[k].gram.whole for k in _stiffened(mechanism)):  # for another reason
         return
     if isinstance(failure.positions, np.ndarray) and len(failure.positions) == mechanism.n_positions:
-        require_positive_mass(system, failure.positions, f"at t = {failure.time:.4g} s", _LOST)
+        require_positive_mass(system, failure.positions, f"at t = {failure.time:.4g} s", LOST_INERTIA)

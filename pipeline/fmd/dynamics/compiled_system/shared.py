@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Hashable
 
+from fmd.core.limits.memory import MOST_SHARED
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
-
-_MOST_SHARED = 16
 
 # The last used last. A key is all that a mechanism consists of, so what it names never changes.
 _shared: OrderedDict[Hashable, CompiledSystem] = OrderedDict()
@@ -30,6 +29,6 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     key = (system.compiled.digest, system.compiled.signals, named, mechanism.horizon)
     system = _shared.pop(key, system)
     _shared[key] = system
-    while len(_shared) > _MOST_SHARED:
+    while len(_shared) > MOST_SHARED:
         _shared.popitem(last=False)
     return system

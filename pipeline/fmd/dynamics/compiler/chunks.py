@@ -10,16 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.code import ACCUMULATORS, UNROLLED
 from fmd.dynamics.compiler.writer import Writer, literal, type_of
 
 Chunk = tuple[str, int]
 """A value of LLVM's and its width: a double for 1, else a vector."""
-
-_UNROLLED = 16
-"""Matrices of so many columns are multiplied without a loop, their columns in the code."""
-
-_ACCUMULATORS = 8
-"""Vector registers that a product sums in: enough to hide the latency of ``fma``."""
 
 
 def chunk_widths(size: int, register: int) -> list[int]:
@@ -201,13 +196,13 @@ class ChunkWriter(Writer):
     def multiply_matrix(self, matrix: Array, vector: list[Chunk]) -> list[Chunk]:
         """Write a constant matrix times a vector: without a loop, or by blocks of rows that are summed in registers."""
         widths = chunk_widths(len(matrix), self._register)
-        if matrix.shape[1] <= _UNROLLED:
+        if matrix.shape[1] <= UNROLLED:
             return self._multiply_unrolled(matrix, vector, widths)
         columns = np.zeros((matrix.shape[1], sum(widths)))
         columns[:, : len(matrix)] = matrix.T
         table, stored, out = self.table(columns), self._stored(vector), list[Chunk]()
-        for first in range(0, len(widths), _ACCUMULATORS):
-            block = widths[first : first + _ACCUMULATORS]
+        for first in range(0, len(widths), ACCUMULATORS):
+            block = widths[first : first + ACCUMULATORS]
             out += self._multiply_block(table, stored, columns.shape, sum(widths[:first]), block)
         return out
 
@@ -227,7 +222,7 @@ class ChunkWriter(Writer):
     ) -> list[Chunk]:
         """A loop over some columns at a time: as many as the block's chunks leave accumulators for."""
         n_columns, stride = shape
-        at_once = max(1, _ACCUMULATORS // len(widths))
+        at_once = max(1, ACCUMULATORS // len(widths))
         looped = n_columns - n_columns % at_once
         totals = [[zero(width)] * at_once for width in widths]
         counter, label, after, before = self.name(), *self.new_loop()

@@ -1,7 +1,7 @@
 """Round-off taken out of a mechanism's constants, so that what is zero in theory is zero in its graph.
 
 A plane part's finite element mesh leaves integrals and shapes of 1e-10 where theory has 0. They cost as much arithmetic
-as all others. An entry is taken for round-off if it is below `THRESHOLD` of its natural scale: for inertia integrals
+as all others. An entry is taken for round-off if it is below `SOLVED` of its natural scale: for inertia integrals
 that of the modes' unit mass and the body's size, for markers the largest entry of its kind. So cleaning changes forces
 by that share at most, and an entry above it is kept: a part that is nearly plane stays spatial.
 """
@@ -13,14 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import SOLVED, SUMMED
 from fmd.dynamics.links import Link
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.second_order_mass import SecondOrderMass, second_order_mass
-
-THRESHOLD = 1e-9
-"""Share of its natural scale below which an entry is round-off: meshes leave up to 2e-10, and nothing up to 1e-8."""
-
-_DEPENDENT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,7 @@ class WholeForms(InertiaForms):
         return SecondOrderMass(self.F, self.W, np.eye(len(self.F)))
 
 
-def inertia_forms(link: Link, threshold: float = THRESHOLD) -> InertiaForms:
+def inertia_forms(link: Link, threshold: float = SOLVED) -> InertiaForms:
     """Form a body's inertia integrals without their round-off, of which a threshold of 0 leaves all."""
     gram = link.gram
     fields = gram.fields
@@ -111,7 +107,7 @@ def rigid_constants(forms: InertiaForms) -> tuple[float, Array, Array]:
     return forms.mass, forms.S[:, 0], forms.I_ab[:, :, 0, 0]
 
 
-def clean_marker(at: MarkerShapes, n: int, threshold: float = THRESHOLD) -> MarkerShapes:
+def clean_marker(at: MarkerShapes, n: int, threshold: float = SOLVED) -> MarkerShapes:
     """Return a marker of a body of n modes without round-off; shapes that are absent are zero."""
     shapes, rotations = (
         _cut(values, threshold) if values.size else np.zeros((3, n)) for values in (at.translation, at.rotation)
@@ -121,7 +117,7 @@ def clean_marker(at: MarkerShapes, n: int, threshold: float = THRESHOLD) -> Mark
     return MarkerShapes(_cut(at.position, threshold), shapes, rotations, bow)
 
 
-def clean_direction(direction: Array, threshold: float = THRESHOLD) -> Array:
+def clean_direction(direction: Array, threshold: float = SOLVED) -> Array:
     """Return the unit vector along a direction, shape (3,), without round-off."""
     unit = _cut(direction / np.linalg.norm(direction), threshold)
     return np.asarray(unit / np.linalg.norm(unit))
@@ -143,7 +139,7 @@ def orthonormal_rows(rows: Array) -> tuple[Array, Array]:
         for _ in range(2):
             for known in basis:
                 rest = rest - (known @ rest) * known
-        if float(np.linalg.norm(rest)) > _DEPENDENT * float(np.linalg.norm(row)):
+        if float(np.linalg.norm(rest)) > SUMMED * float(np.linalg.norm(row)):
             basis.append(rest / np.linalg.norm(rest))
     Q = np.reshape(basis, (-1, rows.shape[1]))
     L = rows @ Q.T

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 from fmd.dynamics.compiler.closures import ConstraintRow, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.digest import digest_mechanism
@@ -24,8 +25,6 @@ from fmd.dynamics.compiler.store import load_object, load_program
 from fmd.dynamics.compiler.structure import describe_structure
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
-
-_REDUNDANT = 1e-8  # of the largest singular value: constraints that others imply
 
 
 class CompiledMechanism:
@@ -224,7 +223,7 @@ class CompiledMechanism:
         a, w, x = np.zeros(self.mechanism.n), np.zeros(n_rows), np.zeros((self.mechanism.n, LANES))
         self.call("closed", self.signal_values(t), *_contiguous(q, v), units, a, w, x, room)
         scale = np.sqrt(np.maximum(S.diagonal(), 1e-300))
-        smallest = -np.linalg.lstsq(S / np.outer(scale, scale), w / scale, rcond=_REDUNDANT)[0] / scale
+        smallest = -np.linalg.lstsq(S / np.outer(scale, scale), w / scale, rcond=DEPENDENT_CONSTRAINT)[0] / scale
         return a + X @ smallest, smallest
 
     def joint_loads(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> tuple[Array, Array]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiler.algebra import constants
-from fmd.dynamics.compiler.cleaning import THRESHOLD
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import ALWAYS, CONSTANT, Signal
@@ -31,7 +31,7 @@ class Coordinates:
         Share of its natural scale below which an entry of the mechanism's constants is round-off; see `cleaning`.
     """
 
-    threshold = THRESHOLD
+    threshold = SOLVED
 
     def __init__(self, graph: Graph, mechanism: Mechanism) -> None:
         self.graph, self.mechanism = graph, mechanism

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from fmd.core.limits.mechanism import SHORTEST_SPRING
 from fmd.dynamics.compiler.algebra import (
     Vector3,
     Vector6,
@@ -22,7 +23,7 @@ from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, Terms, total
 from fmd.dynamics.compiler.laws import trace_law, trace_law_energy
 from fmd.dynamics.compiler.places import PlaceMotion, trace_place
-from fmd.dynamics.elements import SHORTEST, Attachment, Element, PointSpring, SixAxisSpring
+from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
 
 _AXES = range(3)
 
@@ -91,7 +92,7 @@ def trace_end(inputs: Coordinates, frames: list[MovingFrame], end: Attachment) -
 def _length(first: PlaceMotion, second: PlaceMotion) -> tuple[Vector3, Scalar]:
     """Return the way from one place to another, and its length."""
     way = subtract(second.x, first.x)
-    return way, (dot(way, way) + SHORTEST**2).apply("sqrt")
+    return way, (dot(way, way) + SHORTEST_SPRING**2).apply("sqrt")
 
 
 def trace_elongation(

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from fmd.core.limits.code import COLUMNS_AT_ONCE
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
@@ -17,7 +18,6 @@ from fmd.dynamics.compiler.program import Output
 from fmd.dynamics.compiler.recursion import BodyValues
 
 _Seeds = dict[int, Scalar | Vector]
-_AT_ONCE = 4  # columns of a product that are summed one after the other: others hide the latency of ``fma``
 
 
 def trace_drift(inputs: Coordinates, residual: list[BodyValues]) -> list[Output]:
@@ -64,8 +64,8 @@ def trace_fast_step(inputs: Coordinates, damped: bool) -> list[Output]:
     factors = [("K", q), ("C", middle)] if damped else [("K", q)]
     sums = [(1.0, combine([(1.0, constant), (tau, slope), (1.0, load)]))]
     for name, x in factors:
-        for first in range(0, n_fast, _AT_ONCE):
-            columns = range(first, min(first + _AT_ONCE, n_fast))
+        for first in range(0, n_fast, COLUMNS_AT_ONCE):
+            columns = range(first, min(first + COLUMNS_AT_ONCE, n_fast))
             rows = [graph.vector_input(name, np.arange(n_fast * j, n_fast * (j + 1))) for j in columns]
             sums.append((-1.0, combine([(x.entry(j), row) for j, row in zip(columns, rows, strict=True)])))
     new = combine(sums)

@@ -14,11 +14,9 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.memory import STATES_AT_ONCE
 from fmd.dynamics.compiler.functions import FUNCTIONS, evaluate_function
 from fmd.dynamics.compiler.graph import Graph, Scalar
-
-_AT_ONCE = 1024
-"""States that are evaluated together: the values of a mechanism's nodes at them stay in the processor's cache."""
 
 
 class Evaluation:
@@ -66,8 +64,8 @@ class Evaluation:
     def over(self, arguments: Mapping[str, Array], n_states: int) -> Array:
         """Return the values of scalars at many states, shape (n_states, n_outputs)."""
         out = np.empty((n_states, len(self._outputs)))
-        for first in range(0, n_states, _AT_ONCE):
-            some = slice(first, first + _AT_ONCE)
+        for first in range(0, n_states, STATES_AT_ONCE):
+            some = slice(first, first + STATES_AT_ONCE)
             values = self({name: entries[:, some] for name, entries in arguments.items()})
             for k, value in enumerate(values):
                 out[some, k] = value

@@ -10,13 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.code import UNROLLED
 from fmd.dynamics.compiler.chunks import Chunk, ChunkWriter
 from fmd.dynamics.compiler.functions import FUNCTIONS
 from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.writer import literal, type_of
-
-_UNROLLED = 16
-"""Matrices of so many columns are multiplied without a loop."""
 
 _KIND = type_of(LANES)
 
@@ -153,7 +151,7 @@ class LaneEmitter:
     def _product(self, constant: Array, vector: int) -> list[str]:
         if constant.ndim == 1:
             rows = [[(float(x), k)] for k, x in enumerate(constant)]
-        elif constant.shape[1] <= _UNROLLED:
+        elif constant.shape[1] <= UNROLLED:
             rows = [[(float(row[k]), int(k)) for k in np.flatnonzero(row)] for row in constant]
         else:
             return self._looped_product(constant, vector)

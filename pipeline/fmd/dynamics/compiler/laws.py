@@ -8,12 +8,13 @@ import numpy as np
 
 from fmd.core import formula as codes
 from fmd.core.formula import Formula
+from fmd.core.limits.code import MOST_FACTORS
+from fmd.core.limits.loads import GAUSS_POINTS
 from fmd.dynamics.compiler.graph import Scalar, total
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw
-from fmd.dynamics.formula_pieces import GAUSS_POINTS, integrate_formula
+from fmd.dynamics.formula_pieces import integrate_formula
 
 _FUNCTIONS = {codes.SIN: "sin", codes.COS: "cos", codes.EXP: "exp", codes.LOG: "log", codes.SQRT: "sqrt"}
-_MOST_FACTORS = 16
 
 
 def trace_law(law: ForceLaw, x: Scalar, rate: Scalar) -> Scalar:
@@ -141,7 +142,7 @@ def _of_two(code: int, a: Scalar, b: Scalar) -> Scalar:
         case codes.MAXIMUM:
             return a + (b - a).apply("positive")
     exponent = b.constant
-    if exponent is not None and exponent == round(exponent) and abs(exponent) <= _MOST_FACTORS:
+    if exponent is not None and exponent == round(exponent) and abs(exponent) <= MOST_FACTORS:
         raised = _power(a, int(abs(exponent)))
         return raised if exponent >= 0.0 else raised.inverse()
     return (b * a.apply("log")).apply("exp")

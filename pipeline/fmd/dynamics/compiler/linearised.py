@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.rank import REDUNDANT_EQUATION
 from fmd.dynamics.compiler.bodies import Inertia
 from fmd.dynamics.compiler.closures import ConstraintRow, MultiplierForces, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates
@@ -27,7 +28,6 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
 
 _ARGUMENTS = ("inputs", "q", "v", "a", "f")
-_REDUNDANT = 1e-10  # of the largest singular value of the scaled equations
 
 
 class Tangents(NamedTuple):
@@ -135,7 +135,7 @@ class LinearisedMechanism:
         sizes = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
         rows = rows / sizes[:, None]
         whole = np.block([[own, -rows.T], [rows, np.zeros((len(w), len(w)))]])
-        x = np.linalg.lstsq(whole, -np.concatenate([r[free] * scale, w / sizes]), rcond=_REDUNDANT)[0]
+        x = np.linalg.lstsq(whole, -np.concatenate([r[free] * scale, w / sizes]), rcond=REDUNDANT_EQUATION)[0]
         out = a.copy()
         out[free] = x[: len(free)] * scale
         return out, x[len(free) :] / sizes

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.compiler.algebra import (
     Matrix,
     Vector3,
@@ -26,8 +27,6 @@ from fmd.dynamics.compiler.algebra import (
 from fmd.dynamics.compiler.cleaning import clean_direction
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine, total
 from fmd.reduction.body import MarkerShapes
-
-_ONE_AXIS = 1e-12
 
 
 @dataclass
@@ -107,9 +106,9 @@ def _only_axis(at: MarkerShapes) -> Array | None:
     if not rotations.any():
         return None
     axes, sizes, _ = np.linalg.svd(rotations, full_matrices=False)
-    if np.sum(sizes > _ONE_AXIS * sizes[0]) > 1:
+    if np.sum(sizes > SUMMED * sizes[0]) > 1:
         return None
-    return clean_direction(axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0]), _ONE_AXIS)
+    return clean_direction(axes[:, 0] * np.sign(axes[np.abs(axes[:, 0]).argmax(), 0]), SUMMED)
 
 
 def _turn_by_vector(graph: Graph, t: Vector3, dt: Vector3) -> tuple[Matrix, Matrix, Vector3, Vector3]:

@@ -14,15 +14,14 @@ import numpy as np
 
 from fmd.core import formula as codes
 from fmd.core.arrays import Array
+from fmd.core.limits.code import FAR_ANGLE, MOST_PRODUCTS
 from fmd.dynamics.compiler.writer import Writer, literal
 from fmd.dynamics.signals.signal import CONSTANT, PROGRAM, Signal, Term
 
 Value = str | float
 """A value's name, or the number that it always is."""
 
-_FAR = 1e9  # beyond it sine and cosine need more digits of π than the short reduction has
 _LIBRARY = ("sin", "cos", "tan", "exp", "log", "tanh", "pow")
-_MOST_FACTORS = 8  # a power that is written as a product
 
 
 class Series(NamedTuple):
@@ -125,8 +124,8 @@ def _turning_function() -> str:
     return "\n".join(
         [
             "define internal void @turn(double %x, ptr %out) noinline nounwind {",
-            f"%small = fcmp olt double %x, {literal(_FAR)}",
-            f"%large = fcmp ogt double %x, {literal(-_FAR)}",
+            f"%small = fcmp olt double %x, {literal(FAR_ANGLE)}",
+            f"%large = fcmp ogt double %x, {literal(-FAR_ANGLE)}",
             "%near_zero = and i1 %small, %large",
             "%second = getelementptr double, ptr %out, i64 1",
             "br i1 %near_zero, label %near, label %far",
@@ -325,7 +324,7 @@ class _ProgramWriter(Writer):
 
     def raised(self, x: Value, n: float) -> Value:
         """Raise to a constant: small whole powers as products."""
-        if not (n == int(n) and 0.0 <= n <= _MOST_FACTORS):
+        if not (n == int(n) and 0.0 <= n <= MOST_PRODUCTS):
             return self.call("pow", x, n)
         value: Value = 1.0
         for _ in range(int(n)):

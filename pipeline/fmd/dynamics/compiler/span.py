@@ -24,14 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array
+from fmd.core.limits.rank import EARLIER_ROWS, NO_INVERSE_MASS, ROW_ROUND_OFF
 from fmd.dynamics.compiler.algebra import Matrix, add, constants
 from fmd.dynamics.compiler.cleaning import orthonormal_rows
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from fmd.dynamics.compiler.marker import MarkerMotion
-
-_NOTHING = 1e-60  # [1/kg], beside any square
-_ROUND_OFF = 1e-25  # of a row's square, below which what is left of it counts as none
-_EARLIER = 1e2  # times smaller squares still count for later rows, so that these are orthogonal to all that count
 
 
 @dataclass(frozen=True)
@@ -97,10 +94,13 @@ def span_rows(graph: Graph, groups: Sequence[ModalRows], free: Array) -> Span:
             shares = [row.dot(other) * inverse for other, inverse in zip(Q, shared, strict=True)]
             row = combine([(1.0, row), *((-1.0 * share, other) for share, other in zip(shares, Q, strict=True))])
             weights[k] = add(weights[k], shares)
-        square, least = row.dot(row), _ROUND_OFF * given.dot(given) + _NOTHING
+        square, least = row.dot(row), ROW_ROUND_OFF * given.dot(given) + NO_INVERSE_MASS
         inverse, part = _inverse(square, least)
         Q, weights[k] = [*Q, row], [*weights[k], part]
-        inverses, shared = [*inverses, inverse + _NOTHING], [*shared, _inverse(square, least * (1 / _EARLIER))[0]]
+        inverses, shared = (
+            [*inverses, inverse + NO_INVERSE_MASS],
+            [*shared, _inverse(square, least * (1 / EARLIER_ROWS))[0]],
+        )
     zero = graph.number(0.0)
     return _split(Q, inverses, [row + [zero] * (len(Q) - len(row)) for row in weights], sizes)
 
@@ -122,7 +122,7 @@ def _in_order(rows: Array, basis: Array, varies: NDArray[np.bool_], sizes: Seque
     while left:
         squares = [float(rest[k] @ rest[k]) for k in left]
         order.append(left.pop(int(np.argmax(squares))))
-        unit = rest[order[-1]] / max(np.sqrt(max(squares)), _NOTHING)
+        unit = rest[order[-1]] / max(np.sqrt(max(squares)), NO_INVERSE_MASS)
         rest = rest - np.outer(rest @ unit, unit)
     return order
 
@@ -130,7 +130,7 @@ def _in_order(rows: Array, basis: Array, varies: NDArray[np.bool_], sizes: Seque
 def _scales(rows: Array) -> Array:
     """Return the size of the largest row of each half of a group, of displacements and of rotations."""
     halves = np.array_split(np.linalg.norm(rows, axis=1), 2)
-    return np.concatenate([np.full(len(half), max(half.max(initial=0.0), _NOTHING)) for half in halves])
+    return np.concatenate([np.full(len(half), max(half.max(initial=0.0), NO_INVERSE_MASS)) for half in halves])
 
 
 def _split(Q: list[Vector], inverse_squares: list[Scalar], rows: Matrix, sizes: Sequence[int]) -> Span:

@@ -12,13 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fmd.core.files import whole_file
+from fmd.core.limits.memory import MOST_LOADED
 from fmd.core.paths import kernel_folder
 from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.machine import LoadedObject, compile_object, processor, register_width
 from fmd.dynamics.compiler.program import Program
 
 _DIGEST_BYTES = 16
-_MOST_LOADED = 256
 
 # Loaded in this process, the last used last: loading takes longer than many a march. What a digest names never changes.
 _loaded: OrderedDict[Path, LoadedObject] = OrderedDict()
@@ -50,7 +50,7 @@ def load_object(name: str, digest: str, write: Callable[[], str]) -> LoadedObjec
             _write(path, content)
         loaded = LoadedObject(content)
     _loaded[path] = loaded
-    while len(_loaded) > _MOST_LOADED:
+    while len(_loaded) > MOST_LOADED:
         _loaded.popitem(last=False)
     return loaded
 

@@ -11,14 +11,13 @@ from __future__ import annotations
 from typing import Any
 
 from fmd.core.arrays import Array
+from fmd.core.limits.code import SQUARE_SIDE
 from fmd.dynamics.jit.compiled import inner
 
 # isort: split
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
-
-_SIDE = 8
 
 
 @intrinsic
@@ -30,21 +29,21 @@ def _multiply_block(typing_context: Any, A: Any, B: Any, C: Any, row: Any, colum
         arrays = [context.make_array(kind)(context, builder, x) for kind, x in zip(kinds[:3], values[:3], strict=True)]
         (a, b, c), n = (array.data for array in arrays), builder.extract_value(arrays[0].shape, 0)
         first, at = values[3], values[4]
-        vector = ir.VectorType(ir.DoubleType(), _SIDE)
-        rows = [builder.mul(builder.add(first, word(k)), n) for k in range(_SIDE)]
+        vector = ir.VectorType(ir.DoubleType(), SQUARE_SIDE)
+        rows = [builder.mul(builder.add(first, word(k)), n) for k in range(SQUARE_SIDE)]
         before, loop, after = builder.block, builder.append_basic_block("sum"), builder.append_basic_block("summed")
         builder.branch(loop)
         builder.position_at_end(loop)
         counter = builder.phi(word)
         counter.add_incoming(word(0), before)
-        sums = [builder.phi(vector) for _ in range(_SIDE)]
+        sums = [builder.phi(vector) for _ in range(SQUARE_SIDE)]
         place = builder.gep(b, [builder.add(builder.mul(counter, n), at)])
         entries = builder.load(builder.bitcast(place, vector.as_pointer()))
-        entries.align = _SIDE
+        entries.align = SQUARE_SIDE
         for start, total in zip(rows, sums, strict=True):
             factor = builder.load(builder.gep(a, [builder.add(start, counter)]))
             one = builder.insert_element(ir.Constant(vector, ir.Undefined), factor, ir.IntType(32)(0))
-            mask = ir.Constant(ir.VectorType(ir.IntType(32), _SIDE), [0] * _SIDE)
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), SQUARE_SIDE), [0] * SQUARE_SIDE)
             spread = builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), mask)
             product = builder.fmul(spread, entries, flags=["contract"])
             total.add_incoming(ir.Constant(vector, None), before)
@@ -55,7 +54,7 @@ def _multiply_block(typing_context: Any, A: Any, B: Any, C: Any, row: Any, colum
         builder.position_at_end(after)
         for start, total in zip(rows, sums, strict=True):
             place = builder.bitcast(builder.gep(c, [builder.add(start, at)]), vector.as_pointer())
-            builder.store(total.incomings[1][0], place).align = _SIDE
+            builder.store(total.incomings[1][0], place).align = SQUARE_SIDE
         return context.get_dummy_value()
 
     return types.none(A, B, C, types.intp, types.intp), generate
@@ -68,7 +67,7 @@ multiply_block: Any = _multiply_block  # as kernels see it: without the context
 def multiply_square(A: Array, B: Array, C: Array) -> None:
     """Multiply square matrices of one size: ``C = A B``; C overlaps neither. Blocks at the ends overlap others."""
     n = A.shape[0]
-    if n < _SIDE:
+    if n < SQUARE_SIDE:
         for i in range(n):
             for j in range(n):
                 total = 0.0
@@ -76,6 +75,6 @@ def multiply_square(A: Array, B: Array, C: Array) -> None:
                     total += A[i, k] * B[k, j]
                 C[i, j] = total
         return
-    for i in range(0, n, _SIDE):
-        for j in range(0, n, _SIDE):
-            multiply_block(A, B, C, min(i, n - _SIDE), min(j, n - _SIDE))
+    for i in range(0, n, SQUARE_SIDE):
+        for j in range(0, n, SQUARE_SIDE):
+            multiply_block(A, B, C, min(i, n - SQUARE_SIDE), min(j, n - SQUARE_SIDE))

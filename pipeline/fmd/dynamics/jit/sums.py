@@ -13,14 +13,13 @@ from __future__ import annotations
 from typing import Any
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.code import ROWS_AT_ONCE
 from fmd.dynamics.jit.compiled import inlined
 
 # isort: split
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
-
-_AT_ONCE = 4  # rows, into two sums that don't wait for each other
 
 
 def _adder(width: int) -> Any:
@@ -69,13 +68,13 @@ def _adder(width: int) -> Any:
             counter.add_incoming(word(0), before)
             sums = [builder.phi(vector) for _ in range(2)]
             totals: list[Any] = [*sums]
-            for k in range(_AT_ONCE):
+            for k in range(ROWS_AT_ONCE):
                 number = builder.add(counter, word(k))
                 first = builder.add(builder.mul(builder.load(builder.gep(row.data, [number])), n), at)
                 factor = spread(builder.load(builder.gep(weight.data, [number])))
                 product = builder.fmul(factor, load(K.data, first), flags=["contract"])
                 totals[k % 2] = builder.fadd(totals[k % 2], product, flags=["contract"])
-            following = builder.add(counter, word(_AT_ONCE))
+            following = builder.add(counter, word(ROWS_AT_ONCE))
             counter.add_incoming(following, loop)
             for phi, total in zip(sums, totals, strict=True):
                 phi.add_incoming(ir.Constant(vector, None), before)

@@ -9,21 +9,22 @@ from functools import lru_cache
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.loads import (
+    FIRST_PART,
+    HALVINGS,
+    KINK_HALVINGS,
+    KINK_PART,
+    MOST_KINKS,
+    PIECES_AT_ONCE,
+    QUIET,
+    SHORTER,
+    SMALL_KINK,
+    SMALL_REST,
+    SMOOTH_REST,
+    STOPS,
+)
 from fmd.dynamics.signals.bounds import Bools, PieceBounds, Series
 from fmd.dynamics.signals.signal import Signal
-
-_QUIET = 1e-9  # of the largest value: below it nothing acts
-_SMOOTH = 0.5  # of a piece's own size: largest rest beyond a parabola
-_SMALL = 1e-2  # of the largest value: rest that needs no finer pieces
-_KINK = 0.05  # of the largest value: change about a kink that needs none
-_MOST_LEVELS = 30  # of halving
-_KINK_LEVELS = 42  # of halving about a kink
-_MOST_KINKS = 512  # followed at a time
-_KINK_WIDTH = 1e-11  # of the whole time: what is left out about a kink
-_PART = 0.4987  # of a piece that its first half takes: kinks at round times aren't lost between two pieces
-_MOST_PIECES = 8192  # halved at a time
-_SHORTER = 4.0  # times as short as the pieces before: a step that suited those may miss what comes
-_STOPS = 64  # pieces stepped onto one by one after that
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,8 @@ class Activity:
             lengths[self.unresolved] = np.median(lengths[~self.unresolved])
         found, longest, left = [], lengths[0], 0
         for begin, length in zip(self.times[1:-1], lengths[1:], strict=True):
-            if length * _SHORTER <= longest:
-                longest, left = length, _STOPS
+            if length * SHORTER <= longest:
+                longest, left = length, STOPS
             longest = max(longest, length)
             if left:
                 found.append(float(begin))
@@ -89,25 +90,25 @@ def find_activity(signal: Signal, end: float, derivative: int = 0) -> Activity:
     fixed = np.array(sorted({0.0, end, *knots, *(t for t in signal.breakpoints if 0.0 < t < end)}))
     kinks = _find_kinks(signal, fixed, derivative)
     fixed = np.array(sorted({*fixed.tolist(), *kinks}))
-    begin, finish, largest, inset = fixed[:-1], fixed[1:], 0.0, (_KINK_WIDTH * end if kinks else 0.0)
+    begin, finish, largest, inset = fixed[:-1], fixed[1:], 0.0, (KINK_PART * end if kinks else 0.0)
     kept: list[tuple[Array, Array, Array, Bools]] = []
     with np.errstate(all="ignore"):
-        for level in range(_MOST_LEVELS + 1):
+        for level in range(HALVINGS + 1):
             margin = np.minimum(inset, 0.25 * (finish - begin))
             bound, rest, size, kinked, largest = _measure(signal, begin + margin, finish - margin, derivative, largest)
-            least = np.where(kinked, _KINK, _SMALL) * largest
-            rough = (bound > _QUIET * largest) & (rest > np.maximum(_SMOOTH * size, least))
-            rough &= level < _MOST_LEVELS  # at a singularity pieces get ever shorter
+            least = np.where(kinked, SMALL_KINK, SMALL_REST) * largest
+            rough = (bound > QUIET * largest) & (rest > np.maximum(SMOOTH_REST * size, least))
+            rough &= level < HALVINGS  # at a singularity pieces get ever shorter
             wanted = rough.copy()
-            if wanted.sum() > _MOST_PIECES:  # the roughest first: a short pulse among fast vibrations
-                wanted[np.argpartition(np.where(rough, -rest, 1.0), _MOST_PIECES)[_MOST_PIECES:]] = False
+            if wanted.sum() > PIECES_AT_ONCE:  # the roughest first: a short pulse among fast vibrations
+                wanted[np.argpartition(np.where(rough, -rest, 1.0), PIECES_AT_ONCE)[PIECES_AT_ONCE:]] = False
             kept.append((begin[~wanted], finish[~wanted], bound[~wanted], rough[~wanted]))
             if not wanted.any():
                 break
             begin, finish = _divide(begin[wanted], finish[wanted])
     starts, ends, bounds, unresolved = (np.concatenate(column) for column in zip(*kept, strict=True))
     order = np.argsort(starts)
-    quiet = bounds[order] <= _QUIET * largest
+    quiet = bounds[order] <= QUIET * largest
     first = np.r_[True, ~(quiet[1:] & quiet[:-1])]  # quiet pieces side by side are one
     times = np.r_[starts[order][first], ends[order][-1]]
     return Activity(times, quiet[first], unresolved[order][first], kinks)
@@ -117,21 +118,21 @@ def _find_kinks(signal: Signal, fixed: Array, derivative: int) -> tuple[float, .
     """Find the times just before abs, min or max change their branch; none if there are more than can be followed."""
     begin, finish = fixed[:-1], fixed[1:]
     with np.errstate(all="ignore"):
-        for _ in range(_KINK_LEVELS):
+        for _ in range(KINK_HALVINGS):
             _, rest, _, kinked, _ = _measure(signal, begin, finish, derivative, 0.0)
             followed = kinked & (rest > 0.0)
-            if followed.sum() > _MOST_KINKS or not followed.any():
+            if followed.sum() > MOST_KINKS or not followed.any():
                 return ()
             begin, finish = _divide(begin[followed], finish[followed])
         _, rest, _, kinked, _ = _measure(signal, begin, finish, derivative, 0.0)
     times = np.sort(begin[kinked & (rest > 0.0)])
-    apart = np.diff(times, prepend=-math.inf) > _KINK_WIDTH * fixed[-1]
+    apart = np.diff(times, prepend=-math.inf) > KINK_PART * fixed[-1]
     return tuple(times[apart & (times > 0.0)].tolist())
 
 
 def _divide(begin: Array, end: Array) -> tuple[Array, Array]:
     """Divide pieces in two."""
-    middle = begin + _PART * (end - begin)
+    middle = begin + FIRST_PART * (end - begin)
     return np.concatenate([begin, middle]), np.concatenate([middle, end])
 
 

@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from fmd.core.errors import InputError
+from fmd.core.limits.patience import COMPILING_SECONDS
 from fmd.core.paths import cache_folder
 
 _OPTIONS = (
@@ -23,7 +24,6 @@ _OPTIONS = (
     *("-fno-math-errno", "-fno-trapping-math", "-fassociative-math", "-fno-signed-zeros"),
 )
 _FAST = ("model.c", "motion.c", "runge_kutta.c")  # what steps call; the rest is compiled to be small
-_SECONDS = 600.0  # for one binary
 _FAT_MAGIC, _FAT_ALIGNMENT = 0xCAFEBABE, 14
 _MACH_CPUS = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
 
@@ -122,7 +122,7 @@ def _run(command: Sequence[str], folder: Path, target: Target) -> None:
     environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(cache), "ZIG_LOCAL_CACHE_DIR": str(cache)}
     try:
         subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, text=True, check=True, timeout=_SECONDS
+            command, cwd=folder, env=environment, capture_output=True, text=True, check=True, timeout=COMPILING_SECONDS
         )
     except (OSError, subprocess.SubprocessError) as error:
         said = (getattr(error, "stderr", "") or str(error)).strip().splitlines()

@@ -9,6 +9,8 @@ from itertools import chain
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.shown import NUMBERS_A_LINE
+from fmd.core.limits.stepping import DAMPED_STEP
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.c_signals import write_c_signals
 from fmd.dynamics.compiler.c_source import write_c_parts, write_number
@@ -18,9 +20,7 @@ from fmd.integrators.adaptive import adaptive_start, groups_of, kinds_of
 from fmd.output.fmu.variables import Interface
 
 _THIRD, _FIFTH, _DENSE = 16, 17, 18  # rows of `dop853.ROWS` after those of the stages
-_PER_LINE = 6
 _FAST, _WIDE = "accelerations", "accelerations_wide"
-_DAMPED = 5.0  # step times angular frequency up to which vibrations are damped, from 1 on ever more; 5.7 is stable
 
 
 def write_equations(
@@ -90,7 +90,7 @@ def _collect(
     highest = system.highest_frequency if system.n else 0.0
     steps = {
         "FIRST_STEP": adaptive_start(system, *start).next_step,
-        "LONGEST_STEP": _DAMPED / highest if highest > 0.0 else np.inf,
+        "LONGEST_STEP": DAMPED_STEP / highest if highest > 0.0 else np.inf,
     }
     return _Contents(
         constants={name: write_number(step) for name, step in steps.items()}
@@ -214,5 +214,5 @@ def _signed(value: float) -> str:
 
 def _table(kind: str, name: str, entries: Iterable[str]) -> str:
     texts: Sequence[str] = list(entries) or ["0"]
-    lines = [", ".join(texts[k : k + _PER_LINE]) for k in range(0, len(texts), _PER_LINE)]
+    lines = [", ".join(texts[k : k + NUMBERS_A_LINE]) for k in range(0, len(texts), NUMBERS_A_LINE)]
     return f"const {kind} {name}[{len(texts)}] = {{" + ",\n    ".join(lines) + "};"

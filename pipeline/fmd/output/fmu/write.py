@@ -14,6 +14,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
+from fmd.core.limits.stepping import CO_SIMULATED
 from fmd.core.version import __version__
 from fmd.dynamics.compiler.external import ExternalMechanism
 from fmd.dynamics.compiler.external_quantities import ElementStress
@@ -24,9 +25,6 @@ from fmd.output.fmu.equations import write_coefficients, write_equations
 from fmd.output.fmu.variables import Interface, make_interface
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.whole_inertia import complete_inertia
-
-TOLERANCE = 1e-9
-"""Largest relative error of a co-simulation's step where nothing else is asked for."""
 
 _FIXED = (
     "calls.h",
@@ -97,7 +95,7 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
     point_loads = [name for name, drive in scene.drive.items() if drive.type in ("point force", "point torque")]
     q0, v0 = run.start
     nominal = _nominal_sizes(mechanism, q0, v0)
-    interface = make_interface(external, point_loads, q0, v0, nominal, TOLERANCE)
+    interface = make_interface(external, point_loads, q0, v0, nominal, CO_SIMULATED)
     sources = {name: (files("fmd.output.fmu") / "sources" / name).read_text(encoding="utf-8") for name in _FIXED}
     sources["coefficients.h"] = write_coefficients()
     bare = write_equations(external, interface, run.system, (q0, v0), nominal, "")

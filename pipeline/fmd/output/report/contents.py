@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.html import facts, scaled
+from fmd.core.limits.shown import REPORTED_MODES, TICKS_OF_BAR
 from fmd.core.version import __version__
 from fmd.output.key_figures import key_figures
 from fmd.output.notebook import draw_inline
@@ -21,10 +22,8 @@ from fmd.output.views import camera_of
 from fmd.render.camera import Camera
 from fmd.stages.pipeline import Pipeline
 
-_MOST_MODES = 6
 _SMALL = [800, 450]  # pixels
 _LARGE = [1280, 720]
-_TICKS = 5
 _PACKAGES = ("numpy", "scipy", "gmsh", "scikit-fem", "numba", "pyvista", "vtk", "matplotlib")
 
 
@@ -80,13 +79,13 @@ def _collect_motion(run: Pipeline) -> dict[str, Any]:
         "view": view,
         "still": image_of(still.png, f"{run.scene.title} at its worst instant" if stressed else run.scene.title),
         "strip": [f"rgb({r} {g} {b})" for r, g, b in colours.tolist()] if stressed else [],
-        "ticks": np.linspace(low, high, _TICKS).tolist(),
+        "ticks": np.linspace(low, high, TICKS_OF_BAR).tolist(),
         "largest_scale": 2 * scale if scale > 1 else 10,
     }
 
 
 def _draw_modes(run: Pipeline) -> list[dict[str, str]]:
-    drawn = draw_inline(run, "modes", range(1, _MOST_MODES + 1), size=_SMALL)
+    drawn = draw_inline(run, "modes", range(1, REPORTED_MODES + 1), size=_SMALL)
     return [
         image_of(picture.png, f"mode {k + 1}, {run.modes.frequencies_hz[k]:.1f} Hz") for k, picture in enumerate(drawn)
     ]

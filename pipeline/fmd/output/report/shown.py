@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fmd.core.limits.shown import REPORTED_ROWS
 from fmd.output.exports import write_file
 from fmd.output.pictures import DRAWINGS
 from fmd.scene.outputs import is_drawn
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 # The page shows these in places of their own; films are what its view plays.
 _ELSEWHERE = ("chart", "modes", "mode sheet", "film")
-_MOST_ROWS = 40
 
 
 def show_outputs(run: Pipeline) -> list[dict[str, Any]]:
@@ -56,8 +56,8 @@ def _show_response(run: Pipeline, output: Any, folder: Path) -> tuple[list[Path]
     summary = write_scene_response(run, output, compute_scene_response(run, output), folder, chart=True)
     pairs = zip(summary["poles_hz"], summary["damping"], strict=True)
     rows = [(k, f"{hertz:.5g}", f"{damping:.3g}") for k, (hertz, damping) in enumerate(pairs, start=1)]
-    left_out = max(len(rows) - _MOST_ROWS, 0)
-    table = {"header": ("pole", "Hz", "damping ratio"), "rows": rows[:_MOST_ROWS], "left_out": left_out}
+    left_out = max(len(rows) - REPORTED_ROWS, 0)
+    table = {"header": ("pole", "Hz", "damping ratio"), "rows": rows[:REPORTED_ROWS], "left_out": left_out}
     return [folder / file for file in summary["files"] if file.endswith(".png")], [table]
 
 
@@ -70,4 +70,4 @@ def _read_table(path: Path) -> dict[str, Any]:
     """Read the first rows of a CSV file."""
     with path.open(newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
-    return {"header": header, "rows": rows[:_MOST_ROWS], "left_out": max(len(rows) - _MOST_ROWS, 0)}
+    return {"header": header, "rows": rows[:REPORTED_ROWS], "left_out": max(len(rows) - REPORTED_ROWS, 0)}

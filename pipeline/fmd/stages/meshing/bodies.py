@@ -9,6 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError
+from fmd.core.limits.mesh import LARGEST_BAR, SMALLEST_BAR
 from fmd.core.units import unit_ratio
 from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     from fmd.scene.any_body import Flexible
     from fmd.scene.bodies import Bar
     from fmd.scene.propeller import Propeller
-
-
-_SMALLEST, _LARGEST = 1e-5, 1e4  # m, of bars that are meshed as they are
 
 
 def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
@@ -128,7 +126,7 @@ def _bar_arrays(part: Bar) -> MeshArrays:
     from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
 
     size = np.array([part.length, part.depth, part.width])
-    unit = 1.0 if size.min() > _SMALLEST and size.max() < _LARGEST else part.length
+    unit = 1.0 if size.min() > SMALLEST_BAR and size.max() < LARGEST_BAR else part.length
     length, depth, width = (size / unit).tolist()
     if part.mesh.element == "hexahedron":
         assert part.mesh.divisions is not None  # the scene's own check

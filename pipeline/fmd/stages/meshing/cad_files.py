@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fmd.core.errors import InputError
+from fmd.core.limits.mesh import CAD_DIGITS, CAD_ELEMENTS
+from fmd.core.limits.patience import CAD_SECONDS
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
 
-_MOST_SECONDS = 1800
 _TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
-_ELEMENTS = 4000  # of a mesh whose size nobody gave; around bores and fillets there are more
-_DIGITS = 2
 
 
 @dataclass(frozen=True)
@@ -122,8 +121,8 @@ def describe_cad_file(path: Path) -> PartOutline:
 
 def choose_element_size(part: PartOutline) -> float:
     """Return an edge length that gives a part some 4000 elements or more, rounded [m]."""
-    size = math.cbrt(part.volume / (_TETRAHEDRON * _ELEMENTS))
-    return float(f"{size:.{_DIGITS - 1}e}")
+    size = math.cbrt(part.volume / (_TETRAHEDRON * CAD_ELEMENTS))
+    return float(f"{size:.{CAD_DIGITS - 1}e}")
 
 
 def _run_gmsh(path: Path, target: Path, *sizes: str) -> None:
@@ -134,9 +133,9 @@ def _run_gmsh(path: Path, target: Path, *sizes: str) -> None:
         raise InputError(str(path), "", None, "no such file")
     command = [sys.executable, "-P", "-m", "fmd.meshes.cad", str(path.resolve()), str(target), *sizes]
     try:
-        done = subprocess.run(command, capture_output=True, check=False, timeout=_MOST_SECONDS)
+        done = subprocess.run(command, capture_output=True, check=False, timeout=CAD_SECONDS)
     except subprocess.TimeoutExpired:
-        raise InputError(str(path), "", None, f"wasn't meshed in {_MOST_SECONDS} s; take a larger size") from None
+        raise InputError(str(path), "", None, f"wasn't meshed in {CAD_SECONDS} s; take a larger size") from None
     if done.returncode != 0 or not target.is_file():
         said = done.stderr.decode(errors="replace").strip()
         raise InputError(str(path), "", None, said or "Gmsh's OpenCASCADE stopped on it; is it damaged?")

@@ -1,0 +1,75 @@
+"""Error budgets: safety factors, shares and what is worth stating."""
+
+# Mesh.
+# Modal assurance criterion above which a shape of the other mesh is the run's own. The frequency of one that is less
+# alike tells of the shapes it is mixed with, as of vectors that round-off alone sets apart, and not of the mesh.
+ALIKE = 0.95
+MORE_COARSE_MODES = 1.5  # modes of the coarse mesh to find the run's among
+SAME_FREQUENCY_OF_MESHES = 0.02  # relative: of shapes that the mesh alone keeps apart
+
+# Comparison of runs.
+COMPARED_FRAMES = 60  # at which stress is compared
+HOTTEST_FRAMES = 20  # of them around the largest stress
+HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
+
+# Large deflection.
+TOO_LARGE = 0.01  # relative error from which on a run warns of large deflection
+# Pieces of a part over the root of the error that they are to divide: a chain of n bodies leaves about 1/n² of it.
+PIECES_OF_ERROR = 1.25
+# Error of a chain over the square, or with displacements of second order the fourth power, of the largest rotation in
+# a piece: cantilevers of 3 to 16 pieces under P L²/EI = 1 to 10 have up to 0.08 and 0.3.
+OF_SQUARE, OF_FOURTH = 0.08, 0.3
+
+# Time limit.
+TIMES_RUN = 3.0  # time limit over the time of the run
+LEAST_SECONDS = 10.0  # of a time limit
+WHOLE_SECONDS = 40.0  # of a run and its budget, if the run leaves a part of what it took itself
+LEAST_PART_OF_RUN = 0.3  # of the run's time: a time limit isn't shorter
+MORE_TIME = 5.0  # times the limit of an error budget that isn't whole
+
+# Estimates.
+# An estimate has the size of an error and is no bound: the stated error is this many times all estimates together.
+SAFETY = 2.0
+LEAST_SHOWN = 1e-5  # relative error whose figure is shown
+NEAR_PEAK = 0.8  # of the largest value
+MOST_OF_EIGENVALUE = 0.75  # part of an eigenvalue, or of a stiffness, that an estimate may change
+
+# Estimators.
+SHORT_SECONDS = 0.5  # seconds of a march that may be taken again with half of its step
+COARSE_SHARE = 0.25  # of the time that mesh and modes took, for those of half as many elements each way
+ACROSS_SHARE = 2.0  # of that time, for more elements from side to side
+OF_TOLERANCE = 0.01  # less of an adaptive method's tolerance isn't believed
+FINER_WORK = 2.0  # work of a march that is finer in time, over the run's
+FINER_TOLERANCE = 0.1  # tolerance of the finer march over the run's
+COMPARED_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
+MOST_REFINEMENTS = 4  # until a finer march differs from the run's
+# Recovered stress overstates the error of static responses to forces on a face, where stress jumps, 25 times on the
+# beam, and patches of elements that at edges: both count up to this many times of what the coarse mesh tells.
+MOST_OF_CHANGE = 3.0
+
+# Model.
+# Shift of a vibration's eigenvalue over the square of the largest rotation: 0.02 for a cantilever's first mode, whose
+# phase against a geometrically exact beam was measured over 25 periods.
+OF_EIGENVALUE = 0.03
+# With displacements of second order a mass at the end comes nearer as it swings, which makes the vibration slower.
+# What makes up for it in truth, the bending energy of θ' = w'' / (1 − w'²)½, ¾ of 0.46 θ² of the eigenvalue at most,
+# isn't in the model: five bars with and without such masses were off by 0.19 to 0.34 θ² against the elastica in
+# motion.
+OF_EIGENVALUE_SECOND_ORDER = 0.25
+# Of what two meshes extrapolate to: the change by a rigid root falls more slowly on elements as small as the root.
+OF_LIMIT = 1.5
+LARGE_MESH = 30_000  # unknowns of a mesh that isn't solved anew with rigid roots
+HARDLY_SHIFTED = 1e-6  # relative shift that isn't worth a march
+BARE_METAL = 0.001  # damping of a part that is given none, over its critical damping
+WORTH_NAMING = 1e-4  # relative error
+
+# Stretching.
+# Bending alone has up to 0.81 θ² with the largest rotation θ: 0.46 of a cantilever under a force at its end, 0.8 of
+# one that bends evenly. That is an error by large rotation, which has a row of its own.
+OF_BENDING = 0.85
+# Rotation of a body that isn't held all around, below which even a plate of 1/300 of its length hardly stretches.
+HARDLY_TURNED = 0.003
+OF_VIBRATION = 0.75  # Of harmonic motion, whose mean stiffness is ¾ of the stiffening at its largest deflection.
+
+# Warnings.
+TOO_UNCERTAIN = 0.2  # Stated relative error beyond which a run warns of a result.

@@ -1,0 +1,26 @@
+"""Scenes: how precisely and how long they may be written."""
+
+# Formulas.
+MOST_DEPTH = 16  # values that a formula holds at a time: compiled code has room for them
+LONGEST_FORMULA = 500  # characters
+
+# Values.
+LONGEST_QUANTITY = 60  # characters of a number with its unit
+MOST_CUT_PIECES = 1000  # of a part
+MOST_POINTS = 100_000  # of a sweep
+LONGEST_SYMBOL = 3  # letters; only words have a plural
+
+# Tables.
+MOST_ELONGATIONS = 200  # rows of a force over elongation: it becomes compiled code
+MOST_TABLE_BYTES = 50_000_000  # of a table's file
+MOST_ROWS = 100_000  # of a table over time: it becomes pieces of a motion or load
+FEWEST_ROWS = 2  # of a table: one has no course
+MOST_SCENE_BYTES = 1_000_000  # of a scene's file: more is no scene
+
+# Scenes written for a CAD part.
+MOST_MARKERS = 40  # faces that become markers, the largest
+LONGEST_NAME = 40  # letters of a marker's name
+WEIGHTS = 20.0  # force of the push over the part's weight as steel
+STEEL = 7850.0  # density by which the push is chosen [kg/m³]
+MOST_HELD = 0.2  # of the part's surface
+SPEED = 60.0  # length of the part over the duration of the push [m/s]
