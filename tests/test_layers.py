@@ -59,14 +59,6 @@ HEAVY_FOR_COMMANDS = HEAVY | {"numpy", "pydantic"}
 LIMITS = "fmd.core.limits"
 # Rooms whose numbers are data: of pictures, of shapes, of published problems, of experiments.
 DATA_ROOMS = {"render", "meshes", "models", "verification", "bench"}
-# Modules whose numbers are still to be moved.
-TO_COME = {
-    *("fmd.accuracy.quantities", "fmd.dynamics.compiled_system.system", "fmd.dynamics.compiler.closures"),
-    *("fmd.dynamics.compiler.external_quantities", "fmd.dynamics.compiler.frames", "fmd.dynamics.excited_modes"),
-    *("fmd.dynamics.links", "fmd.dynamics.open_loads", "fmd.scene.compound_joints", "fmd.scene.orientation"),
-    *("fmd.scene.values", "fmd.stages.assembly", "fmd.stages.ground", "fmd.stages.inboard_joint"),
-    *("fmd.stages.linear_model", "fmd.stages.turning"),
-}
 # Numbers elsewhere that decide nothing: facts of a file format, of a method, of a machine, or measures of one drawing.
 FACTS = {
     "fmd.core.cache": {"_DIGEST_BYTES"},
@@ -250,7 +242,7 @@ def prints(sources: Sources) -> Iterator[str]:
 def loose_numbers(sources: Sources) -> Iterator[str]:
     """Numbers at the top of a module belong to `LIMITS`; tables of numbers, in brackets, are coefficients and stay."""
     for module, source in sources.items():
-        if inside(module, LIMITS) or folder_of(module) in DATA_ROOMS or module in TO_COME:
+        if inside(module, LIMITS) or folder_of(module) in DATA_ROOMS:
             continue
         for node in parse(source).body:
             if names := _names_of_numbers(node) - FACTS.get(module, set()):

@@ -10,6 +10,7 @@ import numpy as np
 from fmd.accuracy.error_estimates import OrientationQuantity, Quantity
 from fmd.accuracy.matching import match_shapes
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.round_off import EXACT, SUMMED
 from fmd.core.rotations import quaternion_of_matrix
 from fmd.recovery.stress import StressHistory, von_mises
 
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 Quantities = dict[str, Quantity]
-
-_ROUND_OFF = 1e-14
-_STILL = 1e-12  # radians by which round-off turns a body
 
 
 def mesh_quantities(run: Pipeline, like: Pipeline | None = None) -> Quantities:
@@ -78,7 +76,7 @@ def _lies_in_space(motion: Motion) -> list[Quantity]:
             continue
         frame = motion.kinematics.frames[number]
         turned = OrientationQuantity(f"{link.joint_name}, orientation", "rad", quaternion_of_matrix(frame.rotation))
-        if turned.scale > _STILL:
+        if turned.scale > SUMMED:
             found.append(turned)
         if link.joint.slides:
             found.append(Quantity(f"{link.joint_name}, position", "m", frame.origin))
@@ -88,7 +86,7 @@ def _lies_in_space(motion: Motion) -> list[Quantity]:
 def _above_round_off(energy: Array, energies: tuple[Array, Array]) -> Array:
     """Return an energy, or zeros if it is round-off beside the larger one: of a body at rest, or without weight."""
     largest = max(float(np.abs(each).max()) for each in energies)
-    return energy if np.abs(energy).max() > _ROUND_OFF * largest else np.zeros_like(energy)
+    return energy if np.abs(energy).max() > EXACT * largest else np.zeros_like(energy)
 
 
 def stress_quantities(

@@ -15,12 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.reduction.inertia import InertiaGram
-
-_ROUND_OFF = 1e-10  # of the largest force or coupling possible
-_PLANE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ def reached(omega: Array, forces: Sequence[Array], couplings: Sequence[Array], t
     marked = np.zeros(len(omega), dtype=bool)
     linked = np.zeros((len(omega), len(omega)), dtype=bool)
     for force in forces:
-        if np.abs(force).max(initial=0.0) > _ROUND_OFF:
+        if np.abs(force).max(initial=0.0) > SOLVED:
             response = np.abs(force) * (omega.min() / omega) ** 2
             marked |= response > tolerance * response.max()
     for coupling in couplings:
@@ -161,7 +159,7 @@ def _common_axis(mechanism: Mechanism, body: int) -> Array | None:
     largest = axes[int(np.argmax([np.linalg.norm(axis) for axis in axes]))]
     axis = largest / np.linalg.norm(largest)
     across = max(np.linalg.norm(other - axis * (axis @ other)) for other in axes)
-    return turned[body].T @ axis if across <= _PLANE * np.linalg.norm(largest) else None
+    return turned[body].T @ axis if across <= SOLVED * np.linalg.norm(largest) else None
 
 
 def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:

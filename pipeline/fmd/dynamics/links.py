@@ -9,13 +9,12 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.joint_kinds import ElementaryMotion, JointKind, find_direction
+from fmd.core.limits.loads import PIECES_APART
+from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.force_laws import ForceLaw
 from fmd.dynamics.signals.signal import Signal, constant
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaGram
-
-_JUMP = 1e-6
-_ORTHONORMAL = 1e-12
 
 
 @dataclass(frozen=True)
@@ -149,7 +148,7 @@ class Link:
             raise ValueError(f"link {self.name} comes before its parent")
         if not np.linalg.norm(self.axis) > 0.0:
             raise ValueError(f"the axis of {self.name} has no direction")
-        if not np.allclose(self.place_axes.T @ self.place_axes, np.eye(3), atol=_ORTHONORMAL):
+        if not np.allclose(self.place_axes.T @ self.place_axes, np.eye(3), atol=SUMMED):
             raise ValueError(f"the axes of the place that carries {self.name} are not orthonormal")
         if self.gram.G.shape[-1] != 1 + len(self.omega):
             raise ValueError(f"{self.name} has {len(self.omega)} frequencies and {self.gram.G.shape[-1] - 1} shapes")
@@ -171,7 +170,7 @@ def _require_smooth(name: str, motion: Signal, unit: str) -> None:
     """Raise ``ValueError`` if a motion's position or rate jumps: no impulse would pass to the other coordinates."""
     for time in motion.breakpoints:
         before, after = (motion.value(np.nextafter(time, way)) for way in (-np.inf, np.inf))
-        if not np.allclose(before[:2], after[:2], rtol=_JUMP, atol=_JUMP):
+        if not np.allclose(before[:2], after[:2], rtol=PIECES_APART, atol=PIECES_APART):
             raise ValueError(
                 f"the motion of {name} jumps at {time:g} s, from {before[0]:.6g} {unit} at {before[1]:.6g} {unit}/s to "
                 f"{after[0]:.6g} {unit} at {after[1]:.6g} {unit}/s; position and rate must go on as they are"

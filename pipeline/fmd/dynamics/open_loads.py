@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.mechanism import OPEN_MOMENTS
+from fmd.core.limits.rank import DEPENDENT_CONSTRAINT, SELF_STRESS_PART
 from fmd.core.rotations import BodyFrame
 from fmd.dynamics.closures import Closure, Coupler, Place
 from fmd.dynamics.elements import PointSpring, SixAxisSpring
@@ -20,9 +22,6 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.transmitted_loads import ELEMENT, loaded_places
 
-_MOMENTS = 5  # of a motion, at which components are looked for
-_FREE = 1e-8  # of the largest singular value of J: less is a state of self-stress
-_PART = 1e-6  # of a state's largest component: less is round-off
 _KNOWN = ("", 0)  # key of a point load
 
 
@@ -66,11 +65,11 @@ def open_loads(rigid: Mechanism, times: Array, q: Array) -> list[Array]:
     """
     counts = [len(_places_on(rigid, body)) for body in range(len(rigid.links))]
     found = [np.zeros((count, 6), dtype=bool) for count in counts]
-    for k in np.unique(np.linspace(0, len(times) - 1, _MOMENTS).astype(int)):
+    for k in np.unique(np.linspace(0, len(times) - 1, OPEN_MOMENTS).astype(int)):
         motion = Kinematics(rigid, times[k : k + 1], q[k : k + 1], np.zeros((1, rigid.n)))
         for state, _ in (*_self_stress(motion), *_of_elements(motion)):
             parts = _hand_on(motion, state, 0.0).wrenches
-            found = [own | (np.abs(new) > _PART) for own, new in zip(found, parts, strict=True)]
+            found = [own | (np.abs(new) > SELF_STRESS_PART) for own, new in zip(found, parts, strict=True)]
     return found
 
 
@@ -83,7 +82,7 @@ def self_stresses(motion: Kinematics) -> list[SelfStress]:
 def largest_gap(rigid: Mechanism, times: Array, q: Array) -> float:
     """Return the largest gap by which a motion of rigid bodies opens joints that close loops [m, or rad]."""
     largest = 0.0
-    for k in np.unique(np.linspace(0, len(times) - 1, _MOMENTS).astype(int)):
+    for k in np.unique(np.linspace(0, len(times) - 1, OPEN_MOMENTS).astype(int)):
         motion = Kinematics(rigid, times[k : k + 1], q[k : k + 1], np.zeros((1, rigid.n)))
         for closure in rigid.closing_joints:
             first, second, apart = _places_of(motion, closure)
@@ -101,7 +100,7 @@ def _self_stress(motion: Kinematics) -> Iterator[tuple[State, float]]:
         return
     J = np.concatenate([_work_at_unit_rates(motion, rows), _of_couplers(motion.mechanism)])
     U, sizes, _ = np.linalg.svd(J[:, _loose(motion.mechanism)])
-    rank = int((sizes > _FREE * max(sizes.max(initial=0.0), 1.0)).sum())
+    rank = int((sizes > DEPENDENT_CONSTRAINT * max(sizes.max(initial=0.0), 1.0)).sum())
     for state in U[: len(rows), rank:].T:
         total: dict[tuple[str, int], Array] = {}
         for size, row in zip(state, rows, strict=True):

@@ -9,12 +9,11 @@ import numpy as np
 from pydantic import model_validator
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import EXACT
+from fmd.core.limits.scene import SQUARE
 from fmd.core.rotations import rotation_matrix
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Axis, Turn
-
-_ROUND_OFF = 1e-15  # of an entry of a rotation
-_SQUARE = 1e-3  # cosine between two axes that are written with few digits
 
 
 class AxisDirections(SceneTable):
@@ -54,7 +53,7 @@ class AxisDirections(SceneTable):
             message = "is missing: directions of two axes are wanted, the third follows from them"
             raise FaultError(message if len(given) < 2 else "is one too many: two axes tell the third", missing)
         (_, first), (name, second) = given.items()
-        if abs(cosine := sum(a * b for a, b in zip(first, second, strict=True))) > _SQUARE:
+        if abs(cosine := sum(a * b for a, b in zip(first, second, strict=True))) > SQUARE:
             angle = math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
             raise FaultError(f"must be perpendicular to the other axis; the angle is {angle:.4g}°", name)
         return self
@@ -91,7 +90,7 @@ class Orientation(SceneTable):
         if self.axes is None:
             axes = rotation_matrix(np.array([self.rotate]))[0]
             whole = np.rint(axes) + 0.0  # 90° has zeros and ones
-            return np.asarray(np.where(np.abs(axes - whole) <= _ROUND_OFF, whole, axes))
+            return np.asarray(np.where(np.abs(axes - whole) <= EXACT, whole, axes))
         (name, first), (other, near) = ((name, np.array(axis)) for name, axis in self.axes.given.items())
         across = near - (near @ first) * first
         columns = {name: first, other: across / np.linalg.norm(across)}

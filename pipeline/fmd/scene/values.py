@@ -19,10 +19,10 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from fmd.core.limits.scene import SHORTEST_DIRECTION
 from fmd.core.units import Angle, AngularRate, Length, to_si, unit_ratio
 
 _NAME = "[A-Za-z][A-Za-z0-9_-]{0,39}"
-_SHORTEST = 1e-100  # largest component of a direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ def _check_name(name: str) -> str:
 
 
 def _check_direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
-    if not _SHORTEST < max(map(abs, axis)) < 1 / _SHORTEST:  # the squares of others don't fit into numbers
+    if not SHORTEST_DIRECTION < max(map(abs, axis)) < 1 / SHORTEST_DIRECTION:  # else squares don't fit into numbers
         raise ValueError("has no direction; [0, 0, 1] is the z axis")
     return axis
 

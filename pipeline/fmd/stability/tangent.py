@@ -15,7 +15,8 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
-from fmd.core.limits.stability import ACCELERATION_NUDGE, POSITION_NUDGE, RATE_NUDGE
+from fmd.core.limits.newton import NUDGE
+from fmd.core.limits.stability import ACCELERATION_NUDGE, RATE_NUDGE
 from fmd.dynamics.system import System
 from fmd.integrators.protocol import (
     ResumableIntegrator,
@@ -59,7 +60,7 @@ def system_growth_rates(system: System, at: OperatingPoint) -> Array:
         evaluate(parameters, at.time, q, v, a)
         return np.concatenate([dq, a])
 
-    nudges = np.repeat([POSITION_NUDGE, RATE_NUDGE], [n_positions, n])
+    nudges = np.repeat([NUDGE, RATE_NUDGE], [n_positions, n])
     J = differentiate(slope, np.concatenate([at.q, at.v]), nudges)
     return np.sort(np.linalg.eigvals(J).real)[::-1]
 
@@ -118,7 +119,7 @@ def scheme_tangent(method: ResumableIntegrator, system: System, at: OperatingPoi
         return np.concatenate([last.q, last.v, last.a])
 
     sizes = [base.q.size, base.v.size, base.a.size]  # some methods keep two accelerations
-    nudges = np.repeat([POSITION_NUDGE, RATE_NUDGE, ACCELERATION_NUDGE], sizes)
+    nudges = np.repeat([NUDGE, RATE_NUDGE, ACCELERATION_NUDGE], sizes)
     return differentiate(march, np.concatenate([base.q, base.v, base.a]), nudges), cycles * m * h
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.limits import newton as limits
+from fmd.core.limits.newton import AWAY, DRIVEN_MOMENTS, SPREAD, TRIED
+from fmd.core.limits.rank import IDLE, RANK
 from fmd.core.newton import Tolerance, largest, solve
 from fmd.dynamics.closures import Closure
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -25,11 +27,6 @@ if TYPE_CHECKING:
     from fmd.scene.scene import Scene
 
 _CLOSING = Tolerance(limits.CLOSING_CORRECTIONS, residual=limits.CLOSED, stalled=limits.OPEN)
-_AWAY = 1e-3  # motion by which the rank of the constraints is tried [rad or m]
-_RANK = 1e-8
-_IDLE = 1e-7  # of what free bodies would do
-_TRIED, _SPREAD = 3, 0.2  # positions nearby, and how far off [rad or m]
-_MOMENTS = 5  # at which prescribed motions are tried
 
 
 def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
@@ -230,7 +227,7 @@ def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
     if _gap(rigid, q) > limits.OPEN or rank == rigid.n:
         return
     for way in free_directions(rigid, q).T:
-        near = _close_by(rigid, move_positions(rigid.parameters, q, _AWAY * way), np.arange(rigid.n), np.ones(rigid.n))
+        near = _close_by(rigid, move_positions(rigid.parameters, q, AWAY * way), np.arange(rigid.n), np.ones(rigid.n))
         if _gap(rigid, near) <= limits.OPEN and (others := constraint_rank(rigid, near)) > rank:
             raise InputError(
                 scene.file,
@@ -247,8 +244,8 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
     They would take hold of a body as it bends, by motions of second order, and lock it.
     """
     random, states = np.random.default_rng(0), [q]
-    for _ in range(_TRIED):
-        moved = move_positions(rigid.parameters, q, random.uniform(-_SPREAD, _SPREAD, rigid.n))
+    for _ in range(TRIED):
+        moved = move_positions(rigid.parameters, q, random.uniform(-SPREAD, SPREAD, rigid.n))
         moved = _close_by(rigid, moved, np.arange(rigid.n), np.ones(rigid.n))
         states += [moved] if _gap(rigid, moved) <= limits.OPEN else []
     system = CompiledSystem(mechanism)
@@ -257,10 +254,10 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
         _, S = system.compiled.multipliers(0.0, undeformed_positions(mechanism, rigid.mechanism, state))
         largest = np.maximum(largest, S.diagonal() / system.constraint_scales)
     driven, at_start = np.zeros(len(largest)), undeformed_positions(mechanism, rigid.mechanism, q)
-    for t in np.linspace(0.0, mechanism.horizon, _MOMENTS):
+    for t in np.linspace(0.0, mechanism.horizon, DRIVEN_MOMENTS):
         _, rates = system.compiled.gaps(float(t), at_start, np.zeros(mechanism.n))
         driven = np.maximum(driven, np.abs(rates))
-    still = (largest <= _IDLE) & (driven <= _IDLE * driven.max(initial=0.0))
+    still = (largest <= IDLE) & (driven <= IDLE * driven.max(initial=0.0))
     idle = [row for row, holds in zip(system.compiled.rows, still, strict=True) if holds]
     return _leave_out(mechanism, idle)
 
@@ -312,4 +309,4 @@ def constraint_rank(system: CompiledSystem, q: Array) -> int:
         return 0
     scale = np.sqrt(system.constraint_scales)
     sizes = np.linalg.eigvalsh(S / np.outer(scale, scale))
-    return int((sizes > _RANK * sizes.max()).sum())
+    return int((sizes > RANK * sizes.max()).sum())

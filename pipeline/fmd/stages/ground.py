@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import EXACT
 from fmd.scene.joints.any_joint import Joint
 from fmd.scene.joints.joint import CarryingJoint
 from fmd.scene.scene import Scene
-
-_ROUND_OFF = 1e-15  # of a direction
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class JointAxes:
     def axis_in_child(self, direction: tuple[float, float, float] | Array) -> Array:
         """Return a direction (3,) of the joint in the child's body axes, without round-off where it is along them."""
         axis = self.in_child @ np.array(direction, dtype=float)
-        return np.asarray(np.where(np.abs(axis) > _ROUND_OFF * np.linalg.norm(axis), axis, 0.0))
+        return np.asarray(np.where(np.abs(axis) > EXACT * np.linalg.norm(axis), axis, 0.0))
 
 
 def ground_place(scene: Scene, place: str) -> tuple[Array, Array]:

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import SUMMED
 from fmd.scene.joints.any_joint import Joint
 from fmd.scene.loads import Drive
 from fmd.scene.scene import Scene
 from fmd.stages.ground import axes_in_space, joint_axes, place_axes
 
 Direction = tuple[float, float, float]
-
-_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
@@ -149,8 +148,8 @@ def _turned(R: Array, direction: Direction) -> Direction:
 
 
 def _parallel(a: Direction, b: Direction) -> bool:
-    return bool(np.linalg.norm(np.cross(a, b)) <= _ROUND_OFF * np.linalg.norm(a) * np.linalg.norm(b))
+    return bool(np.linalg.norm(np.cross(a, b)) <= SUMMED * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def _across(a: Direction, b: Direction) -> bool:
-    return bool(abs(np.dot(a, b)) <= _ROUND_OFF * np.linalg.norm(a) * np.linalg.norm(b))
+    return bool(abs(np.dot(a, b)) <= SUMMED * np.linalg.norm(a) * np.linalg.norm(b))

@@ -10,6 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.core.limits.responses import SETTLED_STATE, STILL
 from fmd.core.units import to_si
 from fmd.responses.linearisation import Linearisation
 from fmd.responses.ports import MotionPort
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 STARTS = ("start", "equilibrium", "steady")
-_STILL = 1e-3  # accelerations of joints below are none [rad/s² or m/s²], beside the squared rates
-_SETTLED = 1e-4  # of the largest modal coordinate
 
 
 @dataclass(frozen=True)
@@ -169,11 +168,11 @@ def _find_warnings(
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     omega = np.concatenate([link.omega for link in mechanism.links])
     joints = np.setdiff1d(np.arange(mechanism.n), modes)
-    allowed = _STILL * (1.0 + float((state.v**2).max(initial=0.0)))
+    allowed = STILL * (1.0 + float((state.v**2).max(initial=0.0)))
     deflections = state.q[modes + mechanism.n_positions - mechanism.n]
     shift = np.abs(a[modes]) / omega**2
     moves = np.abs(a[joints]).max(initial=0.0) > allowed
-    if moves or shift.max(initial=0.0) > _SETTLED * max(np.abs(deflections).max(initial=0.0), 1e-8):
+    if moves or shift.max(initial=0.0) > SETTLED_STATE * max(np.abs(deflections).max(initial=0.0), 1e-8):
         text = f"the mechanism accelerates at the state of linearisation ({about}): the answers are of one instant"
         text += "; --about equilibrium or --about steady take a state that lasts" if about == "start" else ""
         found.append({"code": "not-steady", "text": text})

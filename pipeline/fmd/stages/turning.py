@@ -9,6 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.rotors import ALIKE_AROUND, COMPARED_TURN, ECCENTRIC, ON_AXIS, SHORTEST_RATE, STEADY_RATE
 from fmd.core.rotations import matrix_of_quaternion, quaternion_of_matrix, rotation_matrix
 from fmd.dynamics.kinematics import Kinematics
 from fmd.integrators.protocol import evaluate_projection
@@ -26,13 +27,6 @@ if TYPE_CHECKING:
     from fmd.reduction.body import FlexibleBody
     from fmd.scene.scene import Scene
     from fmd.stages.pipeline import Pipeline
-
-_ALIKE = 1e-4  # of stiffness: equations of a rotor that are the same at every angle
-_TURN = 1.0  # angle at which they are compared [rad]
-_SHORTEST = 1 / 256  # of the rate: shortest step to it
-_ON_AXIS = 1e-6  # of the farthest marker: one nearer to the axis is on it
-_ECCENTRIC = 2.5e-4  # of the rotor's size: unbalance that changes frequencies by less than 1 %
-_STEADY = 1e-3  # of the squared rate, or of 1 rad/s²: less is no acceleration of the whole
 
 
 def scene_in_space(scene: Scene) -> Scene:
@@ -168,7 +162,7 @@ class TurningRotor:
                 self._found[to] = self.steady.find(to, q)
             except AccuracyError:
                 step = min(step, abs(rate - known)) / 4
-                if step < _SHORTEST * abs(rate):
+                if step < SHORTEST_RATE * abs(rate):
                     raise
             else:
                 self._require_steady(to)
@@ -189,7 +183,7 @@ class TurningRotor:
     def _on_axis(self, places: Array) -> IntArray:
         """Return the numbers of the outputs that are displacements across the axis, of markers on it."""
         apart = np.linalg.norm(np.cross(places, self.way.axis), axis=1)
-        near = np.flatnonzero(apart <= _ON_AXIS * max(self._size, 1e-300))
+        near = np.flatnonzero(apart <= ON_AXIS * max(self._size, 1e-300))
         return np.concatenate([near, near + len(places)])
 
     def _close(self, q: Array) -> Array:
@@ -200,10 +194,10 @@ class TurningRotor:
         return closed
 
     def _require_round(self, linearisation: Linearisation) -> None:
-        turned, rotation = self.way.turned(self.rest, _TURN)
+        turned, rotation = self.way.turned(self.rest, COMPARED_TURN)
         here = self.steady.model(0.0, self.rest).A
         there = linearisation.at(OperatingPoint(0.0, turned, rotation.rates), rotation.motions).A
-        if _differ(here, there) <= _ALIKE:
+        if _differ(here, there) <= ALIKE_AROUND:
             return
         if isinstance(self.way, InBearings):
             mend = (
@@ -222,18 +216,18 @@ class TurningRotor:
         a = self.steady.accelerations(rate, self._found[rate])[self.steady.independent(model)]
         first, second, _ = np.split(model.C[:, : len(a)] @ a, 3)
         off = float(np.hypot(first, second).max()) / rate**2
-        if off > _ECCENTRIC * self._size:
+        if off > ECCENTRIC * self._size:
             mend = (
                 f"the rotor is out of balance: at {rate:.4g} rad/s its points are accelerated as by a centre of mass "
                 f"{1e3 * off:.2g} mm off the axis. Its vibrations are computed about a straight axis, and are right up "
-                f"to {1e3 * _ECCENTRIC * self._size:.2g} mm; balance it"
+                f"to {1e3 * ECCENTRIC * self._size:.2g} mm; balance it"
             )
             raise InputError(self.scene.file, "body", sorted(self.scene.body), mend)
 
     def _require_steady(self, rate: float) -> None:
         """Raise ``InputError`` if a load of the start turns the rotor faster, or pushes it along its axis."""
         a = self.steady.accelerations(rate, self._found[rate])
-        if self.way.drift(a) > _STEADY * (rate**2 + 1.0):
+        if self.way.drift(a) > STEADY_RATE * (rate**2 + 1.0):
             mend = (
                 "a load of the start accelerates the rotor as a whole, so that it has no steady rotation: hold it, by "
                 "a prescribed motion or an axial stiffness, or let the load begin later"

@@ -1,13 +1,19 @@
 """Compiled code: how long it may get, and how it is laid out."""
 
 # Formulas.
-MOST_FACTORS = 16  # of a whole power that is written as products
-FAR_ANGLE = 1e9  # beyond it sine and cosine need more digits of π than the short reduction has
-MOST_PRODUCTS = 8  # a power that is written as a product
+MOST_FACTORS = 16  # of a whole power of a force's formula that is written as products
+FAR_ANGLE = 1e9  # angle [rad] beyond which sine and cosine need more digits of π than the short reduction has
+MOST_PRODUCTS = 8  # of a power of a load's formula that is written as products
+TINY_SQUARE = 1e-300  # Pa²: the square of a von Mises stress whose root has a derivative at no stress, too
 
 # Products.
-UNROLLED = 16  # Matrices of so many columns are multiplied without a loop, their columns in the code.
-ACCUMULATORS = 8  # Vector registers that a product sums in: enough to hide the latency of ``fma``.
+UNROLLED = 16  # columns up to which a matrix is multiplied without a loop, its columns in the code
+ACCUMULATORS = 8  # vector registers that a product sums in: enough to hide the latency of ``fma``
 COLUMNS_AT_ONCE = 4  # columns of a product that are summed one after the other: others hide the latency of ``fma``
 ROWS_AT_ONCE = 4  # rows, into two sums that don't wait for each other
 SQUARE_SIDE = 8  # rows and columns of the square blocks of a product that is written out
+
+# Loads in fixed steps.
+MOST_TOGETHER = 16  # fast coordinates: beyond, one function of all that is held compiles for too long
+MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
+BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long

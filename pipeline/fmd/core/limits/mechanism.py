@@ -8,6 +8,7 @@ NO_INERTIA = 1e-14  # of the other coordinates', for each of them: round-off of 
 
 # Constraints.
 SHARED_MOMENTS = 21  # of a motion, between which shares are interpolated
+OPEN_MOMENTS = 5  # of a motion, at which components are looked for
 
 # Loads through bodies.
 LEAST_SHARE = 0.1  # of the largest load at a body's markers that each of them counts with at least

@@ -12,6 +12,9 @@ CLOSED = 1e-12  # residual of a constraint that is none [m or rad]
 OPEN = 1e-9  # the same where it no longer shrinks; one that is larger is an open loop [m or rad]
 CLOSING_CORRECTIONS = 60  # many: a start may be far off, and corrections halve near singular positions
 DEPENDENT_DIRECTION = 1e-9  # of the largest singular value: directions in which nothing closes
+AWAY = 1e-3  # motion by which the rank of the constraints is tried [rad or m]
+TRIED, SPREAD = 3, 0.2  # positions nearby at which constraints are tried, and how far off they are [rad or m]
+DRIVEN_MOMENTS = 5  # at which prescribed motions are tried
 
 # Loops in each step of a march.
 PROJECTED = 1e-14  # residual of a constraint that is round-off [m or rad]
@@ -23,7 +26,7 @@ RELINEARISED = 1e-7  # residual from which on the constraints are linearised ane
 AT_REST = 1e-11  # last correction [rad, m or modal coordinate], also beside the largest position
 REST_CORRECTIONS = 200  # long ways down from an unstable start
 LOAD_STEP_CORRECTIONS = 14  # in a load step, which is halved then
-SHORTEST_LOAD_STEP = 1 / 64  # of the forces of the start
+SHORTEST_LOAD_STEP = 1 / 64  # of the forces of the start: no shorter step is tried
 LONGEST_SLIDE = 1e6  # of a slide in one correction [m]
 OVERSHOT = 0.9  # of the force along a correction that may act against it at its end
 DOWNHILL = 2.0  # times the most negative stiffness over mass is added where there is one

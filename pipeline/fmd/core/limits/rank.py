@@ -22,11 +22,16 @@ DEPENDENT_FIELD = 1e-12  # of a field's square, for what others leave of it
 
 # Constraints.
 DEPENDENT_CONSTRAINT = 1e-8  # of the largest singular value or pivot: constraints that others imply
-DEPENDENT_PIVOT = 1e-9  # of the largest pivot, the square of the ratio of lengths
+DEPENDENT_PIVOT = 1e-9  # of the largest pivot, which is the square of a length
 NO_PIVOT = 1e-14  # pivot over what free bodies would have: less moves nothing
 REDUNDANT_EQUATION = 1e-10  # of the largest singular value of the scaled equations
+SELF_STRESS_PART = 1e-6  # of a state's largest component: less is round-off
 
 # Forms of a body.
-NO_INVERSE_MASS = 1e-60  # [1/kg], beside any square
+NO_INVERSE_MASS = 1e-60  # inverse mass [1/kg] that is none, beside any square
 ROW_ROUND_OFF = 1e-25  # of a row's square, below which what is left of it counts as none
 EARLIER_ROWS = 1e2  # times smaller squares still count for later rows, so that these are orthogonal to all that count
+
+# Loops that close at the start.
+RANK = 1e-8  # of the largest eigenvalue of the scaled constraints: less is none of their own
+IDLE = 1e-7  # of what free bodies would do: a constraint that moves less holds by itself

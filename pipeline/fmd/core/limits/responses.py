@@ -20,3 +20,7 @@ POLARISED = 0.5  # circulation from which on a motion is a whirl
 ACROSS_AXIS = 1e-3  # of the markers' motion: a vibration with less of it across the axis doesn't whirl
 NO_ENTRY = 1e-18  # of a matrix's largest entry
 RIGID_POLE = 1e-7  # of the fastest: a pole that moves slower is a rigid motion
+
+# State of linearisation.
+STILL = 1e-3  # accelerations of joints below are none [rad/s² or m/s²], beside the squared rates
+SETTLED_STATE = 1e-4  # of the largest modal coordinate

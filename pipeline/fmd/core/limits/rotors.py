@@ -7,3 +7,11 @@ BENDS = 1e-2
 # Campbell diagram.
 NO_DAMPING = 1e-10  # damping ratio of round-off
 NO_WHIRL = 0.1  # circulation below which a motion is to and fro
+
+# Steady rotation.
+ALIKE_AROUND = 1e-4  # of stiffness: equations of a rotor that are the same at every angle
+COMPARED_TURN = 1.0  # angle at which they are compared [rad]
+SHORTEST_RATE = 1 / 256  # of the rate: shortest step to it
+ON_AXIS = 1e-6  # of the farthest marker: one nearer to the axis is on it
+ECCENTRIC = 2.5e-4  # of the rotor's size: unbalance that changes frequencies by less than 1 %
+STEADY_RATE = 1e-3  # of the squared rate, or of 1 rad/s²: less is no acceleration of the whole

@@ -9,6 +9,8 @@ LONGEST_QUANTITY = 60  # characters of a number with its unit
 MOST_CUT_PIECES = 1000  # of a part
 MOST_POINTS = 100_000  # of a sweep
 LONGEST_SYMBOL = 3  # letters; only words have a plural
+SQUARE = 1e-3  # cosine between two axes that are written with few digits
+SHORTEST_DIRECTION = 1e-100  # largest component of a direction
 
 # Tables.
 MOST_ELONGATIONS = 200  # rows of a force over elongation: it becomes compiled code

@@ -45,3 +45,9 @@ LEAST_PART, MOST_PART = 0.05, 0.9  # of a step that went too far: what is tried 
 # Co-simulation.
 DAMPED_STEP = 5.0  # step times angular frequency up to which vibrations are damped, from 1 on ever more; 5.7 is stable
 CO_SIMULATED = 1e-9  # Largest relative error of a co-simulation's step where nothing else is asked for.
+
+# Loads in fixed steps.
+SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
+STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it, and in each peak
+MOST_TRIALS = 40  # of a step that resolves all loads
+STEPS_AHEAD = 16  # steps for which loads are evaluated before coordinates go through them

@@ -14,6 +14,8 @@ import fmd.dynamics.compiled_system.kernels
 import fmd.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
+from fmd.core.limits.code import BYTES_OF_OPERATION, MOST_TOGETHER, MOST_UNROLLED
+from fmd.core.limits.stepping import MOST_TRIALS, SHARE_AHEAD, STEPS_AHEAD, STEPS_IN_ACTION
 from fmd.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from fmd.dynamics.compiled_system.parameters import (
     ClosedCycle,
@@ -37,14 +39,6 @@ from fmd.dynamics.watch import Watch, make_watch
 from fmd.dynamics.watched_laws import WatchedLaw, find_watched
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
-_SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
-_STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it, and in each peak
-_MOST_TRIALS = 40  # of a step that resolves all loads
-_AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
-_MOST_TOGETHER = 16  # fast coordinates: beyond, one function of all that is held compiles for too long
-_MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
-
-_BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long
 
 
 class CompiledSystem(ReferenceState):
@@ -68,7 +62,7 @@ class CompiledSystem(ReferenceState):
     @property
     def evaluation_cost(self) -> float:
         """Operations of an evaluation of the accelerations, by the size of their machine code."""
-        return self.compiled.n_bytes() / _BYTES_OF_OPERATION
+        return self.compiled.n_bytes() / BYTES_OF_OPERATION
 
     def explain_failure(self, failure: StabilityError) -> None:
         """Raise ``AccuracyError`` if a march failed because a motion of the system lost its inertia."""
@@ -100,13 +94,13 @@ class CompiledSystem(ReferenceState):
         That is infinity if the given step resolves all loads.
         """
         acting, end, lasts = self.mechanism.acting, self.mechanism.horizon, np.inf
-        for _ in range(_MOST_TRIALS):
+        for _ in range(MOST_TRIALS):
             missed = self.shortest_action
-            if step * _STEPS_IN_ACTION <= missed:
+            if step * STEPS_IN_ACTION <= missed:
                 missed = min((shortest_missed(signal, end, step, order) for signal, order in acting), default=np.inf)
             if missed == np.inf:
                 break
-            lasts, step = missed, missed / _STEPS_IN_ACTION
+            lasts, step = missed, missed / STEPS_IN_ACTION
         return step, lasts
 
     @cached_property
@@ -226,7 +220,7 @@ class CompiledSystem(ReferenceState):
         if self.compiled.rows:
             q, v, a = aligned(self.n_positions, self.n, self.n)
             D = np.zeros((self.n, self.n_slow))
-            return ClosedCycle(self.middle(cycle), D, np.array([_SHARE_AHEAD * cycle]), q, v, a)
+            return ClosedCycle(self.middle(cycle), D, np.array([SHARE_AHEAD * cycle]), q, v, a)
         held = self._frozen.renewed()
         held.cycle[0] = cycle
         return held
@@ -251,7 +245,7 @@ class CompiledSystem(ReferenceState):
             stiffness=0 if single else address("stiffness"),
             damping=address("damping") if damped and not single else 0,
             solve_fast=0 if single else address("solve_fast"),
-            unrolled=0 if single or n_fast > _MOST_UNROLLED else address(step),
+            unrolled=0 if single or n_fast > MOST_UNROLLED else address(step),
             n_slow=self.n_slow,
             single=single,
             damped=damped,
@@ -263,7 +257,7 @@ class CompiledSystem(ReferenceState):
             breakpoints=np.array(self.breakpoints, dtype=float),
             before=np.zeros(n_inputs),
             now=np.zeros(n_inputs),
-            changes=np.zeros((_AHEAD, len(couplings.driven))),
+            changes=np.zeros((STEPS_AHEAD, len(couplings.driven))),
             lever=np.zeros((len(couplings.driven), n)),
             K=np.zeros((n_fast, n_fast)),
             C=np.zeros((n_fast, n_fast)),
@@ -297,7 +291,7 @@ class CompiledSystem(ReferenceState):
         loose = self._is_single and not self.couplings.inertial
         # Where they couple, the slow ones' reaction to fast rates acts on the fast ones, too.
         damped = self.couplings.damped if loose else self.couplings.dragging
-        together = not loose and not self.settles and n_fast <= _MOST_TOGETHER
+        together = not loose and not self.settles and n_fast <= MOST_TOGETHER
         v, a, rest, row = np.zeros((4, n))
         return MiddleCycle(
             held=self._held(loose, damped),

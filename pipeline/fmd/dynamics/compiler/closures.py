@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.closures import Closure, Coupler
 from fmd.dynamics.compiler.algebra import (
     Vector3,
@@ -39,8 +40,6 @@ from fmd.dynamics.compiler.graph import Scalar, Terms, total
 from fmd.dynamics.compiler.places import PlaceMotion, trace_place
 from fmd.dynamics.compiler.recursion import BodyValues
 from fmd.dynamics.mechanism import Mechanism
-
-_ROUND_OFF = 1e-9  # of lengths [m] and of cosines: what is constant and below holds in every state
 
 
 @dataclass
@@ -162,7 +161,7 @@ def _holds_always(row: ConstraintRow) -> bool:
     gap = row.gap.constant
     if gap is None:
         return False
-    if abs(gap) <= _ROUND_OFF:
+    if abs(gap) <= SOLVED:
         return True
     size = (
         f"{np.degrees(np.arcsin(np.clip(abs(gap), 0.0, 1.0))):.4g} degrees" if row.rotational else f"{abs(gap):.4g} m"

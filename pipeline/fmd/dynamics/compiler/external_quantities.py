@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmd.core.arrays import Array
+from fmd.core.limits.code import TINY_SQUARE
 from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, product, times, transpose
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.differentiate import differentiate
@@ -12,8 +13,6 @@ from fmd.dynamics.compiler.forces import section_angle
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Scalar, Vector, total
 from fmd.dynamics.compiler.joint_loads import trace_joint_loads
-
-_TINY = 1e-300  # Pa²: the square of a von Mises stress whose root has a derivative at no stress, too
 
 
 class ElementStress(NamedTuple):
@@ -153,7 +152,7 @@ def stress_quantities(frames: list[MovingFrame], stresses: tuple[ElementStress, 
         shear = total([yz * yz, xz * xz, xy * xy])
         square = normal * 0.5 + shear * 3.0
         found += _vector(own.body, own.name, "stress", parts)
-        found.append(ExternalQuantity(own.body, own.name, "von_mises", (), (square + _TINY).apply("sqrt")))
+        found.append(ExternalQuantity(own.body, own.name, "von_mises", (), (square + TINY_SQUARE).apply("sqrt")))
     return found
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import EXACT
 from fmd.dynamics.compiler.algebra import (
     Matrix,
     Vector3,
@@ -42,8 +43,6 @@ from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.marker import MarkerMotion, rotation, trace_marker
 from fmd.dynamics.links import Link
 from fmd.reduction.body import MarkerShapes
-
-_PARALLEL = 1e-14
 
 
 @dataclass
@@ -288,7 +287,7 @@ def _turn_about(graph: Graph, marker: MarkerMotion, axis: Array, angle: Scalar) 
     if marker.angle is not None:
         marker_axis, marker_angle = marker.angle
         along = float(marker_axis @ axis)
-        if abs(abs(along) - 1.0) < _PARALLEL:
+        if abs(abs(along) - 1.0) < EXACT:
             return rotation(graph, axis, angle + marker_angle * float(np.sign(along)))
     return product(marker.R, rotation(graph, axis, angle))
 

@@ -10,13 +10,13 @@ from pydantic import model_validator
 
 from fmd.core.arrays import Array
 from fmd.core.joint_kinds import AXIS, OTHER, SPACE, ElementaryMotion, JointKind
+from fmd.core.limits.round_off import SOLVED
 from fmd.core.units import Angle, AngularRate
 from fmd.scene.force_elements import TurningDamping, TurningStiffness
 from fmd.scene.joints.joint import Along, CarryingJoint, Mark
 from fmd.scene.reading import FaultError
 from fmd.scene.values import Axis
 
-_ROUND_OFF = 1e-9
 UNIVERSAL = JointKind(
     "universal",
     ("rad",) * 2,
@@ -74,7 +74,7 @@ class Universal(CarryingJoint):
     @model_validator(mode="after")
     def _axes_cross(self) -> Universal:
         sizes = math.hypot(*self.axis) * math.hypot(*self.child_axis)
-        if abs(sum(a * b for a, b in zip(self.axis, self.child_axis, strict=True))) > _ROUND_OFF * sizes:
+        if abs(sum(a * b for a, b in zip(self.axis, self.child_axis, strict=True))) > SOLVED * sizes:
             raise FaultError("must be perpendicular to axis", "child_axis")
         return self
 
