@@ -2,7 +2,8 @@
 
 A joint moves a body against its place by displacements along directions of the joint, then by rotations one after the
 other, each by a share of one of its coordinates. Directions have names: ``axis`` and ``other axis`` are those of the
-joint, ``across 1`` and ``across 2`` complete a right-handed system with its axis, ``x``, ``y``, ``z`` are the joint's.
+joint, ``across 1`` and ``across 2`` complete a right-handed system with its axis, ``x``, ``y``, ``z`` are the joint's;
+a ``-`` before its name makes a direction the opposite one.
 """
 
 from __future__ import annotations
@@ -153,6 +154,8 @@ def find_direction(name: str, axis: Array, other: Array | None = None) -> Array:
     axis, other : ndarray, shape (3,)
         The joint's axis and its other axis.
     """
+    if name.startswith("-"):
+        return -find_direction(name[1:], axis, other)
     if name in SPACE:
         return np.asarray(np.eye(3)[SPACE.index(name)])
     given = np.asarray(other if name == OTHER and other is not None else axis, dtype=float)
