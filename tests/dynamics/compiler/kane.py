@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from fmd.core.arrays import Array
+from fmd.scene.joints.constant_velocity import CONSTANT_VELOCITY
 from fmd.scene.joints.cylindrical import CYLINDRICAL
 from fmd.scene.joints.free import FREE
 from fmd.scene.joints.planar import PLANAR
@@ -92,10 +93,12 @@ def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Arra
             origin, R = origin + R @ (s[0] * axis), R @ expm(s[1] * tilde(axis))
         elif link.joint == SCREW:
             origin, R = origin + R @ (s[0] * link.lead * axis), R @ expm(s[0] * tilde(axis))
+        elif link.joint == CONSTANT_VELOCITY:
+            u = across(axis)
+            half = expm(0.5 * s[0] * tilde(u))
+            R = R @ half @ expm(s[1] * tilde(np.cross(axis, u))) @ half
         elif link.joint == PLANAR:
-            most = np.eye(3)[np.abs(axis).argmin()]
-            u = most - (most @ axis) * axis
-            u = u / np.linalg.norm(u)
+            u = across(axis)
             origin = origin + R @ (s[0] * u + s[1] * np.cross(axis, u))
             R = R @ expm(s[2] * tilde(axis))
         elif link.joint in (SPHERICAL, FREE):
@@ -104,6 +107,13 @@ def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Arra
             R = R @ ((w * w - u @ u) * np.eye(3) + 2 * np.outer(u, u) + 2 * w * tilde(u))
         out.append((origin, R, q[mechanism.modes_of(k) + mechanism.n_positions - mechanism.n]))
     return out
+
+
+def across(axis: Array) -> Array:
+    """Unit vector across an axis: that of x, y and z which is most across it, without its part along the axis."""
+    most = np.eye(3)[np.abs(axis).argmin()]
+    u = most - (most @ axis) * axis
+    return np.asarray(u / np.linalg.norm(u))
 
 
 def marker_motion(shapes: Array, rotations: Array, bow: Array, z: Array) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, formula, half_sine
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaGram, inertia_gram
+from fmd.scene.joints.constant_velocity import CONSTANT_VELOCITY
 from fmd.scene.joints.cylindrical import CYLINDRICAL
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.free import FREE
@@ -32,7 +33,7 @@ from fmd.scene.joints.spherical import SPHERICAL
 from fmd.scene.joints.universal import UNIVERSAL
 
 JOINTS = (FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE)
-MORE_JOINTS = (UNIVERSAL, CYLINDRICAL, PLANAR, SCREW)
+MORE_JOINTS = (UNIVERSAL, CYLINDRICAL, PLANAR, SCREW, CONSTANT_VELOCITY)
 
 
 class Points(NamedTuple):

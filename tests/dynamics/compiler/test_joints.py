@@ -1,4 +1,4 @@
-"""Universal, cylindrical, planar and screw joints in random mechanisms, against mass points and energies."""
+"""Universal, constant-velocity, cylindrical, planar and screw joints in random mechanisms: mass points and energies."""
 
 import numpy as np
 import pytest

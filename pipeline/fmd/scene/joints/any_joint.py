@@ -8,6 +8,7 @@ from typing import Annotated, get_args
 from pydantic import Field
 
 from fmd.core.joint_kinds import JointKind
+from fmd.scene.joints.constant_velocity import ConstantVelocity
 from fmd.scene.joints.cylindrical import Cylindrical
 from fmd.scene.joints.distance import Distance
 from fmd.scene.joints.fixed import Fixed
@@ -22,7 +23,18 @@ from fmd.scene.joints.spherical import Spherical
 from fmd.scene.joints.universal import Universal
 
 Joint = Annotated[
-    Revolute | Prismatic | Fixed | Spherical | Free | Universal | Cylindrical | Planar | Screw | Distance | PointOnLine,
+    Revolute
+    | Prismatic
+    | Fixed
+    | Spherical
+    | Free
+    | Universal
+    | ConstantVelocity
+    | Cylindrical
+    | Planar
+    | Screw
+    | Distance
+    | PointOnLine,
     Field(discriminator="type"),
 ]
 
