@@ -32,13 +32,11 @@ def sub_cycling():
     listed = f"simulation.run=[{{integrator='central-difference'}},{','.join(runs)}]"
     for scene in ("propeller", "propeller-torque", "propeller-gust"):
         run = Pipeline(load_scene(scene, [listed]))
-        from fmd.stages.runs import make_plans
-
         stress = run.element_stress("propeller.joint")
         plain, *others = stress
         seconds = {label: [] for label in stress}
         for _ in range(REPEATS):
-            for label, plan in make_plans(run).items():
+            for label, plan in run.plans.items():
                 seconds[label].append(plan.march(run.motion.times).seconds)
         medians = {label: float(np.median(values)) for label, values in seconds.items()}
         for label in others:

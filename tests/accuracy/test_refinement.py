@@ -98,7 +98,7 @@ def test_what_is_given_up_is_named_and_the_status_is_3(tmp_path, capsys, monkeyp
         only = accuracy.Round({"bodies": {}, "integration_error": 0.1}, rows[0], {}, (rate,))
         return accuracy.Refinement(run, (only,), 0)
 
-    monkeypatch.setattr("fmd.accuracy.solved_scene.meet_accuracy", meets)
+    monkeypatch.setattr("fmd.accuracy.refinement.meet_accuracy", meets)
     overrides = ["--set", "accuracy=0.1 %", "--set", "simulation.duration=1 s"]
     with pytest.raises(SystemExit) as stop:
         main(["run", "rod-slider", *overrides, "--no-pictures", "--no-cache", "--out", str(tmp_path)])

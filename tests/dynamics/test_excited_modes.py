@@ -7,7 +7,6 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.dynamics.excited_modes import excited_part, reached
-from fmd.stages.runs import make_plans
 
 FLAT = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", "body.beam.modes.family='any'"]
 TILTED = """
@@ -21,7 +20,7 @@ force = "0.01 N"
 
 def both_ways(overrides: list[str], scene: str = "beam"):
     run = Pipeline(load_scene(scene, overrides))
-    plan = next(iter(make_plans(run).values()))
+    plan = next(iter(run.plans.values()))
     times = run.output_times
     return plan, plan.march(times), replace(plan, excited=None).march(times)
 
@@ -66,6 +65,6 @@ def test_what_is_reached_is_what_forces_and_couplings_lead_to() -> None:
 @pytest.mark.parametrize("keep_all", [False, True])
 def test_keep_all_integrates_every_mode(keep_all: bool) -> None:
     run = Pipeline(load_scene("beam", FLAT), keep_all=keep_all)
-    plan = next(iter(make_plans(run).values()))
+    plan = next(iter(run.plans.values()))
     assert (plan.excited is None) == keep_all
     assert excited_part(plan.mechanism, plan.start[0], 1e-6) is not None

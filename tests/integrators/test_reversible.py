@@ -23,7 +23,6 @@ from fmd.integrators.subcycling import Subcycling
 from fmd.reduction.body import FlexibleBody
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
-from fmd.stages.runs import make_plans
 from tests.dynamics.hinged_body import body_of, energies, hinged
 
 Body = Callable[..., FlexibleBody]
@@ -63,7 +62,7 @@ def test_it_is_of_second_order_whatever_couples(order_of: Order, scene: str, m: 
     split = [text.split("=")[1] for text in overrides if text.startswith("split")]
     run = f'{{ integrator = "reversible-sub-cycling", substeps = {m}, split = "{split[0] if split else "joints"}" }}'
     others = [text for text in overrides if not text.startswith("split")]
-    ((_, plan),) = make_plans(Pipeline(load_scene(name, [f"simulation.run=[{run}]", *others]))).items()
+    ((_, plan),) = Pipeline(load_scene(name, [f"simulation.run=[{run}]", *others])).plans.items()
     steps, times = step / 2.0 ** np.arange(3), np.linspace(0.0, duration, 11)
     assert plan.integrator.order(plan.system) == 2
     assert order_of(steps, errors_of(plan.system, plan.start, times, steps, m)) == pytest.approx(2, abs=0.15)
@@ -260,7 +259,7 @@ def test_a_hub_that_nothing_drives_keeps_its_momentum_within_a_cycle(body: Body)
 
 def planned(scene: str, settings: str) -> Any:
     run = f'simulation.run=[{{ integrator = "reversible-sub-cycling", {settings} }}]'
-    return make_plans(Pipeline(load_scene(scene, [run])))
+    return Pipeline(load_scene(scene, [run])).plans
 
 
 def test_one_to_one_is_central_difference() -> None:

@@ -69,7 +69,7 @@ def test_pictures_are_shown_inline(run, tmp_path):
 
 def test_what_a_console_shows_of_any_result_is_short(run):
     shown = [run, run.scene, run.modes, run.motion, run.stress, run.mesh, run.body, run.fe, run.surface, run.summary]
-    shown += [*run.run.trajectories.values(), run.picture("mesh", size=[320, 180])]
+    shown += [*(motion.trajectory for motion in run.motions.values()), run.picture("mesh", size=[320, 180])]
     assert max(len(repr(result)) for result in shown) < 400
     assert repr(run) == "Result(beam: Rotating flexible beam; beam)"
     assert repr(shown[-1]).startswith("Picture(320 × 180 pixels, ")

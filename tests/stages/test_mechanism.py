@@ -17,7 +17,6 @@ from fmd.recovery.motion import Motion
 from fmd.scene.scene import Scene
 from fmd.scene.time_functions import TorqueOverTime
 from fmd.stages.mechanism import build_mechanism
-from fmd.stages.runs import make_plans
 from fmd.stages.signals import signal_of
 from tests.dynamics.drives import Drives
 
@@ -364,7 +363,7 @@ def test_a_rigid_attachment_holds_its_face_plane() -> None:
 
 def sub_cycled(settings: str, *overrides: str) -> Any:
     run = quick_beam(f'simulation.run=[{{ integrator = "sub-cycling", {settings} }}]', *overrides)
-    (plan,) = make_plans(run).values()
+    (plan,) = run.plans.values()
     return run, plan
 
 

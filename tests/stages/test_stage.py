@@ -12,10 +12,11 @@ from fmd.core.cache import Cache
 from fmd.core.errors import InertiaError
 from fmd.output.explain import STAGES
 from fmd.stages.part import PART_STAGES, FlexiblePart
-from fmd.stages.stage import Stage, stages_of
+from fmd.stages.pipeline import RUN_STAGES
+from fmd.stages.stage import Stage, forget, stages_of
 from fmd.stages.store import StageStore
 
-ROOT = Path(__file__).parents[2] / "pipeline"
+ROOT = Path(__file__).parents[2]
 
 
 class Sum:
@@ -53,15 +54,26 @@ def test_the_stages_of_a_class_come_in_the_order_of_their_definition():
 
 def test_every_stage_reads_stages_that_come_before_it():
     before: set[str] = set()
-    for stage in PART_STAGES.values():
+    for stage in (*PART_STAGES.values(), *RUN_STAGES.values(), ERROR_BUDGET):
         assert {*stage.reads, *stage.in_key} <= before, stage.name
         before.add(stage.name)
-    assert set(ERROR_BUDGET.reads) <= before
     assert len(STAGES) == len(set(STAGES))
 
 
+def test_what_was_made_of_a_forgotten_result_is_forgotten_with_it(tmp_path):
+    first = Sum(StageStore(Cache(tmp_path)), 3, 4)
+    assert first.double == 14
+    forget(first, "double")
+    assert first.results == {"total": 7}
+    assert first.double == 14
+    forget(first, "total")
+    assert first.results == {}
+
+
 def test_every_source_that_a_key_names_is_there():
-    named = {source for stage in (*PART_STAGES.values(), ERROR_BUDGET) for source in stage.sources}
+    named = {
+        source for stage in (*PART_STAGES.values(), *RUN_STAGES.values(), ERROR_BUDGET) for source in stage.sources
+    }
     assert named
     assert [source for source in named if not (ROOT / "pipeline" / source).exists()] == []
 

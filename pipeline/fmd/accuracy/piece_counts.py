@@ -6,7 +6,6 @@ from fmd.accuracy.deflection import find_deflection_error
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.errors import SAFETY, TOO_LARGE
 from fmd.core.limits.pieces import FEWEST_PIECES, MOST_PIECES_TRIED
-from fmd.scene.scene import Scene
 from fmd.scene.variants import set_pieces
 from fmd.stages.pipeline import Pipeline
 
@@ -24,7 +23,7 @@ def choose_piece_counts(run: Pipeline) -> Pipeline:
     AccuracyError
         There is no motion, however many pieces.
     """
-    counts = dict.fromkeys(find_open_pieces(run.scene), FEWEST_PIECES)
+    counts = {name: FEWEST_PIECES for name, count in run.scene.pieces.items() if count == "auto"}
     if not counts:
         return run
     accuracy = run.scene.accuracy
@@ -51,8 +50,3 @@ def choose_piece_counts(run: Pipeline) -> Pipeline:
             worst = max(errors, key=lambda name: errors[name])
             problem = f"{counts[worst] // 2} pieces leave an error of {100 * errors[worst]:.2g} % by large deflection"
             raise InputError(run.scene.file, f"body.{worst}.pieces", "auto", f"{problem}; for more, {error}") from error
-
-
-def find_open_pieces(scene: Scene) -> tuple[str, ...]:
-    """Return the names of the bodies whose number of pieces the scene leaves open."""
-    return tuple(name for name, count in scene.pieces.items() if count == "auto")

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from fmd.accuracy.piece_counts import choose_piece_counts, find_open_pieces
-from fmd.accuracy.refinement import meet_accuracy
+from fmd.accuracy.piece_counts import choose_piece_counts
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.progress import Monitor, silent
@@ -53,6 +52,8 @@ class Settings:
 
 def _choose(given: Pipeline, keep: Callable[[Pipeline], None] = lambda run: None) -> Settings:
     """Choose numbers of pieces, and refine for a wanted accuracy; ``keep`` takes the run that has these settings."""
+    from fmd.accuracy.refinement import meet_accuracy
+
     run = choose_piece_counts(given)
     found = None if given.scene.accuracy is None else meet_accuracy(run)
     run = run if found is None else found.run
@@ -109,7 +110,7 @@ class SolvedScene:
     @property
     def is_open(self) -> bool:
         """True if the scene leaves settings to its accuracy, or to large deflections."""
-        return self.scene.accuracy is not None or bool(find_open_pieces(self.scene))
+        return self.scene.accuracy is not None or "auto" in self.scene.pieces.values()
 
     @property
     def is_settled(self) -> bool:

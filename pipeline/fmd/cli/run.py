@@ -14,7 +14,7 @@ from fmd.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_j
 from fmd.cli.tables import frequency_tables, new_table, open_console
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.html import scaled
-from fmd.core.limits.shown import LINE_POLES
+from fmd.core.limits.shown import BRIEF, LINE_POLES
 from fmd.core.limits.stability import COUPLED, GROWING
 from fmd.output.explain import Forecast, forecast_run
 from fmd.output.key_figures import largest_deflection, largest_stress
@@ -140,6 +140,8 @@ def _stages(summary: dict[str, Any]) -> Table:
     if "worst_stress" in summary:
         results["stress"] = f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst"
     for stage, seconds in summary["seconds"].items():
+        if seconds < BRIEF and stage not in results:
+            continue
         partly = "partly " if stage in summary["stages_run"] else ""
         cached = f"{partly}from the cache; " if stage in summary["stages_cached"] else ""
         table.add_row(stage, f"{seconds:.3f}", (cached + results.get(stage, "")).rstrip("; "))

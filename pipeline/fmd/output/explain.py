@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
@@ -15,15 +15,19 @@ from fmd.output.picture_files import picture_key
 from fmd.output.pictures import DRAWINGS
 from fmd.scene.outputs import Export, is_drawn
 from fmd.scene.pictures import MechanismView
-from fmd.scene.stress_outputs import Envelope, Fatigue
 from fmd.stages.divided_scene import part_of
 from fmd.stages.part import PART_STAGES, FlexiblePart
-from fmd.stages.pipeline import Pipeline
+from fmd.stages.pipeline import RUN_STAGES, Pipeline
+from fmd.stages.runs import MACHINE_CODE
+from fmd.stages.stage import Stage
 
 Fate = Literal["run", "cached", "skipped", "open"]
 
-STAGES = (SETTINGS.name, *PART_STAGES, Pipeline.trajectories.name, ERROR_BUDGET.name, "files", "pictures")
+_OF_RUN: dict[str, Stage[Any]] = {**RUN_STAGES, ERROR_BUDGET.name: ERROR_BUDGET}
+STAGES = (SETTINGS.name, *PART_STAGES, *_OF_RUN, "responses", "files", "pictures")
 """Names of all stages of a run, in the order of forecasts."""
+_OF_SUMMARY = ("fine motion", "strain", "modes", "surface", "stress", "element stress")
+_COUNTED = "{} in the scene's output"
 _SAME = "same inputs and source as when it was kept"
 
 
@@ -81,7 +85,7 @@ class Forecast:
 
 
 def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
-    """Forecast `write_results`; the only stage that this may compute is a spin that decides on another."""
+    """Forecast `write_results`, by what its results read; of a part in pieces the mesh is made and cut for that."""
     if not solved.is_settled:
         return _forecast_rounds(solved, pictures)
     run = solved.run
@@ -90,51 +94,49 @@ def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
         planner.note(SETTINGS.name, "cached", _SAME)
     else:
         planner.note(SETTINGS.name, "skipped", "the scene leaves nothing open")
-    outputs = [output for output in run.scene.output if is_drawn(output)]
-    wanted = [output for output in run.scene.output if not is_drawn(output)]
-    for part in run.parts.values():
-        planner.want(part, ["body"])
-    planner.want_stiffening()
-    compiling = "" if planner.compiled else "; new kernels are compiled first"
-    planner.note(Pipeline.trajectories.name, "run", f"never kept{compiling}")
-    for part in run.parts.values():
-        planner.want(part, ["deformation"])
-    for part in [part for part in run.parts.values() if part.has_mesh]:
-        planner.want(part, ["modes", "surface", "stress"])
-    for part in run.parts.values():
-        planner.want(part, ["element stress"] if part.shape.element else [])
-    for export in (output for output in wanted if isinstance(output, Export)):
-        if export.body is None:
-            continue  # the whole mechanism, which the motion takes anyway
-        suffix = "." + export.file.rpartition(".")[2]
-        for part in run.pieces_of(export.body):
-            planner.want(part, EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body"))
-            planner.want(part, ["inertia"] if suffix == ".nc" and part.joint.normal >= 0 else [])
-    for field in (output for output in wanted if isinstance(output, Envelope | Fatigue)):
-        for part in run.pieces_of(field.body):
-            planner.want(part, DRAWINGS[field.type].reads)
-    missing = [output for output in outputs if pictures and not planner.has_drawn(output)]
-    for output in missing:
-        reads, body = DRAWINGS[output.type].reads, getattr(output, "body", None)
-        for own, part in run.parts.items():
-            name = part_of(own) or own
-            if isinstance(output, MechanismView):
-                coloured = body in (None, name)
-                shown = part.has_stress and (coloured or not output.alone)
-                planner.want(part, [stage for stage in reads if coloured or stage != "stress"] if shown else [])
-            elif name == body:
-                planner.want(part, reads)
-    planner.want_budget(budget and all(part.has_mesh for part in run.parts.values()))
-    planner.note("files", "run" if wanted else "skipped", f"{len(wanted)} in the scene's output")
-    if missing:
-        planner.note("pictures", "run", f"{len(missing)} of {len(outputs)} in the scene's output are to be drawn")
-    elif outputs and pictures:
-        planner.note("pictures", "cached", _SAME)
+    for name in _OF_SUMMARY:
+        planner.want(name)
+    drawn = [output for output in run.scene.output if is_drawn(output)]
+    listed = [output for output in run.scene.output if not is_drawn(output)]
+    missing = [output for output in drawn if pictures and not planner.has_drawn(output)]
+    for output in (*listed, *missing):
+        for name, body in _reads(run, output):
+            planner.want(name, body)
+    if budget and all(part.has_mesh for part in run.parts.values()):
+        planner.want(ERROR_BUDGET.name)
     else:
-        why = "left out by --no-pictures" if outputs else "none in the scene's output"
-        planner.note("pictures", "skipped", why)
+        planner.note(ERROR_BUDGET.name, "skipped", "left out by --no-budget")
+    files, responses = (sum((output.type == "frf") is own for output in listed) for own in (False, True))
+    planner.note("responses", "run" if responses else "skipped", _COUNTED.format(responses))
+    planner.note("files", "run" if files else "skipped", _COUNTED.format(files))
+    planner.note("pictures", *_fate_of_pictures(len(drawn), len(missing), pictures))
     planner.skip_others()
     return planner.forecast()
+
+
+def _reads(run: Pipeline, output: Any) -> Iterator[tuple[str, str]]:
+    """Iterate over the stages of bodies that an output takes, with the names of the bodies or pieces."""
+    kind, body = output.type, getattr(output, "body", None)
+    if isinstance(output, Export):
+        if output.body is not None:  # the whole mechanism is in the motion anyway
+            suffix = "." + output.file.rpartition(".")[2]
+            reads = EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body")
+            yield from ((name, part.name) for part in run.pieces_of(output.body) for name in reads)
+    elif isinstance(output, MechanismView):
+        for own, part in run.parts.items():
+            coloured = body in (None, part_of(own) or own)
+            if part.has_stress and (coloured or not output.alone):
+                yield from ((name, own) for name in DRAWINGS[kind].reads if coloured or name != "stress")
+    elif kind in DRAWINGS and body is not None:
+        yield from ((name, part.name) for part in run.pieces_of(body) for name in DRAWINGS[kind].reads)
+
+
+def _fate_of_pictures(n_drawn: int, n_missing: int, wanted: bool) -> tuple[Fate, str]:
+    if n_missing:
+        return "run", f"{n_missing} of {n_drawn} in the scene's output are to be drawn"
+    if n_drawn and wanted:
+        return "cached", _SAME
+    return "skipped", "left out by --no-pictures" if n_drawn else _COUNTED.format(0)
 
 
 def _forecast_rounds(solved: SolvedScene, pictures: bool) -> Forecast:
@@ -142,15 +144,15 @@ def _forecast_rounds(solved: SolvedScene, pictures: bool) -> Forecast:
     planner, scene = _Planner(solved.given), solved.scene
     rounds = "rounds of refinement until the error budget states the wanted accuracy"
     planner.note(SETTINGS.name, "run", rounds if scene.accuracy is not None else "finds the numbers of pieces")
-    for stage in (*PART_STAGES, ERROR_BUDGET.name):
+    for stage in (*PART_STAGES, *RUN_STAGES, ERROR_BUDGET.name):
         for name in scene.flexible if stage in PART_STAGES else [""]:
             planner.note(stage, "open", "the settings that are found decide", name)
-    planner.note(Pipeline.trajectories.name, "run", "never kept")
+    frf = sum(output.type == "frf" for output in scene.output)
+    drawn = sum(map(is_drawn, scene.output))
     for stage, count in (
-        ("files", sum(not is_drawn(output) for output in scene.output)),
-        ("pictures", pictures * sum(map(is_drawn, scene.output))),
-    ):
-        planner.note(stage, "run" if count else "skipped", f"{count} in the scene's output")
+        ("responses", frf), ("files", len(scene.output) - drawn - frf), ("pictures", pictures * drawn)
+    ):  # fmt: skip
+        planner.note(stage, "run" if count else "skipped", _COUNTED.format(count))
     return planner.forecast()
 
 
@@ -160,6 +162,7 @@ def remember_times(run: Pipeline) -> None:
     for stage, seconds in log.seconds.items():
         fate = "run" if stage in log.run else "cached"
         last["seconds"].setdefault(fate, {})[_timed_as(stage, last["kernels"] == _kernels())] = seconds
+    last["keys"] |= {(stage.name, ""): stage.key(run) for stage in _OF_RUN.values()}
     for part in run.parts.values():
         stages = [stage for stage in PART_STAGES.values() if not stage.in_key]
         last["keys"] |= {(stage.name, part.name): stage.key(part) for stage in stages}
@@ -180,7 +183,7 @@ def _kernels() -> str:
 
 
 def _timed_as(stage: str, compiled: bool) -> str:
-    return stage if compiled or stage != Pipeline.trajectories.name else "motion and kernels"
+    return stage if compiled or stage != MACHINE_CODE else "new machine code"
 
 
 class _Planner:
@@ -190,37 +193,71 @@ class _Planner:
         self._run, self._last = run, _last(run)
         self._steps: dict[tuple[str, str], Step] = {}
         self._twins: dict[str, str] = {}  # body that has the result under each key first
-        self.compiled = self._last["kernels"] == _kernels()
+        self._compiled = self._last["kernels"] == _kernels()
 
     def note(self, stage: str, fate: Fate, why: str, body: str = "") -> None:
         """Note the fate of a stage."""
-        seconds = self._last["seconds"].get(fate, {}).get(_timed_as(stage, self.compiled))
+        seconds = self._last["seconds"].get(fate, {}).get(_timed_as(stage, self._compiled))
         self._steps[stage, body] = Step(stage, body, fate, why, seconds)
-
-    def want(self, part: FlexiblePart, names: Sequence[str]) -> None:
-        """Note stages of a body, and those that they read if they have to run."""
-        for name in names:
-            if (name, part.name) in self._steps:
-                continue
-            stage = PART_STAGES[name]
-            if name == "mesh" and part.piece is not None:
-                self.note(name, "cached", "cut from the whole part's mesh", part.name)
-                continue
-            self.want(part, stage.in_key)
-            anew = [other for other in stage.in_key if self._steps[other, part.name].fate == "run"]
-            if anew:
-                self.note(name, "run", f"the {anew[0]} is made anew", part.name)
-            elif (key := stage.key(part)) and (twin := self._twins.setdefault(key, part.name)) != part.name:
-                same = self._steps[name, twin]
-                self._steps[name, part.name] = replace(same, body=part.name, fate="cached", why=f"that of {twin}")
-            else:
-                self.note(name, *self._fate(key, (name, part.name)), part.name)
-            if self._steps[name, part.name].fate == "run":
-                self.want(part, stage.reads)
 
     def has_drawn(self, output: Any) -> bool:
         """Return True if the cache holds an output's files as they were drawn."""
         return self._run.store.cache.holds(picture_key(self._run, output))
+
+    def want(self, name: str, body: str = "") -> None:
+        """Note a stage of the scene, of a body or of all bodies, and what it reads if it has to run."""
+        if name not in PART_STAGES:
+            self._want_of_run(_OF_RUN[name])
+            return
+        for part in [self._run.parts[body]] if body else self._run.parts.values():
+            self._want_of_part(PART_STAGES[name], part)
+
+    def _want_of_run(self, stage: Stage[Any]) -> None:
+        if (stage.name, "") in self._steps or not stage.applies(self._run):
+            return
+        more = "" if self._compiled or stage.name != MACHINE_CODE else "; the kernels are new"
+        fate, why = self._fate(stage.key(self._run), (stage.name, ""))
+        self.note(stage.name, fate, why + more)
+        if fate == "run":
+            for other in stage.reads:
+                self.want(other)
+
+    def _want_of_part(self, stage: Stage[Any], part: FlexiblePart) -> None:
+        at = stage.name, part.name
+        if at in self._steps or not stage.applies(part):
+            return
+        if stage.name == "mesh" and part.piece is not None:
+            self.note("mesh", "cached", "cut from the whole part's mesh", part.name)
+            return
+        if stage.name == "stiffening" and (decided := self._without_stiffening(part.name)):
+            self.note("stiffening", *decided, part.name)
+            return
+        for name in stage.in_key:
+            self.want(name, part.name)
+        anew = [other for other in stage.in_key if self._steps[other, part.name].fate == "run"]
+        if anew:
+            self.note(stage.name, "run", f"the {anew[0]} is made anew", part.name)
+        elif (key := stage.key(part)) and (twin := self._twins.setdefault(key, part.name)) != part.name:
+            self._steps[at] = replace(
+                self._steps[stage.name, twin], body=part.name, fate="cached", why=f"that of {twin}"
+            )
+        else:
+            self.note(stage.name, *self._fate(key, at), part.name)
+        if self._steps[at].fate == "run":
+            for name in stage.reads:
+                self.want(name, part.name)
+
+    def _without_stiffening(self, name: str) -> tuple[Fate, str] | None:
+        """Return why a body isn't stiffened, or isn't known to be; ``None`` if it is."""
+        wanted = self._run.scene.simulation.stiffening
+        if wanted != "auto":
+            return ("skipped", "simulation.stiffening is off") if wanted == "off" else None
+        self.want(Pipeline.spin.name)
+        if self._steps[Pipeline.spin.name, ""].fate != "cached":
+            return "open", "the loads through the body will decide"
+        spin = self._run.spin[name]
+        why = f"turns at up to {spin.largest_rate:.3g} rad/s, which hardly matters"
+        return None if spin.stiffened else ("skipped", why)
 
     def _fate(self, key: str, at: tuple[str, str]) -> tuple[Fate, str]:
         if not key:
@@ -234,38 +271,11 @@ class _Planner:
             return "run", "not kept yet"
         return "run", "no longer in the cache, or damaged" if before == key else "its inputs or the source have changed"
 
-    def want_stiffening(self) -> None:
-        """Note geometric stiffening where the spin calls for it, if that is known by now."""
-        wanted, parts = self._run.scene.simulation.stiffening, self._run.parts
-        known = all(self._steps["body", name].fate == "cached" for name in parts)
-        for name, part in parts.items():
-            if wanted == "on":
-                self.want(part, ["stiffening"])
-            elif wanted == "off":
-                self.note("stiffening", "skipped", "simulation.stiffening is off", name)
-            elif not (known and self.compiled):
-                self.note("stiffening", "open", "how fast the body will turn decides", name)
-            elif self._run.spin[name].stiffened:
-                self.want(part, ["stiffening"])
-            else:
-                rate = self._run.spin[name].largest_rate
-                self.note("stiffening", "skipped", f"turns at up to {rate:.3g} rad/s, which hardly matters", name)
-
-    def want_budget(self, wanted: bool) -> None:
-        """Note the error budget and the stages that it reads."""
-        if not wanted:
-            self.note(ERROR_BUDGET.name, "skipped", "left out by --no-budget")
-            return
-        self.note(ERROR_BUDGET.name, *self._fate(ERROR_BUDGET.key(self._run), (ERROR_BUDGET.name, "")))
-        if self._steps[ERROR_BUDGET.name, ""].fate == "run":
-            for part in self._run.parts.values():
-                self.want(part, ERROR_BUDGET.reads)
-
     def skip_others(self) -> None:
-        """Note that the stages of bodies that nothing has asked for are skipped."""
+        """Note that the stages that nothing has asked for are skipped."""
         why = "nothing that runs needs it" if self._run.parts else "no flexible body"
-        for stage in PART_STAGES:
-            for name in self._run.parts or [""]:
+        for stage in STAGES:
+            for name in (self._run.parts or [""]) if stage in PART_STAGES else [""]:
                 if (stage, name) not in self._steps:
                     self.note(stage, "skipped", why, name)
 

@@ -84,7 +84,7 @@ EXPORTS: dict[str, FileFormat] = {
     ".msh": FileFormat(_write_mesh, ("mesh",)),
     ".vtu": FileFormat(_write_mesh, ("mesh",)),
     ".vtkhdf": FileFormat(_write_motion, ("mesh", "body", "nodal stress")),
-    ".nc": FileFormat(_write_body, ("modes", "body", "surface", "stress")),
+    ".nc": FileFormat(_write_body, ("modes", "body", "surface", "stress", "inertia")),
 }
 
 FILES: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {

@@ -78,7 +78,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         *loop_warnings(run),
         *coupling_warnings(run),
     ]
-    first = run.motion
+    first, fine = run.motion, run.fine_motion
     summary |= loop_figures(run)
     summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
     summary["integrations"] = _integrations(run)
@@ -87,7 +87,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     summary["tip"] = summary["final"]["tip"]
     summary["left_out_modes"] = run.left_out
     if len(first.tip_link.omega):
-        summary["peak_tip_deflection_m"] = float(run.fine_motion.tip_size.max())
+        summary["peak_tip_deflection_m"] = float(fine.tip_size.max())
     histories = _element_histories(run)
     for name, values in histories.items():
         reference = values[next(iter(values))]

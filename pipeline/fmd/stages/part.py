@@ -71,6 +71,18 @@ SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
 """Inertia and markers of a stiffened body."""
 
 
+def _has_mesh(part: FlexiblePart) -> bool:
+    return part.has_mesh
+
+
+def _has_elements(part: FlexiblePart) -> bool:
+    return bool(part.shape.element)
+
+
+def _moves_in_a_plane(part: FlexiblePart) -> bool:
+    return part.joint.normal >= 0
+
+
 # Computations of the stages; what they need of heavy packages is loaded here.
 
 
@@ -185,6 +197,7 @@ class FlexiblePart:
         mesh_inputs,
         ("fmd/meshes", "fmd/stages/meshing", *_FEM),
         ("gmsh", "meshio"),
+        applies=_has_mesh,
     )
     # Never kept, since what follows is.
     fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=assembly_inputs)
@@ -195,21 +208,34 @@ class FlexiblePart:
     second_order: Stage[SecondOrder] = Stage(
         "stiffening", _stiffen, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION, ALL_PACKAGES
     )
-    surface: Stage[SurfaceTopology] = Stage("surface", _find_surface, ("mesh",), mesh_inputs, ("fmd/meshes", *_FEM))
+    surface: Stage[SurfaceTopology] = Stage(
+        "surface", _find_surface, ("mesh",), mesh_inputs, ("fmd/meshes", *_FEM), applies=_has_mesh
+    )
     surface_stress: Stage[Array] = Stage(
-        "stress", _recover_surface_stress, ("mesh", "surface", "body"), digest_of_body, _STRESS
+        "stress", _recover_surface_stress, ("mesh", "surface", "body"), digest_of_body, _STRESS, applies=_has_mesh
     )
     element_stress: Stage[Array] = Stage(
-        "element stress", _recover_element_stress, ("mesh", "body"), element_inputs, _STRESS, in_key=("mesh",)
+        "element stress",
+        _recover_element_stress,
+        ("mesh", "body"),
+        element_inputs,
+        _STRESS,
+        in_key=("mesh",),
+        applies=_has_elements,
     )
     deformation_shapes: Stage[DeformationShapes] = Stage(
         "deformation", _evaluate_deformation, ("mesh", "body"), digest_of_body, _DEFORMATION
     )
     nodal_stress: Stage[NDArray[np.float32]] = Stage(
-        "nodal stress", _recover_nodal_stress, ("mesh", "body"), digest_of_body, _STRESS
+        "nodal stress", _recover_nodal_stress, ("mesh", "body"), digest_of_body, _STRESS, applies=_has_mesh
     )
     inertia_along_normal: Stage[Array] = Stage(
-        "inertia", _integrate_along_normal, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION
+        "inertia",
+        _integrate_along_normal,
+        ("mesh", "assembly", "body"),
+        digest_of_body,
+        _REDUCTION,
+        applies=_moves_in_a_plane,
     )
 
     def __init__(

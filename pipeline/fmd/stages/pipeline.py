@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.cache import Cache, stage_key
+from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.limits.recovery import FINER_TIMES, NEAR_LARGEST_DEFLECTION
 from fmd.core.paths import cache_folder
@@ -22,9 +22,9 @@ from fmd.recovery.stress import StressHistory, stress_measure
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import collect_inputs
 from fmd.stages.division import Division, divide_parts
-from fmd.stages.marching import find_motions, march_runs
+from fmd.stages.marching import find_motions
 from fmd.stages.part import FlexiblePart
-from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage
+from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage, stages_of
 from fmd.stages.store import Log, StageStore
 from fmd.stages.whole_inertia import complete_inertia
 
@@ -38,8 +38,113 @@ if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.modes import Modes
-    from fmd.stages.runs import Plan
+    from fmd.stages.runs import Growth, Plan
     from fmd.stages.stiffening_check import SpinCheck, StiffnessChange
+
+
+# Computations of the stages; what they need of heavy packages is loaded here.
+
+
+def _divide(run: Pipeline) -> Division:
+    if not run.scene.moves or not run.scene.pieces:
+        return Division(run.scene, run.wholes)
+    return divide_parts(run.scene, run.wholes, run.like)
+
+
+def _check_loads(run: Pipeline) -> Mapping[str, SpinCheck]:
+    from fmd.stages.stiffening_check import check_spins
+
+    run.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
+    if not run.parts:
+        return {}
+    bodies = {name: part.body for name, part in run.parts.items()}
+    meshed = [name for name, part in run.parts.items() if part.has_mesh or part.body.gram.stiffening.size]
+    return check_spins(run.divided_scene, bodies, meshed)
+
+
+def _stiffen(run: Pipeline) -> Mapping[str, FlexibleBody]:
+    from fmd.stages.stiffening_check import keep_inertia_of_pieces
+
+    simulation = run.scene.simulation
+    linear = {name: part.body for name, part in run.parts.items()}
+    stiff = {name: part.stiffened for name, part in run.parts.items() if run.spin[name].stiffened}
+    error = 0.0 if simulation.stiffening == "on" else simulation.error
+    return linear | stiff | keep_inertia_of_pieces(linear, stiff, run.spin, error)
+
+
+def _build_mechanism(run: Pipeline) -> Mechanism:
+    from fmd.stages.mechanism import build_mechanism
+    from fmd.stages.stiffening_check import keep_what_counts, with_whole_energy
+
+    mechanism = build_mechanism(run.divided_scene, run.bodies)
+    mechanism = keep_what_counts(mechanism, run.spin, run.scene.simulation.error)
+    return with_whole_energy(mechanism) if run.whole_energy else mechanism
+
+
+def _find_changes(run: Pipeline) -> Mapping[str, StiffnessChange]:
+    from fmd.stages.stiffening_check import find_changes
+
+    return {} if run.has_other_bodies else find_changes(run.mechanism, run.spin)
+
+
+def _make_system(run: Pipeline) -> CompiledSystem:
+    from fmd.dynamics.compiled_system.shared import share_system
+
+    return share_system(run.mechanism)
+
+
+def _find_start(run: Pipeline) -> tuple[Array, Array]:
+    from fmd.stages.mechanism import find_start
+
+    return find_start(run.divided_scene, run.system)
+
+
+def _draft_plans(run: Pipeline) -> tuple[Plan, ...]:
+    from fmd.stages.runs import draft_plans
+
+    return draft_plans(run)
+
+
+def _measure_growths(run: Pipeline) -> tuple[Growth, ...]:
+    from fmd.stages.runs import measure_growths
+
+    return measure_growths(run)
+
+
+def _finish_plans(run: Pipeline) -> dict[str, Plan]:
+    from fmd.stages.runs import finish_plans
+
+    return finish_plans(run)
+
+
+def _compile(run: Pipeline) -> dict[str, Plan]:
+    for plan in run.plans.values():
+        plan.compile()
+    return run.plans
+
+
+def _march_finely(run: Pipeline) -> Motion:
+    from fmd.stages.runs import repeat_choice
+
+    times, _ = run.fine_times
+    if len(times) == len(run.output_times):  # nothing flexible is at the tip
+        return run.motion
+    plan = repeat_choice(next(iter(run.plans.values())), run.motion.trajectory)
+    return run.motion_by(plan, plan.march(times))
+
+
+def _measure_deformations(run: Pipeline) -> Mapping[str, Deformation]:
+    return {
+        name: measure_deformation(part.deformation_shapes, run.bodies[name], run.motion.modal(name))
+        for name, part in run.parts.items()
+    }
+
+
+def _own_inputs(run: Pipeline) -> Any:
+    """Return all that results depend on that no other scene's bodies make; ``None`` if there are such bodies."""
+    if run.has_other_bodies or run.has_other_loads:
+        return None
+    return run.inputs | {"whole energy": run.whole_energy}
 
 
 class Pipeline:
@@ -70,11 +175,35 @@ class Pipeline:
         Makes a context in which each run is timed; it may hold up whatever else uses the processor.
     store : StageStore
         Runs the stages and keeps their results.
+    like : Division, optional
+        Parts of another scene, from which results are taken that both have in common.
+    has_other_bodies, has_other_loads : bool
+        Bodies, or checks of stiffening, are given in place of the scene's own.
     whole_energy : bool
         Displacements of second order count with their whole kinetic energy: without, a motion would lose its inertia.
     """
 
-    trajectories: Stage[dict[str, Trajectory]] = Stage("motion", march_runs)
+    # The table of stages, in their order; what they read are these, and stages of each flexible body.
+    division: Stage[Division] = Stage("pieces", _divide)
+    spin: Stage[Mapping[str, SpinCheck]] = Stage(
+        "loads", _check_loads, ("body",), lambda run: run.inputs, ALL_SOURCES, ALL_PACKAGES
+    )
+    bodies: Stage[Mapping[str, FlexibleBody]] = Stage(
+        "stiffened bodies", _stiffen, ("pieces", "body", "stiffening", "loads")
+    )
+    mechanism: Stage[Mechanism] = Stage("mechanism", _build_mechanism, ("stiffened bodies", "loads"))
+    stiffness_changes: Stage[Mapping[str, StiffnessChange]] = Stage("stiffness", _find_changes, ("mechanism", "loads"))
+    system: Stage[CompiledSystem] = Stage("equations", _make_system, ("mechanism",))
+    start: Stage[tuple[Array, Array]] = Stage("start", _find_start, ("equations",))
+    drafts: Stage[tuple[Plan, ...]] = Stage("steps", _draft_plans, ("equations", "start"))
+    growths: Stage[tuple[Growth, ...]] = Stage(
+        "stability", _measure_growths, ("steps",), _own_inputs, ALL_SOURCES, ALL_PACKAGES
+    )
+    plans: Stage[dict[str, Plan]] = Stage("plans", _finish_plans, ("steps", "stability"))
+    compiled_plans: Stage[dict[str, Plan]] = Stage("machine code", _compile, ("plans",))
+    motions: Stage[dict[str, Motion]] = Stage("motion", find_motions, ("stiffness", "machine code"))
+    fine_motion: Stage[Motion] = Stage("fine motion", _march_finely, ("plans", "motion"))
+    deformations: Stage[Mapping[str, Deformation]] = Stage("strain", _measure_deformations, ("deformation", "motion"))
 
     def __init__(
         self,
@@ -90,14 +219,14 @@ class Pipeline:
         self.scene, self.keep_all, self.whole_energy = scene, keep_all, False
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
         self.store = StageStore(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
-        self.results: dict[str, Any] = {}
         self.wholes = {name: FlexiblePart(scene, name, self.store) for name in scene.flexible}
         if division is not None:
-            self.division = division
             wholes = {name: divided.whole for name, divided in division.divided.items()}
             self.wholes = {name: wholes[name] if name in wholes else division.parts[name] for name in self.wholes}
-        self._like: Division | None = None
-        self._bodies, self._spin = bodies, spin
+        self.like: Division | None = None
+        self.has_other_bodies, self.has_other_loads = bodies is not None, spin is not None
+        given = {Pipeline.division.name: division, Pipeline.bodies.name: bodies, Pipeline.spin.name: spin}
+        self.results: dict[str, Any] = {name: result for name, result in given.items() if result is not None}
         self._envelopes: dict[str, StressEnvelope] = {}
 
     def variant(self, scene: Scene, monitor: Monitor = silent, spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
@@ -106,7 +235,7 @@ class Pipeline:
         other.whole_energy = self.whole_energy
         for name, part in self.wholes.items():
             other.wholes[name] = FlexiblePart(scene, name, other.store, like=part)
-        other._like = vars(self).get("division")
+        other.like = self.results.get(Pipeline.division.name)
         return other
 
     def with_bodies(self, bodies: Mapping[str, FlexibleBody], spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
@@ -119,19 +248,6 @@ class Pipeline:
         other = Pipeline(self.scene, self.store.cache, keep_all=keep_all, division=division, bodies=bodies, spin=spin)
         other.whole_energy = self.whole_energy
         return other
-
-    @cached_property
-    def division(self) -> Division:
-        """Parts as they are reduced, those with pieces divided, and the scene with pieces as bodies of their own.
-
-        Raises
-        ------
-        InputError
-            A part can't be divided as the scene wants it.
-        """
-        if not self.scene.moves or not self.scene.pieces:
-            return Division(self.scene, self.wholes)
-        return divide_parts(self.scene, self.wholes, self._like)
 
     @property
     def parts(self) -> Mapping[str, FlexiblePart]:
@@ -248,109 +364,15 @@ class Pipeline:
         }
 
     @cached_property
-    def deformations(self) -> Mapping[str, Deformation]:
-        """Largest rotation and strain of each flexible body's elastic field over the first run's motion."""
-        return {
-            name: measure_deformation(part.deformation_shapes, self.bodies[name], self.motion.modal(name))
-            for name, part in self.parts.items()
-        }
-
-    @cached_property
     def inputs(self) -> dict[str, Any]:
         """Everything in the scene and its files that results depend on, as plain data."""
         return collect_inputs(self.scene)
-
-    @cached_property
-    def spin(self) -> Mapping[str, SpinCheck]:
-        """Loads through each flexible body, and whether they stiffen it."""
-        from fmd.stages.stiffening_check import check_spins
-
-        if self._spin is not None:
-            return self._spin
-        self.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
-        if not self.parts:
-            return {}
-        bodies = {name: part.body for name, part in self.parts.items()}
-        meshed = [name for name, part in self.parts.items() if part.has_mesh or part.body.gram.stiffening.size]
-        return self.store.read_or_keep(self._key("loads"), lambda: check_spins(self.divided_scene, bodies, meshed))
-
-    def _key(self, name: str) -> str:
-        """Return the key of a result that depends on the whole scene."""
-        return stage_key(name, self.inputs, ALL_SOURCES, ALL_PACKAGES)
-
-    @cached_property
-    def stiffness_changes(self) -> Mapping[str, StiffnessChange]:
-        """Change of the stiffness of each stiffened body by the loads through it."""
-        from fmd.stages.stiffening_check import find_changes
-
-        return {} if self._bodies is not None else find_changes(self.mechanism, self.spin)
-
-    @cached_property
-    def bodies(self) -> Mapping[str, FlexibleBody]:
-        """Reduced flexible bodies, stiffened by the loads through them where these count."""
-        if self._bodies is not None:
-            return self._bodies
-        from fmd.stages.stiffening_check import keep_inertia_of_pieces
-
-        simulation = self.scene.simulation
-        linear = {name: part.body for name, part in self.parts.items()}
-        stiff = {name: part.stiffened for name, part in self.parts.items() if self.spin[name].stiffened}
-        error = 0.0 if simulation.stiffening == "on" else simulation.error
-        return linear | stiff | keep_inertia_of_pieces(linear, stiff, self.spin, error)
-
-    @cached_property
-    def mechanism(self) -> Mechanism:
-        """Bodies, joints and loads of the scene, its joints slow and its modes fast if it doesn't say otherwise."""
-        from fmd.stages.mechanism import build_mechanism
-        from fmd.stages.stiffening_check import keep_what_counts, with_whole_energy
-
-        mechanism = build_mechanism(self.divided_scene, self.bodies)
-        mechanism = keep_what_counts(mechanism, self.spin, self.scene.simulation.error)
-        return with_whole_energy(mechanism) if self.whole_energy else mechanism
-
-    @cached_property
-    def system(self) -> CompiledSystem:
-        """Mechanism as it is marched, by compiled functions."""
-        from fmd.dynamics.compiled_system.shared import share_system
-
-        return share_system(self.mechanism)
 
     @property
     def reference_matrices(self) -> tuple[Array, Array]:
         """Mass and stiffness of the motions of the undeformed mechanism that are free, (n, n) each, slow ones first."""
         M, K, _, _ = self.system.free_motion
         return M, K
-
-    @cached_property
-    def start(self) -> tuple[Array, Array]:
-        """Positions and rates at the start."""
-        from fmd.stages.mechanism import find_start
-
-        return find_start(self.divided_scene, self.system)
-
-    @cached_property
-    def plans(self) -> dict[str, Plan]:
-        """Runs of the scene, ready to be integrated, each under the label of its motion; raises as `motions`."""
-        from fmd.stages.runs import make_plans
-
-        if self._bodies is not None or self._spin is not None:  # not the scene's own
-            return make_plans(self)
-        key = self._key("growth with whole energy" if self.whole_energy else "growth")
-        return make_plans(self, partial(self.store.read_or_keep, key))
-
-    @cached_property
-    def motions(self) -> dict[str, Motion]:
-        """Motion by each of the scene's runs, under a label of integrator and ratio.
-
-        Raises
-        ------
-        InputError
-            A step is beyond its stability limit, a body would buckle or lose its stiffness by its spin, a joint moves
-            without any inertia, or the results don't fit into the memory; nothing has been integrated then.
-        AccuracyError
-            A march diverged, or deflections are beyond what a stiffened body describes.
-        """
-        return find_motions(self)
 
     @property
     def left_out(self) -> dict[str, list[int]]:
@@ -384,17 +406,10 @@ class Pipeline:
         numbers = np.r_[0, np.cumsum(np.where(near[:-1] | near[1:], FINER_TIMES, 1))]
         return np.interp(np.arange(numbers[-1] + 1), numbers, self.output_times), numbers
 
-    @cached_property
-    def fine_motion(self) -> Motion:
-        """First run's motion at the fine times, since fast vibrations are largest between two output times."""
-        if len(self.fine_times[0]) == len(self.output_times):  # nothing flexible is at the tip
-            return self.motion
-        from fmd.stages.runs import repeat_choice
-
-        plan = repeat_choice(next(iter(self.plans.values())), self.motion.trajectory)
-        return self.motion_by(plan, plan.march(self.fine_times[0]))
-
     @property
     def motion(self) -> Motion:
         """Motion by the scene's first run, with which the others are compared."""
         return next(iter(self.motions.values()))
+
+
+RUN_STAGES: Mapping[str, Stage[Any]] = {stage.name: stage for stage in stages_of(Pipeline)}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -30,10 +31,16 @@ from fmd.stages.mass_check import require_inertia
 from fmd.stages.mechanism import find_start, place_joints
 
 if TYPE_CHECKING:
+    from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.scene.runs import Run
     from fmd.scene.scene import Scene
     from fmd.stability.operating_points import OperatingPoints
+    from fmd.stages.stiffening_check import StiffnessChange
+    from fmd.stages.store import StageStore
+
+MACHINE_CODE = "machine code"
+"""Name of the stage that compiles, or reads, all that marches call."""
 
 
 class BuiltScene(Protocol):
@@ -45,10 +52,22 @@ class BuiltScene(Protocol):
         The scene.
     keep_all : bool
         Integrate modes that nothing can excite, too.
+    store : StageStore
+        Times what is compiled.
+    results : dict of str to object
+        Results of stages by their names.
+    while_timed : callable
+        Makes a context in which each run is timed.
+    whole_energy : bool
+        Displacements of second order count with their whole kinetic energy.
     """
 
     scene: Scene
     keep_all: bool
+    store: StageStore
+    results: dict[str, Any]
+    while_timed: Callable[[], AbstractContextManager[None]]
+    whole_energy: bool
 
     @property
     def divided_scene(self) -> Scene:
@@ -73,6 +92,29 @@ class BuiltScene(Protocol):
     @property
     def reference_matrices(self) -> tuple[Array, Array]:
         """Mass and stiffness of the undeformed mechanism."""
+
+    @property
+    def drafts(self) -> tuple[Plan, ...]:
+        """Runs whose stability isn't known yet."""
+
+    @property
+    def growths(self) -> tuple[Growth, ...]:
+        """Safe step of each run, and the growth of small vibrations by its method."""
+
+    @property
+    def compiled_plans(self) -> Mapping[str, Plan]:
+        """Runs, ready to be integrated, whose machine code is there."""
+
+    @property
+    def stiffness_changes(self) -> Mapping[str, StiffnessChange]:
+        """Change of each stiffened body's stiffness by the loads through it."""
+
+    @property
+    def output_times(self) -> Array:
+        """Times of the results [s]."""
+
+    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion:
+        """Return the motion that a trajectory describes."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +151,10 @@ class Plan:
     def require_positive_mass(self, trajectory: Trajectory) -> None:
         """Raise ``AccuracyError`` if the mass matrix isn't positive definite along a march of this plan."""
         require_positive_over(self.system, trajectory.times, trajectory.q)
+
+    def compile(self) -> None:
+        """Compile all functions that a march calls, or read them where they are kept."""
+        self.march(np.zeros(1))
 
     def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
@@ -155,44 +201,30 @@ class Growth:
     factor: float = 1.0
 
 
-Remember = Callable[[Callable[[], tuple[Growth, ...]]], tuple[Growth, ...]]
-
-
-def make_plans(built: BuiltScene, remember: Remember = lambda measure: measure()) -> dict[str, Plan]:
-    """Make a scene's runs ready to be integrated, each under a label of its integrator and ratio.
-
-    Parameters
-    ----------
-    remember : callable
-        Calls the function that it is given, or returns what that has returned for this very scene before.
+def draft_plans(built: BuiltScene) -> tuple[Plan, ...]:
+    """Make a scene's runs ready to be integrated, with steps whose stability isn't known yet.
 
     Raises
     ------
     InputError
-        A motion has no inertia, a step is beyond its stability limit or steps over a load, or vibrations would grow
-        visibly by the method itself.
+        A motion has no inertia.
     """
     require_inertia(built.scene, built.system)
-    runs, given = built.scene.simulation.run, _given_step(built)
-    unchecked = [_plan_unchecked(built, k, given) for k in range(len(runs))]
-    steps = any(plan.integrator.step for plan in unchecked)  # else errors choose them, and nothing is measured
-    growths = remember(lambda: _measure_growths(built, unchecked)) if steps else _measure_growths(built, unchecked)
-    plans: dict[str, Plan] = {}
-    for k, (run, plan, growth) in enumerate(zip(runs, unchecked, growths, strict=True)):
-        method: Any = plan.integrator
-        if growth.step is not None:
-            method = replace(method, step=growth.step)
-        label = run.label(method.substeps)
-        checked = replace(plan, integrator=method, growth=growth.factor)
-        plans[f"{label} ({k})" if label in plans else label] = _leave_out_modes(built, checked)
-    return plans
+    given = _given_step(built)
+    return tuple(_draft_plan(built, k, given) for k in range(len(built.scene.simulation.run)))
 
 
-def _measure_growths(built: BuiltScene, plans: Sequence[Plan]) -> tuple[Growth, ...]:
-    """Measure the growth of small vibrations by the method of each run."""
+def measure_growths(built: BuiltScene) -> tuple[Growth, ...]:
+    """Measure the growth of small vibrations by the method of each run.
+
+    Raises
+    ------
+    InputError
+        A step is beyond its stability limit or steps over a load, or vibrations would grow visibly by the method.
+    """
     simulation, growths = built.scene.simulation, []
     known: list[OperatingPoints] = []
-    for run, plan in zip(simulation.run, plans, strict=True):
+    for run, plan in zip(simulation.run, built.drafts, strict=True):
         require_countable_steps(built.scene.file, plan.key, plan.integrator.step, simulation.duration)
         require_known_phases(built.scene.file, plan.key, plan.integrator, plan.system, simulation)
         require_resolved_loads(built.scene.file, plan.key, plan.integrator, plan.system)
@@ -200,12 +232,25 @@ def _measure_growths(built: BuiltScene, plans: Sequence[Plan]) -> tuple[Growth, 
     return tuple(growths)
 
 
+def finish_plans(built: BuiltScene) -> dict[str, Plan]:
+    """Return a scene's runs with stable steps, each under a label of its integrator and ratio; raises as `growths`."""
+    plans: dict[str, Plan] = {}
+    for k, (plan, growth) in enumerate(zip(built.drafts, built.growths, strict=True)):
+        method: Any = plan.integrator
+        if growth.step is not None:
+            method = replace(method, step=growth.step)
+        label = built.scene.simulation.run[k].label(method.substeps)
+        checked = replace(plan, integrator=method, growth=growth.factor)
+        plans[f"{label} ({k})" if label in plans else label] = _leave_out_modes(built, checked)
+    return plans
+
+
 def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
     """Plan the first run of a scene's variant by the method and the step of a run whose growth is known.
 
     The step is a shorter one where the variant's highest frequency takes that.
     """
-    first = _plan_unchecked(variant, 0, _given_step(variant))
+    first = _draft_plan(variant, 0, _given_step(variant))
     method: Any = plan.integrator
     limit = method.largest_step(first.system)
     if method.step >= limit:
@@ -213,7 +258,7 @@ def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
     return _leave_out_modes(variant, replace(first, integrator=method))
 
 
-def _plan_unchecked(built: BuiltScene, k: int, given: float | None) -> Plan:
+def _draft_plan(built: BuiltScene, k: int, given: float | None) -> Plan:
     """Plan a run as the scene has it, whose stability isn't known yet."""
     simulation = built.scene.simulation
     run = simulation.run[k]
@@ -257,6 +302,7 @@ def _measure_growth(built: BuiltScene, plan: Plan, run: Run, known: list[Operati
     points = next((own for own in known if own.system is plan.system), None)
     if points is None:
         try:
+            built.store.compute(MACHINE_CODE, plan.compile)
             points = find_operating_points(plan.system, built.mechanism, *built.start, duration)
         except StabilityError:  # of the mechanism itself: the march will tell
             return Growth()

@@ -1,7 +1,7 @@
 """A row of the stage graph: name, inputs, sources and computation of one kind of result.
 
-The stages of a class are its attributes of this type, in their order; running, caching, forecasting and logging are all
-derived from them.
+Bodies and whole scenes have stages of this one kind, which are attributes of their classes, in their order. Running,
+caching, forecasting and logging are all derived from them.
 """
 
 from __future__ import annotations
@@ -48,15 +48,18 @@ class Stage(Generic[T]):
     compute : callable
         Makes the result for an object.
     reads : tuple of str
-        Stages of the same object that are needed to compute it.
+        Stages that are needed to compute it: of the same object, or of each flexible body of the scene.
     inputs : callable, optional
-        Everything that the result depends on, as plain data for its key; without, the result is never kept.
+        Everything that the result depends on, as plain data for its key; without, or where it is ``None``, the result
+        is never kept.
     sources, packages : tuple of str
         Python sources, named from the project's root, and installed packages that make the result.
     in_key : tuple of str
         Stages whose results are among ``inputs``: while they aren't known, neither is the key.
     shared_inputs : callable, optional
         As ``inputs``, for a result that is never kept but that bodies of one part have in common.
+    applies : callable
+        Tells if an object has such a result: a body without a mesh has no stress.
     lasts : callable
         Tells of a result whether it may be kept: one that is not whole may not.
     """
@@ -69,11 +72,13 @@ class Stage(Generic[T]):
     packages: tuple[str, ...] = ()
     in_key: tuple[str, ...] = ()
     shared_inputs: Callable[[Any], Any] | None = None
+    applies: Callable[[Any], bool] = lambda owner: True
     lasts: Callable[[T], bool] = lambda result: True
 
     def key(self, owner: Staged) -> str:
         """Return the key that an object's result is kept under; empty if it never is."""
-        return "" if self.inputs is None else stage_key(self.name, self.inputs(owner), self.sources, self.packages)
+        inputs = None if self.inputs is None else self.inputs(owner)
+        return "" if inputs is None else stage_key(self.name, inputs, self.sources, self.packages)
 
     def of(self, owner: Staged, compute: Callable[[Any], T] | None = None) -> T:
         """Return an object's result, computed or read on first use; ``compute`` is used in place of the stage's own."""
@@ -87,9 +92,9 @@ class Stage(Generic[T]):
         if self.shared_inputs is not None:
             key = stage_key(self.name, self.shared_inputs(owner), self.sources, self.packages)
             return owner.store.share_or_compute(self.name, key, compute)
-        if self.inputs is None:
-            return owner.store.compute(self.name, compute)
-        return owner.store.read_or_compute(self.name, self.key(owner), compute, self.lasts)
+        if key := self.key(owner):
+            return owner.store.read_or_compute(self.name, key, compute, self.lasts)
+        return owner.store.compute(self.name, compute)
 
     @overload
     def __get__(self, owner: None, kind: type) -> Stage[T]: ...
@@ -103,3 +108,13 @@ class Stage(Generic[T]):
 def stages_of(kind: type) -> Iterator[Stage[Any]]:
     """Iterate over the stages of a class in the order of their definition."""
     return (value for value in vars(kind).values() if isinstance(value, Stage))
+
+
+def forget(owner: Staged, name: str) -> None:
+    """Drop an object's result of a stage, and all of its results that were made of it."""
+    lost = {name}
+    for stage in stages_of(type(owner)):  # in their order, so that what a stage reads comes first
+        if lost.intersection(stage.reads):
+            lost.add(stage.name)
+    for stage_name in lost:
+        owner.results.pop(stage_name, None)

@@ -17,9 +17,12 @@ from fmd.core.progress import Monitor, silent
 T = TypeVar("T")
 
 
+_WITH_THREADS = ("numpy", "scipy.linalg", "scipy.sparse.linalg", "numba", "gmsh", "petsc4py", "vtkmodules")
+
+
 @lru_cache(maxsize=1)
-def _thread_pools(n_modules: int) -> ThreadpoolController:
-    """Return the libraries with threads of their own; those of modules loaded later are found by their number."""
+def _thread_pools(loaded: tuple[str, ...]) -> ThreadpoolController:
+    """Return the libraries with threads of their own; to look for them takes 2 ms, and so is done once they change."""
     return ThreadpoolController()
 
 
@@ -116,7 +119,7 @@ class StageStore:
         """Compute a stage, and log its time, also if it fails: that of stages that it needs in turn isn't its own."""
         others = sum(self.log.seconds.values())
         tick = time.perf_counter()
-        pools = _thread_pools(len(sys.modules))
+        pools = _thread_pools(tuple(name for name in _WITH_THREADS if name in sys.modules))
         try:
             with self.monitor(stage), pools.limit(limits=1):  # the products here are small: two BLAS threads only spin
                 return compute()

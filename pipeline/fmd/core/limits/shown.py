@@ -24,6 +24,7 @@ CAMPBELL_LINES = 10  # rates in the terminal's table
 CAMPBELL_CROSSINGS = 30  # critical rates in the terminal's table
 TABLE_POLES = 20  # in the terminal's table; the files have all
 LINE_POLES = 5  # named in a line
+BRIEF = 5e-3  # seconds of a stage that the table of a run leaves out
 SWEPT_JOINTS = 2  # columns of joints' positions in a sweep's table
 UNCUT = 10_000  # width of a table that is piped on, in characters
 
