@@ -11,16 +11,15 @@ With ``--elements tet4 --packages DOLFINx`` only these rows are made anew, and o
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
+from table_format import machine, renew_rows
 
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.space import Discretisation
@@ -91,23 +90,22 @@ def main():
                     ratio = found["seconds"] / own["seconds"]
                     peer, comma, how = package.partition(",")
                     label = package if package == "fmd" else f"{peer} {found['version']}{comma}{how}"
-                    rows.append((name, unknowns, label, found["seconds"], ratio, found["megabytes"], apart))
+                    figures = {"seconds": found["seconds"], "over fmd": ratio, "peak MB": found["megabytes"]}
+                    row = {"element": name, "unknowns": unknowns, "package": label}
+                    rows.append(row | figures | {"largest difference": float(apart)})
                     print(
                         f"{name:6s} {unknowns:7d} {label:33s} {found['seconds']:8.3f} s {ratio:7.1f} × "
                         f"{found['megabytes']:7.0f} MB {apart:.1e}",
                         flush=True,
                     )
-    path = Path(__file__).with_suffix(".csv")
-    earlier = list(csv.reader(path.read_text().splitlines()[2:])) if path.is_file() else []
-    with path.open("w", newline="") as file:
-        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}, one thread\n")
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["element", "unknowns", "package", "seconds", "over fmd", "peak MB", "largest difference"])
-        anew = [[row[0], str(row[1]), row[2], *(f"{x:.3g}" for x in row[3:])] for row in rows]
-        made = [row[:3] for row in anew]
-        kept = [row for row in earlier if row[:3] not in made]
-        place = {name: k for k, name in enumerate(MESHES)}
-        table.writerows(sorted(kept + anew, key=lambda row: (place[row[0]], int(row[1]), row[2] != "fmd")))
+    place = {name: k for k, name in enumerate(MESHES)}
+    renew_rows(
+        Path(__file__).with_suffix(".csv"),
+        rows,
+        ("element", "unknowns", "package"),
+        lambda row: (place[row["element"]], int(row["unknowns"]), row["package"] != "fmd"),
+        f"{machine()}, one thread",
+    )
 
 
 if __name__ == "__main__":

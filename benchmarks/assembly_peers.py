@@ -160,19 +160,26 @@ def sfepy(points, cells, name):
     return work, nodal
 
 
-def ngsolve(points, cells, name):
-    """Its symbolic forms."""
+def ngsolve_mesh(points, cells):
+    """Its mesh of a block."""
     import netgen.meshing as ng
-    from ngsolve import CF, BilinearForm, Grad, GridFunction, InnerProduct, Mesh, Sym, Trace, VectorH1, dx, x, y, z
+    from ngsolve import Mesh
 
-    if name == "hex20":
-        raise ModuleNotFoundError("no serendipity element")
     net = ng.Mesh(dim=3)
     net.Add(ng.FaceDescriptor(surfnr=1, domin=1, bc=1))
     number = [net.Add(ng.MeshPoint(ng.Pnt(*p))) for p in points.tolist()]
     for cell in cells.tolist():
         net.Add(ng.Element3D(1, [number[k] for k in cell]))
-    mesh = Mesh(net)
+    return Mesh(net)
+
+
+def ngsolve(points, cells, name):
+    """Its symbolic forms."""
+    from ngsolve import CF, BilinearForm, Grad, GridFunction, InnerProduct, Sym, Trace, VectorH1, dx, x, y, z
+
+    if name == "hex20":
+        raise ModuleNotFoundError("no serendipity element")
+    mesh = ngsolve_mesh(points, cells)
 
     def work():
         V = VectorH1(mesh, order=ELEMENTS[name][1])

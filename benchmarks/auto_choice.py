@@ -48,22 +48,9 @@ REPEATS, SHORT = 10, 0.1  # a march is timed so often, or for so many seconds; t
 
 @dataclass
 class Row:
-    """Run times of a scene [s].
+    """What ``auto`` chose for a scene, its true error and run time [s] with all trials, and the best method's.
 
-    Attributes
-    ----------
-    method : str
-        What ``auto`` chose.
-    error : float
-        Its true error.
-    seconds, evaluations : float and int
-        Its run time, all trials included, and evaluations.
-    best : str
-        The fastest method at that error.
-    best_seconds, ratio : float
-        Its run time, and ``seconds`` over it.
-    wanted, wanted_best, wanted_seconds, wanted_ratio : float, str, float and float
-        The wanted error, and the same for the fastest method at that.
+    ``best`` is the fastest method at that error, ``wanted_best`` that at the wanted one; ratios are over their times.
     """
 
     scene: str
@@ -212,9 +199,6 @@ def main(arguments: list[str]) -> None:
         print(row, flush=True)
         if not options.scene:
             write_rows(TABLE, rows)
-    for kind in ("ratio", "wanted_ratio"):
-        ratios = sorted(getattr(row, kind) for row in rows)
-        print(f"{kind}: median {ratios[len(ratios) // 2]:.2f}, worst {ratios[-1]:.2f}")
 
 
 if __name__ == "__main__":

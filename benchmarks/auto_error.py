@@ -23,17 +23,7 @@ LONGEST = 60.0  # seconds of a march by auto
 
 @dataclass
 class Row:
-    """Errors of a scene, relative to the largest value of each kind of coordinate.
-
-    Attributes
-    ----------
-    method : str
-        What ``auto`` chose.
-    wanted, told, true : float
-        The error that the scene asks for, that which two marches tell, and the true one.
-    evaluations : int
-        Of all marches.
-    """
+    """Errors of a scene over the largest value of each kind of coordinate: wanted, told by two marches, and true."""
 
     seed: int
     method: str
@@ -69,10 +59,6 @@ def main(arguments: list[str]) -> None:
         rows += [row] if row else []
     if rows and not seeds:
         write_rows(TABLE, rows)
-    above = sum(row.true > row.wanted for row in rows)
-    print(f"{len(rows)} scenes, true error above the wanted one in {above}, above the told one in", end=" ")
-    print(f"{sum(row.true > row.told for row in rows)}, above three times that in", end=" ")
-    print(sum(row.true > 3 * row.told for row in rows))
 
 
 if __name__ == "__main__":

@@ -7,37 +7,19 @@ the table has medians. Errors are the largest over all output times.
 
 from __future__ import annotations
 
-import csv
-import platform
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from table_format import machine, write_rows
 
 from fmd import Pipeline, load_scene
 from fmd.integrators.central_difference import CentralDifference
-from fmd.integrators.protocol import evaluate
+from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
 
 STEP = 1e-5
 REPEATS = 101
-
-
-def reference(rotor, times):
-    """Integrate by DOP853, stopped where the torque ends."""
-    n, a, parameters = rotor.n, np.zeros(rotor.n), rotor.parameters
-
-    def rates(t, y):
-        evaluate(parameters, float(t), y[:n].copy(), y[n:].copy(), a)
-        return np.concatenate([y[n:], a])
-
-    end = max(rotor.breakpoints)
-    driven, free = times[times <= end + 1e-12], times[times > end + 1e-12]
-    first = solve_ivp(rates, (0, end), np.zeros(2 * n), "DOP853", t_eval=driven, rtol=1e-11, atol=1e-16)
-    second = solve_ivp(rates, (end, times[-1]), first.y[:, -1], "DOP853", t_eval=free, rtol=1e-11, atol=1e-16)
-    y = np.concatenate([first.y.T, second.y.T])
-    return y[:, :n], y[:, n:]
 
 
 def main():
@@ -53,8 +35,8 @@ def main():
             trajectory = method.march(rotor, rest, rest, times)
             motions[name] = replace(run.motion, trajectory=trajectory)
             seconds[name].append(trajectory.seconds)
-    q, v = reference(rotor, times)
-    exact = replace(run.motion, trajectory=replace(run.motion.trajectory, q=q, v=v))
+    reference = ScipyIvp("DOP853", 1e-11).march(rotor, rest, rest, times)  # which starts anew where the torque ends
+    exact = replace(run.motion, trajectory=reference)
     plain = np.median(seconds["central difference"])
     rows = []
     for name, motion in motions.items():
@@ -71,11 +53,7 @@ def main():
             }
         )
     path = Path(__file__).with_suffix(".csv")
-    with path.open("w", newline="") as file:
-        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}, h = {STEP} s\n")
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
+    write_rows(path, rows, f"{machine()}, h = {STEP} s")
     print(path.read_text())
 
 

@@ -8,7 +8,7 @@ they are in the table). Run from the project's root: ``python benchmarks/deflect
 
 from __future__ import annotations
 
-import csv
+import contextlib
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ellipeinc, ellipkinc
+from table_format import renew_rows
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.deflection import deflection_errors
@@ -157,18 +158,14 @@ def march_cable(force: float) -> Array:
 
 
 def main() -> None:
-    """Write the table; without Exudyn its rows are taken from the table as it is."""
+    """Write the table; without Exudyn its rows stay as they are."""
+    columns = ("reference", "deflection", "quantity", "stated", "true")
     with tempfile.TemporaryDirectory() as folder:
-        rows = [(*row[:3], f"{row[3]:.3g}", f"{row[4]:.3g}") for row in steady_rows(Path(folder))]
-        try:
-            rows += [(*row[:3], f"{row[3]:.3g}", f"{row[4]:.3g}") for row in moving_rows(Path(folder))]
-        except ImportError:
-            with _TABLE.open(newline="") as file:
-                rows += [tuple(row) for row in csv.reader(file) if row[0] == "Exudyn"]  # type: ignore[misc]
-    with _TABLE.open("w", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["reference", "deflection", "quantity", "stated", "true"])
-        table.writerows(rows)
+        rows = list(steady_rows(Path(folder)))
+        with contextlib.suppress(ImportError):
+            rows += moving_rows(Path(folder))
+    named = [dict(zip(columns, row, strict=True)) for row in rows]
+    renew_rows(_TABLE, named, ("reference",), lambda row: row["reference"] == "Exudyn")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ minutes of it, or more memory than there is, has its row say so.
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import resource
@@ -20,7 +19,10 @@ import time
 from functools import partial
 from pathlib import Path
 
+import assembly_peers
 import numpy as np
+from assembly_peers import LAM, MU, NU, RHO, E
+from table_format import renew_rows
 
 SIZE = (0.1, 0.09, 0.08)  # m
 EDGES = {
@@ -29,7 +31,6 @@ EDGES = {
     "100k": 5.55e-3,
     "200k": 4.36e-3,
 }  # of the tetrahedra [m], by the number of unknowns
-E, NU, RHO = 210e9, 0.3, 7850.0
 MODES = 20
 MOST_SECONDS = 1200
 COLUMNS = ("unknowns", "program", "assemble", "factor", "iterate", "total", "memory_mb", "digits", "note")
@@ -102,25 +103,17 @@ def eigsh_default(mesh):
 def ngsolve(mesh):
     """NGSolve's matrices and sparse Cholesky factor behind `eigsh`."""
     import ngsolve as ng
-    from netgen.meshing import Element3D, FaceDescriptor, Mesh, MeshPoint, Pnt
     from scipy.sparse.linalg import LinearOperator, eigsh
 
-    net = Mesh(dim=3)
-    net.Add(FaceDescriptor(surfnr=1, domin=1, bc=1))
-    numbers = [net.Add(MeshPoint(Pnt(*point))) for point in mesh["points"]]
-    net.SetMaterial(1, "steel")
-    for a, b, c, d in mesh["cells"]:
-        net.Add(Element3D(1, [numbers[a], numbers[b], numbers[c], numbers[d]]))
-    net.Update()
+    net = assembly_peers.ngsolve_mesh(mesh["points"], mesh["cells"])
     clock = Clock()
-    space = ng.VectorH1(ng.Mesh(net), order=2)
+    space = ng.VectorH1(net, order=2)
     u, v = space.TnT()
-    mu, la = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
 
     def eps(w):
         return 0.5 * (ng.Grad(w) + ng.Grad(w).trans)
 
-    stiffness = 2 * mu * ng.InnerProduct(eps(u), eps(v)) + la * ng.div(u) * ng.div(v)
+    stiffness = 2 * MU * ng.InnerProduct(eps(u), eps(v)) + LAM * ng.div(u) * ng.div(v)
     a = ng.BilinearForm(stiffness * ng.dx, symmetric=True).Assemble()
     m = ng.BilinearForm(RHO * u * v * ng.dx, symmetric=True).Assemble()
     shift = -3.5e9
@@ -149,34 +142,11 @@ def ngsolve(mesh):
 def sfepy(mesh):
     """SfePy's terms and its eigensolver, which is SciPy's."""
     from scipy.sparse.linalg import eigsh
-    from sfepy.base.base import output
-    from sfepy.discrete import FieldVariable, Integral, Material, Problem
-    from sfepy.discrete.equations import Equation, Equations
-    from sfepy.discrete.fem import FEDomain, Field, Mesh
-    from sfepy.mechanics.matcoefs import stiffness_from_youngpoisson
-    from sfepy.terms import Term
 
-    output.set_output(quiet=True)
+    assemble_both, _ = assembly_peers.sfepy(mesh["points"], mesh["cells"], "tet10")
     clock = Clock()
-    cells = np.asarray(mesh["cells"], dtype=np.int32)
-    given = Mesh.from_data("block", mesh["points"], None, [cells], [np.zeros(len(cells), np.int32)], ["3_4"])
-    omega = FEDomain("domain", given).create_region("Omega", "all")
-    field = Field.from_args("u", np.float64, "vector", omega, approx_order=2)
-    u, v = FieldVariable("u", "unknown", field), FieldVariable("v", "test", field, primary_var_name="u")
-    material = Material("m", D=stiffness_from_youngpoisson(3, E, NU), rho=RHO)
-    k = Term.new("dw_lin_elastic(m.D, v, u)", Integral("i", order=2), omega, m=material, v=v, u=u)
-    m = Term.new("dw_dot(m.rho, v, u)", Integral("j", order=4), omega, m=material, v=v, u=u)
-    problem = Problem("modes", equations=Equations([Equation("stiffness", k), Equation("mass", m)]))
-    problem.update_materials()
-    problem.time_update()
-    matrices = []
-    for equation in problem.equations:
-        A = problem.mtx_a.copy()
-        A.data[:] = 0.0
-        equation.evaluate(mode="weak", dw_mode="matrix", asm_obj=A)
-        matrices.append(A)
+    K, M, _ = assemble_both()
     assembly = clock.lap()
-    K, M = matrices
     eigenvalues = np.sort(eigsh(K, MODES + 6, M, sigma=-3.5e9, return_eigenvectors=False))
     return np.sqrt(eigenvalues[6:]) / (2 * np.pi), assembly, None, clock.lap(), "SciPy's SuperLU, factor within iterate"
 
@@ -264,7 +234,6 @@ def main():
     sizes = [size for size in EDGES if size in sys.argv] or list(EDGES)
     names = [name for name in PROGRAMS if name in sys.argv] or list(PROGRAMS)
     path = Path(__file__).with_suffix(".csv")
-    rows = list(csv.DictReader(path.open())) if path.exists() else []
     for size in sizes:
         from fmd.meshes.bar import tetrahedral_bar
 
@@ -279,16 +248,12 @@ def main():
                 new, hz = row(file, unknowns, name, reference)
                 reference = hz if reference is None else reference
                 print(*(f"{new.get(column, ''):>12}" for column in COLUMNS), flush=True)
-                rows = [old for old in rows if (int(old["unknowns"]), old["program"]) != (unknowns, name)] + [new]
-                _write(path, rows)
+                renew_rows(path, [dict.fromkeys(COLUMNS, "") | new], ("unknowns", "program"), place)
 
 
-def _write(path, rows):
-    rows = sorted(rows, key=lambda each: (int(each["unknowns"]), list(PROGRAMS).index(each["program"])))
-    with path.open("w", newline="") as out:
-        table = csv.DictWriter(out, COLUMNS, lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
+def place(row):
+    """Where a row stands in the table."""
+    return int(row["unknowns"]), list(PROGRAMS).index(row["program"])
 
 
 if __name__ == "__main__":

@@ -7,9 +7,7 @@ elements and nodal forces; without it its columns are empty. Processor seconds o
 
 from __future__ import annotations
 
-import csv
 import itertools
-import platform
 import shutil
 import subprocess
 import sys
@@ -23,6 +21,7 @@ import numpy as np
 import scipy.linalg
 from modes import STUDIES
 from scipy.spatial import cKDTree
+from table_format import machine, write_rows
 from threadpoolctl import threadpool_limits
 
 from fmd import Pipeline, load_scene
@@ -307,12 +306,8 @@ def main(names):
         with threadpool_limits(1):
             for row in measure():
                 print(name, *row, sep="  ", flush=True)
-                rows.append(row)
-        with (HERE / f"elements-{name}.csv").open("w", newline="") as file:
-            file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}, one thread\n")
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(header)
-            table.writerows(rows)
+                rows.append(dict(zip(header, row, strict=True)))
+        write_rows(HERE / f"elements-{name}.csv", rows, f"{machine()}, one thread")
 
 
 if __name__ == "__main__":

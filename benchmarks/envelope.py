@@ -7,9 +7,8 @@ phases, about as large as in the scene. Each row is a process of its own; the sm
 
 from __future__ import annotations
 
-import csv
+import json
 import os
-import platform
 import resource
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from table_format import machine, write_rows
 from threadpoolctl import threadpool_limits
 
 from fmd.recovery.envelope import stress_envelope
@@ -80,7 +80,7 @@ def measure(work: str, path: Path) -> None:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     n_nodes, _, n_modes = stress.modal.shape
     row = (work, n_nodes, n_modes, len(stress.times), os.cpu_count(), f"{best[0]:.3g}", f"{best[1]:.3g}", f"{peak:.0f}")
-    csv.writer(sys.stdout).writerow(row)
+    print(json.dumps(dict(zip(HEADER, row, strict=True))))
 
 
 def main() -> None:
@@ -88,10 +88,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "stress.npz"
         prepare(path)
-        rows = [subprocess.check_output([sys.executable, __file__, work, str(path)], text=True) for work in WORKS]
-    with (HERE / "envelope.csv").open("w") as file:
-        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}\n")
-        file.write(",".join(HEADER) + "\n" + "".join(row.replace("\r\n", "\n") for row in rows))
+        rows = [json.loads(subprocess.check_output([sys.executable, __file__, work, str(path)])) for work in WORKS]
+    write_rows(HERE / "envelope.csv", rows, machine())
     print((HERE / "envelope.csv").read_text())
 
 

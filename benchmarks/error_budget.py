@@ -5,15 +5,16 @@ integration with a shorter step or refined until two marches agree.
 
 Where errors of opposite signs cancel, a true error is small by chance and says nothing of what was to be expected. That
 is so where a third run, finer than the one that is judged and coarser than the reference, is no nearer to the
-reference. Such quantities are marked, and the shares are printed with and without them.
+reference. Such quantities are marked.
 """
 
 from __future__ import annotations
 
-import csv
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+
+from table_format import renew_rows
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import ERROR_BUDGET, true_errors
@@ -22,7 +23,6 @@ _TABLE = Path(__file__).parent / "error_budget.csv"
 _AUTO = ('simulation.run=[{integrator="auto"}]', "simulation.error=1e-6")
 _CLOSER = (*_AUTO[:1], "simulation.error=1e-5")
 _ROUND_OFF = 1e-9
-_NEAR = 5.0
 
 
 @dataclass(frozen=True)
@@ -184,6 +184,7 @@ CASES = (
 class Compared:
     """Stated and true relative error of a quantity, and whether the true one is small by chance."""
 
+    scene: str
     quantity: str
     stated: float
     true: float
@@ -196,50 +197,22 @@ def compare(case: Case) -> list[Compared]:
     true = true_errors(run, finer)
     closer = true_errors(Pipeline(load_scene(case.scene, case.between)), finer) if case.between else {}
     return [
-        Compared(row.name, row.numerical, true[row.name], closer.get(row.name, 0.0) >= true[row.name])
+        Compared(case.name, row.name, row.numerical, true[row.name], closer.get(row.name, 0.0) >= true[row.name])
         for row in ERROR_BUDGET.of(run).rows
         if true[row.name] > _ROUND_OFF
     ]
 
 
-def told(name: str, found: list[Compared]) -> str:
-    """How many of the quantities are covered, and stated within a factor of five."""
-    kept = [row for row in found if not row.by_chance]
-    covered = sum(row.stated >= row.true for row in found) / len(found)
-    near, of_kept = (
-        sum(row.true <= row.stated <= _NEAR * row.true for row in rows) / max(len(rows), 1) for rows in (found, kept)
-    )
-    return (
-        f"{name}: {len(found)} quantities, covered {covered:.0%}, within a factor of {_NEAR:g} {near:.0%}; "
-        f"{of_kept:.0%} of the {len(kept)} whose true errors aren't small by chance"
-    )
-
-
 def main(names: list[str]) -> None:
     """Compare all cases, or those that are named, and put them into the table."""
-    rows: dict[str, list[Compared]] = {}
-    if _TABLE.exists():
-        with _TABLE.open(newline="") as file:
-            for case, quantity, stated, true, chance in list(csv.reader(file))[1:]:
-                rows.setdefault(case, []).append(Compared(quantity, float(stated), float(true), chance == "True"))
+    order = [case.name for case in CASES]
     for case in CASES:
         if names and case.name not in names:
             continue
-        rows[case.name] = compare(case)
-        print(told(case.name, rows[case.name]), flush=True)
-        for row in rows[case.name]:
-            chance = ", by chance" if row.by_chance else ""
-            print(
-                f"  {row.quantity:45s} stated {row.stated:.1e} true {row.true:.1e} "
-                f"ratio {row.stated / row.true:.2f}{chance}"
-            )
-    print(told("all", [row for found in rows.values() for row in found]))
-    with _TABLE.open("w", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["scene", "quantity", "stated", "true", "by_chance"])
-        for case in CASES:
-            for row in rows.get(case.name, []):
-                table.writerow([case.name, row.quantity, f"{row.stated:.3g}", f"{row.true:.3g}", row.by_chance])
+        found = compare(case)
+        for row in found:
+            print(f"{row.scene}: {row.quantity:45s} {row.stated:.1e} {row.true:.1e}{', by chance' * row.by_chance}")
+        renew_rows(_TABLE, found, ("scene",), lambda row: order.index(row["scene"]))
 
 
 if __name__ == "__main__":

@@ -7,12 +7,13 @@ are stated together. Run from the project's root: ``python benchmarks/error_sour
 
 from __future__ import annotations
 
-import csv
 import math
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from table_format import write_rows
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import state_errors, true_errors
@@ -108,7 +109,7 @@ _TIME = ("simulation.error=1e-7",)
 class Compared:
     """Stated and true relative error of a quantity by one source."""
 
-    case: str
+    scene: str
     source: str
     kind: str
     quantity: str
@@ -159,17 +160,8 @@ def main() -> None:
             rows = list(compare(case, Path(folder)))
             found += rows
             for row in rows:
-                print(
-                    f"{row.case:22s} {row.source:6s} {row.quantity:40s} {row.stated:.1e} {row.true:.1e} "
-                    f"{row.stated / row.true:.2f}",
-                    flush=True,
-                )
-    with _TABLE.open("w", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["scene", "source", "kind", "quantity", "stated", "true"])
-        table.writerows(
-            [row.case, row.source, row.kind, row.quantity, f"{row.stated:.3g}", f"{row.true:.3g}"] for row in found
-        )
+                print(row, flush=True)
+    write_rows(_TABLE, found)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Exudyn's twins of the arm and of the spatial robot: chains of floating frames on the same meshes, modes and loads.
 
-Run from the project's root: ``python benchmarks/exudyn_chains.py [SCENE]…``; it needs ``pip install exudyn==1.13.6``.
+`work_precision.py` and ``fmd bench --peer`` ask for their rows; it needs ``pip install exudyn==1.13.6``.
 
 A flexible body is an ``ObjectFFRFreducedOrder`` with our mesh matrices and joint-conforming modes. Four massless mesh
 nodes about each marker, and one that moves as the centre of mass, carry the marker's shapes exactly, so joints, springs
@@ -16,13 +16,12 @@ a torque acts on the modes as if the section's own axes were the frame's.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
-from exudyn_march import IMPLICIT, Twin, add_sensor, import_exudyn, print_rows, refine, relative_error, sample_times
+from exudyn_march import IMPLICIT, Twin, add_sensor, import_exudyn, refine, relative_error, sample_times
 
 from fmd import Pipeline, load_scene
 from fmd.integrators.runge_kutta import RungeKutta
@@ -201,9 +200,8 @@ def arm(run) -> Twin:
     return Twin(mbs, sensors, tip, keep)
 
 
-def robot(run, axis=(0.0, 0.8, 0.6)) -> Twin:
-    """Make the robot with the elbow about an axis."""
-    exu = import_exudyn()
+def robot(run) -> Twin:
+    exu, axis = import_exudyn(), (0.0, 0.8, 0.6)  # of the elbow
     ii, symbolic, g, straight = exu.itemInterface, exu.symbolic, run.scene.simulation.gravity, np.eye(3)
     container = exu.SystemContainer()
     mbs, keep = container.AddSystem(), [container]
@@ -266,8 +264,3 @@ def peer_rows(name: str) -> list[WorkPrecisionRow]:
     """
     import_exudyn()  # before the reference takes its time
     return list(measure(name))
-
-
-if __name__ == "__main__":
-    for name in sys.argv[1:] or CASES:
-        print_rows(name, peer_rows(name))

@@ -17,9 +17,7 @@ five.
 
 from __future__ import annotations
 
-import csv
 import math
-import platform
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -39,6 +37,7 @@ from exudyn_march import (
     sample_times,
 )
 from scipy.integrate import solve_ivp
+from table_format import machine, write_rows
 
 from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError
@@ -249,15 +248,8 @@ def main() -> None:
         for program in (ours, peers):
             for figures in program(run, case, wanted):
                 print(name, *figures, flush=True)
-                rows.append((name, *figures))
-    with (HERE / "loops.csv").open("w", newline="", encoding="utf-8") as file:
-        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}\n")
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(FIELDS)
-        table.writerows(
-            (name, method, f"{step:.4g}", f"{seconds:.4g}", f"{error:.4g}", evaluations)
-            for name, method, step, seconds, error, evaluations in rows
-        )
+                rows.append(dict(zip(FIELDS, (name, *figures), strict=True)))
+    write_rows(HERE / "loops.csv", rows, machine(), digits=4)
 
 
 if __name__ == "__main__":

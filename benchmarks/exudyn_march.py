@@ -123,11 +123,3 @@ def refine(
 def relative_error(wanted: Any) -> Callable[[Any], float]:
     """Return what gives the largest difference from some figures over their largest value."""
     return lambda found: float(np.abs(found - wanted).max() / np.abs(wanted).max())
-
-
-def print_rows(name: str, rows: Iterable[WorkPrecisionRow]) -> None:
-    """Print a scene's rows as they come."""
-    print(f"{name}\n{'solver':<26}{'step_s':>12}{'seconds':>11}{'error':>11}{'evaluations':>13}")
-    for row in rows:
-        figures = f"{row.step_s:>12.4g}{row.seconds:>11.4g}{row.error:>11.3g}{row.evaluations:>13}"
-        print(f"{row.integrator:<26}{figures}", flush=True)

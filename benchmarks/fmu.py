@@ -11,7 +11,6 @@ also built by each compiler that is here, and run. Needs FMPy, ziglang and gcc.
 from __future__ import annotations
 
 import argparse
-import csv
 import re
 import shutil
 import subprocess
@@ -26,6 +25,7 @@ import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
+from table_format import write_rows
 
 from fmd import load
 from fmd.core.limits.stepping import CO_SIMULATED
@@ -162,10 +162,7 @@ def main() -> None:
         for scene in given.scenes:
             rows.append(measure(scene, Path(folder)))
             print(rows[-1], flush=True)
-    with given.out.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
+    write_rows(given.out, rows)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """heyoka's Taylor method beside our integrators: run time against error on the same equations of motion.
 
-Run from the project's root: ``python benchmarks/heyoka_peer.py [SCENE]…``; it needs the extra ``bench``. heyoka
+`work_precision.py` and ``fmd bench --peer`` ask for its rows; it needs the extra ``bench``. heyoka
 (Biscani & Izzo, Mon Not R Astron Soc 504, 2021) compiles a Taylor method of adaptive order and step for equations that
 it gets as expressions. They are our own: the graph of a mechanism's accelerations, node by node, after simplification.
 Compact mode is on, without which large mechanisms compile for minutes; seconds are of the march alone.
@@ -8,7 +8,6 @@ Compact mode is on, without which large mechanisms compile for minutes; seconds 
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -170,10 +169,3 @@ def peer_rows(name: str) -> list[WorkPrecisionRow]:
     """
     import_heyoka()  # before the reference takes its time
     return list(measure(CASES[name]))
-
-
-if __name__ == "__main__":
-    for name in sys.argv[1:] or CASES:
-        print(f"{name}\n{'seconds':>11}{'error':>11}{'steps':>8}")
-        for row in peer_rows(name):
-            print(f"{row.seconds:>11.4g}{row.error:>11.3g}{row.evaluations:>8}", flush=True)

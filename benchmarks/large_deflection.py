@@ -6,7 +6,6 @@ Writes ``large_deflection.csv``: case, pieces, stiffening, coordinates, seconds 
 
 from __future__ import annotations
 
-import csv
 import os
 import shutil
 import subprocess
@@ -20,8 +19,8 @@ import numpy as np
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))
+from benchmarks.table_format import write_rows  # noqa: E402
 from fmd import Pipeline  # noqa: E402
-from fmd.integrators.protocol import evaluate  # noqa: E402
 from fmd.stages.mechanism import find_start  # noqa: E402
 from tests.verification.bathe_bend import END, OTHER_BEAMS, SONNEVILLE, bend  # noqa: E402
 from tests.verification.rods import bend_rod, torsion_of_rectangle  # noqa: E402
@@ -47,7 +46,7 @@ def measure(folder: Path) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
 
     def add(case: str, run: Pipeline, pieces: int, stiffening: str, error: float, note: str = "") -> None:
-        figures = {"seconds": f"{static_seconds(run):.3g}", "evaluation_us": f"{evaluation_us(run):.3g}"}
+        figures = {"seconds": f"{static_seconds(run):.3g}"}
         row = {"case": case, "pieces": pieces, "stiffening": stiffening, "coordinates": run.system.n}
         rows.append(row | figures | {"error_percent": f"{100 * error:.3g}", "note": note})
         print(rows[-1], flush=True)
@@ -92,19 +91,13 @@ def measure(folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def bend_princeton_rod(degrees: float, raised: float = 1.0) -> Any:
-    """Return the displacement (3,) [m] of the end of a rod; its stiffness about the weak axis may be raised."""
-    bending, stretching = princeton_stiffness(raised)
-    force = LOAD * np.array([0.0, np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
-    return bend_rod(LENGTH, bending, stretching, force) - [LENGTH, 0, 0]
-
-
-def princeton_stiffness(raised: float = 1.0) -> tuple[Any, Any]:
-    """Return G J, E I about both axes [N m²], and E A and twice G A with shear factors [N] of the Princeton beam."""
+def bend_princeton_rod(degrees: float) -> Any:
+    """Return the displacement (3,) [m] of the end of the Princeton beam as a rod, with shear factors of 5/6."""
     G, area = MODULUS / (2 * (1 + POISSON)), DEPTH * WIDTH
     weak, strong = MODULUS * DEPTH * WIDTH**3 / 12, MODULUS * WIDTH * DEPTH**3 / 12
-    bending = (G * torsion_of_rectangle(DEPTH, WIDTH), raised * weak, strong)
-    return bending, (MODULUS * area, G * area * 5 / 6, G * area * 5 / 6)
+    bending = (G * torsion_of_rectangle(DEPTH, WIDTH), weak, strong)
+    force = LOAD * np.array([0.0, np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    return bend_rod(LENGTH, bending, (MODULUS * area, G * area * 5 / 6, G * area * 5 / 6), force) - [LENGTH, 0, 0]
 
 
 def static_seconds(run: Pipeline) -> float:
@@ -115,18 +108,6 @@ def static_seconds(run: Pipeline) -> float:
         find_start(run.divided_scene, run.system)
         times.append(time.perf_counter() - tick)
     return min(times)
-
-
-def evaluation_us(run: Pipeline) -> float:
-    """Time of an evaluation of the equations of motion [µs], the call from Python included: the best of seven."""
-    system, (q, v) = run.system, run.start
-    a, best = np.zeros(system.n), np.inf
-    for _ in range(7):
-        tick = time.perf_counter()
-        for _ in range(200):
-            evaluate(system.parameters, 0.0, q, v, a)
-        best = min(best, (time.perf_counter() - tick) / 200)
-    return 1e6 * best
 
 
 def march_calculix(run: Pipeline, force: Any, folder: Path) -> tuple[Any, float]:
@@ -162,10 +143,7 @@ def main() -> None:
     """Measure, and write the table."""
     with tempfile.TemporaryDirectory() as folder:
         rows = measure(Path(folder))
-    with (HERE / "large_deflection.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(HERE / "large_deflection.csv", rows)
 
 
 if __name__ == "__main__":

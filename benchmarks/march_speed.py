@@ -15,10 +15,9 @@ is measured apart: all that `Pipeline.motions` traces and compiles for the ready
 from __future__ import annotations
 
 import argparse
-import csv
+import importlib
 import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -28,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from table_format import machine, renew_rows
 
 ROOT = Path(__file__).parents[1]
 HERE = Path(__file__).parent
@@ -43,16 +43,18 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "ten links": ("chain", ()),
     "rod-slider": ("rod-slider", ()),
 }
-METHODS = (
-    "central-difference",
-    "sub-cycling 5:1",
-    "sub-cycling 10:1",
-    "reversible 10:1",
-    "generalized-alpha",
-    "exponential",
-    "exponential-rosenbrock",
-    "runge-kutta",
-)
+# Module, class, and the step in fast steps, or a tolerance.
+METHODS_OF = {
+    "central-difference": ("central_difference", "CentralDifference", 1.0),
+    "sub-cycling": ("subcycling", "Subcycling", 1.0),
+    "reversible": ("reversible", "ReversibleSubcycling", 1.0),
+    "generalized-alpha": ("generalized_alpha", "GeneralizedAlpha", 10.0),
+    "exponential": ("exponential", "Exponential", 10.0),
+    "exponential-rosenbrock": ("rosenbrock", "ExponentialRosenbrock", 1e-6),
+    "runge-kutta": ("runge_kutta", "RungeKutta", 1e-6),
+}
+RATIOS = {"sub-cycling": (" 5:1", " 10:1"), "reversible": (" 10:1",)}
+METHODS = tuple(label + ratio for label in METHODS_OF for ratio in RATIOS.get(label, ("",)))
 TOO_LONG = {("ten links", "exponential-rosenbrock")}  # an earlier version takes minutes
 READY = ("rod-slider", "beam", "arm", "spin-up", "propeller", "propeller-torque", "propeller-gust")
 
@@ -121,34 +123,10 @@ def open_scene(scene: str, overrides: list[str]) -> tuple[Any, Any]:
 def make_method(name: str, step: float) -> Any:
     """Make an integrator by its name in `METHODS`; ``step`` is the fast one [s]."""
     label, _, ratio = name.partition(" ")
-    substeps = int(ratio.partition(":")[0] or 1)
-    if label == "central-difference":
-        from fmd.integrators.central_difference import CentralDifference
-
-        return CentralDifference(step)
-    if label == "sub-cycling":
-        from fmd.integrators.subcycling import Subcycling
-
-        return Subcycling(step, substeps)
-    if label == "reversible":
-        from fmd.integrators.reversible import ReversibleSubcycling
-
-        return ReversibleSubcycling(step, substeps)
-    if label == "generalized-alpha":
-        from fmd.integrators.generalized_alpha import GeneralizedAlpha
-
-        return GeneralizedAlpha(10 * step)
-    if label == "exponential":
-        from fmd.integrators.exponential import Exponential
-
-        return Exponential(10 * step)
-    if label == "exponential-rosenbrock":
-        from fmd.integrators.rosenbrock import ExponentialRosenbrock
-
-        return ExponentialRosenbrock(1e-6)
-    from fmd.integrators.runge_kutta import RungeKutta
-
-    return RungeKutta(1e-6)
+    module, kind, setting = METHODS_OF[label]
+    method = getattr(importlib.import_module(f"fmd.integrators.{module}"), kind)
+    settings = (setting * step,) if setting > 1e-3 else (setting,)
+    return method(*settings, *([int(ratio.partition(":")[0])] if ratio else []))
 
 
 def step_of(scene: str, overrides: list[str]) -> dict[str, float]:
@@ -219,7 +197,7 @@ class Version:
     def environment(self) -> dict[str, str]:
         """Return the variables of its processes: one thread, and a cache of its own."""
         alone = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-        return os.environ | alone | {"PYTHONPATH": str(self.root), "FMD_CACHE": self.cache}
+        return os.environ | alone | {"PYTHONPATH": str(self.root / "pipeline"), "FMD_CACHE": self.cache}
 
     def start(self) -> None:
         """Start the process."""
@@ -303,21 +281,9 @@ def measure_compiling(version: Version) -> list[dict[str, str]]:
     return rows
 
 
-def write_rows(path: Path, rows: list[dict[str, str]], note: str, keys: tuple[str, ...]) -> None:
+def renew(name: str, rows: list[dict[str, str]], scenes: tuple[str, ...], note: str = "") -> None:
     """Write rows as CSV; those of other scenes that the file has stay."""
-    earlier: list[dict[str, str]] = []
-    if path.is_file():
-        with path.open(newline="") as file:
-            earlier = list(csv.DictReader(line for line in file if not line.startswith("#")))
-    done = {row["scene"] for row in rows}
-    rows = sorted(
-        [*rows, *(row for row in earlier if row["scene"] not in done)], key=lambda row: keys.index(row["scene"])
-    )
-    with path.open("w", newline="") as file:
-        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}{note}\n")
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
+    renew_rows(HERE / name, rows, ("scene",), lambda row: scenes.index(row["scene"]), machine() + note)
 
 
 def main() -> None:
@@ -336,7 +302,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             if chosen.before is None:
                 rows = measure_compiling(Version(ROOT, os.environ.get("FMD_CACHE", folder)))
-                write_rows(HERE / "compiling.csv", rows, "", (*READY, "ten links"))
+                renew("compiling.csv", rows, (*READY, "ten links"))
                 return
             versions = [Version(chosen.before.resolve(), f"{folder}/before"), Version(ROOT, f"{folder}/now")]
             if os.environ.get("FMD_CACHE"):
@@ -347,7 +313,7 @@ def main() -> None:
             for label in chosen.scenes or SCENES:
                 rows = compare_methods(versions, label, dgemm)
                 note = "; of_dgemm is beside a dense product of the same run, on one thread"
-                write_rows(HERE / "march_speed.csv", rows, note, tuple(SCENES))
+                renew("march_speed.csv", rows, tuple(SCENES), note)
 
 
 if __name__ == "__main__":

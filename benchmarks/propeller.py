@@ -6,8 +6,6 @@ is compared runs in turn in one process, except for the two eigenproblems, which
 
 from __future__ import annotations
 
-import csv
-import platform
 import resource
 import subprocess
 import sys
@@ -15,6 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from table_format import machine, write_rows
 from threadpoolctl import threadpool_limits
 
 from fmd import Pipeline, load_scene
@@ -98,14 +97,12 @@ def main():
     if len(sys.argv) > 1:
         eigenproblem(sys.argv[1] == "whole")
         return
-    path = Path(__file__).with_suffix(".csv")
-    with path.open("w", newline="") as file:
-        table = csv.writer(file)
-        table.writerow(["what", "ratio", "figures", f"on {platform.machine()}, Python {platform.python_version()}"])
-        for part in (sub_cycling, recovery, sectors):
-            for what, ratio, figures in part():
-                print(f"{what:62s} {ratio:7.3f}  {figures}")
-                table.writerow([what, f"{ratio:.3g}", figures])
+    rows = []
+    for part in (sub_cycling, recovery, sectors):
+        for what, ratio, figures in part():
+            print(f"{what:62s} {ratio:7.3f}  {figures}")
+            rows.append({"what": what, "ratio": float(ratio), "figures": figures})
+    write_rows(Path(__file__).with_suffix(".csv"), rows, machine())
 
 
 if __name__ == "__main__":

@@ -9,9 +9,7 @@ smallest of the repetitions of either version, and the median of the ratios of n
 from __future__ import annotations
 
 import argparse
-import csv
 import os
-import platform
 import resource
 import subprocess
 import sys
@@ -21,6 +19,8 @@ import tomllib
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
+
+from table_format import machine, renew_rows
 
 ROOT = Path(__file__).parents[1]
 COMMANDS = {
@@ -48,7 +48,7 @@ def run(project: Path, arguments: list[str], folder: Path) -> Times:
     module, function = tomllib.loads((project / "pyproject.toml").read_text())["project"]["scripts"]["fmd"].split(":")
     command = [sys.executable, "-c", f"from {module} import {function}; {function}()", *arguments, *out]
     before, tick = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    environment = os.environ | kept | alone | {"PYTHONPATH": str(project)}
+    environment = os.environ | kept | alone | {"PYTHONPATH": str(project / "pipeline")}
     subprocess.run(command, cwd=project, env=environment, check=True, capture_output=True)
     wall, after = time.perf_counter() - tick, resource.getrusage(resource.RUSAGE_CHILDREN)
     return Times(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime, wall)
@@ -83,25 +83,17 @@ def main() -> None:
     for label in chosen.commands:
         repetitions = chosen.repetitions if label.endswith("warm") else max(1, chosen.repetitions // 2)
         pairs = measure((chosen.before.resolve(), ROOT), label, repetitions)
-        row: list[str] = [label]
+        row: dict[str, str] = {"command": label}
         for kind in Times._fields:
             both = [[getattr(times, kind) for times in version] for version in zip(*pairs, strict=True)]
             ratio = median(after / before for before, after in zip(*both, strict=True))
-            row += [f"{min(both[0]):.2f}", f"{min(both[1]):.2f}", f"{ratio:.2f}"]
+            figures = {"before": min(both[0]), "after": min(both[1]), "ratio": ratio}
+            row |= {f"{kind}, {what}": f"{figure:.2f}" for what, figure in figures.items()}
         rows.append(row)
-        print(*row, sep="  ", flush=True)
-    path = Path(__file__).with_suffix(".csv")
-    earlier = list(csv.reader(path.read_text().splitlines()[2:])) if path.is_file() else []
-    rows += [row for row in earlier if row[0] not in chosen.commands]
-    with path.open("w", newline="") as file:
-        cores = os.cpu_count()
-        file.write(
-            f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}, {cores} processors\n"
-        )
-        table = csv.writer(file, lineterminator="\n")
-        names = [f"{kind}, {what}" for kind in Times._fields for what in ("before", "after", "ratio")]
-        table.writerow(["command", *names])
-        table.writerows(sorted(rows, key=lambda row: list(COMMANDS).index(row[0])))
+        print(*row.values(), sep="  ", flush=True)
+    remark = f"{machine()}, {os.cpu_count()} processors"
+    path, order = Path(__file__).with_suffix(".csv"), list(COMMANDS)
+    renew_rows(path, rows, ("command",), lambda row: order.index(row["command"]), remark)
 
 
 if __name__ == "__main__":

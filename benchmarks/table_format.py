@@ -83,6 +83,14 @@ def write_rows(path: Path, rows: Iterable[Any], *remarks: str, digits: int = 3) 
             table.writerow({name: f"{x:.{digits}g}" if isinstance(x, float) else x for name, x in row.items()})
 
 
+def renew_rows(path: Path, rows: Iterable[Any], keys: tuple[str, ...], order: Any, *remarks: str) -> None:
+    """Write rows as `write_rows` does, those that a file has for other values of the keys with them, in an order."""
+    anew = [row if isinstance(row, dict) else asdict(row) for row in rows]
+    made = {tuple(str(row[key]) for key in keys) for row in anew}
+    kept = [row for row in read_rows(path.stem) if tuple(row[key] for key in keys) not in made] if path.exists() else []
+    write_rows(path, sorted([*anew, *kept], key=order), *remarks)
+
+
 def machine() -> str:
     """Name the machine and the version of Python, as remark of a table of times."""
     return f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}"

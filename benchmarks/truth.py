@@ -40,28 +40,17 @@ from fmd.output.write import write_results
 TABLE = Path(__file__).parent / "truth.csv"
 SCENES = 300
 WRONG = 3.0  # times the stated error
-LONG = 60.0  # seconds of a run
 PATIENCE = 400.0  # seconds by the clock of a run, and of its reference: others may use the machine
 ROUND_OFF = 1e-9
 
 
 @dataclass
 class Row:
-    """Outcome of a scene.
+    """Outcome of a scene: compared, refused, traceback, long (beyond `PATIENCE`) or no reference, with what was said.
 
-    Attributes
-    ----------
-    outcome : str
-        ``"compared"``, ``"refused"`` with the message in ``said``, ``"traceback"``, ``"long"`` if the run took more
-        than `PATIENCE`, or ``"no reference"``.
-    quantity : str
-        The worst one, with its ``stated`` and ``true`` error and that of the ``reference``.
-    quantities, covered, wrong : int
-        Numbers of quantities compared, of those within the stated error, and of those beyond `WRONG` times it.
-    bounded : int
-        Number of further quantities whose stated error the budget calls a lower bound, for lack of time or of a way.
-    seconds, march : float
-        Processor seconds of the whole run, kernels compiled in it included, and seconds of its march.
+    ``quantity`` is the worst one, with its stated, its true error and that of its reference; ``wrong`` counts those
+    beyond `WRONG` times what is stated, ``bounded`` those whose stated error is a lower bound only. Seconds are of the
+    processor for the whole run, compiling included; those of the march are in ``march``.
     """
 
     seed: int
@@ -191,31 +180,8 @@ def read_table() -> dict[int, Row]:
     return {row.seed: row for row in rows}
 
 
-def write_table(rows: dict[int, Row]) -> None:
-    """Write rows, in the order of their seeds."""
-    write_rows(TABLE, [row for _, row in sorted(rows.items())])
-
-
-def summarise(rows: list[Row]) -> str:
-    """Return what the table says of some scenes, a line each."""
-    compared = [row for row in rows if row.outcome == "compared"]
-    quantities = sum(row.quantities for row in compared)
-    share = sum(row.covered for row in compared) / max(quantities, 1)
-    within = sum(row.covered == row.quantities for row in compared) / max(len(compared), 1)
-    outcomes = {kind: sum(row.outcome == kind for row in rows) for kind in ("refused", "traceback", "no reference")}
-    lines = [
-        f"{len(rows)} scenes: {len(compared)} compared, " + ", ".join(f"{n} {kind}" for kind, n in outcomes.items()),
-        f"true error within the stated one: {share:.1%} of {quantities} quantities; all of a scene's: {within:.1%}",
-        f"further quantities whose stated error is a lower bound: {sum(row.bounded for row in compared)}",
-        f"scenes with a quantity beyond {WRONG:g} times what is stated: {[row.seed for row in compared if row.wrong]}",
-        f"tracebacks: {[row.seed for row in rows if row.outcome == 'traceback']}",
-        f"runs over {LONG:g} s: {[row.seed for row in rows if row.seconds > LONG]}",
-    ]
-    return "\n".join(lines)
-
-
 def main(arguments: list[str]) -> None:
-    """Judge scenes, keep each row, and print the summary."""
+    """Judge scenes and keep each row; `tables.py` counts them."""
     parser = argparse.ArgumentParser(description="Stated against true errors of random scenes.")
     parser.add_argument("--scenes", type=int, default=SCENES)
     parser.add_argument("--seed", type=int, action="append")
@@ -227,10 +193,9 @@ def main(arguments: list[str]) -> None:
         if seed in rows and not options.again:
             continue
         row = rows[seed] = judge_apart(random_case(seed))
-        write_table(rows)
+        write_rows(TABLE, [row for _, row in sorted(rows.items())])
         told = f"{row.quantity}: stated {row.stated:.1e}, true {row.true:.1e} ± {row.reference:.0e}"
         print(f"{seed} {row.kind} {row.outcome} {row.seconds:.1f} s, {told} {row.warnings} {row.said}", flush=True)
-    print(summarise([rows[seed] for seed in seeds if seed in rows]))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Run time against error of every integrator, ours and other programs', on the mechanisms of five scenes.
+"""Run time against error of every integrator, ours and other programs', on the mechanisms of six scenes.
 
 Run from the project's root: ``python benchmarks/work_precision.py``, with the extra ``bench``. Writes a CSV and a chart
-of each. It is `fmd bench --peer` for a beam of several numbers of modes; the robot's table is `exudyn_chains.py`'s.
+of each. It is `fmd bench --peer`, also for a beam of more modes and for a spatial robot.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ SCENES = {
     "beam-20-modes": ("beam", ("body.beam.modes.count=20",)),
     "beam-60-modes": ("beam", ("body.beam.modes.count=60",)),
     "arm": ("arm", ()),
+    "robot": (str(HERE / "scenes" / "robot.toml"), ()),
 }
 
 
