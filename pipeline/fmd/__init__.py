@@ -1,9 +1,14 @@
-"""From the shape of a flexible part to its stress in motion."""
+"""From the shape of a flexible part to its stress in motion.
+
+Beside the names below every table of a scene is here as a class, such as ``fmd.Rod``, ``fmd.Revolute`` and
+``fmd.Simulation``; docs/scene.md has their keys.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from fmd.core.errors import AccuracyError, InputError
 from fmd.core.version import __version__
 
 if TYPE_CHECKING:
@@ -11,10 +16,20 @@ if TYPE_CHECKING:
     from fmd.scene.scene import Scene, load_scene
     from fmd.stages.pipeline import Pipeline
 
-__all__ = ["Pipeline", "Result", "Scene", "__version__", "load", "load_scene", "solve"]
+__all__ = [
+    "AccuracyError",
+    "InputError",
+    "Pipeline",
+    "Result",
+    "Scene",
+    "__version__",
+    "load",
+    "load_scene",
+    "solve",
+]
 
 
-def __getattr__(name: str) -> object:
+def __getattr__(name: str) -> Any:
     """Load the public names when first used: ``import fmd`` alone stays free of heavy modules."""
     if name in ("Scene", "load_scene"):
         from fmd.scene import scene
@@ -28,4 +43,16 @@ def __getattr__(name: str) -> object:
         from fmd.stages.pipeline import Pipeline
 
         return Pipeline
+    if name[:1].isupper():
+        from fmd.scene.scene import list_tables
+
+        if name in (tables := list_tables()):
+            return tables[name]
     raise AttributeError(f"module 'fmd' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """List the public names, those of the tables of a scene, too."""
+    from fmd.scene.scene import list_tables
+
+    return sorted({*__all__, *list_tables()})

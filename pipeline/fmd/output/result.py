@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from fmd.accuracy.error_budget import Budget, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
+from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import MANY_BODIES
@@ -18,9 +19,12 @@ from fmd.output.notebook import Animation, Picture, Summary, draw_inline, read_o
 from fmd.output.pictures import DRAWINGS
 from fmd.output.summary import summarise_solved
 from fmd.output.write import write_results
+from fmd.recovery.motion_file import motion_dataset
 from fmd.scene.scene import Scene, load_scene
 
 if TYPE_CHECKING:
+    import xarray
+
     from fmd.dynamics.compiled_system.system import CompiledSystem
     from fmd.fem.mesh import SolidMesh
     from fmd.fem.model import FEModel
@@ -30,6 +34,7 @@ if TYPE_CHECKING:
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.modes import Modes
     from fmd.stages.linear_model import LinearModel
+    from fmd.stages.part import FlexiblePart
     from fmd.stages.store import Log
 
 
@@ -47,6 +52,11 @@ class Result(SolvedScene):
 
     def _repr_html_(self) -> str:
         return self.scene._repr_html_()
+
+    @property
+    def parts(self) -> Mapping[str, FlexiblePart]:
+        """Flexible bodies by name, each with matrices ``K`` and ``M``, mode shapes ``Phi`` and ``frequencies_hz``."""
+        return self.run.wholes
 
     @property
     def mesh(self) -> SolidMesh:
@@ -84,6 +94,11 @@ class Result(SolvedScene):
         return self.run.system
 
     @property
+    def start(self) -> tuple[Array, Array]:
+        """Positions (n_positions,) and rates (n,) at the start."""
+        return self.run.start
+
+    @property
     def motion(self) -> Motion:
         """Motion by the scene's first run."""
         return self.run.motion
@@ -92,6 +107,10 @@ class Result(SolvedScene):
     def motions(self) -> Mapping[str, Motion]:
         """Motion by each of the scene's runs, under a label of integrator and ratio."""
         return self.run.motions
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the motions of all runs as a labelled data set with units, as docs/results.md describes it."""
+        return motion_dataset(self.motions)
 
     @property
     def stress(self) -> StressHistory:
@@ -193,13 +212,13 @@ def solve(scene: Scene, cache: Cache | None = None, monitor: Monitor = silent, k
     return Result(scene, cache, monitor, keep_all)
 
 
-def load(scene: str | Path, *overrides: str) -> Result:
+def load(scene: str | Path | Mapping[str, Any], *overrides: str) -> Result:
     """Load a scene, ready to be computed: ``load("beam", "body.beam.length=300mm")``.
 
     Parameters
     ----------
-    scene : str or Path
-        A ready scene's name or the path of a TOML file.
+    scene : str, Path or mapping
+        A ready scene's name, the path of a TOML file, or the tables of such a file.
     overrides : str
         As for ``--set``.
 

@@ -265,6 +265,18 @@ def load_scene(
     return scene
 
 
+def list_tables() -> dict[str, type[SceneTable]]:
+    """List the classes of all tables of a scene by their names."""
+    found: dict[str, type[SceneTable]] = {}
+    new = SceneTable.__subclasses__()
+    while new:
+        table = new.pop()
+        new += table.__subclasses__()
+        if table.__module__.startswith("fmd."):
+            found[table.__name__] = table
+    return found
+
+
 def _find_unknown_names(tables: Mapping[str, Any], faults: Sequence[Fault], context: Mapping[str, Any]) -> list[Fault]:
     """Find the names that nothing has among those tables that are right by themselves, if others aren't."""
     wrong = {fault.path[:2] for fault in faults}

@@ -7,15 +7,14 @@ from functools import cached_property
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.equations import Equations
 from fmd.dynamics.compiled_system.free_motion import FreeMotion, free_motion
-from fmd.dynamics.compiler.compiled import CompiledMechanism
 from fmd.dynamics.element_linearisation import linearise_forces
 from fmd.dynamics.linear_forces import LinearForces
-from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.vibration import highest_frequency, largest_leapfrog_step
 
 
-class ReferenceState:
+class ReferenceState(Equations):
     """A mechanism's small motions about its undeformed state at rest.
 
     Parameters
@@ -23,24 +22,6 @@ class ReferenceState:
     mechanism : Mechanism
         Its own stiffness and damping count, and its mass with all joints at 0 or where the loops close.
     """
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism = mechanism
-        self.compiled = CompiledMechanism(mechanism)
-
-    @property
-    def n(self) -> int:
-        """Number of rates."""
-        return self.mechanism.n
-
-    @property
-    def n_slow(self) -> int:
-        """Number of slow rates."""
-        return self.mechanism.n_slow
-
-    def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
-        """M̂ at positions q, shape (n, n)."""
-        return self.compiled.mass_matrix(self.compiled.signal_values(t), q)
 
     @cached_property
     def _reference_mass(self) -> Array:
@@ -75,9 +56,7 @@ class ReferenceState:
     @cached_property
     def _reference_constraints(self) -> Array:
         """J of the loops' constraints in the reference state, shape (n_rows, n)."""
-        if not self.compiled.rows:
-            return np.zeros((0, self.n))
-        return self.compiled.constraint_matrix(0.0, self.mechanism.rest_positions)
+        return self.constraint_jacobian(self.mechanism.rest_positions)
 
     @property
     def stiffness(self) -> Array:

@@ -55,11 +55,6 @@ class CompiledSystem(ReferenceState):
         return type(self), (self.mechanism,)
 
     @property
-    def n_positions(self) -> int:
-        """Number of position coordinates."""
-        return self.mechanism.n_positions
-
-    @property
     def evaluation_cost(self) -> float:
         """Operations of an evaluation of the accelerations, by the size of their machine code."""
         return self.compiled.n_bytes() / BYTES_OF_OPERATION

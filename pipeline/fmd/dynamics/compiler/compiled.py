@@ -213,15 +213,23 @@ class CompiledMechanism:
             self.call("reactions", self.signal_values(t), *_contiguous(q, v), smallest, wrenches)
         return dict(zip(names, wrenches, strict=True))
 
-    def constrained_accelerations(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return accelerations (n,) that keep loops closed, and the smallest multipliers (n_rows,) that do it."""
+    def constrained_accelerations(
+        self, t: float, q: Array, v: Array, forces: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Return accelerations (n,) that keep loops closed, and the smallest multipliers (n_rows,) that do it.
+
+        Generalised forces (n,) may act beside those of the mechanism.
+        """
         n_rows = len(self.rows)
+        change = 0.0 if forces is None else self.solve(t, q, forces[:, None])[:, 0]
         if not n_rows:
-            return self.accelerations(t, q, v), np.zeros(0)
+            return self.accelerations(t, q, v) + change, np.zeros(0)
         X, S = self.multipliers(t, q)
         units, room = np.zeros((n_rows, LANES)), np.zeros((n_rows, LANES))
         a, w, x = np.zeros(self.mechanism.n), np.zeros(n_rows), np.zeros((self.mechanism.n, LANES))
         self.call("closed", self.signal_values(t), *_contiguous(q, v), units, a, w, x, room)
+        if forces is not None:
+            a, w = a + change, w + X.T @ forces
         scale = np.sqrt(np.maximum(S.diagonal(), 1e-300))
         smallest = -np.linalg.lstsq(S / np.outer(scale, scale), w / scale, rcond=DEPENDENT_CONSTRAINT)[0] / scale
         return a + X @ smallest, smallest
