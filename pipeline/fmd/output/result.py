@@ -15,6 +15,7 @@ from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import MANY_BODIES
 from fmd.core.progress import Monitor, bars, silent
+from fmd.output.body_matrices import BodyMatrices
 from fmd.output.notebook import Animation, Picture, Summary, draw_inline, read_output
 from fmd.output.pictures import DRAWINGS
 from fmd.output.summary import summarise_solved
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.modes import Modes
     from fmd.stages.linear_model import LinearModel
-    from fmd.stages.part import FlexiblePart
     from fmd.stages.store import Log
 
 
@@ -54,9 +54,9 @@ class Result(SolvedScene):
         return self.scene._repr_html_()
 
     @property
-    def parts(self) -> Mapping[str, FlexiblePart]:
+    def parts(self) -> Mapping[str, BodyMatrices]:
         """Flexible bodies by name, each with matrices ``K`` and ``M``, mode shapes ``Phi`` and ``frequencies_hz``."""
-        return self.run.wholes
+        return {name: BodyMatrices(part) for name, part in self.run.wholes.items()}
 
     @property
     def mesh(self) -> SolidMesh:

@@ -48,8 +48,6 @@ from fmd.stages.stage import ALL_PACKAGES, Stage, stages_of
 from fmd.stages.store import StageStore
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
     from fmd.fem.markers import Marker
     from fmd.fem.material import AnyMaterial
     from fmd.fem.mesh import SolidMesh
@@ -263,26 +261,6 @@ class FlexiblePart:
                 self.__dict__ |= {name: value for name, value in vars(like).items() if name in _OF_THE_MODEL}
         if modes is not None:
             self.results["modes"] = modes
-
-    @property
-    def K(self) -> csr_array:
-        """Stiffness matrix, shape (3 n_nodes, 3 n_nodes) [N/m]; unknown ``3 i + a`` is node i along axis a."""
-        return self.fe.K
-
-    @property
-    def M(self) -> csr_array:
-        """Consistent mass matrix, shape (3 n_nodes, 3 n_nodes) [kg]."""
-        return self.fe.M
-
-    @property
-    def Phi(self) -> Array:
-        """Mode shapes with unit modal mass, ``Φᵀ M Φ = 1``, shape (3 n_nodes, n_modes) [kg^-1/2]."""
-        return self.modes.shapes.reshape(-1, len(self.modes.omega))
-
-    @property
-    def frequencies_hz(self) -> Array:
-        """Natural frequencies of the modes [Hz], shape (n_modes,)."""
-        return self.modes.frequencies_hz
 
     def key(self, stage: str) -> str:
         """Return the key that a stage's result is kept under; empty if it never is."""
