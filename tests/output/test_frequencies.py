@@ -47,6 +47,6 @@ def test_a_campbell_diagram_is_written_as_table_and_chart(run, tmp_path):
         rows = list(csv.reader(file))
     assert rows[0][:2] == ["rate_rad_s", "mode_1_hz"]
     assert np.array(rows[1:], dtype=float) == pytest.approx(
-        np.column_stack([rates, table, diagram.damping, diagram.whirl]), rel=1e-4, abs=1e-9
+        np.column_stack([rates, table, diagram.growth, diagram.damping, diagram.whirl]), rel=1e-4, abs=1e-9
     )
     assert (tmp_path / files[1]).stat().st_size > 5000

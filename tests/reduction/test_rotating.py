@@ -6,7 +6,7 @@ import pytest
 from fmd.core.arrays import Array
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaGram, inertia_gram
-from fmd.reduction.rotating import rotating_frequencies
+from fmd.reduction.rotating import WhirlingModes, rotating_modes
 
 MASS, ARM = 2.0, 0.5
 
@@ -16,6 +16,10 @@ def body_of(x: Array, m: Array, shapes: Array, omega: Array) -> FlexibleBody:
     n = len(omega)
     still = MarkerShapes(np.zeros(3), np.zeros((3, n)), np.zeros((3, n)))
     return FlexibleBody(x, shapes, omega, np.array([0.0, 0.0, 1.0]), "hub", {"hub": still}, gram, 0.0)
+
+
+def rotating_frequencies(body: FlexibleBody, axis: Array, rate: float, hub_is_free: bool = False) -> Array:
+    return 2 * np.pi * rotating_modes(body, axis, rate, hub_is_free).frequencies_hz
 
 
 def mass_on_springs(omega: Array, x: float = 0.0) -> FlexibleBody:
@@ -68,7 +72,30 @@ def test_a_free_hub_with_a_mass_on_two_springs_follows_its_equations() -> None:
     assert found == pytest.approx(np.sort(np.sqrt(squares)), rel=1e-9)
 
 
-def test_a_mode_that_has_lost_its_stiffness_has_no_frequency() -> None:
+def test_a_mode_that_has_lost_its_stiffness_grows_instead_of_vibrating() -> None:
+    # r̈ = (Ω² − ω²) r: real poles ±√(36 − 25).
     shapes = np.array([[[1.0], [0.0], [0.0]]]) / np.sqrt(MASS)
     body = body_of(np.array([[ARM, 0.0, 0.0]]), np.array([[MASS]]), shapes, np.array([5.0]))
-    assert len(rotating_frequencies(body, np.array([0.0, 0.0, 1.0]), 6.0)) == 0
+    found = rotating_modes(body, np.array([0.0, 0.0, 1.0]), 6.0)
+    assert found.growth == pytest.approx([np.sqrt(11.0), -np.sqrt(11.0)], rel=1e-12)
+    assert found.frequencies_hz.tolist() == [0.0, 0.0]
+    assert found.damping == pytest.approx([-1.0, 1.0])
+
+
+def test_damping_is_none_where_nothing_moves() -> None:
+    still = np.zeros(1)
+    assert WhirlingModes(still, still, still).damping.tolist() == [0.0]
+
+
+@pytest.mark.parametrize("rate", [3.0, 5.0, 6.9, 7.5])
+def test_between_its_two_frequencies_a_mass_on_unequal_springs_grows(rate: float) -> None:
+    """Poles λ of (ω_x² − Ω² + λ²)(ω_y² − Ω² + λ²) + 4 Ω² λ² = 0: one real pair for ω_y < Ω < ω_x."""
+    omega = np.array([7.0, 4.0, 6.0])
+    found = rotating_modes(mass_on_springs(omega[[2, 0, 1]]), np.array([1.0, 0.0, 0.0]), rate)
+    a, b = omega[:2] ** 2 - rate**2
+    squares = np.roots([1.0, a + b + 4 * rate**2, a * b])
+    growth = np.sqrt(squares[squares > 0])
+    assert len(growth) == (4.0 < rate < 7.0)
+    assert found.growth[found.growth > 1e-9] == pytest.approx(growth, rel=1e-9)
+    vibrations = np.sqrt(-squares[squares < 0])
+    assert found.frequencies_hz[found.frequencies_hz > 0] * 2 * np.pi == pytest.approx(np.sort([*vibrations, 6.0]))

@@ -12,6 +12,8 @@ import pytest
 
 from fmd.core.errors import InputError
 from fmd.output.campbell import compute_campbell, whirl_word, write_campbell
+from fmd.responses.interpolated_models import interpolate_models
+from fmd.responses.state_space import Channel, StateSpace
 from fmd.responses.whirl import find_circulation
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
@@ -125,6 +127,11 @@ def test_a_diagram_has_crossings_in_rpm_and_says_how_they_whirl(tmp_path: Path) 
     assert found["forward"] == pytest.approx(ahead, rel=1e-8)
     assert found["backward"] == pytest.approx(behind, rel=1e-8)
     assert (diagram.whirl[0] == 0.0).all()
+    assert diagram.unstable == ()
+    # Order 1 is met by the translation, whose forward whirl stands still in the turning frame, and by tilting backward.
+    once = [np.sqrt(2 * RADIAL / MASS)] * 2 + [np.sqrt(2 * RADIAL * ARM**2 / (ACROSS + POLAR))]
+    found_once = [at.rate for at in compute_campbell(run, rates, [1.0]).crossings if at.rate > 1.0]
+    assert found_once == pytest.approx(once, rel=1e-8)
     files = write_campbell(diagram, tmp_path)
     assert files == ["campbell.csv", "campbell.png", "crossings.csv"]
     with (tmp_path / "crossings.csv").open(newline="") as file:
@@ -173,3 +180,129 @@ def test_a_flexible_rotor_with_two_discs_whirls_as_a_published_one() -> None:
     np.testing.assert_allclose(without.whirl[rows], [-1, 1, -1, 1, -1, 1], atol=1e-3)
     decrements = np.array([0.0506041013, 0.0569679582, 0.282176248, 0.267344389])
     np.testing.assert_allclose(found.damping[first], decrements / np.hypot(2 * np.pi, decrements), rtol=5e-3)
+
+
+SHAFT = f"""
+title = "Shaft that bends unlike in two directions"
+
+[body.first]
+shape = "bar"
+length = "300 mm"
+depth = "12 mm"
+width = "16 mm"
+E = "210 GPa"
+nu = 0.3
+rho = "7850 kg/m^3"
+mesh = {{ divisions = [6, 1, 1] }}
+modes = {{ count = 4, enrich = "residual" }}
+marker = {{ near = {{ face = "x-" }}, far = {{ face = "x+" }} }}
+
+[body.last]
+like = "first"
+
+[body.disc]
+shape = "rigid"
+mass = "4 kg"
+inertia = ["0.02 kg m^2", "0.01 kg m^2", "0.01 kg m^2"]
+marker = {{ centre = {{ at = ["0 m", "0 m", "0 m"] }} }}
+
+[ground.near]
+at = ["-0.3 m", "0 m", "0 m"]
+
+[ground.far]
+at = ["0.3 m", "0 m", "0 m"]
+
+[joint.float]
+type = "free"
+parent = "ground.near"
+child = "first.near"
+
+[joint.disc]
+type = "fixed"
+parent = "first.far"
+child = "disc.centre"
+
+[joint.back]
+type = "fixed"
+parent = "first.far"
+child = "last.near"
+
+[bearing.near]
+between = ["ground.near", "first.near"]
+axis = [1, 0, 0]
+radial = "1e8 N/m"
+axial = "1e6 N/m"
+
+[bearing.far]
+between = ["ground.far", "last.far"]
+axis = [1, 0, 0]
+radial = "1e8 N/m"
+{SIMULATION.replace("TIP", "disc.centre")}
+"""
+
+
+@pytest.fixture(scope="module")
+def shaft_command(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The command's options for a shaft on two bearings with a disc in its middle."""
+    folder = tmp_path_factory.mktemp("shaft")
+    (folder / "shaft.toml").write_text(SHAFT, encoding="utf-8")
+    return folder / "shaft.toml", "--to", "300 rad/s", "--points", 13, "--orders", "1,3", "--out", folder
+
+
+@pytest.mark.slow
+def test_a_shaft_that_bends_unlike_in_two_directions_grows_between_its_two_critical_rates(
+    fmd: Any, capsys: pytest.CaptureFixture[str], shaft_command: Any
+) -> None:
+    # In the turning frame (s² + ω₁² − Ω²)(s² + ω₂² − Ω²) + 4 Ω² s² = 0 has a real pole for ω₁ < Ω < ω₂
+    # (Genta, Dynamics of Rotating Systems, 2005, section 6.3); ω² = 48 E I / (L³ (m + 17/35 m_shaft)), by Rayleigh.
+    mass = 4.0 + 17 / 35 * 7850 * 0.012 * 0.016 * 0.6
+    low, high = (np.sqrt(48 * 210e9 * b * d**3 / 12 / (0.6**3 * mass)) for b, d in ((0.016, 0.012), (0.012, 0.016)))
+    rates = np.linspace(low, high, 401)[1:-1]
+    roots = [np.roots([1.0, low**2 + high**2 + 2 * r**2, (low**2 - r**2) * (high**2 - r**2)]).max() for r in rates]
+    assert fmd("campbell", *shaft_command, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    (unstable,) = found["unstable"]
+    assert (unstable["from_rad_s"], unstable["to_rad_s"]) == pytest.approx((low, high), rel=5e-3)
+    assert unstable["growth_1_s"] == pytest.approx(np.sqrt(max(roots)), rel=0.05)  # the largest of the rates looked at
+    assert [warning["code"] for warning in found["warnings"]] == ["unstable-rotation"]
+    there = next(row for row in found["rows"] if row["rate_rad_s"] == pytest.approx(175.0))
+    forward = int(np.argmax(there["growth_1_s"]))
+    square = np.roots([1.0, low**2 + high**2 + 2 * 175**2, (low**2 - 175**2) * (high**2 - 175**2)]).max()
+    assert there["growth_1_s"][forward] == pytest.approx(np.sqrt(square), rel=0.02)
+    assert there["frequencies_hz"][forward] == pytest.approx(175.0 / (2 * np.pi), rel=1e-12)  # carried round
+    assert there["whirl"][forward] == 1.0
+    assert len({len(row["frequencies_hz"]) for row in found["rows"]}) == 2  # two real poles for one pair
+    assert fmd("campbell", *shaft_command) == 0
+    assert "grows by itself, by up to 2" in capsys.readouterr().out
+
+
+def test_a_diagram_is_that_of_the_models_between_which_it_is_interpolated(tmp_path: Path) -> None:
+    run = rotor(tmp_path, RIGID)
+    between, computed = find_vibrations(run, 2000.0), find_vibrations(run)
+    for rate in (3.0, 777.0, 1999.0):
+        one, other = between(rate), computed(rate)
+        np.testing.assert_allclose(one.frequencies_hz, other.frequencies_hz, rtol=1e-8)
+        np.testing.assert_allclose(one.growth, other.growth, rtol=1e-8, atol=1e-9)
+
+
+def test_models_that_no_polynomial_follows_are_interpolated_piece_by_piece() -> None:
+    def model(x: float) -> StateSpace:
+        A = np.array([[0.0, 1.0], [-(100.0 + 30.0 * np.tanh(3.0 * (x - 2.0))), -0.1 * x]])
+        states = (Channel("q", "m"), Channel("q.rate", "m/s"))
+        return StateSpace(A, np.zeros((2, 0)), np.array([[1.0, x]]), np.zeros((1, 0)), states, (), (Channel("y", "m"),))
+
+    at = interpolate_models(model, 0.0, 5.0)
+    for x in np.linspace(0.0, 5.0, 23):
+        A, C = at(float(x))
+        np.testing.assert_allclose(A, model(x).A, rtol=2e-7, atol=1e-9)
+        np.testing.assert_allclose(C, [[1.0, x]], atol=1e-12)
+
+
+def test_a_model_that_jumps_is_computed_wherever_it_is_asked_for_near_the_jump() -> None:
+    def model(x: float) -> StateSpace:
+        A = np.array([[0.0, 1.0], [-(100.0 if x < 1.0 else 400.0), 0.0]])
+        states = (Channel("q", "m"), Channel("q.rate", "m/s"))
+        return StateSpace(A, np.zeros((2, 0)), np.zeros((0, 2)), np.zeros((0, 0)), states, (), ())
+
+    at = interpolate_models(model, 0.0, 5.0)
+    assert [at(x)[0][1, 0] for x in (0.9, 0.999, 1.0, 1.001, 4.0)] == pytest.approx([-100, -100, -400, -400, -400])

@@ -12,6 +12,7 @@ from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
 from fmd.cli.tables import new_table, open_console, print_files
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import CAMPBELL_CROSSINGS, CAMPBELL_LINES, CAMPBELL_MODES
+from fmd.core.progress import bars
 
 if TYPE_CHECKING:
     from fmd.output.campbell import CampbellDiagram
@@ -55,10 +56,11 @@ def campbell(
 
     pipeline = solve_scene(scene, set_, no_cache)
     folder = out or Path("out") / pipeline.scene.name
-    diagram = compute_campbell(pipeline, np.linspace(0.0, highest, points), multiples, "rpm" in to)
+    diagram = compute_campbell(pipeline, np.linspace(0.0, highest, points), multiples, "rpm" in to, bars)
     files = write_campbell(diagram, folder)
     if json:
-        print_json({"rows": diagram.rows(), "crossings": diagram.crossing_rows(), "files": files})
+        found = {"rows": diagram.rows(), "crossings": diagram.crossing_rows(), "unstable": diagram.unstable_rows()}
+        print_json({**found, "warnings": diagram.warnings(), "files": files})
         return
     _print_diagram(diagram)
     if multiples:
@@ -93,11 +95,8 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
     console = open_console()
     console.print(table)
     console.print("↻ forward, ↺ backward: points whirl in the sense of the rotation, or against it")
-    least = diagram.damping[np.isfinite(diagram.damping)].min(initial=0.0)
-    if least < -1e-6:
-        first = diagram.rates[np.nanmin(diagram.damping, axis=1) < -1e-6][0]
-        text = f"warning: from {diagram.told(first):.4g} {diagram.unit} on a vibration grows by itself"
-        console.print(f"{text}; its damping ratio falls to {least:.3g}")
+    for warning in diagram.warnings():
+        console.print(f"warning: {warning['text']}")
 
 
 def _print_crossings(diagram: CampbellDiagram) -> None:

@@ -33,6 +33,9 @@ def modes(
         result |= rotating_table(pipeline, read_rate("--speed", speed))
     result["bodies"] = frequencies_by_body(pipeline)
     result["warnings"] = mode_warnings(pipeline)
+    if result.get("rotating_growth_1_s"):
+        text = f"at {speed} a motion of {pipeline.part.name} grows by {result['rotating_growth_1_s']:.3g} 1/s"
+        result["warnings"].append({"code": "unstable-rotation", "body": pipeline.part.name, "text": text})
     result["seconds"] = dict(pipeline.log.seconds)
     if json:
         print_json(result)

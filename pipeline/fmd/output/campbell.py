@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from fmd.core.arrays import Array
 from fmd.core.files import whole_file
+from fmd.core.limits.responses import BESIDE_MEETING, GROWS, UNSTABLE_EDGE
 from fmd.core.limits.rotors import NO_DAMPING, NO_WHIRL
 from fmd.core.limits.shown import DRAWN_MODES
-from fmd.responses.whirl import WhirlingModes
+from fmd.core.progress import Advance, Monitor, silent
+from fmd.reduction.rotating import WhirlingModes
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rotor import Vibrations, find_vibrations, runs_in_bearings
 
@@ -47,6 +51,23 @@ class Crossing:
 
 
 @dataclass(frozen=True)
+class UnstableRange:
+    """Range of rates in which a small motion grows by itself.
+
+    Attributes
+    ----------
+    start, end : float
+        [rad/s]
+    growth : float
+        Largest rate of growth that was found in it [1/s].
+    """
+
+    start: float
+    end: float
+    growth: float
+
+
+@dataclass(frozen=True)
 class CampbellDiagram:
     """Vibrations over the rate of rotation.
 
@@ -56,10 +77,14 @@ class CampbellDiagram:
         Heading.
     rates : ndarray, shape (n_rates,)
         [rad/s]
-    frequencies_hz, damping, whirl : ndarray, shape (n_rates, n_modes)
+    frequencies_hz, growth, damping, whirl : ndarray, shape (n_rates, n_modes)
         As in `WhirlingModes`; not a number where a rate has fewer.
+    orders : tuple of float
+        Multiples of the rate that were asked for.
     crossings : tuple of Crossing
         By ascending rate.
+    unstable : tuple of UnstableRange
+        Where small motions grow, by ascending rate.
     in_rpm : bool
         Rates are told in revolutions per minute.
     """
@@ -67,9 +92,12 @@ class CampbellDiagram:
     title: str
     rates: Array
     frequencies_hz: Array
+    growth: Array
     damping: Array
     whirl: Array
+    orders: tuple[float, ...]
     crossings: tuple[Crossing, ...]
+    unstable: tuple[UnstableRange, ...]
     in_rpm: bool
 
     @property
@@ -87,8 +115,13 @@ class CampbellDiagram:
         for k, rate in enumerate(self.rates.tolist()):
             there = np.isfinite(self.frequencies_hz[k])
             row: dict[str, Any] = {"rate_rad_s": rate} | ({"rate_rpm": rate / RPM} if self.in_rpm else {})
-            for name in ("frequencies_hz", "damping", "whirl"):
-                row[name] = getattr(self, name)[k][there].tolist()
+            for name, values in (
+                ("frequencies_hz", self.frequencies_hz),
+                ("growth_1_s", self.growth),
+                ("damping", self.damping),
+                ("whirl", self.whirl),
+            ):
+                row[name] = values[k][there].tolist()
             found.append(row)
         return found
 
@@ -107,13 +140,34 @@ class CampbellDiagram:
             for at in self.crossings
         ]
 
+    def unstable_rows(self) -> list[dict[str, float]]:
+        """Return the ranges in which something grows as plain data."""
+        return [
+            {"from_rad_s": at.start, "to_rad_s": at.end}
+            | ({"from_rpm": at.start / RPM, "to_rpm": at.end / RPM} if self.in_rpm else {})
+            | {"growth_1_s": at.growth}
+            for at in self.unstable
+        ]
+
+    def warnings(self) -> list[dict[str, str]]:
+        """Return a warning, with its code and text, for each range in which something grows."""
+        found = []
+        for at in self.unstable:
+            start, end = (f"{self.told(rate):.5g}" for rate in (at.start, at.end))
+            ends = f"to {end}" if at.end < self.rates[-1] else f"up to the highest rate, {end}"
+            text = f"from {start} {ends} {self.unit} a vibration grows by itself, by up to {at.growth:.3g} 1/s"
+            found.append({"code": "unstable-rotation", "text": text})
+        return found
+
 
 def whirl_word(whirl: float) -> str:
     """Return ``forward``, ``backward`` or ``none`` for a circulation."""
     return "none" if abs(whirl) < NO_WHIRL else "forward" if whirl > 0 else "backward"
 
 
-def compute_campbell(run: Pipeline, rates: Array, orders: Sequence[float], in_rpm: bool = False) -> CampbellDiagram:
+def compute_campbell(
+    run: Pipeline, rates: Array, orders: Sequence[float], in_rpm: bool = False, monitor: Monitor = silent
+) -> CampbellDiagram:
     """Compute the vibrations of a scene's rotor at each rate [rad/s], and where multiples of the rate meet them.
 
     Raises
@@ -121,42 +175,114 @@ def compute_campbell(run: Pipeline, rates: Array, orders: Sequence[float], in_rp
     InputError
         As `fmd.stages.rotor.find_vibrations`.
     """
-    vibrations = find_vibrations(run)
-    found = [vibrations(float(rate)) for rate in rates]
+    with threadpool_limits(1):  # of matrices so small that threads would wait for each other
+        return _compute(run, rates, orders, in_rpm, monitor)
+
+
+def _compute(run: Pipeline, rates: Array, orders: Sequence[float], in_rpm: bool, monitor: Monitor) -> CampbellDiagram:
+    vibrations = cache(find_vibrations(run, float(rates[-1])))
+    found = []
+    with monitor(f"{len(rates)} rates") as advance:
+        for k, rate in enumerate(rates.tolist(), start=1):
+            found.append(vibrations(rate))
+            advance(k / len(rates))
     shape = (len(rates), max(len(at.frequencies_hz) for at in found))
-    frequencies, damping, whirl = tables = np.full((len(WhirlingModes._fields), *shape), np.nan)
+    frequencies, growth, damping, whirl = tables = np.full((4, *shape), np.nan)
     for k, at in enumerate(found):
-        for table, values in zip(tables, at, strict=True):
+        for table, values in zip(tables, (at.frequencies_hz, at.growth, at.damping, at.whirl), strict=True):
             table[k, : len(values)] = values
     damping[np.abs(damping) < NO_DAMPING] = 0.0
     still = rates == 0.0
     whirl[still] = np.where(np.isfinite(frequencies[still]), 0.0, np.nan)  # pairs of equal frequency whirl at will
-    crossings = _find_crossings(vibrations, rates, frequencies, orders)
+    with monitor("crossings") as advance:
+        crossings = _find_crossings(vibrations, rates, frequencies, orders, advance)
+    unstable = _find_unstable(vibrations, rates, frequencies)
     kind = "rotor in its bearings" if runs_in_bearings(run.scene) else "frequencies on a turning hub"
-    return CampbellDiagram(f"{run.scene.title}: {kind}", rates, frequencies, damping, whirl, crossings, in_rpm)
+    title = f"{run.scene.title}: {kind}"
+    return CampbellDiagram(
+        title, rates, frequencies, growth, damping, whirl, tuple(orders), crossings, unstable, in_rpm
+    )
 
 
 def _find_crossings(
-    vibrations: Vibrations, rates: Array, frequencies_hz: Array, orders: Sequence[float]
+    vibrations: Vibrations, rates: Array, frequencies_hz: Array, orders: Sequence[float], advance: Advance
 ) -> tuple[Crossing, ...]:
     """Find crossings between neighbouring rates, each to the last digits."""
-    from scipy.optimize import brentq
-
     found = []
-    for order in orders:
+    for number, order in enumerate(orders, start=1):
         for mode, values in enumerate(frequencies_hz.T):
-            apart = values - order * rates / (2 * np.pi)
-
-            def gap(rate: float, order: float = order, mode: int = mode) -> float:
-                return float(vibrations(rate).frequencies_hz[mode] - order * rate / (2 * np.pi))
-
-            for k in np.flatnonzero((apart[:-1] > 0) & (apart[1:] <= 0) | (apart[:-1] < 0) & (apart[1:] >= 0)):
-                rate = float(brentq(gap, rates[k], rates[k + 1], rtol=1e-10))
+            for rate in _meet(vibrations, rates, values, order, mode):
                 at = vibrations(rate)
-                frequency, damping, whirl = (float(values[mode]) for values in at)
+                frequency, damping, whirl = (float(x[mode]) for x in (at.frequencies_hz, at.damping, at.whirl))
                 damping = 0.0 if abs(damping) < NO_DAMPING else damping
                 found.append(Crossing(order, mode + 1, rate, frequency, damping, whirl))
+        advance(number / len(orders))
     return tuple(sorted(found, key=lambda at: at.rate))
+
+
+def _meet(vibrations: Vibrations, rates: Array, values: Array, order: float, mode: int) -> Iterator[float]:
+    """Iterate over the rates at which a mode's frequencies [Hz] are a multiple of the rate."""
+    from scipy.optimize import brentq
+
+    def difference(rate: float) -> float:
+        return float(vibrations(rate).frequencies_hz[mode] - order * rate / (2 * np.pi))
+
+    def inside(rate: float) -> float:
+        """Return 0 where a whirl stands still in the turning frame, and can't be told from a rigid motion."""
+        return difference(rate) if len(vibrations(rate).frequencies_hz) >= fewest else 0.0
+
+    apart = values - order * rates / (2 * np.pi)
+    for k in np.flatnonzero((apart[:-1] > 0) & (apart[1:] <= 0) | (apart[:-1] < 0) & (apart[1:] >= 0)):
+        ends = (float(rates[k]), float(rates[k + 1]))
+        fewest = min(len(vibrations(rate).frequencies_hz) for rate in ends)
+        found = float(brentq(inside, *ends, rtol=1e-10))
+        if len(vibrations(found).frequencies_hz) < fewest:
+            low, high = found * (1.0 - BESIDE_MEETING), found * (1.0 + BESIDE_MEETING)
+            found = low + (high - low) * difference(low) / (difference(low) - difference(high))
+        yield found
+
+
+def _find_unstable(vibrations: Vibrations, rates: Array, frequencies_hz: Array) -> tuple[UnstableRange, ...]:
+    """Find the ranges of rates in which a motion grows.
+
+    A shaft that bends unlike in two directions grows where it meets the rate itself, in ranges that may be narrow:
+    so the rates at which a vibration has the frequency of the rotation are looked at, too.
+    """
+    meetings = {
+        rate for mode, values in enumerate(frequencies_hz.T) for rate in _meet(vibrations, rates, values, 1.0, mode)
+    }
+    looked = sorted({*rates.tolist(), *meetings})
+    grown = [_growth(vibrations(rate)) for rate in looked]
+    found = []
+    k = 0
+    while k < len(looked):
+        last = k
+        while last + 1 < len(looked) and grown[k] > 0.0 and grown[last + 1] > 0.0:
+            last += 1
+        if grown[k] > 0.0:
+            nearness = UNSTABLE_EDGE * looked[-1]
+            start = looked[0] if k == 0 else _edge(vibrations, looked[k], looked[k - 1], nearness)
+            end = looked[-1] if last + 1 == len(looked) else _edge(vibrations, looked[last], looked[last + 1], nearness)
+            found.append(UnstableRange(start, end, max(grown[k : last + 1])))
+        k = last + 1
+    return tuple(found)
+
+
+def _growth(at: WhirlingModes) -> float:
+    """Return the largest rate at which a vibration grows [1/s]; 0 if none does."""
+    size = np.hypot(at.growth, 2 * np.pi * at.frequencies_hz)
+    return float(np.where(at.growth > GROWS * size, at.growth, 0.0).max(initial=0.0))
+
+
+def _edge(vibrations: Vibrations, inside: float, outside: float, nearness: float) -> float:
+    """Return the rate between two at which a vibration begins to grow, by halves."""
+    while abs(outside - inside) > nearness:
+        middle = 0.5 * (inside + outside)
+        if _growth(vibrations(middle)):
+            inside = middle
+        else:
+            outside = middle
+    return 0.5 * (inside + outside)
 
 
 def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
@@ -166,9 +292,10 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
     folder.mkdir(parents=True, exist_ok=True)
     n_modes = diagram.frequencies_hz.shape[1]
     header = [f"rate_{'rpm' if diagram.in_rpm else 'rad_s'}"]
-    for what in ("hz", "damping", "whirl"):
+    for what in ("hz", "growth_1_s", "damping", "whirl"):
         header += [f"mode_{k + 1}_{what}" for k in range(n_modes)]
-    columns = (diagram.told(diagram.rates)[:, None], diagram.frequencies_hz, diagram.damping, diagram.whirl)
+    tables = (diagram.frequencies_hz, diagram.growth, diagram.damping, diagram.whirl)
+    columns = (diagram.told(diagram.rates)[:, None], *tables)
     rows = [
         [f"{row[0]:.6g}", *(f"{x:.8g}" for x in row[1 : n_modes + 1]), *(f"{x:.5g}" for x in row[n_modes + 1 :])]
         for row in np.concatenate(columns, axis=1)
@@ -181,8 +308,9 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
         folder / "campbell.png",
         title=diagram.title,
         unit=diagram.unit,
-        orders=sorted({at.order for at in diagram.crossings}) or None,
+        orders=diagram.orders or None,
         crossings=[(diagram.told(at.rate), at.frequency_hz) for at in diagram.crossings if at.mode <= DRAWN_MODES],
+        unstable=[(diagram.told(at.start), diagram.told(at.end)) for at in diagram.unstable],
     )
     if diagram.crossings:
         told = diagram.crossing_rows()

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
-from fmd.reduction.rotating import rotating_frequencies
+from fmd.reduction.rotating import rotating_modes
 from fmd.stages.pipeline import Pipeline
 
 
@@ -76,12 +75,13 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
 
 
 def rotating_table(run: Pipeline, rate: float) -> dict[str, Any]:
-    """Gather the frequencies of the first flexible body on its joint at a constant rate [rad/s]."""
-    return {"speed_rad_s": rate, "rotating_frequencies_hz": (_rotating(run, rate) / (2 * np.pi)).tolist()}
-
-
-def _rotating(run: Pipeline, rate: float) -> Array:
-    """Angular frequencies at a rate; geometric stiffening is left out only if the scene says so."""
+    """Gather frequencies of the first flexible body on its joint at a constant rate [rad/s], and what grows there."""
     part = run.part
     body = part.body if run.scene.simulation.stiffening == "off" else part.stiffened
-    return rotating_frequencies(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1)
+    found = rotating_modes(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1)
+    frequencies = found.frequencies_hz[found.frequencies_hz > 0.0]
+    return {
+        "speed_rad_s": rate,
+        "rotating_frequencies_hz": frequencies.tolist(),
+        "rotating_growth_1_s": float(found.growth.max(initial=0.0)),
+    }

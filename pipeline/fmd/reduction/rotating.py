@@ -6,41 +6,62 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmd.core.arrays import EPSILON, Array
+from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.limits.responses import RIGID_DRIFT, RIGID_POLE
 from fmd.reduction.body import FlexibleBody
 
 
-class RotatingModes(NamedTuple):
-    """Vibrations on a turning hub, by ascending frequency.
+class WhirlingModes(NamedTuple):
+    """Vibrations at one rate of rotation, by ascending frequency.
+
+    Where a vibration has turned into two motions that grow or decay without oscillating, the one that decays least
+    stands at its place; the other ones follow last.
 
     Attributes
     ----------
-    omega : ndarray, shape (n,)
-        Angular frequencies above zero [rad/s], the imaginary parts of eigenvalues.
-    damping : ndarray, shape (n,)
-        Damping ratios; negative for a vibration that grows.
+    frequencies_hz : ndarray, shape (n,)
+        [Hz]
+    growth : ndarray, shape (n,)
+        Real parts of the poles [1/s]: positive for a vibration that grows.
     whirl : ndarray, shape (n,)
-        Circulation about the axis, as the hub sees it, between -1 and 1: positive if points go round in the sense of
-        the rotation.
+        Circulation about the axis, between -1 and 1: positive for points that go round in the sense of the rotation,
+        0 for a motion to and fro.
     """
 
-    omega: Array
-    damping: Array
+    frequencies_hz: Array
+    growth: Array
     whirl: Array
 
+    @property
+    def damping(self) -> Array:
+        """Damping ratios ``−Re s / |s|``, negative for a vibration that grows; 0 for what stands still."""
+        size = np.hypot(self.growth, 2 * np.pi * self.frequencies_hz)
+        return np.divide(-self.growth, size, out=np.zeros(len(size)), where=size > 0.0)
 
-def rotating_frequencies(body: FlexibleBody, axis: Array, rate: float, hub_is_free: bool = False) -> Array:
-    """Angular frequencies of small vibrations of a body that turns at a constant rate about its joint [rad/s].
 
-    The arguments are those of `rotating_modes`, without damping.
+def order_poles(poles: Array, frequencies: Array) -> IntArray:
+    """Return the numbers of the poles that move, one of each conjugate pair, in the order of `WhirlingModes`.
+
+    Parameters
+    ----------
+    poles : ndarray, shape (n,)
+        Eigenvalues of a real state matrix [1/s], complex.
+    frequencies : ndarray, shape (n,)
+        Frequency that each is listed by.
     """
-    return rotating_modes(body, axis, rate, hub_is_free).omega
+    fastest = float(poles.imag.max(initial=0.0)) or float(np.abs(poles).max(initial=0.0))
+    oscillating = np.flatnonzero(poles.imag > RIGID_POLE * fastest)
+    real = np.flatnonzero((poles.imag == 0.0) & (np.abs(poles.real) > RIGID_DRIFT * fastest))
+    real = real[np.argsort(-poles.real[real])]
+    half = (len(real) + 1) // 2
+    first = np.concatenate([oscillating, real[:half]])
+    return np.concatenate([first[np.argsort(frequencies[first], kind="stable")], real[half:]])
 
 
 def rotating_modes(
     body: FlexibleBody, axis: Array, rate: float, hub_is_free: bool = False, ratios: Array | None = None
-) -> RotatingModes:
-    """Return the small vibrations of a body that turns at a constant rate about its joint.
+) -> WhirlingModes:
+    """Return the small vibrations of a body that turns at a constant rate about its joint, as the hub sees them.
 
     The equations are linearised about the undeformed state: with ``D = Σ (δ_ab − e_a e_b) G[a, b]`` and
     ``A = ε_abc e_a G[b, c]``, ``M̂ ẍ + (diag(2 ζ ω) − 2 Ω A) ẋ + (diag(ω²) − Ω² D) x = 0``. A stiffened body has its
@@ -76,13 +97,12 @@ def rotating_modes(
     n = len(M)
     system = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
     poles, vectors = np.linalg.eig(system)
-    kept = np.flatnonzero(poles.imag > 1e-7 * float(body.omega.max()))
-    kept = kept[np.argsort(poles.imag[kept])]
+    kept = order_poles(poles, poles.imag)
     poles, x = poles[kept], vectors[n - len(body.omega) : n, kept]
     turning = -np.einsum("im,ij,jm->m", x.conj(), A[1:, 1:], x).imag
     size = np.einsum("im,ij,jm->m", x.conj(), _moments_across(body, e)[1:, 1:], x).real
     whirl = np.divide(turning, size, out=np.zeros(len(size)), where=size > 1e-12 * np.abs(x).max(initial=0.0) ** 2)
-    return RotatingModes(poles.imag, -poles.real / np.abs(poles), whirl)
+    return WhirlingModes(poles.imag / (2 * np.pi), poles.real, whirl)
 
 
 def _moments_across(body: FlexibleBody, e: Array) -> Array:

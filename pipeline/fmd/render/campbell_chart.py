@@ -23,6 +23,7 @@ def draw_campbell(
     unit: str = "rad/s",
     orders: Sequence[float] | None = None,
     crossings: Sequence[tuple[float, float]] = (),
+    unstable: Sequence[tuple[float, float]] = (),
 ) -> None:
     """Draw frequencies over the rate of rotation, and multiples of the rate.
 
@@ -42,6 +43,8 @@ def draw_campbell(
         Multiples of the rate that are drawn; 1 to 4 by default.
     crossings : sequence of tuple of float
         Rates and frequencies [Hz] that are marked.
+    unstable : sequence of tuple of float
+        Ranges of rates that are shaded: there a vibration grows.
     """
     once = rates / (60 if unit == "rpm" else 2 * np.pi)  # revolutions in a second
     top = 1.05 * float(np.nanmax(frequencies_hz))
@@ -60,6 +63,9 @@ def draw_campbell(
                 axes.annotate(f"{multiple:g} ×", at, color="0.4", fontsize=10, ha="right", va="bottom")
         for mode, values in enumerate(frequencies_hz.T, start=1):
             axes.plot(rates, values, linewidth=1.8, label=f"mode {mode}")
+        for number, (start, end) in enumerate(unstable):
+            label = "grows" if not number else None
+            axes.axvspan(start, end, color="tab:red", alpha=0.15, linewidth=0.0, zorder=0, label=label)
         if crossings:
             axes.plot(*zip(*crossings, strict=True), "o", color="0.15", markersize=4, zorder=5)
         axes.set_xlim(rates[0], rates[-1])

@@ -3,32 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from fmd.core.arrays import Array
-from fmd.core.limits.responses import ACROSS_AXIS, NO_ENTRY, POLARISED, RIGID_POLE
+from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.responses import ACROSS_AXIS, NO_ENTRY
 from fmd.core.limits.round_off import SOLVED
-
-
-class WhirlingModes(NamedTuple):
-    """Vibrations at one rate of rotation, by ascending frequency.
-
-    Attributes
-    ----------
-    frequencies_hz : ndarray, shape (n,)
-        [Hz]
-    damping : ndarray, shape (n,)
-        Damping ratios; negative for a vibration that grows.
-    whirl : ndarray, shape (n,)
-        Circulation about the axis: 1 for points that go round in the sense of the rotation, -1 against it, 0 for a
-        motion to and fro.
-    """
-
-    frequencies_hz: Array
-    damping: Array
-    whirl: Array
+from fmd.reduction.rotating import WhirlingModes, order_poles
 
 
 def find_circulation(first: Array, second: Array) -> Array:
@@ -49,11 +30,15 @@ def find_circulation(first: Array, second: Array) -> Array:
     return np.asarray(np.divide(turning, size, out=np.zeros(len(size)), where=size > 0.0))
 
 
-def whirling_modes(A: Array, across: tuple[Array, Array], along: Array, rate: float) -> WhirlingModes:
+def whirling_modes(
+    A: Array, across: tuple[Array, Array], along: Array, rate: float, on_axis: IntArray
+) -> WhirlingModes:
     """Return the vibrations in space of a rotor whose equations are those of its turning frame.
 
-    A vibration of frequency ω that whirls in the turning frame has the frequency ``Ω + ω`` in space if it runs ahead,
-    ``Ω − ω`` if it lags, which is backwards where it is negative; one to and fro, as of torsion, keeps its own.
+    A vibration of frequency ω that bends the axis has, in space, the frequency ``Ω + ω`` if it runs ahead in the
+    turning frame, ``Ω − ω`` if it lags, which is backwards where it is negative; of one to and fro, which has both,
+    that of its larger part. A shape that grows or decays in the turning frame without oscillating is carried round at
+    Ω. What doesn't bend the axis, as torsion, keeps its frequency.
 
     Parameters
     ----------
@@ -65,20 +50,28 @@ def whirling_modes(A: Array, across: tuple[Array, Array], along: Array, rate: fl
         Displacements along the axis.
     rate : float
         Ω [rad/s].
+    on_axis : ndarray of int
+        Numbers of the points on the axis.
     """
-    poles, vectors = _eigen(A)
-    kept = poles.imag > RIGID_POLE * np.abs(poles).max(initial=0.0)
-    poles, vectors = poles[kept], vectors[:, kept]
+    poles, vectors = scaled_eigen(A)
     first, second, third = (C @ vectors for C in (*across, along))
-    circulation = find_circulation(first, second)
+    moved = sum((np.abs(u) ** 2).sum(axis=0) for u in (first, second, third))
+    first, second = first[on_axis], second[on_axis]
     transverse = (np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)
-    whirls = (np.abs(circulation) > POLARISED) & (transverse > ACROSS_AXIS * (np.abs(third) ** 2).sum(axis=0))
-    omega = np.where(whirls, rate + np.sign(circulation) * poles.imag, poles.imag)
-    whirl = np.where(whirls, np.sign(omega) * np.abs(circulation), 0.0)
-    size = np.hypot(poles.real, omega)
-    damping = np.divide(-poles.real, size, out=np.zeros(len(size)), where=size > 0.0)
-    order = np.argsort(np.abs(omega))
-    return WhirlingModes(np.abs(omega[order]) / (2 * np.pi), damping[order], whirl[order])
+    bends = (transverse > ACROSS_AXIS * moved) & (moved > (SOLVED * _reach(vectors, (*across, along))) ** 2)
+    circulation = find_circulation(first, second)
+    carried = bends & (poles.imag == 0.0)
+    omega = np.where(bends, rate + np.sign(circulation) * poles.imag, poles.imag)
+    whirl = np.where(carried, 1.0, np.where(bends, np.sign(omega) * np.abs(circulation), 0.0))
+    kept = order_poles(poles, np.abs(omega))
+    return WhirlingModes(np.abs(omega[kept]) / (2 * np.pi), poles.real[kept], whirl[kept])
+
+
+def _reach(vectors: Array, displacements: Sequence[Array]) -> Array:
+    """Return how far the states of each vibration could move a point, (n,)."""
+    return np.asarray(np.abs(vectors).max(axis=0, initial=0.0)) * max(
+        float(np.abs(C).max(initial=0.0)) for C in displacements
+    )
 
 
 def hub_modes(A: Array, across: tuple[Array, Array], hub: Sequence[int]) -> WhirlingModes:
@@ -93,19 +86,18 @@ def hub_modes(A: Array, across: tuple[Array, Array], hub: Sequence[int]) -> Whir
     hub : sequence of int
         States that turn the hub itself.
     """
-    poles, vectors = _eigen(A)
-    kept = np.flatnonzero(poles.imag > RIGID_POLE * np.abs(poles).max(initial=0.0))
-    kept = kept[np.argsort(poles.imag[kept])]
+    poles, vectors = scaled_eigen(A)
+    kept = order_poles(poles, poles.imag)
     poles, seen = poles[kept], vectors[:, kept].copy()
     seen[list(hub)] = 0.0
     first, second = (C @ seen for C in across)
-    size = np.abs(vectors[:, kept]).max(axis=0, initial=0.0) * max(float(np.abs(C).max(initial=0.0)) for C in across)
+    size = _reach(vectors[:, kept], across)
     moves = np.sqrt((np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)) > SOLVED * size
     whirl = np.where(moves, find_circulation(first, second), 0.0)
-    return WhirlingModes(poles.imag / (2 * np.pi), -poles.real / np.abs(poles), whirl)
+    return WhirlingModes(poles.imag / (2 * np.pi), poles.real, whirl)
 
 
-def _eigen(A: Array) -> tuple[Array, Array]:
+def scaled_eigen(A: Array) -> tuple[Array, Array]:
     """Return eigenvalues and vectors of a state matrix, positions before rates, each position times its frequency.
 
     Round-off is taken out: by what has no stiffness, LAPACK would scale the rest to nothing.

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.reduction.rotating import rotating_modes
-from fmd.responses.whirl import WhirlingModes, hub_modes, whirling_modes
+from fmd.reduction.rotating import WhirlingModes, rotating_modes
+from fmd.responses.interpolated_models import interpolate_models, matrices_of
+from fmd.responses.whirl import hub_modes, whirling_modes
 from fmd.scene.damping import damping_ratios
 from fmd.stages.turning import OnHub, TurningRotor, scene_in_space
 
@@ -26,8 +27,10 @@ def runs_in_bearings(scene: Scene) -> bool:
     return bool(scene.bearing) and joint is not None and joint.kind.is_free
 
 
-def find_vibrations(run: Pipeline) -> Vibrations:
+def find_vibrations(run: Pipeline, highest: float | None = None) -> Vibrations:
     """Return the vibrations of a scene's rotor as a function of its rate of rotation [rad/s].
+
+    With a highest rate, the linear models up to it are interpolated between few that are computed now.
 
     Those of a shaft in bearings are seen from space, those of what turns on a hub from the hub. A part that is alone on
     its hub is linearised undeformed, others where they are at rest in their own turning axes.
@@ -42,13 +45,15 @@ def find_vibrations(run: Pipeline) -> Vibrations:
         return _part_on_hub(run)
     rotor = TurningRotor(run, runs_in_bearings(run.scene))
 
+    way, states = rotor.way, rotor.model(0.0).states
+    interpolated = None if highest is None else interpolate_models(rotor.model, 0.0, highest)
+
     def vibrations(rate: float) -> WhirlingModes:
-        model, way = rotor.model(rate), rotor.way
-        first, second, along = np.split(model.C, 3)
+        A, C = matrices_of(rotor.model, rate) if interpolated is None else interpolated(rate)
+        first, second, along = np.split(C, 3)
         if isinstance(way, OnHub):
-            hub = [k for k, (name, _) in enumerate(model.states) if name in way.still]
-            return hub_modes(model.A, (first, second), hub)
-        return whirling_modes(model.A, (first, second), along, rate)
+            return hub_modes(A, (first, second), [k for k, (name, _) in enumerate(states) if name in way.still])
+        return whirling_modes(A, (first, second), along, rate, rotor.on_axis)
 
     return vibrations
 
@@ -69,7 +74,6 @@ def _part_on_hub(run: Pipeline) -> Vibrations:
     ratios = np.array(damping_ratios(part.shape.modes.damping, body.omega.tolist()))
 
     def on_hub(rate: float) -> WhirlingModes:
-        found = rotating_modes(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1, ratios)
-        return WhirlingModes(found.omega / (2 * np.pi), found.damping, found.whirl)
+        return rotating_modes(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1, ratios)
 
     return on_hub

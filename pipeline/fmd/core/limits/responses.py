@@ -16,11 +16,18 @@ CANCELS = 1e-6  # distance of a zero from the pole that it cancels, over its siz
 INFINITE_ZERO = 1e4  # zeros so many times beyond the fastest pole are at infinity
 
 # Whirl.
-POLARISED = 0.5  # circulation from which on a motion is a whirl
-ACROSS_AXIS = 1e-3  # of the markers' motion: a vibration with less of it across the axis doesn't whirl
+ACROSS_AXIS = 1e-3  # of the squared motion of all markers: with less of it across, on the axis, this isn't bent
 NO_ENTRY = 1e-18  # of a matrix's largest entry
-RIGID_POLE = 1e-7  # of the fastest: a pole that moves slower is a rigid motion
 
 # State of linearisation.
 STILL = 1e-3  # accelerations of joints below are none [rad/s² or m/s²], beside the squared rates
 SETTLED_STATE = 1e-4  # of the largest modal coordinate
+RIGID_POLE = 1e-7  # of the fastest vibration: a pole that oscillates slower is a rigid motion
+RIGID_DRIFT = 1e-6  # of the fastest vibration: a smaller real pole is a rigid motion, split by round-off
+GROWS = 1e-6  # of its own size: the real part of a pole from which on its motion grows
+BESIDE_MEETING = 1e-3  # of a rate: so far beside it a whirl that stands still in the turning frame is looked at
+UNSTABLE_EDGE = 1e-4  # of the highest rate: how near the edges of unstable ranges are found
+
+# Models over the rate of rotation.
+INTERPOLATED = 1e-8  # of a pole: what interpolation may move it by
+NARROWEST_PANEL = 1e-3  # of the highest rate: where narrower ones are needed, every model is computed
