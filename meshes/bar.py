@@ -4,7 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from fmd.meshes.gmsh_session import MeshArrays, gmsh_model, read_out
+
+_SMALLEST, _LARGEST = 1e-5, 1e4  # m: Gmsh takes lengths near its fixed tolerances for none
+
+
+def mesh(bar: Any) -> MeshArrays:
+    """Mesh the bar of a scene's table ``Bar``; a tiny or huge one is meshed as one of 1 m."""
+    size = np.array([bar.length, bar.depth, bar.width])
+    unit = 1.0 if size.min() > _SMALLEST and size.max() < _LARGEST else bar.length
+    length, depth, width = (size / unit).tolist()
+    if bar.mesh.element == "hexahedron":
+        arrays = hexahedral_bar(length, depth, width, bar.mesh.divisions)
+    else:
+        arrays = tetrahedral_bar(length, depth, width, bar.mesh.size / unit)
+    return arrays if unit == 1.0 else arrays._replace(points=unit * arrays.points)
 
 
 def hexahedral_bar(length: float, depth: float, width: float, divisions: tuple[int, int, int]) -> MeshArrays:

@@ -87,6 +87,27 @@ class PropellerCounts:
     growth: float
 
 
+def mesh(table: Any) -> MeshArrays:
+    """Mesh the propeller of a scene's table ``Propeller``, whose lengths across are diameters."""
+    shape = PropellerShape(
+        table.blades,
+        bore=table.bore / 2,
+        hub=table.hub / 2,
+        root=table.root / 2,
+        tip=table.diameter / 2,
+        length=table.length,
+        chord=table.chord,
+        thickness=table.thickness,
+        pitch=table.pitch,
+        camber=table.camber,
+        edge=table.edge,
+        seat=table.seat,
+    )
+    (around, axial, radial), (_, seat, joint_radial) = table.mesh.sleeve, table.mesh.joint
+    counts = PropellerCounts(around, axial, radial, seat, joint_radial, table.mesh.blade[2], table.mesh.growth)
+    return propeller(shape, counts, table.mesh.element, table.mesh.order)
+
+
 def propeller(
     shape: PropellerShape,
     counts: PropellerCounts,

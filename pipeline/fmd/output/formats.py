@@ -7,19 +7,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
-from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.fem.model import FEModel
-from fmd.reduction.formats.body_format import DrawnBody, ExportedBody, body_format
-from fmd.reduction.modal_data import ModalData, modal_data, without_stiffening
-from fmd.reduction.modes import Modes
-from fmd.reduction.superelement import Superelement
-from fmd.scene.damping import damping_ratios
+from fmd.reduction.formats.body_format import body_format
 from fmd.scene.outputs import MECHANISM_FORMATS
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.spatial_body import spatial_body, superelement, surface_stress
 
 
 def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list[Path]:
@@ -49,47 +40,6 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
     if body in run.scene.pieces:
         mend = f"format {name} holds a body in one piece; --set body.{body}.pieces=1 exports it"
         raise InputError(run.scene.file, f"body.{body}.pieces", run.scene.pieces[body], mend)
-    return body_format(name).write(_PipelineBody(run, body), path)
+    from fmd.output.exported_body import PipelineBody
 
-
-class _PipelineBody(ExportedBody):
-    """A flexible body of a pipeline."""
-
-    def __init__(self, run: Pipeline, name: str) -> None:
-        moves = run.scene.moves
-        self._run, self._part, self.name = run, run.parts[name], name
-        self.gravity = np.array(run.scene.simulation.gravity if moves else (0.0, 0.0, 0.0))
-        self.stiffened = not moves or run.scene.simulation.stiffening != "off"
-
-    def modal_data(self, stiffened: bool) -> ModalData:
-        body, damping = spatial_body(self._part, stiffened), self._part.shape.modes.damping
-        data = modal_data(body, np.array(damping_ratios(damping, body.omega.tolist())))
-        return data if stiffened else without_stiffening(data)  # a body from a file may bring its own
-
-    def in_space(self) -> DrawnBody:
-        body = spatial_body(self._part, stiffened=False)
-        if not self._part.has_stress:
-            return DrawnBody(body, None, None)
-        return DrawnBody(body, self._part.surface, surface_stress(self._part, body))
-
-    def in_scene(self) -> DrawnBody:
-        if not self._run.scene.moves:
-            return self.in_space()
-        body = self._part.for_any_motion(self._run.bodies[self.name])
-        if not self._part.has_stress:
-            return DrawnBody(body, None, None)
-        return DrawnBody(body, self._part.surface, self._part.surface_stress)
-
-    def superelement(self) -> Superelement:
-        return superelement(self._part)
-
-    def full_model(self) -> tuple[FEModel, Modes]:
-        if self._part.is_reduced:
-            raise self.fault("body", "is a reduced body, and has no full matrices")
-        return self._part.fe, self._part.modes
-
-    def frequencies_hz(self) -> Array:
-        return self._part.modes.frequencies_hz
-
-    def fault(self, key: str, problem: str) -> InputError:
-        return InputError(self._part.file, f"body.{self.name}.{key}", None, problem)
+    return body_format(name).write(PipelineBody(run, body), path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -101,7 +101,36 @@ class ModeSettings(SceneTable):
         return self
 
 
-class Solid(SceneTable):
+class Deformable(SceneTable):
+    """Every flexible body: how its mesh can be changed, which is not at all where a file holds the mesh.
+
+    Changes are values of the table's keys.
+    """
+
+    def of_order(self, order: int) -> dict[str, Any]:
+        """Return the changes for elements of another order."""
+        return {}
+
+    def resized(self, factor: float) -> dict[str, Any]:
+        """Return the changes for a mesh with about ``factor`` times the elements each way."""
+        return {}
+
+    def divided_more(self) -> dict[str, Any]:
+        """Return the changes for more elements where there are so few from side to side that fewer tell nothing."""
+        return {}
+
+    @property
+    def divided_directions(self) -> int:
+        """Number of directions with more than one element, which a coarser mesh has fewer in."""
+        return 3
+
+
+def scale_count(count: int, factor: float) -> int:
+    """Return about ``factor`` times a number of elements, an even number if they are more."""
+    return max(1, int(count * factor)) if factor < 1 else 2 * round(count * factor / 2)
+
+
+class Solid(Deformable):
     """Keys of every flexible body that has a mesh, whatever its shape.
 
     Parameters
@@ -308,3 +337,29 @@ class Bar(Solid):
     def parts(self) -> tuple[str, ...]:
         """Name of the one part that the mesh of a bar has."""
         return ("bar",)
+
+    def of_order(self, order: int) -> dict[str, Any]:
+        """Return the changes for elements of another order."""
+        return {"mesh": self.mesh.model_copy(update={"order": order})}
+
+    def resized(self, factor: float) -> dict[str, Any]:
+        """Return the changes for a mesh with about ``factor`` times the elements each way."""
+        if self.mesh.divisions is None:
+            assert self.mesh.size is not None
+            return {"mesh": self.mesh.model_copy(update={"size": self.mesh.size / factor})}
+        return self._divided(tuple(scale_count(count, factor) for count in self.mesh.divisions))
+
+    def divided_more(self) -> dict[str, Any]:
+        """Return the changes for two elements in place of one quadratic, or of two linear ones, which bend alike."""
+        order = self.mesh.order
+        if self.mesh.divisions is None:
+            return {}
+        return self._divided(tuple(4 // order if count * order <= 2 else count for count in self.mesh.divisions))
+
+    @property
+    def divided_directions(self) -> int:
+        """Number of directions with more than one element."""
+        return 3 if self.mesh.divisions is None else max(1, sum(count > 1 for count in self.mesh.divisions))
+
+    def _divided(self, divisions: tuple[int, ...]) -> dict[str, Any]:
+        return {"mesh": self.mesh.model_copy(update={"divisions": divisions})}

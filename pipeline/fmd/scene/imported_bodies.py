@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
-from fmd.scene.bodies import ModeSettings, Poisson, Solid, check_formulation
+from fmd.scene.bodies import Deformable, ModeSettings, Poisson, Solid, check_formulation
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.values import Formulation, LengthUnit, Name, Order, PartName, SourceFile, UnitCheck
@@ -183,6 +183,14 @@ class CadPart(Imported):
     shape: Literal["cad"]
     mesh: CadFile
 
+    def of_order(self, order: int) -> dict[str, Any]:
+        """Return the changes for elements of another order."""
+        return {"mesh": self.mesh.model_copy(update={"order": order})}
+
+    def resized(self, factor: float) -> dict[str, Any]:
+        """Return the changes for a mesh with about ``factor`` times the elements each way."""
+        return {"mesh": self.mesh.model_copy(update={"size": self.mesh.size / factor})}
+
 
 class MatrixFiles(SceneTable):
     """Files that hold a body's matrices as another program wrote them, three displacements a node.
@@ -222,7 +230,7 @@ class MatrixFiles(SceneTable):
     mass_unit: Annotated[str, UnitCheck("kg")] = "kg"
 
 
-class MatrixPart(SceneTable):
+class MatrixPart(Deformable):
     """A body without a mesh, given by its matrices: it has modes and motion, but no stress and no picture.
 
     Parameters

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from fmd.core.units import Angle, PositiveLength
-from fmd.scene.bodies import Solid, check_formulation
+from fmd.scene.bodies import Solid, check_formulation, scale_count
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Count, Formulation, Number, Order
 
@@ -148,6 +148,27 @@ class Propeller(Solid):
     def parts(self) -> tuple[str, ...]:
         """Names of the mesh's parts: the sleeve, all joints and all blades."""
         return ("sleeve", "joints", "blades")
+
+    def of_order(self, order: int) -> dict[str, Any]:
+        """Return the changes for elements of another order."""
+        return {"mesh": self.mesh.model_copy(update={"order": order})}
+
+    def resized(self, factor: float) -> dict[str, Any]:
+        """Return the changes for a mesh with about ``factor`` times the elements each way, on joints as wide."""
+        (around, axial, radial), (chordwise, across, outwards) = self.mesh.sleeve, self.mesh.joint
+        # Between two joints the sleeve has elements of its own; with too few of them they would become thin.
+        between = around // self.blades - across
+        seat = self.seat or 2 * pi * across / around
+        axial, radial, chordwise, across, outwards, between, along = (
+            scale_count(count, factor)
+            for count in (axial, radial, chordwise, across, outwards, between, self.mesh.blade[2])
+        )
+        divisions = {
+            "sleeve": ((across + between) * self.blades, axial, radial),
+            "joint": (chordwise, across, outwards),
+            "blade": (chordwise, across, along),
+        }
+        return {"mesh": self.mesh.model_copy(update=divisions), "seat": seat}
 
     @model_validator(mode="after")
     def _grows_outwards(self) -> Propeller:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from fmd.scene.bodies import ModeSettings
+from fmd.scene.bodies import Deformable, ModeSettings
 from fmd.scene.orientation import Orientation
 from fmd.scene.places import NamedElement, Support
 from fmd.scene.reading import SceneTable
@@ -129,7 +129,7 @@ class FileNode(Orientation):
         """There is no mesh."""
 
 
-class ReducedPart(SceneTable):
+class ReducedPart(Deformable):
     """A body that another program has reduced: it has motion and, if its file has it, stress, but no mesh.
 
     Parameters

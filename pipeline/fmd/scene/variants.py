@@ -7,15 +7,11 @@ next. A variant keeps the file of its scene.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import pi
 from typing import Any
 
 from fmd.scene.any_body import Flexible
-from fmd.scene.bodies import Bar, ModeSettings
-from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from fmd.scene.bodies import ModeSettings
 from fmd.scene.loads import Drive, PointForce
-from fmd.scene.propeller import Propeller
-from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.scene import Scene
 
 # Factors to coarsen a mesh by. The largest shows most of the error, but not every part can be meshed so coarsely.
@@ -119,13 +115,7 @@ def attach_roots_rigidly(scene: Scene, roots: Mapping[str, str]) -> Scene | None
 
 def replace_order(scene: Scene, order: int) -> Scene:
     """Return the scene with elements of another order, except in bodies whose files say what their elements are."""
-
-    def change(body: Flexible) -> dict[str, Any]:
-        if isinstance(body, MeshedPart | MatrixPart | ReducedPart):
-            return {}
-        return {"mesh": body.mesh.model_copy(update={"order": order})}
-
-    return _change_bodies(scene, change)
+    return _change_bodies(scene, lambda body: body.of_order(order))
 
 
 def refine_meshes(scene: Scene, factor: float) -> Scene | None:
@@ -133,7 +123,7 @@ def refine_meshes(scene: Scene, factor: float) -> Scene | None:
 
     Numbers of elements on finer meshes are even, so that a coarser mesh can have exactly half of them.
     """
-    found = _change_bodies(scene, lambda body: _change_mesh(body, factor))
+    found = _change_bodies(scene, lambda body: body.resized(factor))
     return None if found.body == scene.body else found
 
 
@@ -148,15 +138,7 @@ def divide_few_elements(scene: Scene) -> Scene | None:
 
     These are one quadratic or two linear elements, which bend a section alike; ``None`` if no bar has them.
     """
-
-    def change(body: Flexible) -> dict[str, Any]:
-        if body.shape != "bar" or body.mesh.divisions is None:
-            return {}
-        order = body.mesh.order
-        divisions = (4 // order if count * order <= 2 else count for count in body.mesh.divisions)
-        return {"mesh": body.mesh.model_copy(update={"divisions": tuple(divisions)})}
-
-    found = _change_bodies(scene, change)
+    found = _change_bodies(scene, lambda body: body.divided_more())
     return None if all(found.body[name] == body for name, body in scene.flexible.items()) else found
 
 
@@ -165,45 +147,7 @@ def compare_element_sizes(body: Flexible, elements: int, fewer: int) -> float:
 
     A direction with one element has no fewer and doesn't count.
     """
-    divisions = body.mesh.divisions if body.shape == "bar" else None
-    directions = 3 if divisions is None else max(1, sum(count > 1 for count in divisions))
-    return float((elements / fewer) ** (1 / directions))
-
-
-def _change_mesh(body: Flexible, factor: float) -> dict[str, Any]:
-    """Return the changes of a body's table for another mesh; none where a file holds the mesh."""
-    if isinstance(body, MeshedPart | MatrixPart | ReducedPart):
-        return {}
-    mesh = {"mesh": body.mesh.model_copy(update=_change_divisions(body, factor))}
-    if body.shape != "propeller":
-        return mesh
-    # The joints stay as wide, whatever the numbers of elements.
-    return mesh | {"seat": body.seat or 2 * pi * body.mesh.joint[1] / body.mesh.sleeve[0]}
-
-
-def _change_divisions(body: Bar | Propeller | CadPart, factor: float) -> dict[str, Any]:
-    """Return the changes of a body's table of the mesh."""
-
-    def times(count: int) -> int:
-        return max(1, int(count * factor)) if factor < 1 else 2 * round(count * factor / 2)
-
-    if body.shape == "bar":
-        if body.mesh.size is not None:
-            return {"size": body.mesh.size / factor}
-        assert body.mesh.divisions is not None
-        return {"divisions": tuple(times(count) for count in body.mesh.divisions)}
-    if body.shape == "cad":
-        return {"size": body.mesh.size / factor}
-    (around, axial, radial), (chordwise, across, outwards) = body.mesh.sleeve, body.mesh.joint
-    # Between two joints the sleeve has elements of its own; with too few of them they would become thin.
-    between = around // body.blades - across
-    across = times(across)
-    per_blade = across + times(between)
-    return {
-        "sleeve": (per_blade * body.blades, times(axial), times(radial)),
-        "joint": (times(chordwise), across, times(outwards)),
-        "blade": (times(chordwise), across, times(body.mesh.blade[2])),
-    }
+    return float((elements / fewer) ** (1 / body.divided_directions))
 
 
 def _change_simulation(scene: Scene, values: dict[str, Any]) -> Scene:

@@ -33,6 +33,5 @@ FRAGMENT = 0.02  # of a piece's volume: loose elements up to this much move to t
 SAME_PLACE = 1e-6  # distance of nodes that coincide when turned, of the body's extent
 
 # Shapes.
-SMALLEST_BAR, LARGEST_BAR = 1e-5, 1e4  # longest sides of bars that are meshed as they are [m]
 CAD_ELEMENTS = 4000  # of a mesh whose size nobody gave; around bores and fillets there are more
 CAD_DIGITS = 2  # of the size of elements that nobody gave

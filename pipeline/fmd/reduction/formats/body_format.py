@@ -6,16 +6,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from fmd.core.arrays import Array
-from fmd.core.errors import InputError
-from fmd.fem.model import FEModel
-from fmd.fem.surface import SurfaceTopology
-from fmd.reduction.body import FlexibleBody
-from fmd.reduction.modal_data import ModalData
-from fmd.reduction.modes import Modes
-from fmd.reduction.superelement import Superelement
+if TYPE_CHECKING:
+    from fmd.core.arrays import Array
+    from fmd.core.errors import InputError
+    from fmd.fem.model import FEModel
+    from fmd.fem.surface import SurfaceTopology
+    from fmd.reduction.body import FlexibleBody
+    from fmd.reduction.modal_data import ModalData
+    from fmd.reduction.modes import Modes
+    from fmd.reduction.superelement import Superelement
 
 
 class DrawnBody(NamedTuple):

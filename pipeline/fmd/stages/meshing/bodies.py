@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError
-from fmd.core.limits.mesh import LARGEST_BAR, SMALLEST_BAR
 from fmd.core.units import unit_ratio
 from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
@@ -21,10 +21,7 @@ from fmd.stages.meshing.cad_files import mesh_cad_file
 
 if TYPE_CHECKING:
     from fmd.fem.model import FEModel
-    from fmd.meshes.gmsh_session import MeshArrays
     from fmd.scene.any_body import Flexible
-    from fmd.scene.bodies import Bar
-    from fmd.scene.propeller import Propeller
 
 
 def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
@@ -38,7 +35,7 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
         assert source is not None
         return mesh_cad_file(source.path, shape.mesh.size, shape.mesh.order)
     assert not isinstance(shape, MatrixPart | ReducedPart)
-    return SolidMesh(*_mesh_arrays(shape))
+    return SolidMesh(*import_module(f"fmd.meshes.{shape.shape}").mesh(shape))
 
 
 def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:
@@ -95,43 +92,3 @@ def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) ->
         what = "part" if key.endswith("part") else "face"
         raise InputError(file, key, given, f"no such {what}; {suggest_name(given, names, f'the {what}s')}")
     return given if given in names else alike[0]
-
-
-def _mesh_arrays(part: Bar | Propeller) -> MeshArrays:
-    if part.shape == "propeller":
-        from fmd.meshes.propeller import PropellerCounts, PropellerShape, propeller
-
-        mesh = part.mesh
-        shape = PropellerShape(
-            part.blades,
-            bore=part.bore / 2,
-            hub=part.hub / 2,
-            root=part.root / 2,
-            tip=part.diameter / 2,
-            length=part.length,
-            chord=part.chord,
-            thickness=part.thickness,
-            pitch=part.pitch,
-            camber=part.camber,
-            edge=part.edge,
-            seat=part.seat,
-        )
-        counts = PropellerCounts(*mesh.sleeve, *mesh.joint[1:], mesh.blade[2], mesh.growth)
-        return propeller(shape, counts, mesh.element, mesh.order)
-    return _bar_arrays(part)
-
-
-def _bar_arrays(part: Bar) -> MeshArrays:
-    """Mesh a bar; a tiny or huge one as one of 1 m, since Gmsh takes lengths near its fixed tolerances for none."""
-    from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
-
-    size = np.array([part.length, part.depth, part.width])
-    unit = 1.0 if size.min() > SMALLEST_BAR and size.max() < LARGEST_BAR else part.length
-    length, depth, width = (size / unit).tolist()
-    if part.mesh.element == "hexahedron":
-        assert part.mesh.divisions is not None  # the scene's own check
-        arrays = hexahedral_bar(length, depth, width, part.mesh.divisions)
-    else:
-        assert part.mesh.size is not None
-        arrays = tetrahedral_bar(length, depth, width, part.mesh.size / unit)
-    return arrays if unit == 1.0 else arrays._replace(points=unit * arrays.points)

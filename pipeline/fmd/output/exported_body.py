@@ -1,0 +1,66 @@
+"""A flexible body of a pipeline as the formats of other programs ask for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.fem.model import FEModel
+from fmd.reduction.formats.body_format import DrawnBody, ExportedBody
+from fmd.reduction.modal_data import ModalData, modal_data, without_stiffening
+from fmd.reduction.modes import Modes
+from fmd.reduction.superelement import Superelement
+from fmd.scene.damping import damping_ratios
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.spatial_body import spatial_body, superelement, surface_stress
+
+
+class PipelineBody(ExportedBody):
+    """A flexible body of a pipeline, computed as far as a format needs it."""
+
+    def __init__(self, run: Pipeline, name: str) -> None:
+        moves = run.scene.moves
+        self._run, self._part, self.name = run, run.parts[name], name
+        self.gravity = np.array(run.scene.simulation.gravity if moves else (0.0, 0.0, 0.0))
+        self.stiffened = not moves or run.scene.simulation.stiffening != "off"
+
+    def modal_data(self, stiffened: bool) -> ModalData:
+        """Return shapes and inertia integrals in space, without stiffening unless it is wanted."""
+        body, damping = spatial_body(self._part, stiffened), self._part.shape.modes.damping
+        data = modal_data(body, np.array(damping_ratios(damping, body.omega.tolist())))
+        return data if stiffened else without_stiffening(data)  # a body from a file may bring its own
+
+    def in_space(self) -> DrawnBody:
+        """Return the body reduced for any motion in space, with its surface and stress."""
+        body = spatial_body(self._part, stiffened=False)
+        if not self._part.has_stress:
+            return DrawnBody(body, None, None)
+        return DrawnBody(body, self._part.surface, surface_stress(self._part, body))
+
+    def in_scene(self) -> DrawnBody:
+        """Return the body as its scene's mechanism has it; without motion, in space."""
+        if not self._run.scene.moves:
+            return self.in_space()
+        body = self._part.for_any_motion(self._run.bodies[self.name])
+        if not self._part.has_stress:
+            return DrawnBody(body, None, None)
+        return DrawnBody(body, self._part.surface, self._part.surface_stress)
+
+    def superelement(self) -> Superelement:
+        """Return matrices for the motions of the interface and the fixed-interface modes."""
+        return superelement(self._part)
+
+    def full_model(self) -> tuple[FEModel, Modes]:
+        """Return the full matrices and modes; a body reduced already has none."""
+        if self._part.is_reduced:
+            raise self.fault("body", "is a reduced body, and has no full matrices")
+        return self._part.fe, self._part.modes
+
+    def frequencies_hz(self) -> Array:
+        """Return the natural frequencies of the body's modes [Hz]."""
+        return self._part.modes.frequencies_hz
+
+    def fault(self, key: str, problem: str) -> InputError:
+        """Return the error of a key of the body."""
+        return InputError(self._part.file, f"body.{self.name}.{key}", None, problem)
