@@ -1,4 +1,4 @@
-"""What a kind of joint lets a body do and what it holds, as data that scenes, equations and pictures read.
+"""Kinds of joints as data: coordinates, motion and constraints, which scenes, equations and pictures read.
 
 A joint moves a body against its place by displacements along directions of the joint, then by rotations one after the
 other, each by a share of one of its coordinates. Directions have names: ``axis`` and ``other axis`` are those of the

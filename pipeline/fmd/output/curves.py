@@ -83,7 +83,7 @@ def curves_of(run: Pipeline, output: Chart) -> Curves:
 
 
 def _moving(label: str, curves: dict[str, Array], components: tuple[str, ...]) -> Curves:
-    """Leave out the components that hardly move; a planar motion has nothing to show across its plane."""
+    """Leave out the components that hardly move; a motion in a plane has nothing to show across its plane."""
     with np.errstate(invalid="ignore"):
         sizes = np.max([np.ptp(values, axis=0) for values in curves.values()], axis=0)
     sizes = np.nan_to_num(sizes)

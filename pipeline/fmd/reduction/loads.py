@@ -42,8 +42,8 @@ def motion_loads(
     """
     fields = centrifugal_fields(fe.x - marker.position, axis)
     reactions = []
-    planar = axis is not None and all(normal is not None for _, normal in outboard)
-    for at, normal in ((marker, axis if planar else None), *outboard):  # the joint answers to every load
+    in_plane = axis is not None and all(normal is not None for _, normal in outboard)
+    for at, normal in ((marker, axis if in_plane else None), *outboard):  # the joint answers to every load
         forces, torques = _directions(normal)
         columns = at.columns(len(fe.x), torques)
         reactions += [columns[:, :, :3] @ forces.T, columns[:, :, 3:]]
@@ -80,7 +80,7 @@ def centrifugal_fields(r: Array, axis: Array | None) -> list[Array]:
     r : ndarray, shape (n_nodes, 3)
         Places relative to a point that rests [m].
     axis : ndarray, shape (3,), optional
-        Axis of a planar motion, which has the one field across it. Without, all six of `PRODUCTS`.
+        Axis of a plane motion, which has the one field across it. Without, all six of `PRODUCTS`.
 
     Returns
     -------

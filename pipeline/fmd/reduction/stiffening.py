@@ -54,7 +54,7 @@ def stiffen_body(
     held : ndarray, shape (n_nodes, 3, k), optional
         Columns of the reactions of its joint, as `Marker.columns` gives them; without, the body moves freely.
     axis : ndarray, shape (3,), optional
-        Axis of a planar motion, with one product of rates and one angular acceleration; without, six and three.
+        Axis of a plane motion, with one product of rates and one angular acceleration; without, six and three.
     linear : bool
         True if the joint is accelerated, or gravity acts.
     moving : mapping of str to Marker, optional

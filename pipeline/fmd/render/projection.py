@@ -102,7 +102,7 @@ def oblique_axes(points: Array, tilt: tuple[float, float] = TILT) -> Iterator[Ar
     steps = np.log(np.maximum(extents / extents.max(), 1e-9)) / np.log(SAME_EXTENT)
     slender = np.sort(extents)[1] < SLENDER * extents.max()
     right, up, _ = np.eye(3)[np.argsort(-np.round(steps), kind="stable")]
-    if np.cross(right, up)[2] < 0:  # planar motion is seen from above: turning left stays turning left
+    if np.cross(right, up)[2] < 0:  # plane motion is seen from above: turning left stays turning left
         up = -up
     front = np.array([right, up, np.cross(right, up)])
     for back, rise, turn in product((1, -1), (1, -1), (1, -1)):

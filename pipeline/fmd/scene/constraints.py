@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -34,11 +34,19 @@ class Gear(SceneTable):
         ratio = -0.5
     """
 
+    ends: ClassVar[tuple[tuple[str, str], ...]] = (("joint", "rad"), ("driver", "rad"))
+    """Keys of the joint that follows and of the one that leads, with the units of their coordinates."""
+
     type: Literal["gear"]
     joint: JointName
     driver: JointName
     ratio: Number
     offset: Angle = 0.0
+
+    @property
+    def multiple(self) -> float:
+        """Angle of the joint that follows for an angle of 1 rad of the other."""
+        return self.ratio
 
 
 class Rack(SceneTable):
@@ -66,11 +74,19 @@ class Rack(SceneTable):
         radius = "8 mm"
     """
 
+    ends: ClassVar[tuple[tuple[str, str], ...]] = (("rack", "m"), ("pinion", "rad"))
+    """Keys of the joint that follows and of the one that leads, with the units of their coordinates."""
+
     type: Literal["rack"]
     rack: JointName
     pinion: JointName
     radius: Length
     offset: Length = 0.0
+
+    @property
+    def multiple(self) -> float:
+        """Displacement of the joint that follows for an angle of 1 rad of the other [m/rad]."""
+        return self.radius
 
 
 AnyCoupler = Annotated[Gear | Rack, Field(discriminator="type")]

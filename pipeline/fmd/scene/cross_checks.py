@@ -107,12 +107,11 @@ class CrossCheck:
 
     def _check_couplers(self) -> Iterator[FaultError]:
         for name, coupler in self.coupler.items():
-            ends = ("joint", "driver") if coupler.type == "gear" else ("rack", "pinion")
-            for key in ends:
-                fitting = _ALONG if key == "rack" else _HINGES
+            for key, unit in coupler.ends:
+                fitting = _ALONG if unit == "m" else _HINGES
                 yield from self._check_joint(getattr(coupler, key), fitting, f"a {coupler.type}", "coupler", name, key)
-            if len({getattr(coupler, key) for key in ends}) == 1:
-                yield FaultError("couples a joint with itself", "coupler", name, ends[1])
+            if len({getattr(coupler, key) for key, _ in coupler.ends}) == 1:
+                yield FaultError("couples a joint with itself", "coupler", name, coupler.ends[1][0])
 
     def _check_elements(self) -> Iterator[FaultError]:
         for table, elements in self.elements.items():

@@ -198,14 +198,10 @@ def _closure(scene: Scene, places: _Places, name: str) -> Closure:
 def _couplers(scene: Scene) -> list[Coupler]:
     """Gears and racks, as relations of the joints' coordinates."""
     bodies = {name: joint.child.partition(".")[0] for name, joint in scene.joint.items()}
-    couplers = []
-    for name, coupler in scene.coupler.items():
-        if coupler.type == "gear":
-            first, second, ratio = coupler.joint, coupler.driver, coupler.ratio
-        else:
-            first, second, ratio = coupler.rack, coupler.pinion, coupler.radius
-        couplers.append(Coupler(name, (bodies[first], bodies[second]), (1.0, -ratio), coupler.offset))
-    return couplers
+    return [
+        Coupler(name, [bodies[getattr(one, key)] for key, _ in one.ends], (1.0, -one.multiple), one.offset)
+        for name, one in scene.coupler.items()
+    ]
 
 
 def _section(scene: Scene, places: _Places, body: str) -> str:

@@ -2,19 +2,16 @@
 
 It turns the child by half of one angle, by the other angle across, and by the half of the first again. The quaternion
 of these turns reads the same from either end, which leaves it no part about the shaft: whatever the tilt, both shafts
-turn by the same angle. Two universal joints that share a tilt evenly do the same.
+turn by the same angle. Two Cardan joints that share a tilt evenly do the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
-from fmd.core.arrays import Array
 from fmd.core.joint_kinds import ACROSS, SPACE, ElementaryMotion, JointKind
-from fmd.core.units import Angle, AngularRate
-from fmd.scene.force_elements import TurningDamping, TurningStiffness
-from fmd.scene.joints.joint import Along, CarryingJoint, Mark
+from fmd.scene.joints.angles import TwoAngleJoint
+from fmd.scene.joints.joint import Mark
 from fmd.scene.values import Axis
 
 _HALF = ElementaryMotion(ACROSS[0], factor=0.5)
@@ -29,8 +26,11 @@ CONSTANT_VELOCITY = JointKind(
 )
 
 
-class ConstantVelocity(CarryingJoint):
+class ConstantVelocity(TwoAngleJoint):
     """A constant-velocity joint: two shafts meet at a point, tilt, and turn equally fast at any tilt.
+
+    The angles tilt about that of x, y and z that is most across the axis, turned across it, and about the axis's cross
+    product with it. They are about x and y for a shaft along z, and about y and z for one along x.
 
     Parameters
     ----------
@@ -40,17 +40,6 @@ class ConstantVelocity(CarryingJoint):
     child_axis : tuple of float, optional
         Direction of the child's shaft in the axes of its marker or place, of a joint that closes a loop; the numbers of
         ``axis`` by default.
-    angles : tuple of float
-        Tilt at the start [rad]: about that of x, y and z that is most across the axis, turned across it, and about the
-        axis's cross product with it. They are x and y for a shaft along z, and y and z for one along x.
-    rates : tuple of float
-        Rates of both angles at the start [rad/s].
-    springs : tuple of float
-        Stiffnesses of springs against both angles [N m/rad].
-    rests : tuple of float
-        Angles at which the springs are unstretched [rad].
-    dampers : tuple of float
-        Coefficients of dampers against both angles [N m s/rad].
 
     Examples
     --------
@@ -73,17 +62,3 @@ class ConstantVelocity(CarryingJoint):
     type: Literal["constant-velocity"]
     axis: Axis
     child_axis: Axis | None = None
-    angles: tuple[Angle, Angle] = (0.0, 0.0)
-    rates: tuple[AngularRate, AngularRate] = (0.0, 0.0)
-    springs: tuple[TurningStiffness, TurningStiffness] = (0.0, 0.0)
-    rests: tuple[Angle, Angle] = (0.0, 0.0)
-    dampers: tuple[TurningDamping, TurningDamping] = (0.0, 0.0)
-
-    @property
-    def along(self) -> tuple[Along, ...]:
-        """Springs and dampers against both angles."""
-        return tuple(Along(*at) for at in zip(self.springs, self.rests, self.dampers, strict=True))
-
-    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """Return coordinates and rates at the start."""
-        return self.angles, self.rates

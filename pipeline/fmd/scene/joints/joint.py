@@ -1,4 +1,4 @@
-"""What every kind of joint answers about itself: its coordinates at the start, what acts along them, and its mark."""
+"""Tables of joints of any kind: coordinates at the start, forces along them, and marks in pictures."""
 
 from __future__ import annotations
 
@@ -78,8 +78,6 @@ class JointTable(SceneTable):
         True if ``rotate`` and ``axes`` turn the child at the start, and not the joint.
     cannot_close : str
         Why a joint of this kind can't close a loop, if so.
-    kept_distance : float
-        Distance that it keeps between its places [m]; 0 for none.
     """
 
     kind: ClassVar[JointKind]

@@ -27,6 +27,7 @@ from fmd.scene.imported_bodies import (
     MeshFile,
     Substance,
 )
+from fmd.scene.joints.angles import OneAngleJoint, TwoAngleJoint
 from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.joints.joint import CarryingJoint
 from fmd.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
@@ -237,6 +238,8 @@ SECTIONS = (
     Section("### Directions of axes", AxisDirections),
     Section("## Joints", None, _JOINTS),
     Section("### Every joint that carries a body", CarryingJoint),
+    Section("### Every joint with one angle", OneAngleJoint),
+    Section("### Every joint with two angles", TwoAngleJoint),
     *(Section(f"### {joint.title}", joint) for joint in JOINTS),
     Section("## Couplers", None, _COUPLERS),
     Section("### Gear", Gear),

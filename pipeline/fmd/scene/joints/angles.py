@@ -1,0 +1,90 @@
+"""Keys of joints with one angle and with two, and what acts along these."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from fmd.core.arrays import Array
+from fmd.core.units import Angle, AngularRate, NonNegative, Positive, Torque
+from fmd.scene.force_elements import AngleStop, TurningDamping, TurningStiffness
+from fmd.scene.joints.joint import Along, CarryingJoint, along_axis
+from fmd.scene.values import Axis
+
+
+class OneAngleJoint(CarryingJoint):
+    """A spring, a damper, end stops and friction act about a joint's axis.
+
+    Parameters
+    ----------
+    axis : tuple of float
+        Direction of the axis in the axes of the parent's marker or place; its length doesn't count.
+    angle : float
+        Angle at the start [rad].
+    rate : float
+        Angular rate at the start [rad/s].
+    spring : float
+        Stiffness of a spring about the axis [N m/rad].
+    rest : float
+        Angle at which the spring is unstretched [rad].
+    damper : float
+        Coefficient of a damper about the axis [N m s/rad].
+    stop : AngleStop, optional
+        End stops.
+    friction : float
+        Largest friction about the axis [N m].
+    friction_rate : float
+        Angular rate at which friction has reached 71 % of that [rad/s].
+    """
+
+    axis: Axis
+    angle: Angle = 0.0
+    rate: AngularRate = 0.0
+    spring: TurningStiffness = 0.0
+    rest: Angle = 0.0
+    damper: TurningDamping = 0.0
+    stop: AngleStop | None = None
+    friction: Annotated[Torque, NonNegative] = 0.0
+    friction_rate: Annotated[AngularRate, Positive] = 1e-2
+
+    @property
+    def along(self) -> tuple[Along, ...]:
+        """Spring, damper, stops and friction about the axis."""
+        return along_axis(self)
+
+    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
+        """Return the angle and its rate at the start."""
+        return [self.angle], [self.rate]
+
+
+class TwoAngleJoint(CarryingJoint):
+    """Springs and dampers act against both angles of a joint.
+
+    Parameters
+    ----------
+    angles : tuple of float
+        Both angles at the start [rad].
+    rates : tuple of float
+        Their rates at the start [rad/s].
+    springs : tuple of float
+        Stiffnesses of springs against them [N m/rad].
+    rests : tuple of float
+        Angles at which the springs are unstretched [rad].
+    dampers : tuple of float
+        Coefficients of dampers against them [N m s/rad].
+    """
+
+    angles: tuple[Angle, Angle] = (0.0, 0.0)
+    rates: tuple[AngularRate, AngularRate] = (0.0, 0.0)
+    springs: tuple[TurningStiffness, TurningStiffness] = (0.0, 0.0)
+    rests: tuple[Angle, Angle] = (0.0, 0.0)
+    dampers: tuple[TurningDamping, TurningDamping] = (0.0, 0.0)
+
+    @property
+    def along(self) -> tuple[Along, ...]:
+        """Springs and dampers against both angles."""
+        return tuple(Along(*at) for at in zip(self.springs, self.rests, self.dampers, strict=True))
+
+    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
+        """Return both angles and their rates at the start."""
+        return self.angles, self.rates
