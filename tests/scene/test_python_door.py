@@ -21,10 +21,12 @@ from fmd.scene.loads import Drive, TorqueDrive
 from fmd.scene.outputs import Chart, Output
 from fmd.scene.places import MarkerPlace
 from fmd.scene.reading import SceneTable
+from fmd.scene.responses import FrequencyResponseChart
 from fmd.scene.rigid_bodies import PointMarker, PointMass, Rod
 from fmd.scene.runs import AutoRun, CentralDifferenceRun, Run
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.simulation import Simulation
+from fmd.scene.visuals import BoxVisual
 from tests.scene.scenes import SLIDER, refused
 
 HINGE = PointMarker(at=[0, 0, 0])
@@ -106,6 +108,17 @@ def test_a_dict_takes_overrides_and_bodies_like_another() -> None:
     assert (scene.body["second"].mass, scene.body["second"].length) == (3.0, 2.0)
     assert (scene.file, scene.simulation.gravity) == ("", (0.0, -9.81, 0.0))
     assert load_scene({"base": "beam", "title": "Another"}).body == load_scene("beam").body
+
+
+def test_a_key_that_is_a_word_of_python_has_a_name_of_its_own() -> None:
+    chart = {"file": "frf.png", "input": "plate.tip.z", "output": "plate.tip.z", "to": "2 kHz"}
+    assert FrequencyResponseChart(from_=10.0, **chart) == FrequencyResponseChart(**chart | {"from": "10 Hz"})
+    assert FrequencyResponseChart(from_=10.0, **chart).from_ == 10.0
+
+
+def test_one_shape_in_pictures_needs_no_list() -> None:
+    ball = BoxVisual(size=[0.1, 0.1, 0.1])
+    assert PointMass(mass=1.0, marker={}, visual=ball) == PointMass(mass=1.0, marker={}, visual=[ball])
 
 
 def test_flexible_bodies_and_runs_are_made_like_others() -> None:

@@ -184,6 +184,22 @@ class Mechanism:
         return np.asarray(self.layout.mode[body, : len(self.links[body].omega)])
 
     @property
+    def coordinates(self) -> tuple[tuple[str, str], ...]:
+        """Name and SI unit of each coordinate, in the order of the rates."""
+        found: dict[int, tuple[str, str]] = {}
+        for k, link in enumerate(self.links):
+            first, slides = int(self.layout.rate[k]), link.n_slides
+            for j in range(link.n_rates):
+                if link.joint.turns_in_space:
+                    name = f"{link.joint_name}.{'' if j < slides else 'r'}{'xyz'[j % 3]}"
+                else:
+                    name = f"{link.joint_name}.position" + (f" {j + 1}" if link.n_rates > 1 else "")
+                found[first + j] = name, "m" if j < slides else "rad"
+            for j, rate in enumerate(self.modes_of(k)):
+                found[int(rate)] = f"{link.name}.mode {j + 1}", "kg^(1/2) m"
+        return tuple(found[k] for k in range(self.n))
+
+    @property
     def signals(self) -> tuple[Signal, ...]:
         """All loads and motions."""
         motions = [link.motion for link in self.links if link.motion is not None]

@@ -16,7 +16,7 @@ from fmd.core.html import facts
 from fmd.output.key_figures import key_figures
 from fmd.output.pictures import DRAWINGS, draw_modes
 from fmd.scene.outputs import Output
-from fmd.scene.reading import suggest_name
+from fmd.scene.reading import Fault, join_errors, list_faults, suggest_name
 from fmd.stages.pipeline import Pipeline
 
 _PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress", "mechanism", "envelope", "fatigue")
@@ -117,11 +117,9 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
 
 
 def read_output(given: dict[str, Any]) -> Any:
-    """Check the keys of an output; raise ``InputError`` with the first that is wrong."""
+    """Check the keys of an output; raise ``InputError`` with all that is wrong."""
     try:
         return TypeAdapter[Any](Output).validate_python(given)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"] if part != given["type"])
-        mend = first["msg"].removeprefix("Value error, ")
-        raise InputError("picture", key, given.get(key), mend) from None
+        faults = [Fault(path[1:], mend) for path, mend in list_faults(error)]  # which begins with the type
+        raise join_errors(faults, given, lambda _: ("picture", None)) from None

@@ -169,19 +169,7 @@ class Linearisation:
 
     def state_names(self) -> list[Channel]:
         """Return the coordinates of the released mechanism, by their rates' order."""
-        names: dict[int, Channel] = {}
-        for k, link in enumerate(self._released.links):
-            first, slides = int(self._released.layout.rate[k]), link.n_slides
-            for j in range(link.n_rates):
-                unit = "m" if j < slides else "rad"
-                if link.joint.turns_in_space:
-                    name = f"{link.joint_name}.{'' if j < slides else 'r'}{'xyz'[j % 3]}"
-                else:
-                    name = f"{link.joint_name}.position" + (f" {j + 1}" if link.n_rates > 1 else "")
-                names[first + j] = Channel(name, unit)
-            for j, rate in enumerate(self._released.modes_of(k)):
-                names[int(rate)] = Channel(f"{link.name}.mode {j + 1}", "kg^(1/2) m")
-        return [names[k] for k in range(self._released.n)]
+        return [Channel(*coordinate) for coordinate in self._released.coordinates]
 
 
 class _Assembly:

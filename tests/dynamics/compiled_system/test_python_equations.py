@@ -88,6 +88,14 @@ def test_loops_stay_closed_under_a_load_of_ones_own() -> None:
     assert J @ found == pytest.approx(0, abs=1e-10 * np.abs(want).max())
 
 
+def test_coordinates_have_names_in_the_order_of_the_rates(arm: Result) -> None:
+    names = arm.system.names
+    assert names[:3] == ("shoulder.position", "elbow.position", "wrist.position")
+    assert names[3:] == tuple(f"forearm.mode {k}" for k in range(1, 6))
+    for joint in ("shoulder", "elbow"):
+        assert arm.system.joint_jacobian(joint, arm.start[0])[names.index(f"{joint}.position")] == 1.0
+
+
 def test_a_tree_has_no_constraints(arm: Result) -> None:
     assert arm.system.constraint_jacobian(arm.start[0]).shape == (0, arm.system.n)
 

@@ -51,6 +51,11 @@ class Equations:
         return self.mechanism.n_slow
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates in the order of the rates, such as ``"hinge.position"`` and ``"arm.mode 1"``."""
+        return tuple(name for name, _ in self.mechanism.coordinates)
+
+    @property
     def parameters(self) -> CompiledParameters:
         """Addresses and arrays for the kernels, with room to work in that is the caller's own."""
         raise NotImplementedError
