@@ -3,13 +3,13 @@
 import ctypes
 import shutil
 import subprocess
-from importlib.resources import files
 
 import numpy as np
 import pytest
 
 from fmd.core.formula import parse_formula
-from fmd.dynamics.compiler.c_signals import write_c_signals
+from fmd.dynamics.compiler.c_source import write_c
+from fmd.dynamics.compiler.signal_code import trace_signals
 from fmd.dynamics.signals.signal import constant, formula, half_sine, linear_table, smooth_table, total
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
@@ -30,14 +30,13 @@ def test_signals_have_the_same_values_rates_and_accelerations_in_c(tmp_path):
     signals = [formula(parse_formula(text), 2.5) for text in TEXTS]
     signals += [constant(3.0), linear_table(*SAMPLES), smooth_table(*SAMPLES)]
     signals.append(total([half_sine(0.2, 0.3, 4.0), constant(-1.0), signals[0]]))
-    source = (files("fmd.output.fmu") / "sources" / "series.h").read_text() + write_c_signals("own", signals)
-    (tmp_path / "own.c").write_text(source)
+    (tmp_path / "own.c").write_text(write_c({"own": trace_signals(signals)}))
     subprocess.run([COMPILER, "-shared", "-fPIC", "-o", "own.so", "own.c", "-lm"], cwd=tmp_path, check=True)
     function = ctypes.CDLL(str(tmp_path / "own.so")).own
     times, found = np.linspace(0.0, 1.0, 41) + 1e-4, []
     for t in times:
-        inputs = (ctypes.c_double * (3 * len(signals)))()
-        function(ctypes.c_double(t), inputs)
-        found.append(np.array(inputs).reshape(-1, 3))
+        time, inputs = np.array([t]), np.zeros((len(signals), 3))
+        function(*(ctypes.byref(ctypes.c_void_p(array.ctypes.data)) for array in (time, inputs)))
+        found.append(inputs)
     expected = np.stack([signal.values(times) for signal in signals], axis=1)
     assert np.stack(found) == pytest.approx(expected, rel=1e-12, abs=1e-12)

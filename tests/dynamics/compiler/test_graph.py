@@ -1,6 +1,7 @@
 """Expression graphs: simplification, the interpreter, differentiation, Stumpff functions."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -162,6 +163,30 @@ def test_functions_have_the_slopes_of_differences(function: str, at: float) -> N
     ahead, behind = (evaluate_function(function, at + h) for h in (1e-6, -1e-6))
     (value,) = interpret(graph, [slope.node], {"s": np.array([at])})
     assert value == pytest.approx((ahead - behind) / 2e-6, rel=1e-8, abs=1e-9)
+
+
+@pytest.mark.parametrize("make", [
+    lambda x, y: x.power(2.5), lambda x, y: x.power(y), lambda x, y: (x - y).select(x * y, x.apply("exp")),
+    lambda x, y: (y - x).select(x * y, x.apply("exp")), lambda x, y: x.below(y), lambda x, y: y.moving(x * x),
+    lambda x, y: x.piece(np.array([0.0, 0.5, 0.9])).pick(np.array([1.0, 3.0, 2.0])) * x,
+])  # fmt: skip
+def test_choices_have_the_slopes_of_differences(make: Callable[[Scalar, Scalar], Scalar]) -> None:
+    graph = Graph()
+    x, y = (graph.scalar_input("s", k) for k in range(2))
+    value, at, way = make(x, y), np.array([0.7, 0.4]), np.array([1.0, -0.5])
+    (slope,) = differentiate(graph, [value], {x.node: graph.number(way[0]), y.node: graph.number(way[1])})
+    ahead, behind = (interpret(graph, [value.node], {"s": at + h * way})[0] for h in (1e-6, -1e-6))
+    (found,) = interpret(graph, [slope.node], {"s": at})
+    assert found == pytest.approx((ahead - behind) / 2e-6, rel=1e-8, abs=1e-9)
+
+
+def test_what_stands_still_has_no_rate_where_a_slope_is_infinite() -> None:
+    graph = Graph()
+    x = graph.scalar_input("s", 0)
+    (slope,) = differentiate(graph, [x.power(0.5)], {x.node: graph.scalar_input("ds", 0)})
+    still, moving = (interpret(graph, [slope.node], {"s": np.zeros(1), "ds": np.array([ds])})[0] for ds in (0.0, 1.0))
+    assert still == 0.0
+    assert moving == np.inf
 
 
 def test_functions_have_no_value_where_mathematics_has_none() -> None:

@@ -21,7 +21,7 @@ from fmd.dynamics.compiler.graph import Graph, combine
 from fmd.dynamics.compiler.interpret import interpret
 from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.machine import LoadedObject, compile_object
-from fmd.dynamics.compiler.program import Output, Program
+from fmd.dynamics.compiler.program import LANES, Output, Program
 from fmd.dynamics.compiler.store import load_program, object_path
 from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
@@ -74,6 +74,19 @@ def test_compiled_functions_are_those_of_the_interpreter(name: str) -> None:
     node = graph.scalar_input("x", 0).apply(name).node
     expected = [interpret(graph, [node], {"x": np.array([x])})[0] for x in at]
     assert np.allclose(values_of(name, at), expected, rtol=1e-12)
+
+
+def test_choices_in_lanes_are_those_of_the_interpreter() -> None:
+    graph = Graph()
+    x, y, z = (graph.scalar_input("x", k) for k in range(3))
+    values = [x.select(y, z), y.below(x), x.moving(y), (x * x).power(z), x.apply("far_sin"), y.select(x, 2.0 * z)]
+    outputs = tuple(Output(value, ("y", (k,))) for k, value in enumerate(values))
+    program = Program("f", graph, ("x", "y"), outputs, lanes=("x", "y"))
+    given, found = np.random.default_rng(3).normal(size=(3, LANES)), np.zeros((len(values), LANES))
+    given[0, 0], given[1, 1] = 0.0, np.nan
+    run(program, LoadedObject(compile_object(emit(program, 4))), given, found)
+    expected = np.array(interpret(graph, [value.node for value in values], {"x": given}))
+    assert np.allclose(found, expected, rtol=1e-13, atol=1e-13, equal_nan=True)
 
 
 @pytest.mark.parametrize("register", [4, 8])

@@ -14,8 +14,9 @@ from scipy.interpolate import CubicSpline
 
 from fmd.core.formula import parse_formula
 from fmd.core.limits.scene import MOST_DEPTH
+from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.machine import LoadedObject, compile_object
-from fmd.dynamics.compiler.signal_code import emit_signals
+from fmd.dynamics.compiler.signal_code import trace_signals
 from fmd.dynamics.signals.signal import (
     Signal,
     constant,
@@ -70,7 +71,7 @@ def only_value(made: Signal, t: float) -> float:
 
 def compiled(signals: Sequence[Signal], times: Sequence[float]) -> np.ndarray:
     """Value and derivatives of signals by their machine code, shape (n_times, n_signals, 3)."""
-    loaded = LoadedObject(compile_object(emit_signals(signals)))
+    loaded = LoadedObject(compile_object(emit(trace_signals(signals), 4)))
     call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(loaded.address("signals"))
     out = np.full((len(times), len(signals), 3), np.nan)
     for t, row in zip(times, out, strict=True):
@@ -313,6 +314,14 @@ def test_machine_code_gives_what_numpy_does() -> None:
         finite = np.isfinite(expected).all(axis=1)
         assert found[finite, k] == pytest.approx(expected[finite], rel=1e-12, abs=1e-12), k
         assert not np.isfinite(found[~finite, k]).all(axis=1).any(), k
+
+
+def test_machine_code_of_impulses_alone_is_that_of_numpy_between_and_after_them() -> None:
+    made = [half_sine(0.1, 0.2, 2.0), total([half_sine(0.5, 0.1, 3.0), half_sine(0.25, 0.1, -1.0)])]
+    times = np.array([0.0, 0.1, 0.15, 0.28, 0.3, 0.4, 0.55, 0.7, np.nextafter(0.5, 0.0)])
+    expected = np.stack([one.values(times) for one in made], axis=1)
+    assert compiled(made, times.tolist()) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert not expected[[0, 5, 7, 8]].any()
 
 
 @settings(max_examples=30, deadline=None)

@@ -1,9 +1,8 @@
 """Compiled code: how long it may get, and how it is laid out."""
 
 # Formulas.
-MOST_FACTORS = 16  # of a whole power of a force's formula that is written as products
+MOST_FACTORS = 16  # of a whole power in a formula that is written as products
 FAR_ANGLE = 1e9  # angle [rad] beyond which sine and cosine need more digits of π than the short reduction has
-MOST_PRODUCTS = 8  # of a power of a load's formula that is written as products
 TINY_SQUARE = 1e-300  # Pa²: the square of a von Mises stress whose root has a derivative at no stress, too
 
 # Products.

@@ -21,6 +21,7 @@ from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.stumpff import LIMIT, coefficients
 
 _PER_LINE = 4
+_WITH_TABLES = ("array", "diagonal", "matrix", "piece", "pick")
 
 
 def write_c(programs: Mapping[str, Program]) -> str:
@@ -80,7 +81,7 @@ class _CWriter:
         if self._program.lanes:
             body = [f"for (int lane = 0; lane < {LANES}; ++lane) {{", *(f"    {line}" for line in body), "}"]
         tables = _table_lines(self._graph, _tables(self._program)) if self._own_tables else []
-        lines = ["(void)in;", *tables, *body]
+        lines = ["(void)in;", *([] if body else ["(void)out;"]), *tables, *body]
         return [
             f"void {self._name}(const double *const *in, double *const *out)",
             "{",
@@ -123,6 +124,21 @@ class _CWriter:
                 return f"{x[0]}[{data}]"
             case "sin" | "cos" | "sqrt" | "exp" | "log" | "tanh":
                 return f"{operation}({x[0]})"
+            case "far_sin" | "far_cos":
+                return f"{operation.removeprefix('far_')}({x[0]})"
+            case "power":
+                return f"sqrt({x[0]})" if self._graph.nodes[arguments[1]].data == 0.5 else f"pow({x[0]}, {x[1]})"
+            case "below":
+                return f"{x[0]} < {x[1]} || isnan({x[0]}) ? 1.0 : 0.0"
+            case "select":
+                return f"{x[0]} > 0.0 ? {x[1]} : {x[2]}"
+            case "moving":
+                return f"{x[1]} == 0.0 ? 0.0 : {x[0]} * {x[1]}"
+            case "piece":
+                self.helpers.add(operation)
+                return f"{self._name}_piece({x[0]}, {self._graph.arrays[data].size}, m{data})"  # type: ignore[index]
+            case "pick":
+                return f"m{data}[(int){x[0]}]"
             case "positive" | "step":
                 return f"{x[0]} > 0.0 ? {x[0] if operation == 'positive' else '1.0'} : 0.0"
         if operation not in (*STUMPFF, *ARC):
@@ -170,7 +186,7 @@ class _CWriter:
 def _tables(program: Program) -> set[int]:
     """Return the numbers of the constants that a program takes."""
     nodes = (program.graph.nodes[number] for number in program.nodes)
-    return {int(node.data) for node in nodes if node.operation in ("array", "diagonal", "matrix")}  # type: ignore[arg-type]
+    return {int(node.data) for node in nodes if node.operation in _WITH_TABLES}  # type: ignore[arg-type]
 
 
 def _table_lines(graph: Graph, numbers: set[int]) -> list[str]:
@@ -199,9 +215,29 @@ def _braced(entries: Iterable[str] | Array) -> str:
 
 def _helper(name: str, function: str) -> list[str]:
     """Write a function that C's library hasn't."""
+    if function == "piece":
+        return _piece_function(name)
     if function in ARC:
         return _arc_function(name, int(function.removeprefix("arc")))
     return _stumpff_function(name, int(function.removeprefix("stumpff")))
+
+
+def _piece_function(name: str) -> list[str]:
+    """Write the search for the last of ascending knots that a number isn't below, or the first."""
+    return [
+        f"static double {name}_piece(double x, int n, const double *knots)",
+        "{",
+        "    int low = 0;",
+        "    for (int high = n; high - low > 1;) {",
+        "        const int middle = (low + high) / 2;",
+        "        if (knots[middle] <= x)",
+        "            low = middle;",
+        "        else",
+        "            high = middle;",
+        "    }",
+        "    return low;",
+        "}",
+    ]
 
 
 def _arc_function(name: str, k: int) -> list[str]:

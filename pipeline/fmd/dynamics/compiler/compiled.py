@@ -20,8 +20,8 @@ from fmd.dynamics.compiler.graph import Graph
 from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.programs import trace_program
-from fmd.dynamics.compiler.signal_code import digest_signals, emit_signals
-from fmd.dynamics.compiler.store import load_object, load_program
+from fmd.dynamics.compiler.signal_code import digest_signals, trace_signals
+from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.compiler.structure import describe_structure
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
@@ -56,7 +56,7 @@ class CompiledMechanism:
 
     @cached_property
     def _signal_values(self) -> LoadedObject:
-        return load_object("signals", digest_signals(self.signals), lambda: emit_signals(self.signals))
+        return load_program("signals", digest_signals(self.signals), lambda: trace_signals(self.signals))
 
     @cached_property
     def rows(self) -> list[ConstraintRow]:

@@ -57,6 +57,8 @@ def _scalar_slope(graph: Graph, number: int, slopes: Mapping[int, Scalar | Vecto
         assert isinstance(x, Vector) and isinstance(y, Vector)  # noqa: PT018 - for the types
         assert isinstance(dx, Vector) and isinstance(dy, Vector)  # noqa: PT018
         return dx.dot(y) + x.dot(dy)
+    if operation in ("below", "piece", "pick"):
+        return graph.number(0.0)
     s, *rest = (value for value in values if isinstance(value, Scalar))
     ds, *d_rest = (change for change in changes if isinstance(change, Scalar))
     if operation == "add":
@@ -70,7 +72,22 @@ def _scalar_slope(graph: Graph, number: int, slopes: Mapping[int, Scalar | Vecto
     if operation == "invert":
         inverse = Scalar(graph, number)
         return -(ds * (inverse * inverse))
-    return ds * _function_slope(operation, s)
+    if operation == "select":
+        return s.select(*d_rest)
+    if operation == "power":
+        return _power_slope(Scalar(graph, number), s, rest[0], ds, d_rest[0])
+    if operation == "moving":
+        return rest[0].moving(ds) + d_rest[0].moving(s)
+    slope = _function_slope(operation, s)
+    return ds.moving(slope) if operation == "log" else ds * slope
+
+
+def _power_slope(value: Scalar, x: Scalar, exponent: Scalar, dx: Scalar, d_exponent: Scalar) -> Scalar:
+    """Return the derivative of a power; a constant exponent needs no logarithm, so that x may be 0 or negative."""
+    slope = exponent * x.power(exponent - 1.0)
+    if exponent.constant is None:
+        slope = (exponent * exponent).select(slope, x.graph.number(0.0))  # of x to the 0, even at 0
+    return dx.moving(slope) + d_exponent.moving(value * x.apply("log"))
 
 
 def _function_slope(function: str, x: Scalar) -> Scalar:
@@ -91,6 +108,8 @@ def _function_slope(function: str, x: Scalar) -> Scalar:
         "tanh": lambda: 1.0 - value * value,
         "positive": lambda: x.apply("step"),
         "step": lambda: x.graph.number(0.0),
+        "far_sin": lambda: x.apply("far_cos"),
+        "far_cos": lambda: -x.apply("far_sin"),
     }
     if function in simple:
         return simple[function]()

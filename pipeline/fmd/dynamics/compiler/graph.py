@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler.functions import evaluate_function
+from fmd.dynamics.compiler.functions import CHOICES, evaluate_function
 from fmd.dynamics.compiler.nodes import NodeTable
 
 
@@ -161,6 +161,46 @@ class Scalar:
         if (value := self.constant) is not None:
             return self.graph.number(float(evaluate_function(function, value)))
         return self._make(function, self)
+
+    def power(self, exponent: Scalar | float) -> Scalar:
+        """Return its power."""
+        other = self._other(exponent)
+        if other.constant in (0.0, 1.0):
+            return self if other.constant else self.graph.number(1.0)
+        return self._choose("power", self, other)
+
+    def below(self, other: Scalar) -> Scalar:
+        """Return 1 where it is below another or no number, else 0."""
+        return self._choose("below", self, other)
+
+    def select(self, above: Scalar, other: Scalar) -> Scalar:
+        """Return one scalar where it is above 0, else another."""
+        if above.node == other.node:
+            return above
+        if (value := self.constant) is not None:
+            return above if value > 0.0 else other
+        return self._make("select", self, above, other)
+
+    def moving(self, slope: Scalar) -> Scalar:
+        """Return a slope times it, as a rate: 0 where it is 0, whatever the slope."""
+        return slope * self if self.constant is not None else self._choose("moving", slope, self)
+
+    def _choose(self, function: str, *arguments: Scalar) -> Scalar:
+        values = [x.constant for x in arguments]
+        if None not in values:
+            with np.errstate(all="ignore"):
+                return self.graph.number(float(CHOICES[function](*values)))
+        return self._make(function, *arguments)
+
+    def piece(self, knots: Array) -> Scalar:
+        """Return the number of the last of ascending knots (n,) that it isn't below, or 0."""
+        return Scalar(self.graph, self.graph.add("piece", (self.node,), self.graph.add_array(knots)))
+
+    def pick(self, values: Array) -> Scalar:
+        """Return one of some values (n,), of which it is the number."""
+        if not (values - values[0]).any():
+            return self.graph.number(float(values[0]))
+        return Scalar(self.graph, self.graph.add("pick", (self.node,), self.graph.add_array(values)))
 
 
 class Vector:

@@ -15,7 +15,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.memory import STATES_AT_ONCE
-from fmd.dynamics.compiler.functions import FUNCTIONS, evaluate_function
+from fmd.dynamics.compiler.functions import CHOICES, FUNCTIONS, evaluate_function
 from fmd.dynamics.compiler.graph import Graph, Scalar
 
 
@@ -118,7 +118,13 @@ def _step(graph: Graph, number: int) -> Callable[..., Any]:
     if operation == "matrix":
         matrix = graph.arrays[data]  # type: ignore[index]
         return lambda _, x: matrix @ x
-    function = partial(evaluate_function, operation) if operation in FUNCTIONS else _ARITHMETIC[operation]
+    if operation == "piece":
+        knots = graph.arrays[data]  # type: ignore[index]
+        return lambda _, x: np.maximum(np.searchsorted(knots, x, side="right") - 1, 0)
+    if operation == "pick":
+        values = graph.arrays[data]  # type: ignore[index]
+        return lambda _, number: values[number]
+    function = partial(evaluate_function, operation) if operation in FUNCTIONS else _SEVERAL[operation]
     return lambda _, *x: function(*x)
 
 
@@ -134,7 +140,8 @@ def _combine(*terms: Any) -> Any:
     return reduce(operator.add, products)
 
 
-_ARITHMETIC: dict[str, Callable[..., Any]] = {
+_SEVERAL: dict[str, Callable[..., Any]] = {
+    **CHOICES,
     "add": operator.add,
     "subtract": operator.sub,
     "multiply": operator.mul,

@@ -12,7 +12,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.limits.code import UNROLLED
 from fmd.dynamics.compiler.chunks import Chunk, ChunkWriter
-from fmd.dynamics.compiler.functions import FUNCTIONS
+from fmd.dynamics.compiler.functions import CHOICES, FUNCTIONS
 from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.writer import literal, type_of
 
@@ -76,7 +76,13 @@ class LaneEmitter:
         elif operation in ("sin", "cos"):
             self._scalars[number] = self._turn(arguments[0])[operation == "cos"]
         elif operation in FUNCTIONS:
+            self.functions |= {operation} | ({"turn"} if operation.startswith("far_") else set())
             self._scalars[number] = self._call(operation, self._scalars[arguments[0]])
+        elif operation == "power":
+            self.functions.add(operation)
+            self._scalars[number] = self._call(operation, *(self._scalar(k) for k in arguments))
+        elif operation in CHOICES:
+            self._scalars[number] = self._out.choose(operation, [self._scalar(k) for k in arguments], LANES)
         elif operation == "entry":
             self._scalars[number] = self._vectors[arguments[0]][data]  # type: ignore[index]
         elif operation == "dot":
@@ -95,13 +101,12 @@ class LaneEmitter:
             self._turns[argument] = self._out.sine_and_cosine(self._scalars[argument], LANES)
         return self._turns[argument]
 
-    def _call(self, function: str, x: str) -> str:
+    def _call(self, function: str, *arguments: str) -> str:
         """Write a call of a function lane by lane."""
-        self.functions.add(function)
         value = "poison"
         for lane in range(LANES):
-            one = self._out.value(f"extractelement {_KIND} {x}, i32 {lane}")
-            one = self._out.value(f"call double @of_{function}(double {one})")
+            given = [self._out.value(f"extractelement {_KIND} {x}, i32 {lane}") for x in arguments]
+            one = self._out.value(f"call double @of_{function}({', '.join(f'double {x}' for x in given)})")
             value = self._out.value(f"insertelement {_KIND} {value}, double {one}, i32 {lane}")
         return value
 

@@ -6,15 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from fmd.core import formula as codes
 from fmd.core.formula import Formula
-from fmd.core.limits.code import MOST_FACTORS
 from fmd.core.limits.loads import GAUSS_POINTS
+from fmd.dynamics.compiler.formulas import raise_to, trace_formula
 from fmd.dynamics.compiler.graph import Scalar, total
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw
 from fmd.dynamics.formula_pieces import integrate_formula
-
-_FUNCTIONS = {codes.SIN: "sin", codes.COS: "cos", codes.EXP: "exp", codes.LOG: "log", codes.SQRT: "sqrt"}
 
 
 def trace_law(law: ForceLaw, x: Scalar, rate: Scalar) -> Scalar:
@@ -42,10 +39,10 @@ def trace_law_energy(law: ForceLaw, x: Scalar) -> Scalar:
 def trace_curve(curve: ForceCurve, x: Scalar) -> Scalar:
     """Trace the value of a curve."""
     if curve.formula is not None:
-        return trace_formula(curve.formula, x) * curve.factor
+        return trace_formula(curve.formula.codes, curve.formula.constants, x) * curve.factor
     value = _polynomial(curve.polynomial, x)
     for bend in curve.bends:
-        value = value + _power((x - bend.at).apply("positive"), bend.power) * bend.weight
+        value = value + raise_to((x - bend.at).apply("positive"), bend.power) * bend.weight
     return value
 
 
@@ -54,7 +51,7 @@ def _trace_integral(curve: ForceCurve, x: Scalar) -> Scalar:
         return _trace_formula_integral(curve.formula, x) * curve.factor
     value = _polynomial(np.polynomial.polynomial.polyint(curve.polynomial), x)
     for bend in curve.bends:
-        raised = _power((x - bend.at).apply("positive"), bend.power + 1)
+        raised = raise_to((x - bend.at).apply("positive"), bend.power + 1)
         value = value + raised * (bend.weight / (bend.power + 1))
     return value
 
@@ -72,7 +69,8 @@ def _trace_formula_integral(formula: Formula, x: Scalar) -> Scalar:
             value = value + passed * float(sums[k] - sums[before])
     points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     way = x - begin
-    inside = (trace_formula(formula, begin + way * float(0.5 * (point + 1.0))) for point in points)
+    places = (begin + way * float(0.5 * (point + 1.0)) for point in points)
+    inside = (trace_formula(formula.codes, formula.constants, place) for place in places)
     return value + total(f * float(w) for f, w in zip(inside, weights, strict=True)) * way * 0.5
 
 
@@ -86,63 +84,3 @@ def _polynomial(lowest_first: Iterable[float], x: Scalar) -> Scalar:
     for coefficient in reversed(list(lowest_first)):
         value = value * x + float(coefficient)
     return value
-
-
-def _power(x: Scalar, power: int) -> Scalar:
-    value = x.graph.number(1.0)
-    for _ in range(power):
-        value = value * x
-    return value
-
-
-def trace_formula(given: Formula, x: Scalar) -> Scalar:
-    """Trace the value of a formula whose variable is a scalar."""
-    stack, constants = list[Scalar](), iter(given.constants)
-    for code in given.codes:
-        if code == codes.CONSTANT:
-            stack.append(x.graph.number(next(constants)))
-        elif code == codes.TIME:
-            stack.append(x)
-        elif code in _FUNCTIONS:
-            stack.append(stack.pop().apply(_FUNCTIONS[code]))
-        elif code in (codes.BEFORE, codes.UNTIL):
-            switch, first, second = stack.pop(), stack.pop(), stack.pop()
-            beyond = (x - switch).apply("step")
-            stack.append(first + beyond * (second - first))
-        elif code in (codes.NEGATE, codes.TAN, codes.TANH, codes.ABS):
-            stack.append(_of_one(code, stack.pop()))
-        else:
-            b, a = stack.pop(), stack.pop()
-            stack.append(_of_two(code, a, b))
-    return stack[0]
-
-
-def _of_one(code: int, a: Scalar) -> Scalar:
-    if code == codes.NEGATE:
-        return -a
-    if code == codes.TAN:
-        return a.apply("sin") * a.apply("cos").inverse()
-    if code == codes.TANH:
-        return a.apply("tanh")
-    return a.apply("positive") + (-a).apply("positive")
-
-
-def _of_two(code: int, a: Scalar, b: Scalar) -> Scalar:
-    match code:
-        case codes.ADD:
-            return a + b
-        case codes.SUBTRACT:
-            return a - b
-        case codes.MULTIPLY:
-            return a * b
-        case codes.DIVIDE:
-            return a * b.inverse()
-        case codes.MINIMUM:
-            return a - (a - b).apply("positive")
-        case codes.MAXIMUM:
-            return a + (b - a).apply("positive")
-    exponent = b.constant
-    if exponent is not None and exponent == round(exponent) and abs(exponent) <= MOST_FACTORS:
-        raised = _power(a, int(abs(exponent)))
-        return raised if exponent >= 0.0 else raised.inverse()
-    return (b * a.apply("log")).apply("exp")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from fmd.core.arrays import Array
 from fmd.dynamics.compiler.chunks import Chunk, ChunkWriter
-from fmd.dynamics.compiler.functions import DECLARATIONS, FUNCTIONS, function_code
+from fmd.dynamics.compiler.functions import CHOICES, DECLARATIONS, FUNCTIONS, function_code
 from fmd.dynamics.compiler.lanes import LaneEmitter
 from fmd.dynamics.compiler.program import Program
 from fmd.dynamics.compiler.writer import literal
@@ -44,6 +45,8 @@ class _Emitter:
         self._scalars: dict[int, str] = {}
         self._vectors: dict[int, list[Chunk]] = {}
         self._turns: dict[int, tuple[str, str]] = {}
+        self._far_turns: dict[int, tuple[str, str]] = {}
+        self._tables: dict[bytes, str] = {}
         self.lanes = LaneEmitter(program, self.out, self._scalars, self._vectors)
 
     def write_nodes(self) -> None:
@@ -56,6 +59,14 @@ class _Emitter:
                 self._vectors[number] = self._vector(number)
             else:
                 self._scalars[number] = self._scalar(number)
+            if self._program.guard is not None and self._program.guard.node == number:
+                self._leave_at_rest(self._scalars[number])
+
+    def _leave_at_rest(self, guard: str) -> None:
+        places = [(argument, place) for _, (argument, places) in self._program.outputs for place in places]
+        at = [self.out.value(f"getelementptr double, ptr %{argument}, i64 {place}") for argument, place in places]
+        stores = [f"store double {literal(0.0)}, ptr {place}, align 8" for place in at]
+        self.out.leave_unless(f"fcmp ogt double {guard}, {literal(0.0)}", stores)
 
     def write_outputs(self) -> None:
         """Write the stores of all outputs."""
@@ -85,9 +96,34 @@ class _Emitter:
             return out.entry(self._vectors[arguments[0]], data, 1)  # type: ignore[arg-type]
         if operation == "dot":
             return out.dot(*(self._vectors[k] for k in arguments))
+        if operation in CHOICES:
+            return self._choice(operation, arguments)
+        if operation in ("piece", "pick"):
+            return self._of_table(operation, scalars[arguments[0]], self._graph.arrays[data])  # type: ignore[index]
         if operation not in FUNCTIONS:
             raise ValueError(f"no code for {operation}")
         return self._function(operation, arguments[0])
+
+    def _choice(self, operation: str, arguments: tuple[int, ...]) -> str:
+        values = [self._scalars[k] for k in arguments]
+        if operation != "power":
+            return self.out.choose(operation, values)
+        if self._graph.nodes[arguments[1]].data == 0.5:
+            return self.out.value(f"call double @llvm.sqrt.f64(double {values[0]})")
+        self.functions.add(operation)
+        return self.out.value(f"call double @of_power(double {values[0]}, double {values[1]})")
+
+    def _of_table(self, operation: str, x: str, values: Array) -> str:
+        key = values.tobytes()
+        if key not in self._tables:
+            self._tables[key] = self.out.table(values)
+        table = self._tables[key]
+        if operation == "piece":
+            self.functions.add("piece")
+            return self.out.value(f"call double @of_piece(double {x}, ptr {table}, i64 {values.size})")
+        number = self.out.value(f"fptosi double {x} to i64")
+        place = self.out.value(f"getelementptr double, ptr {table}, i64 {number}")
+        return self.out.value(f"load double, ptr {place}, align 8")
 
     def _function(self, operation: str, argument: int) -> str:
         x = self._scalars[argument]
@@ -95,6 +131,11 @@ class _Emitter:
             if argument not in self._turns:
                 self._turns[argument] = self.out.sine_and_cosine(x)
             return self._turns[argument][operation == "cos"]
+        if operation in ("far_sin", "far_cos"):
+            self.functions.add("turn")
+            if argument not in self._far_turns:
+                self._far_turns[argument] = self.out.sine_or_cosine_far(x)
+            return self._far_turns[argument][operation == "far_cos"]
         self.functions.add(operation)
         return self.out.value(f"call double @of_{operation}(double {x})")
 

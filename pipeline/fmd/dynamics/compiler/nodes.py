@@ -20,13 +20,14 @@ class Node(NamedTuple):
     ----------
     operation : str
         Scalars: ``number``, ``input``, ``add``, ``subtract``, ``multiply``, ``negate``, ``invert``, one of
-        `functions.FUNCTIONS`, ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``,
+        `functions.FUNCTIONS` or `functions.CHOICES`, ``piece`` of ascending constants that a scalar is in, ``pick`` of
+        constants by such a number, ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``,
         ``combine`` (scalar, vector, scalar, vector, …: the sum of the products), ``diagonal`` and ``matrix`` (constant,
         times a vector).
     arguments : tuple of int
         Numbers of the nodes that it takes, all smaller than its own.
     data : float, int or Place
-        The number; which entry; the number of the constant in `Graph.arrays`; where an input is.
+        The number; which entry; the number of the constant array in `Graph.arrays`; where an input is.
     size : int
         Entries of a vector, 0 for a scalar.
     """

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmd.dynamics.compiler.functions import FUNCTIONS
+from fmd.dynamics.compiler.functions import CHOICES, FUNCTIONS
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.nodes import Place
 
@@ -41,6 +41,8 @@ class Program:
         Arguments that have `LANES` entries in each place: the directions of derivatives, and these.
     in_place : bool
         Outputs replace inputs.
+    guard : Scalar, optional
+        All outputs are 0 unless it is above 0, so that code may leave there.
     """
 
     name: str
@@ -49,11 +51,13 @@ class Program:
     outputs: tuple[Output, ...] = field(repr=False)
     lanes: tuple[str, ...] = ()
     in_place: bool = False
+    guard: Scalar | None = None
 
     @cached_property
     def nodes(self) -> list[int]:
         """Numbers of the nodes that it evaluates, in order."""
-        return self.graph.live(output.value.node for output in self.outputs)
+        first = [] if self.guard is None else [self.guard.node]
+        return self.graph.live([*first, *(output.value.node for output in self.outputs)])
 
     @property
     def flops(self) -> int:
@@ -63,7 +67,7 @@ class Program:
 
 def _flops(graph: Graph, number: int) -> int:
     operation, arguments, data, size = graph.nodes[number]
-    if operation in ("add", "subtract", "multiply", "invert") or operation in FUNCTIONS:
+    if operation in ("add", "subtract", "multiply", "invert", *FUNCTIONS, *CHOICES):
         return 1
     if operation == "dot":
         return 2 * graph.nodes[arguments[0]].size - 1

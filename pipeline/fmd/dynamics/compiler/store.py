@@ -25,12 +25,7 @@ _loaded: OrderedDict[Path, LoadedObject] = OrderedDict()
 
 
 def load_program(name: str, digest: str, trace: Callable[[], Program]) -> LoadedObject:
-    """Return a program's machine code; parameters are those of `load_object`."""
-    return load_object(name, digest, lambda: emit(trace(), register_width()))
-
-
-def load_object(name: str, digest: str, write: Callable[[], str]) -> LoadedObject:
-    """Return a function's machine code: kept from before, or compiled now and kept.
+    """Return a program's machine code: kept from before, or compiled now and kept.
 
     Parameters
     ----------
@@ -38,15 +33,15 @@ def load_object(name: str, digest: str, write: Callable[[], str]) -> LoadedObjec
         The function's.
     digest : str
         Of all that it is made from, apart from the sources.
-    write : callable
-        Writes it in LLVM's language, if it has to be compiled.
+    trace : callable
+        Traces it, if it has to be compiled.
     """
     path = object_path(name, digest)
     loaded = _loaded.pop(path, None)
     if loaded is None:
         content = _read(path)
         if content is None:
-            content = compile_object(write())
+            content = compile_object(emit(trace(), register_width()))
             _write(path, content)
         loaded = LoadedObject(content)
     _loaded[path] = loaded

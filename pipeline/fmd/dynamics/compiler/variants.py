@@ -21,8 +21,8 @@ from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import Program
 from fmd.dynamics.compiler.programs import trace_leap
-from fmd.dynamics.compiler.signal_code import digest_signals, emit_signals
-from fmd.dynamics.compiler.store import load_object, load_program
+from fmd.dynamics.compiler.signal_code import digest_signals, trace_signals
+from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant
@@ -88,7 +88,7 @@ class CompiledVariants:
         digests = [digest_signals(own) for own in loads]
         different = dict(zip(digests, loads, strict=True))
         codes = {
-            digest: load_object("signals", digest, partial(emit_signals, own)) for digest, own in different.items()
+            digest: load_program("signals", digest, partial(trace_signals, own)) for digest, own in different.items()
         }
         return [codes[digest] for digest in digests]
 

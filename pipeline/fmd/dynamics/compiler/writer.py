@@ -11,6 +11,7 @@ import struct
 from collections.abc import Sequence
 
 from fmd.core.arrays import Array
+from fmd.core.limits.code import FAR_ANGLE
 from fmd.dynamics.compiler.stumpff import LIMIT, coefficients
 
 # Sine and cosine on −π/4 … π/4 (Moshier, Methods and Programs for Mathematical Functions, 1989: Cephes), lowest first.
@@ -90,6 +91,12 @@ class Writer:
         self.lines += [f"br label %{label}", f"{label}:"]
         return label, f"after_{label}", before
 
+    def leave_unless(self, going_on: str, stores: Sequence[str]) -> None:
+        """Leave the function after some stores unless a comparison holds."""
+        self.lines += [f"br i1 {self.value(going_on)}, label %going_on, label %leaving"]
+        self.lines += ["leaving:", *stores, "ret void", "going_on:"]
+        self._block = "going_on"
+
     def end_loop(self, going_on: str, label: str, after: str) -> None:
         """End a loop that runs again while a comparison holds."""
         self.lines += [f"br i1 {self.value(going_on)}, label %{label}, label %{after}", f"{after}:"]
@@ -127,6 +134,29 @@ class Writer:
         second = self.value(f"select {bit} {odd}, {kind} {sine}, {kind} {cosine}")
         after = self.value(f"add {whole} {bits}, {_integers(1, width)}")
         return self._signed(first, bits, width), self._signed(second, after, width)
+
+    def sine_or_cosine_far(self, x: str) -> tuple[str, str]:
+        """Write a call for sine and cosine of any angle."""
+        room = self.value("alloca [2 x double], align 8")
+        self.lines.append(f"call void @of_turn(double {x}, ptr {room})")
+        sine = self.value(f"load double, ptr {room}, align 8")
+        second = self.value(f"getelementptr double, ptr {room}, i64 1")
+        return sine, self.value(f"load double, ptr {second}, align 8")
+
+    def choose(self, operation: str, values: Sequence[str], width: int = 1) -> str:
+        """Write a choice of scalars: ``below``, ``select`` or ``moving``; see `functions.CHOICES`."""
+        kind, nothing, (a, b, *_) = type_of(width), literals(0.0, width), values
+        if operation == "select":
+            above = self.value(f"fcmp ogt {kind} {a}, {nothing}")
+            return self.value(f"select {type_of(width, 'i1')} {above}, {kind} {b}, {kind} {values[2]}")
+        if operation == "moving":
+            still = self.value(f"fcmp oeq {kind} {b}, {nothing}")
+            product = self.value(f"fmul {kind} {a}, {b}")
+            return self.value(f"select {type_of(width, 'i1')} {still}, {kind} {nothing}, {kind} {product}")
+        less, unknown = self.value(f"fcmp olt {kind} {a}, {b}"), self.value(f"fcmp uno {kind} {a}, {a}")
+        either = self.value(f"or {type_of(width, 'i1')} {less}, {unknown}")
+        one = literals(1.0, width)
+        return self.value(f"select {type_of(width, 'i1')} {either}, {kind} {one}, {kind} {nothing}")
 
     def _signed(self, value: str, quarter: str, width: int) -> str:
         """Turn a value's sign if bit 1 of the quarter is set."""
@@ -171,3 +201,61 @@ def stumpff_function(k: int, name: str) -> str:
         "}",
     ]
     return "\n".join(lines)
+
+
+def turning_function() -> str:
+    """Sine and cosine of any angle as a function, to two places: by a short reduction, or the library's."""
+    near = Writer()
+    sine, cosine = near.sine_and_cosine("%x")
+    return "\n".join(
+        [
+            "define internal void @of_turn(double %x, ptr %out) noinline nounwind {",
+            f"%small = fcmp olt double %x, {literal(FAR_ANGLE)}",
+            f"%large = fcmp ogt double %x, {literal(-FAR_ANGLE)}",
+            "%near_zero = and i1 %small, %large",
+            "%second = getelementptr double, ptr %out, i64 1",
+            "br i1 %near_zero, label %near, label %far",
+            "near:",
+            *near.lines,
+            f"store double {sine}, ptr %out, align 8",
+            f"store double {cosine}, ptr %second, align 8",
+            "ret void",
+            "far:",
+            "%sine = call double @sin(double %x)",
+            "%cosine = call double @cos(double %x)",
+            "store double %sine, ptr %out, align 8",
+            "store double %cosine, ptr %second, align 8",
+            "ret void",
+            "}",
+        ]
+    )
+
+
+def piece_function() -> str:
+    """The number of the last of n ascending knots that x isn't below, or 0, as a function: by bisection."""
+    return "\n".join(
+        [
+            "define internal double @of_piece(double %x, ptr %knots, i64 %n) noinline nounwind {",
+            "entry:",
+            "br label %search",
+            "search:",
+            "%low = phi i64 [0, %entry], [%new_low, %halve]",
+            "%high = phi i64 [%n, %entry], [%new_high, %halve]",
+            "%width = sub i64 %high, %low",
+            "%wide = icmp sgt i64 %width, 1",
+            "br i1 %wide, label %halve, label %piece",
+            "halve:",
+            "%sum = add i64 %low, %high",
+            "%middle = lshr i64 %sum, 1",
+            "%at_knot = getelementptr double, ptr %knots, i64 %middle",
+            "%knot = load double, ptr %at_knot, align 8",
+            "%passed = fcmp ole double %knot, %x",
+            "%new_low = select i1 %passed, i64 %middle, i64 %low",
+            "%new_high = select i1 %passed, i64 %high, i64 %middle",
+            "br label %search",
+            "piece:",
+            "%number = sitofp i64 %low to double",
+            "ret double %number",
+            "}",
+        ]
+    )

@@ -1,7 +1,7 @@
 """Functions of time: loads and prescribed motions, with their first two derivatives.
 
-A formula is run on truncated Taylor series (f, f', f''), so that position, rate and acceleration of a prescribed motion
-belong together by construction (Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM, 2008, ch. 13).
+A signal is an expression graph, which is differentiated, evaluated and printed as a mechanism's is. So position, rate
+and acceleration of a prescribed motion belong together by construction.
 """
 
 from __future__ import annotations
@@ -9,13 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from fmd.core import formula as operation
 from fmd.core.arrays import Array, require_shape
 from fmd.core.formula import Formula
-from fmd.dynamics.signals.evaluate import run_program, run_table
+from fmd.dynamics.compiler.differentiate import differentiate
+from fmd.dynamics.compiler.formulas import trace_formula, trace_table
+from fmd.dynamics.compiler.graph import Graph, Scalar
+from fmd.dynamics.compiler.graph import total as sum_up
+from fmd.dynamics.compiler.interpret import Evaluation, evaluate_scalars
 
 CONSTANT, PROGRAM, TABLE = range(3)
 """Kinds of a term."""
@@ -35,13 +40,21 @@ class Term:
     cubics: tuple[tuple[float, float, float, float], ...] = ()  # from each knot on, lowest power first
     support: tuple[float, float] = ALWAYS
 
-    def values(self, times: Array) -> Array:
-        """Value, first and second derivative at times within the support, shape (3, n_times)."""
+    def trace(self, t: Scalar) -> Scalar:
+        """Trace its value at a time."""
         if self.kind == PROGRAM:
-            return run_program(self.codes, self.numbers, times)
-        if self.kind == TABLE:
-            return run_table(np.array(self.knots), np.array(self.cubics), times)
-        return np.stack([np.full(times.shape, self.numbers[0]), *np.zeros((2, times.size))])
+            return self._while_acting(trace_formula(self.codes, self.numbers, t), t)
+        return trace_table(self.knots, self.cubics, t) if self.kind == TABLE else t.graph.number(self.numbers[0])
+
+    def trace_activity(self, t: Scalar) -> Scalar:
+        """Trace 1 while a time is within the support, else 0."""
+        return self._while_acting(t.graph.number(1.0), t)
+
+    def _while_acting(self, value: Scalar, t: Scalar) -> Scalar:
+        if self.support == ALWAYS:
+            return value
+        (first, last), nothing = self.support, t.graph.number(0.0)
+        return (first - t).select(nothing, (t - last).select(nothing, value))
 
 
 @dataclass(frozen=True)
@@ -72,13 +85,25 @@ class Signal:
 
     def values(self, times: Array) -> Array:
         """Value, first and second time derivative at each time [s], shape (n_times, 3)."""
-        out = np.zeros((3, times.size))
-        with np.errstate(all="ignore"):  # what has no value is not a number, and told where it is used
-            for term in self.terms:
-                first, last = term.support
-                acts = (times >= first) & (times <= last)
-                out[:, acts] += term.values(times[acts])
-        return out.T.copy()
+        return _evaluate(self.terms).over({"time": times[None]}, len(times))
+
+    def trace(self, t: Scalar) -> list[Scalar]:
+        """Trace value, first and second derivative at a time, which is an input of its graph."""
+        value = sum_up([t.graph.number(0.0), *(term.trace(t) for term in self.terms)])
+        rate = _slope(value, t)
+        return [value, rate, _slope(rate, t)]
+
+
+def _slope(value: Scalar, t: Scalar) -> Scalar:
+    (slope,) = differentiate(t.graph, [value], {t.node: t.graph.number(1.0)})
+    assert isinstance(slope, Scalar)
+    return slope
+
+
+@lru_cache(maxsize=256)
+def _evaluate(terms: tuple[Term, ...]) -> Evaluation:
+    """Return the evaluation of value, first and second derivative of a sum of terms by the argument ``time``."""
+    return evaluate_scalars(Signal(terms).trace(Graph().scalar_input("time", 0)))
 
 
 def constant(value: float) -> Signal:

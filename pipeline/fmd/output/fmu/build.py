@@ -23,7 +23,7 @@ _OPTIONS = (
     # Sums may be reordered for vector registers; infinities and what is not a number keep their meaning.
     *("-fno-math-errno", "-fno-trapping-math", "-fassociative-math", "-fno-signed-zeros"),
 )
-_FAST = ("model.c", "motion.c", "runge_kutta.c")  # what steps call; the rest is compiled to be small
+_FAST = ("model.c", "motion.c", "runge_kutta.c", "signals.c")  # what steps call; the rest is compiled to be small
 _FAT_MAGIC, _FAT_ALIGNMENT = 0xCAFEBABE, 14
 _MACH_CPUS = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
 

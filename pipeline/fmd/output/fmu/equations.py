@@ -12,9 +12,9 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.shown import NUMBERS_A_LINE
 from fmd.core.limits.stepping import DAMPED_STEP
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.compiler.c_signals import write_c_signals
-from fmd.dynamics.compiler.c_source import write_c_parts, write_number
+from fmd.dynamics.compiler.c_source import write_c, write_c_parts, write_number
 from fmd.dynamics.compiler.external import ExternalMechanism
+from fmd.dynamics.compiler.signal_code import trace_signals
 from fmd.integrators import dop853
 from fmd.integrators.adaptive import adaptive_start, groups_of, kinds_of
 from fmd.output.fmu.variables import Interface
@@ -31,7 +31,7 @@ def write_equations(
     nominal: Array,
     token: str,
 ) -> dict[str, str]:
-    """Write ``equations.h``, ``equations.c`` and ``motion.c``, by their names; the last has what steps call.
+    """Write ``equations.h``, ``equations.c``, ``motion.c`` and ``signals.c``, by their names; steps call the last two.
 
     Parameters
     ----------
@@ -49,6 +49,7 @@ def write_equations(
         "equations.h": _write_header(external, contents, token),
         "equations.c": _write_tables(external, contents),
         "motion.c": _write_motion(external),
+        "signals.c": write_c({"own_signals": trace_signals(external.signals)}),
     }
 
 
@@ -126,7 +127,7 @@ def _write_header(external: ExternalMechanism, contents: _Contents, token: str) 
         f"extern const int quaternions[{len(contents.quaternions)}][2]; /* first rate, first position */",
         "",
         "/* Value, rate and acceleration of each of the scene's own loads and motions. */",
-        "void own_signals(double time, double *inputs);",
+        "void own_signals(const double *const *in, double *const *out);",
         "",
         *(f"void {name}(const double *const *in, double *const *out);" for name in (*external.programs, _WIDE)),
         "",
@@ -152,16 +153,14 @@ def _write_tables(external: ExternalMechanism, contents: _Contents) -> str:
 
 
 def _write_motion(external: ExternalMechanism) -> str:
-    """Write the loads and the accelerations, these for plain and for wide vector registers."""
+    """Write the accelerations, for plain and for wide vector registers."""
     constants, plain = write_c_parts({_FAST: external.programs[_FAST]})
     _, wide = write_c_parts({_WIDE: external.programs[_FAST]})
     lines = [
         "#include <math.h>",
         '#include "equations.h"',
-        '#include "series.h"',
         '#include "wide.h"',
         "",
-        write_c_signals("own_signals", external.signals),
         *constants,
         *plain,
         "#if HAS_WIDE",

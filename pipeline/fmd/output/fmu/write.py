@@ -35,7 +35,6 @@ _FIXED = (
     "model.c",
     "model.h",
     "runge_kutta.c",
-    "series.h",
     "wide.c",
     "wide.h",
 )

@@ -34,10 +34,15 @@ static void set_marker_inputs(const Model *m, double *inputs)
         inputs[input_places[k]] = m->u[k];
 }
 
+static void set_own_signals(double time, double *inputs)
+{
+    own_signals((const double *const[]){&time}, (double *const[]){inputs});
+}
+
 /* Value, rate and acceleration of every load and motion; those on markers only where one acts. */
 static void set_inputs(const Model *m, double time, double *inputs)
 {
-    own_signals(time, inputs);
+    set_own_signals(time, inputs);
     for (int k = 0; k < N_OWN; ++k)
         for (int j = 0; j < 3; ++j)
             inputs[3 * k + j] *= m->p[FIRST_FACTOR + k];
@@ -137,7 +142,7 @@ void model_slopes(const Model *m, const double *x_change, const double *u_change
     set_inputs(m, present_side(m), inputs);
     set_marker_inputs(m, inputs);
     memset(changes, 0, sizeof changes);
-    own_signals(present_side(m), changes);
+    set_own_signals(present_side(m), changes);
     for (int k = 0; k < N_OWN; ++k)
         for (int j = 0; j < 3; ++j)
             changes[3 * k + j] *= p_change[FIRST_FACTOR + k];
