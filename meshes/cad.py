@@ -27,9 +27,9 @@ _FINEST = 0.2  # smallest element by curvature over the given size
 _TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
 _TANGENT = 0.9999  # cosine between normals
 _UNCOLOURED = (0, 0, 255, 0)
-_TYPES = {1: (4, "tetra"), 2: (11, "tetra10")}
-# Gmsh's ten nodes in VTK's order.
-_ORDER = {1: [0, 1, 2, 3], 2: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}
+# Gmsh's numbers of tetrahedra and triangles of an order, and their nodes: the tetrahedron's in VTK's order.
+_TETRAHEDRA = {1: (4, [0, 1, 2, 3]), 2: (11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8])}
+_TRIANGLES = {1: (2, 3), 2: (9, 6)}
 _SURFACES = {
     "PLANE": "Plane",
     "CYLINDRICAL_SURFACE": "Cylinder",
@@ -190,20 +190,20 @@ def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]], wh
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     place = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
     place[tags] = np.arange(tags.size)
-    element_type, _ = _TYPES[order]
+    (tetrahedron, own_order), (triangle, n_around) = _TETRAHEDRA[order], _TRIANGLES[order]
     blocks: list[NDArray[np.int64]] = []
     parts: dict[str, NDArray[np.int64]] = {}
     done = 0
     for k, (_, tag) in enumerate(gmsh.model.getEntities(3)):
-        nodes = gmsh.model.mesh.getElementsByType(element_type, tag)[1]
-        blocks.append(place[nodes].reshape(-1, len(_ORDER[order]))[:, _ORDER[order]])
+        nodes = gmsh.model.mesh.getElementsByType(tetrahedron, tag)[1]
+        blocks.append(place[nodes].reshape(-1, len(own_order))[:, own_order])
         name = next(iter(names.get((3, tag), [])), f"solid-{k + 1}")
         parts[name if name not in parts else f"{name}-{k + 1}"] = np.arange(done, done + len(blocks[-1]))
         done += len(blocks[-1])
     faces: dict[str, list[NDArray[np.int64]]] = {}
     for _, tag in gmsh.model.getEntities(2):
-        nodes = gmsh.model.mesh.getElementsByType({1: 2, 2: 9}[order], tag)[1]
-        corners = np.sort(place[nodes].reshape(-1, {1: 3, 2: 6}[order])[:, :3], axis=1)
+        nodes = gmsh.model.mesh.getElementsByType(triangle, tag)[1]
+        corners = np.sort(place[nodes].reshape(-1, n_around)[:, :3], axis=1)
         for name in [f"face-{whole[tag]}", *names.get((2, tag), [])]:
             faces.setdefault(name, []).append(corners)
     return CadMesh(

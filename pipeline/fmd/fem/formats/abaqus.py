@@ -19,6 +19,7 @@ from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
+SUFFIXES = (".inp",)
 _SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
 _PLANE = re.compile(r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)")
 _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")

@@ -11,14 +11,15 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell
+from fmd.fem.formats import abaqus, nastran
 from fmd.fem.formats import repair as repairs
-from fmd.fem.formats.abaqus import read_abaqus
 from fmd.fem.formats.meshio_reader import read_by_meshio
-from fmd.fem.formats.nastran import read_nastran
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh, rows_among
 
-_TEXT_READERS = {".inp": read_abaqus, ".bdf": read_nastran, ".nas": read_nastran, ".fem": read_nastran}
+_TEXT_READERS = dict.fromkeys(abaqus.SUFFIXES, abaqus.read_abaqus) | dict.fromkeys(
+    nastran.SUFFIXES, nastran.read_nastran
+)
 _CAD = (".step", ".stp", ".iges", ".igs", ".brep")
 _PLANE = ("triangle", "quad", "polygon")
 _NONE = np.empty(0, dtype=np.int64)

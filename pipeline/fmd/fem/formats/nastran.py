@@ -15,6 +15,7 @@ import numpy as np
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
+SUFFIXES = (".bdf", ".nas", ".fem")
 _SOLIDS: dict[str, dict[int, str]] = {}
 for _cell_type in CELLS.values():
     for _card in _cell_type.nastran:
