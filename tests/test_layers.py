@@ -76,6 +76,7 @@ FACTS = {
     "fmd.fem.formats.stl": {"_HEADER", "_RECORD"},
     "fmd.fem.local_markers": {"_POINTS"},
     "fmd.integrators.runge_kutta": {"DAMPED", "_E3", "_E5", "_D"},
+    "fmd.output.campbell": {"RPM"},
     "fmd.output.fmu.build": {"_FAT_MAGIC", "_FAT_ALIGNMENT"},
     "fmd.output.fmu.equations": {"_THIRD", "_FIFTH", "_DENSE"},
     "fmd.output.joint_marks": {"_RADIUS", "_NEAR", "_COILS", "_PER_COIL", "_WIRE"},
@@ -260,9 +261,15 @@ def _names_of_numbers(node: ast.stmt) -> set[str]:
     return {
         ast.unparse(name)
         for name, value in pairs
-        if all(isinstance(part, arithmetic) for part in ast.walk(value))
+        if all(isinstance(part, arithmetic | ast.Attribute) or _is_function(part) for part in ast.walk(value))
         and any(isinstance(part, ast.Constant) and type(part.value) in (int, float) for part in ast.walk(value))
     }
+
+
+def _is_function(node: ast.AST) -> bool:
+    """Tell a function of numbers, as a cosine, from other calls."""
+    functions = ("np.cos", "np.deg2rad", "np.finfo", "np.sqrt", "math.cos", "math.radians", "math.sqrt", "float", "int")
+    return isinstance(node, ast.Call) and ast.unparse(node.func) in functions
 
 
 def unexplained_numbers(sources: Sources) -> Iterator[str]:
@@ -363,6 +370,7 @@ def test_every_test_asserts() -> None:
         (loose_numbers, {"fmd.fem.a": "_SMALL = 1e-9"}, "fmd.fem.a:1 decides by _SMALL"),
         (loose_numbers, {"fmd.fem.a": "import b\nfirst, _MOST = 3, 2 * b"}, "fmd.fem.a:2 decides by _MOST, first"),
         (loose_numbers, {"fmd.fem.a": "most: float = -(1 << 4)"}, "decides by most"),
+        (loose_numbers, {"fmd.fem.a": "_SHARP = np.cos(np.deg2rad(40.0))"}, "decides by _SHARP"),
         (unexplained_numbers, {"fmd.core.limits.a": "# Of all.\n\nMOST = 3"}, "3 has no comment"),
         (assertionless_tests, {"tests.test_a": "def test_f(): g()\ndef g(): pass"}, "test_f asserts nothing"),
     ],
@@ -382,7 +390,7 @@ def test_a_rule_finds_its_fault(rule: Callable[[Sources], Iterator[str]], source
         {"fmd.output.a": "def f():\n    import fmd.recovery.b", "fmd.recovery.b": "import scipy.linalg"},
         {"fmd.cli.a": "print(1)"},
         {"fmd.core.limits.a": "MOST = 3  # tries\n# Of the largest.\nSMALL = 1e-9"},
-        {"fmd.fem.a": "TABLE = (0.5, 0.25)\nHALF_PI = math.pi / 2\nname = 'a'"},
+        {"fmd.fem.a": "TABLE = (0.5, 0.25)\nPI = math.pi\nname = 'a'\nkind = Kind(8, 1.5)"},
         {"fmd.render.a": "WIDE = 0.3"},
         {"fmd.meshes.cad": "if __name__ == '__main__':\n    print(1)"},
         {"tests.test_a": "def test_f(): g()\ndef g(): h()\ndef h(): assert True"},

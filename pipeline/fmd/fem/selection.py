@@ -11,14 +11,14 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.mesh import FACE_IN_PLANE, NEAREST_ELEMENTS, NODES_ON_EDGE
+from fmd.core.limits.mesh import FACE_IN_PLANE, NEAREST_ELEMENTS, NODES_ON_EDGE, SHARP_ANGLE
 from fmd.core.limits.newton import LOCATING_CORRECTIONS
 from fmd.fem.elements import shape_functions
 from fmd.fem.markers import face_marker
 from fmd.fem.mesh import rows_among
 from fmd.fem.space import Discretisation
 
-_SHARP = np.cos(np.deg2rad(40.0))
+_SHARP = np.cos(np.deg2rad(SHARP_ANGLE))
 
 
 def facets_in_plane(space: Discretisation, axis: int, place: float) -> IntArray:

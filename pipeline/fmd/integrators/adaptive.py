@@ -32,6 +32,7 @@ from fmd.core.limits.stepping import (
     SPARE_STEPS,
     STEP_SAFETY,
     STILL_GROUP,
+    TIME_JITTER,
 )
 from fmd.dynamics.jit.compiled import aligned, inner, kernel
 from fmd.dynamics.jit.table import Table
@@ -40,7 +41,7 @@ from fmd.dynamics.watch import Watch, begin_watch, foreseen_part, passed_part, w
 from fmd.integrators.endless import StepsLeft
 from fmd.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
-_JITTER = 8.0 * np.finfo(float).eps  # can't be below that of the time's own round-off: this times the time over a step
+_JITTER = TIME_JITTER * np.finfo(float).eps
 
 
 def groups_of(system: System) -> IntArray:

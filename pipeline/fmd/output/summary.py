@@ -15,6 +15,7 @@ from fmd.accuracy.stretching import stretching_warnings
 from fmd.accuracy.time_limit import TIME_IS_SHORT
 from fmd.accuracy.uncertain_results import uncertain_warnings
 from fmd.core.limits.errors import MORE_TIME, SAFETY, TOO_LARGE
+from fmd.core.limits.pieces import PIECES_DEFLECTIONS, PIECES_FREQUENCIES
 from fmd.core.version import __version__
 from fmd.output.coupling import coupling_warnings
 from fmd.output.explain import STAGES
@@ -30,8 +31,7 @@ from fmd.stages.divided_scene import part_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.signals import find_idle_drives
 
-# Errors of a part in pieces, beyond which they are told.
-_OF_PIECES = {"lowest frequencies": 0.05, "deflections": 0.01}
+_OF_PIECES = {"lowest frequencies": PIECES_FREQUENCIES, "deflections": PIECES_DEFLECTIONS}
 UNMET, UNMOVED = "accuracy-not-met", "load-without-motion"
 """Codes of warnings of results that fail a check."""
 

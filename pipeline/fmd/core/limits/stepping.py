@@ -5,7 +5,10 @@ STILL_GROUP = 1e-12  # size of a group of coordinates that hasn't moved yet [SI 
 HARDLY_MOVING = 1e-6  # of the largest value of its kind: a group that hardly moves
 SHORTEST_STEP = 1e-12  # of the duration: a shorter step ends the march
 SPARE_STEPS, FORGIVEN = 256.0, 2.0  # such steps after a breakpoint, as from rest under sqrt(t), and their largest error
-SHORT_STEP = 1e-6  # of the duration: steps from rest, whose error is beside what they move themselves
+# Of the duration: steps from rest, whose error is beside what they move themselves, can't be below that of the time's
+# own round-off.
+SHORT_STEP = 1e-6
+TIME_JITTER = 8.0  # of the machine epsilon, times the time over a step: the error by the time's own round-off
 FIRST_CHUNK, CHUNK = 4, 256  # steps at a time: few at first, lest each takes long and nothing is reported in between
 CHUNK_SECONDS = 0.1  # between two reports of progress
 LONG_SECONDS = 0.02  # seconds of some steps, beside which a look at what makes them short costs little
