@@ -1,5 +1,6 @@
 """A wanted accuracy holds for every command and in Python: all give the results of the refined scene."""
 
+import ast
 import json
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import pytest
 import xarray
 
+import fmd as fmd_package
 from fmd import Result, load, load_scene, solve
 from fmd.accuracy import refinement
 from fmd.accuracy.solved_scene import SETTINGS
@@ -139,3 +141,15 @@ def test_an_accuracy_that_is_not_met_is_told_by_every_door(capsys, monkeypatch):
     assert (point.status, point.message[: len(said)]) == ("failed", said)
     (warning,) = (each for each in point.summary["warnings"] if each["code"] == "accuracy-not-met")
     assert warning["text"] == point.message
+
+
+def test_stages_of_a_scene_are_made_by_the_door_alone():
+    """What has a scene gets its numbers from `SolvedScene`; variants of it are the accuracy's own."""
+    package = Path(fmd_package.__file__).parent
+    makers = {
+        path.relative_to(package).parts[0]
+        for path in package.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Pipeline"
+    }
+    assert makers == {"stages", "accuracy"}

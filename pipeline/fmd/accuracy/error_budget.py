@@ -141,6 +141,7 @@ ERROR_BUDGET: Stage[Budget] = Stage(
     lambda run: run.inputs,
     ALL_SOURCES,
     ALL_PACKAGES,
+    applies=lambda run: all(part.has_mesh for part in run.wholes.values()),  # matrices tell nothing of their own error
     lasts=lambda budget: not budget.left_out,
 )
 """Stage of a run: ``ERROR_BUDGET.of(run)`` is the budget of the scene's first run."""

@@ -102,7 +102,7 @@ def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
     for output in (*listed, *missing):
         for name, body in _reads(run, output):
             planner.want(name, body)
-    if budget and all(part.has_mesh for part in run.parts.values()):
+    if budget:
         planner.want(ERROR_BUDGET.name)
     else:
         planner.note(ERROR_BUDGET.name, "skipped", "left out by --no-budget")

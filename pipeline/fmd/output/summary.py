@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fmd.accuracy.deflection import deflection_warnings
-from fmd.accuracy.error_budget import Budget, state_errors
+from fmd.accuracy.error_budget import ERROR_BUDGET, Budget, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.accuracy.stretching import stretching_warnings
 from fmd.accuracy.time_limit import TIME_IS_SHORT
@@ -97,7 +97,6 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
         summary.setdefault("element_stress", {})[name] = ends
     summary["warnings"] += spot_stress_warnings(run)
-    meshed = [name for name, part in run.wholes.items() if part.has_mesh]
     stressed = [name for name, part in run.wholes.items() if part.has_stress]
     if stressed:
         found = {name: run.stress_of(name).worst() for name in stressed}
@@ -109,7 +108,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
         summary["tables"] = tables
     summary |= summarise_fields(run)
-    if budget and len(meshed) == len(run.wholes):  # matrices alone tell nothing of their own error
+    if budget and ERROR_BUDGET.applies(run):
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()
         summary["warnings"] += [*uncertain_warnings(run.scene, stated), *_budget_warnings(run, stated, budget_seconds)]

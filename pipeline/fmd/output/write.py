@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fmd.accuracy.error_budget import allowed_seconds, state_errors
+from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
@@ -86,7 +86,7 @@ def _write(
     if wanted:
         files += run.store.compute("files", lambda: [name for o in wanted for name in write_file(run, o, folder)])
     seconds = allowed_seconds(run) if budget_seconds is None else budget_seconds
-    if budget and all(part.has_mesh for part in run.parts.values()):
+    if budget and ERROR_BUDGET.applies(run):
         state_errors(run, seconds)
     files += drawing.write(run, folder)
     return summarise_solved(solved, files, budget, seconds)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.cache import Cache
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
@@ -67,9 +68,9 @@ def open_scene(name: str, cache: Cache | None, overrides: Sequence[str] = ()) ->
     """Make the pipeline of a ready scene, or of one of the suite's own, e.g. ``"verification/rod"``."""
     folder, _, scene = name.rpartition("/")
     if not folder:
-        return Pipeline(load_scene(scene, overrides), cache)
+        return SolvedScene(load_scene(scene, overrides), cache).run
     with as_file(files("fmd.models") / folder / f"{scene}.toml") as path:
-        return Pipeline(load_scene(path, overrides), cache)
+        return SolvedScene(load_scene(path, overrides), cache).run
 
 
 def make_figures(

@@ -7,11 +7,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.fem.material import Material
 from fmd.scene.scene import load_scene
-from fmd.stages.pipeline import Pipeline
 from fmd.verification.case import Figure, VerificationCase, make_figures, open_scene
 from fmd.verification.closed_forms import (
     free_box,
@@ -91,7 +91,7 @@ def _abaqus_box(cache: Cache | None) -> list[Figure]:
         write_abaqus_box(Path(folder) / "box.inp", (100.0, 70.0, 50.0), (8, 6, 5))
         scene = Path(folder) / "box.toml"
         scene.write_text(_ABAQUS_SCENE, encoding="utf-8")
-        run = Pipeline(load_scene(scene), cache)
+        run = SolvedScene(load_scene(scene), cache).run
         figures = _mode_figures(free_box((0.1, 0.07, 0.05), _STEEL, 6, 11), run.modes.frequencies_hz, 1e-3)
         return [*figures, Figure("volume [m³]", run.mesh.volume, 0.1 * 0.07 * 0.05, 1e-9)]
 
