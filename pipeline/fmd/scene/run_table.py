@@ -1,4 +1,4 @@
-"""What every run of a simulation answers: its method, its integrator, its name and its needs."""
+"""Base of all runs' tables: the integrator that a run makes, its label, and what its method needs."""
 
 from __future__ import annotations
 
