@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from fmd.core.formula import parse_formula
 from fmd.core.limits.scene import MOST_ELONGATIONS
 from fmd.core.units import Length, unit_ratio
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.table_files import Column, read_table, scene_folder
+from fmd.scene.table_files import Column, check_curve, read_table, scene_folder
 from fmd.scene.values import LengthUnit, Number, SourceFile
 
 
@@ -72,25 +70,7 @@ class ForceByElongation(SceneTable):
 
     @model_validator(mode="after")
     def _given_one_way(self) -> ForceByElongation:
-        if (self.formula is None) == (self.elongations is None):
-            raise FaultError(
-                "is missing: give a formula of x, or a table: elongations and values, or a file of them", "formula"
-            )
-        try:
-            unit_ratio(self.unit, "N")
-        except ValueError:
-            raise FaultError("isn't a unit of force; 'N' works", "unit") from None
-        if self.formula is not None:
-            try:
-                parse_formula(self.formula, "x")
-            except ValueError as error:
-                raise FaultError(str(error), "formula") from None
-        elif self.elongations is not None:
-            if self.values is None or len(self.values) != len(self.elongations):
-                raise FaultError(f"must hold {len(self.elongations)} values, one for each elongation", "values")
-            for number, (before, after) in enumerate(pairwise(self.elongations), start=1):
-                if not after > before:
-                    raise FaultError("must be above the elongation before it", "elongations", number)
+        check_curve(self, "x", "elongations", "force")
         return self
 
     @property

@@ -322,10 +322,5 @@ def scene_table(scene: Scene) -> str:
     return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file})")
 
 
-def _list_elements(scene: Scene) -> list[str]:
-    elements = [pair for table in scene.elements.values() for pair in table.items()]
-    return [f"{name}: {' – '.join(element.between)}" for name, element in elements]
-
-
 def _list_kinds(table: Mapping[str, Any], key: str) -> str:
     return ", ".join(f"{name}: {getattr(value, key)}" for name, value in table.items())

@@ -7,11 +7,13 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator, ValidationInfo
 
+from fmd.core.formula import parse_formula
 from fmd.core.limits.scene import FEWEST_ROWS, MOST_ROWS, MOST_TABLE_BYTES
+from fmd.core.units import si_unit, unit_ratio
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.values import Words
 
@@ -91,6 +93,52 @@ def read_table(table: SceneTable, argument: str, others: Sequence[str], folder: 
         if column is None:
             raise FaultError("is missing: the column's name in the file's first row, or its number from 1", key)
     return read_columns(folder, given["file"], (argument, given[argument]), ("column", given["column"]))
+
+
+def check_curve(curve: Any, variable: str, arguments: str, kind: str) -> None:
+    """Check a quantity that a formula or a table gives, once the table's file has been read.
+
+    Parameters
+    ----------
+    curve : SceneTable
+        The quantity's keys.
+    variable : str
+        Variable of its formula.
+    arguments : str
+        Key of the table's arguments, ``"times"`` or ``"elongations"``.
+    kind : str
+        Kind of quantity that the values are.
+
+    Raises
+    ------
+    FaultError
+        Not one of both is given, or it is wrong.
+    """
+    table, si = getattr(curve, arguments), si_unit(kind)
+    if (curve.formula is None) == (table is None):
+        message = f"is missing: give a formula of {variable}, or a table: {arguments} and values, or a file of them"
+        raise FaultError(message, "formula")
+    if curve.unit is None:
+        raise FaultError(f"is missing: what the values are in, e.g. '{si}'", "unit")
+    try:
+        unit_ratio(curve.unit, si)
+    except ValueError:
+        raise FaultError(f"isn't a unit of {kind}; '{si}' works", "unit") from None
+    if curve.formula is not None:
+        for key in ("values", "between"):
+            if key in curve.model_fields_set and getattr(curve, key) is not None:
+                raise FaultError(f"belongs to a table of {arguments}; a formula takes none", key)
+        try:
+            parse_formula(curve.formula, variable)
+        except ValueError as error:
+            raise FaultError(str(error), "formula") from None
+        return
+    word = arguments.removesuffix("s")
+    if curve.values is None or len(curve.values) != len(table):
+        raise FaultError(f"must hold {len(table)} values, one for each {word}", "values")
+    for number, (before, after) in enumerate(pairwise(table), start=1):
+        if not after > before:
+            raise FaultError(f"must be above the {word} before it", arguments, number)
 
 
 def read_columns(

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, GetJsonSchemaHandler, ValidationInfo, WithJsonSchema, model_validator
 from pydantic_core import CoreSchema
 
-from fmd.core.formula import parse_formula
 from fmd.core.units import NonNegativeTime, QuantityReader, unit_ratio
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.table_files import Column, read_table, scene_folder
+from fmd.scene.table_files import Column, check_curve, read_table, scene_folder
 from fmd.scene.values import SourceFile, UnitCheck
 
 _KEYS = ("formula", "times", "values", "file", "time", "column", "time_unit", "between", "unit")
@@ -107,31 +105,7 @@ class TimeFunction(SceneTable):
     def _given_one_way(self) -> TimeFunction:
         if self.constant is not None:
             return self
-        if (self.formula is None) == (self.times is None):
-            raise FaultError(
-                "is missing: give a formula of t, or a table, in times and values or in a file, one of the two",
-                "formula",
-            )
-        if self.unit is None:
-            raise FaultError(f"is missing: what the values are in, e.g. '{self.si}'", "unit")
-        try:
-            unit_ratio(self.unit, self.si)
-        except ValueError:
-            raise FaultError(f"isn't a unit of {self.kind}; '{self.si}' works", "unit") from None
-        if self.formula is not None:
-            for key in ("values", "between"):
-                if getattr(self, key) is not None:
-                    raise FaultError("belongs to a table of times; a formula takes none", key)
-            try:
-                parse_formula(self.formula)
-            except ValueError as error:
-                raise FaultError(str(error), "formula") from None
-        if self.times is not None:
-            if self.values is None or len(self.values) != len(self.times):
-                raise FaultError(f"must hold {len(self.times)} values, one for each time", "values")
-            for number, (before, after) in enumerate(pairwise(self.times), start=1):
-                if not after > before:
-                    raise FaultError("must come after the time before it", "times", number)
+        check_curve(self, "t", "times", self.kind)
         if self.between == "straight" and self.default_between == "smooth":
             # A jump of the rate is an impulse that no equation here would pass on to the other coordinates.
             raise FaultError("would let the motion's rate jump at each time; 'smooth' works", "between")
