@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.mechanism import NO_LENGTH
 from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.closures import GROUND, Place
 from fmd.dynamics.force_laws import ForceLaw
@@ -29,6 +30,10 @@ class Attachment(Place):
     def __post_init__(self) -> None:
         if not np.allclose(self.axes.T @ self.axes, np.eye(3), atol=SUMMED):
             raise ValueError("the axes of a force element's place are not orthonormal")
+
+
+Matrices = tuple[Array, Array, Array, Array]
+"""Stiffness and damping of an element, and those that its end stops add where they touch, shape (n, n) each."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,37 @@ class PointSpring(_Pair):
 
     law: ForceLaw
     rest: float = 0.0
+    title: ClassVar[str] = "spring"
+
+    def linearise(self, J: Array, swing: Array, strain: Array) -> Matrices:
+        """Return the spring's matrices for its elongation; in tension with what that adds across its line.
+
+        Parameters
+        ----------
+        J, swing : ndarray, shapes (1, n) and (3, n)
+            Rates of the elongation and of the way between the places for unit rates of the mechanism.
+        strain : ndarray, shape (1,)
+            Elongation [m].
+        """
+        law, along = self.law, J.T @ J
+        K = max(float(law.curve.slopes(strain)[0]), 0.0) * along
+        tension, length = float(law.curve.values(strain)[0]), float(strain[0] + self.rest)
+        if tension > 0.0 and length > NO_LENGTH:
+            K = K + tension / length * (swing.T @ swing - along)
+        return K, law.resting_damping * along, law.stop_stiffness * along, law.stop_damping * along
+
+    def unit_loads(self, apart: Array, axes: Array) -> list[tuple[Array, float]]:
+        """Return a pull along the line, or along each axis where the places coincide; its compliance isn't constant.
+
+        Parameters
+        ----------
+        apart : ndarray, shape (3,)
+            From the first place to the second in space [m].
+        axes : ndarray, shape (3, 3)
+            Rotation from the first place's axes into space.
+        """
+        directions = [apart] if apart.any() else list(np.eye(3))
+        return [(np.concatenate([direction, np.zeros(3)]), np.inf) for direction in directions]
 
 
 @dataclass(frozen=True)
@@ -92,6 +128,7 @@ class SixAxisSpring(_Pair):
     K: Array
     C: Array
     position: Array = field(default_factory=lambda: np.zeros(3))
+    title: ClassVar[str] = "bushing or bearing"
 
     def __post_init__(self) -> None:
         for which, A in (("stiffness", self.K), ("damping", self.C)):
@@ -104,6 +141,16 @@ class SixAxisSpring(_Pair):
     def twists(self) -> bool:
         """True if rotations count."""
         return bool(self.K[3:].any() or self.C[3:].any())
+
+    def linearise(self, J: Array, swing: Array, strain: Array) -> Matrices:
+        """Return the bushing's matrices for rates J of its strain, shape (3, n) or (6, n), for unit rates."""
+        some, none = slice(len(J)), np.zeros((J.shape[1], J.shape[1]))
+        return J.T @ self.K[some, some] @ J, J.T @ self.C[some, some] @ J, none, none
+
+    def unit_loads(self, apart: Array, axes: Array) -> list[tuple[Array, float]]:
+        """Return unit forces and moments (6,) along each axis that has stiffness, in space, with their compliances."""
+        stiff, sizes = np.linalg.norm(self.K, axis=1) > 0.0, self.K.diagonal()
+        return [(np.kron(np.eye(2)[k // 3], axes[:, k % 3]), 1 / sizes[k]) for k in np.flatnonzero(stiff)]
 
 
 Element = PointSpring | SixAxisSpring

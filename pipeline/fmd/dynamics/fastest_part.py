@@ -10,7 +10,6 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.element_linearisation import linearise_forces
-from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.linear_forces import LinearForces, gather_linear_forces
 
 if TYPE_CHECKING:
@@ -80,8 +79,10 @@ def _parts(system: ReferenceState) -> Iterator[tuple[str, tuple[Array, Array]]]:
 def _elements(mechanism: Mechanism, without: LinearForces) -> Iterator[tuple[str, tuple[Array, Array]]]:
     """Yield each force element by its name, with its stiffness and damping."""
     for element in mechanism.elements:
-        kind = "spring" if isinstance(element, PointSpring) else "bushing or bearing"
-        yield f"{kind} '{element.name}'", _difference(linearise_forces(replace(mechanism, elements=[element])), without)
+        yield (
+            f"{element.title} '{element.name}'",
+            _difference(linearise_forces(replace(mechanism, elements=[element])), without),
+        )
 
 
 def _difference(a: LinearForces, b: LinearForces) -> tuple[Array, Array]:

@@ -17,7 +17,6 @@ from fmd.core.limits.mechanism import OPEN_MOMENTS
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT, SELF_STRESS_PART
 from fmd.core.rotations import BodyFrame
 from fmd.dynamics.closures import Closure, Coupler, Place
-from fmd.dynamics.elements import PointSpring, SixAxisSpring
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.transmitted_loads import ELEMENT, loaded_places
@@ -183,15 +182,7 @@ def _of_elements(motion: Kinematics) -> Iterator[tuple[State, float]]:
         frames = [_frame_of(motion, end) for end in element.ends]
         first, second = (frame.origin[0] + frame.rotation[0] @ end.marker.position
                          for frame, end in zip(frames, element.ends, strict=True))  # fmt: skip
-        if isinstance(element, PointSpring):
-            apart = second - first
-            directions = [apart] if apart.any() else list(np.eye(3))
-            units = [(np.concatenate([direction, np.zeros(3)]), np.inf) for direction in directions]
-        elif isinstance(element, SixAxisSpring):
-            axes = frames[0].rotation[0] @ element.ends[0].axes
-            stiff = np.linalg.norm(element.K, axis=1) > 0.0
-            sizes = element.K.diagonal()
-            units = [(np.kron(np.eye(2)[k // 3], axes[:, k % 3]), 1 / sizes[k]) for k in np.flatnonzero(stiff)]
+        units = element.unit_loads(second - first, frames[0].rotation[0] @ element.ends[0].axes)
         for unit, compliance in units:
             yield {(f"{ELEMENT}{element.name}", 0): -unit, (f"{ELEMENT}{element.name}", 1): unit}, compliance
 

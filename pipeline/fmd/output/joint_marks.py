@@ -63,9 +63,9 @@ class Marks:
         r, origin, found = self.radius, np.zeros(3), []
         for name in self.run.scene.joint:
             found += self._of_a_joint(name)
-        for table, element in self._elements():
+        for element in self._elements("ball", "disc"):
             place = element.between[1]
-            if table == "bearing":
+            if element.mark == "disc":
                 place = element.between[0]
                 axis = _unit(place_axes(self.run.scene, place) @ np.array(element.axis))
                 surface = make_cylinder(-0.8 * r * axis, 0.8 * r * axis, 1.7 * r)
@@ -79,7 +79,7 @@ class Marks:
         from fmd.render.moving_bodies import MovingLine
 
         found = []
-        for spring in self.run.scene.spring.values():
+        for spring in self._elements("coil"):
             one, other = (self.position(place) for place in spring.between)
             found.append(MovingLine(_coil(one, other, _WIRE * self.radius), SPRING, 1.8))
         for joint in self.run.scene.joint.values():
@@ -95,10 +95,10 @@ class Marks:
                 found.append(MovingLine(np.tile(rail, (len(self.chosen), 1, 1)), GROUND, 2.5))
         return found
 
-    def _elements(self) -> list[tuple[str, Any]]:
-        scene = self.run.scene
-        given: list[tuple[str, Any]] = [("bushing", element) for element in scene.bushing.values()]
-        return given + [("bearing", element) for element in scene.bearing.values()]
+    def _elements(self, *marks: str) -> list[Any]:
+        """Return the scene's force elements that have one of some marks; all if none is given."""
+        tables = self.run.scene.elements.values()
+        return [element for table in tables for element in table.values() if not marks or element.mark in marks]
 
     def _of_a_joint(self, name: str) -> list[MovingShape]:
         """Return the mark of a joint, which moves with its child: a pin, a ball or a slide."""
@@ -157,9 +157,7 @@ class Marks:
                 if holds and not self._is_around(other):
                     find = self._axis_in_parent if place == joint.parent else self._axis_in_child
                     held.setdefault(place, (other, find(joint)))
-        scene = self.run.scene
-        ties = [spring.between for spring in scene.spring.values()]
-        for between in ties + [element.between for _, element in self._elements()]:
+        for between in [element.between for element in self._elements()]:
             for place, other in (between, between[::-1]):
                 if place.partition(".")[0] == "ground":
                     held.setdefault(place, (other, np.array([0.0, 0.0, 1.0])))

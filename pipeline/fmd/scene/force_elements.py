@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -155,6 +155,8 @@ class Spring(SceneTable):
         stop = { low = "240 mm", stiffness = "400 N/mm" }
     """
 
+    mark: ClassVar[str] = "coil"
+
     between: Places
     stiffness: Stiffness = 0.0
     length: Annotated[Length, NonNegative] | Literal["start"] = "start"
@@ -207,6 +209,8 @@ class Bushing(SceneTable):
         damper = ["500 N s/m", "500 N s/m", "80 N s/m", "0.2 N m s/rad", "0.2 N m s/rad", "0.1 N m s/rad"]
     """
 
+    mark: ClassVar[str] = "ball"
+
     between: Places
     rotation: Turn = (0.0, 0.0, 0.0)
     stiffness: SixRates | None = None
@@ -252,6 +256,8 @@ class Bearing(SceneTable):
         radial_damper = "300 N s/m"
     """
 
+    mark: ClassVar[str] = "disc"
+
     between: Places
     axis: Axis
     radial: Annotated[TranslationalStiffness, Positive]
@@ -261,3 +267,5 @@ class Bearing(SceneTable):
 
 
 ForceElement = Spring | Bushing | Bearing
+"""Elements of any kind; ``mark`` is how pictures show one: a coil between its places, a ball at the second, a disc
+across its axis at the first."""

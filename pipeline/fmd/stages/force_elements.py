@@ -109,7 +109,7 @@ def _bearing(name: str, given: Bearing, locate: Locate) -> SixAxisSpring:
 def _relaxed(bushing: SixAxisSpring, strain: Array, position: bool, turn: bool) -> SixAxisSpring:
     """Move the rest of a bushing to where it is, by its position, by its turn, or by both."""
     first, second = bushing.ends
-    if turn:
+    if turn and bushing.twists:
         second = replace(second, axes=second.axes @ _rotation(strain[3:]).T)
     moved = bushing.position + strain[:3] if position else bushing.position
     return replace(bushing, position=moved, ends=(first, second))

@@ -62,7 +62,7 @@ def _is_alone(scene: Scene) -> bool:
     """Return True if a scene is one part on a revolute joint, or has parts alone."""
     if not scene.moves:
         return True
-    held = scene.spring or scene.bushing or scene.bearing
+    held = any(scene.elements.values())
     return len(scene.body) == 1 and [joint.kind.is_hinge for joint in scene.joint.values()] == [True] and not held
 
 

@@ -53,10 +53,7 @@ def trace_actions(inputs: Coordinates, frames: list[MovingFrame]) -> dict[int, l
 
 def trace_pair(inputs: Coordinates, frames: list[MovingFrame], element: Element) -> list[Action]:
     """Trace what a force element does at its second place and at its first one."""
-    first, second = (trace_end(inputs, frames, end) for end in element.ends)
-    if isinstance(element, PointSpring):
-        return _spring_actions(element, first, second)
-    return _bushing_actions(element, first, second)
+    return _trace_motion(inputs, frames, element).actions()
 
 
 def trace_strain(
@@ -66,21 +63,13 @@ def trace_strain(
 
     Of a spring the strain is its elongation [m], of a bushing displacement [m] and, if it counts, rotation [rad].
     """
-    first, second = (trace_end(inputs, frames, end) for end in element.ends)
-    swing = subtract(second.v, first.v)
-    if isinstance(element, PointSpring):
-        _, length, rate = _stretching(first, second)
-        return [length - element.rest], [rate], swing
-    return *_bushing_motion(element, first, second).strains(element), swing
+    motion = _trace_motion(inputs, frames, element)
+    return *motion.strains(), subtract(motion.second.v, motion.first.v)
 
 
 def trace_element_energy(inputs: Coordinates, frames: list[MovingFrame], element: Element) -> Scalar:
     """Trace the elastic energy of a force element."""
-    first, second = (trace_end(inputs, frames, end) for end in element.ends)
-    if isinstance(element, PointSpring):
-        return trace_law_energy(element.law, _length(first, second)[1] - element.rest)
-    e, _ = _bushing_motion(element, first, second).strains(element)
-    return total(e[i] * e[j] * float(element.K[i, j]) for i in range(len(e)) for j in range(len(e))) * 0.5
+    return _trace_motion(inputs, frames, element).energy()
 
 
 def trace_end(inputs: Coordinates, frames: list[MovingFrame], end: Attachment) -> PlaceMotion:
@@ -89,47 +78,79 @@ def trace_end(inputs: Coordinates, frames: list[MovingFrame], end: Attachment) -
     return replace(place, A=product(place.A, [constants(inputs.graph, row) for row in end.axes]))
 
 
-def _length(first: PlaceMotion, second: PlaceMotion) -> tuple[Vector3, Scalar]:
-    """Return the way from one place to another, and its length."""
-    way = subtract(second.x, first.x)
-    return way, (dot(way, way) + SHORTEST_SPRING**2).apply("sqrt")
-
-
 def trace_elongation(
     inputs: Coordinates, frames: list[MovingFrame], element: PointSpring
 ) -> tuple[Scalar, Scalar, Vector3]:
     """Trace the elongation of a spring, its rate, and the way from its first place to its second one in space."""
+    motion = _SpringMotion(element, *(trace_end(inputs, frames, end) for end in element.ends))
+    return *motion.stretch, motion.way
+
+
+def _trace_motion(inputs: Coordinates, frames: list[MovingFrame], element: Element) -> _SpringMotion | _BushingMotion:
     first, second = (trace_end(inputs, frames, end) for end in element.ends)
-    way, length, rate = _stretching(first, second)
-    return length - element.rest, rate, way
+    if isinstance(element, PointSpring):
+        return _SpringMotion(element, first, second)
+    return _BushingMotion(element, first, second)
 
 
-def _stretching(first: PlaceMotion, second: PlaceMotion) -> tuple[Vector3, Scalar, Scalar]:
-    """Return the way from one place to another, its length and the rate of that."""
-    way, length = _length(first, second)
-    return way, length, dot(way, subtract(second.v, first.v)) * length.inverse()
+@dataclass
+class _SpringMotion:
+    """A spring between two places that move."""
 
+    element: PointSpring
+    first: PlaceMotion
+    second: PlaceMotion
 
-def _spring_actions(element: PointSpring, first: PlaceMotion, second: PlaceMotion) -> list[Action]:
-    way, length, rate = _stretching(first, second)
-    pull = scale(trace_law(element.law, length - element.rest, rate) * length.inverse(), way)
-    none = scale(0.0, pull)
-    return [Action(second, scale(-1.0, pull), none), Action(first, pull, none)]
+    def __post_init__(self) -> None:
+        self.way = subtract(self.second.x, self.first.x)  # in space, from the first place to the second
+        self.length = (dot(self.way, self.way) + SHORTEST_SPRING**2).apply("sqrt")
+
+    @property
+    def stretch(self) -> tuple[Scalar, Scalar]:
+        """Elongation and its rate."""
+        rate = dot(self.way, subtract(self.second.v, self.first.v)) * self.length.inverse()
+        return self.length - self.element.rest, rate
+
+    def strains(self) -> tuple[list[Scalar], list[Scalar]]:
+        """Return the elongation and its rate, one of each."""
+        elongation, rate = self.stretch
+        return [elongation], [rate]
+
+    def energy(self) -> Scalar:
+        """Return the elastic energy."""
+        return trace_law_energy(self.element.law, self.length - self.element.rest)
+
+    def actions(self) -> list[Action]:
+        """Return the pulls on both places."""
+        pull = scale(trace_law(self.element.law, *self.stretch) * self.length.inverse(), self.way)
+        none = scale(0.0, pull)
+        return [Action(self.second, scale(-1.0, pull), none), Action(self.first, pull, none)]
 
 
 @dataclass
 class _BushingMotion:
-    """Displacement and rotation of a bushing's second place, along its first one's axes, and their rates."""
+    """A bushing between two places that move."""
 
-    way: Vector3  # in space, from the first place to the second
-    d: Vector3
-    d_rate: Vector3
-    w: Vector3
-    y: Scalar  # sin² of half the angle
-    s: Vector3  # sine of the angle, along its axis
+    element: SixAxisSpring
+    first: PlaceMotion
+    second: PlaceMotion
+
+    def __post_init__(self) -> None:
+        """Trace displacement and rotation of the second place, along the first one's axes, and their rates."""
+        first, second = self.first, self.second
+        into = transpose(first.A)
+        self.way = subtract(second.x, first.x)  # in space
+        swept = subtract(subtract(second.v, first.v), cross(first.w, self.way))
+        R = product(into, second.A)
+        self.y = (3.0 - R[0][0] - R[1][1] - R[2][2]) * 0.25  # sin² of half the angle
+        self.s = scale(0.5, [R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]])  # its sine, along its axis
+        self.w = times(into, subtract(second.w, first.w))
+        self.d = subtract(times(into, self.way), constants(self.y.graph, self.element.position))
+        self.d_rate = times(into, swept)
 
     @property
     def theta(self) -> Vector3:
+        """Rotation vector."""
         return scale(self.y.apply("arc0"), self.s)
 
     def through(self, side: float, x: Vector3) -> Vector3:
@@ -137,31 +158,24 @@ class _BushingMotion:
         h = self.y.apply("arc1") * 0.5 - self.y.apply("arc0") * (1.0 - self.y).inverse() * 0.25
         return add(x, scale(0.5 * side, cross(self.theta, x)), scale(h, cross(self.s, cross(self.s, x))))
 
-    def strains(self, element: SixAxisSpring) -> tuple[list[Scalar], list[Scalar]]:
+    def strains(self) -> tuple[list[Scalar], list[Scalar]]:
         """Return e and its rate: three of each if rotations don't count, else six."""
-        if not element.twists:
+        if not self.element.twists:
             return self.d, self.d_rate
         return self.d + self.theta, self.d_rate + self.through(-1.0, self.w)
 
+    def energy(self) -> Scalar:
+        """Return the elastic energy."""
+        e, _ = self.strains()
+        K = self.element.K
+        return total(e[i] * e[j] * float(K[i, j]) for i in range(len(e)) for j in range(len(e))) * 0.5
 
-def _bushing_motion(element: SixAxisSpring, first: PlaceMotion, second: PlaceMotion) -> _BushingMotion:
-    into = transpose(first.A)
-    way = subtract(second.x, first.x)
-    swept = subtract(subtract(second.v, first.v), cross(first.w, way))
-    position = constants(way[0].graph, element.position)
-    R = product(into, second.A)
-    y = (3.0 - R[0][0] - R[1][1] - R[2][2]) * 0.25
-    s = scale(0.5, [R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]])
-    w = times(into, subtract(second.w, first.w))
-    return _BushingMotion(way, subtract(times(into, way), position), times(into, swept), w, y, s)
-
-
-def _bushing_actions(element: SixAxisSpring, first: PlaceMotion, second: PlaceMotion) -> list[Action]:
-    motion = _bushing_motion(element, first, second)
-    e, rates = motion.strains(element)
-    n = range(len(e))
-    f = [-total([e[j] * float(element.K[i, j]) + rates[j] * float(element.C[i, j]) for j in n]) for i in n]
-    force = times(first.A, f[:3])
-    moment = times(first.A, motion.through(1.0, f[3:])) if f[3:] else scale(0.0, force)
-    back = scale(-1.0, add(moment, cross(motion.way, force)))
-    return [Action(second, force, moment), Action(first, scale(-1.0, force), back)]
+    def actions(self) -> list[Action]:
+        """Return force and moment on both places."""
+        (e, rates), K, C = self.strains(), self.element.K, self.element.C
+        n = range(len(e))
+        f = [-total([e[j] * float(K[i, j]) + rates[j] * float(C[i, j]) for j in n]) for i in n]
+        force = times(self.first.A, f[:3])
+        moment = times(self.first.A, self.through(1.0, f[3:])) if f[3:] else scale(0.0, force)
+        back = scale(-1.0, add(moment, cross(self.way, force)))
+        return [Action(self.second, force, moment), Action(self.first, scale(-1.0, force), back)]
