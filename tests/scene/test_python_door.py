@@ -91,6 +91,8 @@ def test_a_scene_of_classes_is_the_scene_of_the_file() -> None:
         output=[Chart(**output) for output in tables["output"]],
     )
     assert made.model_dump() == load_scene("rod-slider").model_dump()
+    assert (made.file, made.name) == ("", "scene")
+    assert "(made in Python)" in made._repr_html_()
 
 
 @pytest.mark.parametrize("name", ["beam", "arm", "plate", "stewart", "suspension"])

@@ -141,13 +141,13 @@ class Scene(SceneTable):
 
     @property
     def file(self) -> str:
-        """Path of the file that the scene was read from."""
+        """Path of the file that the scene was read from; empty if it was made in Python."""
         return self._file
 
     @property
     def name(self) -> str:
-        """Name of the scene's file without folder and suffix."""
-        return Path(self._file).stem
+        """Name of the scene's file without folder and suffix; ``"scene"`` if it was made in Python."""
+        return Path(self._file).stem or "scene"
 
     @property
     def moves(self) -> bool:
@@ -319,7 +319,7 @@ def scene_table(scene: Scene) -> str:
         simulation = scene.simulation
         spans = f"{scaled(simulation.duration, 's')}, output every {scaled(simulation.output_step, 's')}"
         rows[3:3] = [("simulation", spans), ("runs", ", ".join(run.label() for run in simulation.run))]
-    return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file})")
+    return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file or 'made in Python'})")
 
 
 def _list_kinds(table: Mapping[str, Any], key: str) -> str:
