@@ -45,9 +45,11 @@ if TYPE_CHECKING:
 # Computations of the stages; what they need of heavy packages is loaded here.
 
 
+def _has_pieces(run: Pipeline) -> bool:
+    return run.scene.moves and bool(run.scene.pieces)
+
+
 def _divide(run: Pipeline) -> Division:
-    if not run.scene.moves or not run.scene.pieces:
-        return Division(run.scene, run.wholes)
     return divide_parts(run.scene, run.wholes, run.like)
 
 
@@ -184,7 +186,7 @@ class Pipeline:
     """
 
     # The table of stages, in their order; what they read are these, and stages of each flexible body.
-    division: Stage[Division] = Stage("pieces", _divide)
+    division: Stage[Division] = Stage("pieces", _divide, applies=_has_pieces)
     spin: Stage[Mapping[str, SpinCheck]] = Stage(
         "loads", _check_loads, ("body",), lambda run: run.inputs, ALL_SOURCES, ALL_PACKAGES
     )
@@ -223,6 +225,8 @@ class Pipeline:
         if division is not None:
             wholes = {name: divided.whole for name, divided in division.divided.items()}
             self.wholes = {name: wholes[name] if name in wholes else division.parts[name] for name in self.wholes}
+        elif not _has_pieces(self):
+            division = Division(scene, self.wholes)
         self.like: Division | None = None
         self.has_other_bodies, self.has_other_loads = bodies is not None, spin is not None
         given = {Pipeline.division.name: division, Pipeline.bodies.name: bodies, Pipeline.spin.name: spin}
