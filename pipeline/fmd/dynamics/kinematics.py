@@ -85,7 +85,7 @@ class Kinematics:
 
     @cached_property
     def _state(self) -> Mapping[str, Array]:
-        return self._recorded.state(self.times, self.q, self.v)
+        return self._recorded.inputs.columns(self.times, self.q, self.v)
 
     def _over(self, quantity: Evaluation, more: Mapping[str, Array] | None = None) -> Array:
         """Return a quantity at all states, shape (n_times, n_values)."""

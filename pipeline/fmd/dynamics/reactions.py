@@ -56,14 +56,26 @@ def joint_loads(mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, 
     lacking = [link.name for link in whole.links if link.gram.normal >= 0]
     if lacking:
         raise ValueError(f"the joint of {lacking[0]} bears moments that take the body's inertia along its axis, too")
-    compiled, bearing, links = share_system(mechanism).compiled, share_system(whole).compiled, mechanism.links
-    accelerations = np.zeros((len(times), mechanism.n))
-    frames, loads = np.zeros((len(times), len(links), 6)), np.zeros((len(times), len(links), 2, 6))
-    for k, t in enumerate(times):
-        accelerations[k], multipliers = compiled.constrained_accelerations(float(t), q[k], v[k])
-        frames[k], loads[k] = bearing.joint_loads(float(t), q[k], v[k], accelerations[k], multipliers)
-    of_tree = {link.joint_name: loads[:, number] for number, link in enumerate(links)}
-    return JointLoads(accelerations, frames, of_tree | closing_reactions(mechanism, times, q, v))
+    accelerations, multipliers = _accelerate(mechanism, times, q, v)
+    frames, loads = share_system(whole).compiled.joint_loads(times, q, v, accelerations, multipliers)
+    of_tree = {link.joint_name: loads[:, number] for number, link in enumerate(mechanism.links)}
+    return JointLoads(accelerations, frames, of_tree | _closing_reactions(mechanism, times, q, v, multipliers))
+
+
+def _accelerate(mechanism: Mechanism, times: Array, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return accelerations (n_times, n) and the smallest multipliers (n_times, n_rows) at each state."""
+    compiled = share_system(mechanism).compiled
+    found = [compiled.constrained_accelerations(float(t), q[k], v[k]) for k, t in enumerate(times)]
+    accelerations = np.reshape([a for a, _ in found], (len(times), mechanism.n))
+    return accelerations, np.reshape([f for _, f in found], (len(times), len(compiled.rows)))
+
+
+def _closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array, multipliers: Array) -> dict[str, Array]:
+    compiled, joints = share_system(mechanism).compiled, mechanism.closing_joints
+    if not (joints and compiled.rows):
+        return {joint.name: np.zeros((len(times), 2, 6)) for joint in joints}
+    wrenches = compiled.reactions(times, q, v, multipliers)
+    return {joint.name: wrenches[:, k] for k, joint in enumerate(joints)}
 
 
 def closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array) -> dict[str, Array]:
@@ -81,10 +93,8 @@ def closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array) ->
     dict of str to ndarray, shape (n_times, 2, 6)
         In space, about the joint's place on the parent and on the child, by the joints' names.
     """
-    names = [joint.name for joint in mechanism.closing_joints]
-    compiled = share_system(mechanism).compiled
-    found = [compiled.reactions(float(t), q[k], v[k]) for k, t in enumerate(times)] if names else []
-    return {name: np.array([at[name] for at in found]) for name in names}
+    multipliers = _accelerate(mechanism, times, q, v)[1] if mechanism.closing_joints else np.zeros((len(times), 0))
+    return _closing_reactions(mechanism, times, q, v, multipliers)
 
 
 def constraint_residual(mechanism: Mechanism, times: Array, q: Array, v: Array) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, cached_property
 from typing import Any
 
@@ -16,7 +16,8 @@ from fmd.dynamics.compiler.closures import ConstraintRow, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.digest import digest_mechanism
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
-from fmd.dynamics.compiler.graph import Graph
+from fmd.dynamics.compiler.graph import Graph, Scalar
+from fmd.dynamics.compiler.interpret import evaluate_scalars
 from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.programs import trace_program
@@ -196,22 +197,26 @@ class CompiledMechanism:
         X, _ = self.multipliers(t, q)
         return np.asarray(X.T @ self.mass_matrix(self.signal_values(t), q))
 
-    def reactions(self, t: float, q: Array, v: Array) -> dict[str, Array]:
-        """Return force [N] and moment [N m] of each joint that closes a loop on its parent and on its child.
+    def reactions(self, times: Array, q: Array, v: Array, multipliers: Array) -> Array:
+        """Return force [N] and moment [N m] of each joint that closes a loop, at many states.
 
-        Where constraints are redundant, of all multipliers that do the same the smallest are taken.
+        Parameters
+        ----------
+        times, q, v, multipliers : ndarray, shapes (n_times,), (n_times, n_positions), (n_times, n), (n_times, n_rows)
+            States, and the multipliers of their constraints.
 
         Returns
         -------
-        dict of str to ndarray, shape (2, 6)
-            In space, about the joint's places, by the joints' names.
+        ndarray, shape (n_times, n_joints, 2, 6)
+            On its parent and on its child, in space, about the joint's places.
         """
-        names = [joint.name for joint in self.mechanism.closing_joints]
-        wrenches = np.zeros((len(names), 2, 6))
-        if self.rows and names:
-            _, smallest = self.constrained_accelerations(t, q, v)
-            self.call("reactions", self.signal_values(t), *_contiguous(q, v), smallest, wrenches)
-        return dict(zip(names, wrenches, strict=True))
+        return self._over("reactions", times, q, v, {"f": multipliers}).reshape(len(times), -1, 2, 6)
+
+    def _over(self, name: str, times: Array, q: Array, v: Array, more: Mapping[str, Array]) -> Array:
+        """Return what a program fills, in the order of its outputs, at many states by NumPy, (n_times, n_values)."""
+        arguments = {**self._inputs.columns(times, q, v), **{key: values.T for key, values in more.items()}}
+        values = [value for value, _ in self.program(name).outputs if isinstance(value, Scalar)]
+        return evaluate_scalars(values).over(arguments, len(times))
 
     def constrained_accelerations(
         self, t: float, q: Array, v: Array, forces: Array | None = None
@@ -234,16 +239,22 @@ class CompiledMechanism:
         smallest = -np.linalg.lstsq(S / np.outer(scale, scale), w / scale, rcond=DEPENDENT_CONSTRAINT)[0] / scale
         return a + X @ smallest, smallest
 
-    def joint_loads(self, t: float, q: Array, v: Array, a: Array, multipliers: Array) -> tuple[Array, Array]:
-        """Return accelerations of the bodies' frames (n_bodies, 6), and loads of their joints (n_bodies, 2, 6).
+    def joint_loads(self, times: Array, q: Array, v: Array, a: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return accelerations of the bodies' frames and loads of their joints, at many states.
 
-        The latter are force and moment on the parent, about the joint's place, and on the body, about its origin. All
-        are in space [m/s², rad/s², N, N m].
+        Parameters
+        ----------
+        times, q, v, a, multipliers : ndarray, (n_times,), (n_times, n_positions), (n_times, n) twice, (n_times, n_rows)
+            States, their accelerations, and the multipliers of their constraints.
+
+        Returns
+        -------
+        tuple of ndarray, shapes (n_times, n_bodies, 6) and (n_times, n_bodies, 2, 6)
+            Accelerations, and force and moment on the parent, about the joint's place, and on the body, about its
+            origin. All are in space [m/s², rad/s², N, N m].
         """
-        n = len(self.mechanism.links)
-        motions, loads = np.zeros((n, 6)), np.zeros((n, 2, 6))
-        self.call("joint_loads", self.signal_values(t), *_contiguous(q, v, a, multipliers), motions, loads)
-        return motions, loads
+        values = self._over("joint_loads", times, q, v, {"a": a, "f": multipliers}).reshape(len(times), -1, 3, 6)
+        return values[:, :, 0], values[:, :, 1:]
 
     def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return the bodies' origins (n_bodies, 3), rotations (n_bodies, 3, 3) and angular velocities in space."""

@@ -84,6 +84,12 @@ class Coordinates:
         """A modal vector, each entry times a constant of a body."""
         return vector.multiplied_by(np.diag(values))
 
+    def columns(self, times: Array, q: Array, v: Array) -> dict[str, Array]:
+        """Arguments at states, (n_times,), (n_times, n_positions) and (n_times, n), with a column for each."""
+        values = [row for signal in self.signals for row in signal.values(times).T]
+        inputs = np.reshape(values, (len(values), len(times)))
+        return {"inputs": inputs, "q": np.ascontiguousarray(q.T), "v": np.ascontiguousarray(v.T)}
+
     def signal(self, signal: Signal, derivatives: int = 0) -> list[Scalar]:
         """A signal's value and its first derivatives, as inputs if it varies."""
         value = constant_value(signal)

@@ -5,13 +5,9 @@ The constants keep what the march takes for round-off.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-import numpy as np
-
-from fmd.core.arrays import Array
 from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.algebra import Vector3, add, constants, times
 from fmd.dynamics.compiler.coordinates import ExactCoordinates
@@ -96,12 +92,6 @@ class RecordedMechanism:
         at = trace_place(self.inputs, self.frames, place).acceleration(x, eta)[0]
         weight: Vector3 = constants(self.inputs.graph, self.inputs.mechanism.gravity)
         return evaluate_scalars(add(at, weight))
-
-    def state(self, times: Array, q: Array, v: Array) -> Mapping[str, Array]:
-        """Return the arguments at states, (n_times,), (n_times, n_positions) and (n_times, n), by columns."""
-        values = [row for signal in self.inputs.signals for row in signal.values(times).T]
-        inputs = np.reshape(values, (len(values), len(times)))
-        return {"inputs": inputs, "q": np.ascontiguousarray(q.T), "v": np.ascontiguousarray(v.T)}
 
 
 @lru_cache(maxsize=16)
