@@ -111,7 +111,7 @@ class JointTable(SceneTable):
 
     @property
     def along(self) -> tuple[Along, ...]:
-        """What acts along each coordinate; empty where nothing can."""
+        """Spring, damper, stops and friction along each coordinate; empty where none can be."""
         return ()
 
     def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
