@@ -57,11 +57,11 @@ def flexible(
         for corner in CORNERS:
             x.append((marker.position + corner)[None])
             shapes.append((marker.translation + np.cross(marker.rotation.T, corner).T)[None])
-    mass_row = body.gram.S
+    mass_row = body.integrals.S
     nodes["centre"] = n
     n += 1
-    x.append((mass_row[:, 0] / body.gram.mass)[None])
-    shapes.append((mass_row[:, 1:] / body.gram.mass)[None])
+    x.append((mass_row[:, 0] / body.integrals.mass)[None])
+    shapes.append((mass_row[:, 1:] / body.integrals.mass)[None])
     all_x, all_shapes, more = np.concatenate(x), np.concatenate(shapes), 3 * (n - len(body.x))
 
     def padded(A):
@@ -167,7 +167,7 @@ def arm(run) -> Twin:
     for pair in ([ground, place(upper, -0.25)], [place(upper, 0.25), frame], [wrist, place(gripper, -0.06)]):
         mbs.AddObject(ii.RevoluteJoint2D(markerNumbers=pair))
     hold(mbs, forearm["frame"], (2, 3, 4))
-    add_weight(mbs, forearm, body.gram.mass, g)
+    add_weight(mbs, forearm, body.integrals.mass, g)
     for number in (upper, gripper):
         marker = mbs.AddMarker(ii.MarkerBodyMass(bodyNumber=number))
         mbs.AddLoad(ii.LoadMassProportional(markerNumber=marker, loadVector=g))
@@ -222,7 +222,7 @@ def robot(run) -> Twin:
     flange = mbs.AddMarker(ii.MarkerBodyRigid(bodyNumber=payload, localPosition=[-0.03, 0, 0]))
     mbs.AddObject(ii.GenericJoint(markerNumbers=[section(mbs, two, "end"), flange], constrainedAxes=[1] * 6))
     for made, body in ((one, first), (two, second)):
-        add_weight(mbs, made, body.gram.mass, g)
+        add_weight(mbs, made, body.integrals.mass, g)
     marker = mbs.AddMarker(ii.MarkerBodyMass(bodyNumber=payload))
     mbs.AddLoad(ii.LoadMassProportional(markerNumber=marker, loadVector=g))
     levers = {(one["frame"], 5): 1.0} | {(one["modes"], k): x for k, x in enumerate(first.joint_rotation)}

@@ -14,8 +14,8 @@ from fmd.dynamics.system import (
     accelerations,
     advance,
     fast_steps,
-    hold_middle,
-    hold_slow,
+    freeze_middle,
+    freeze_slow,
     leapfrog_step,
     reacting_steps,
     slow_response,
@@ -25,7 +25,7 @@ from fmd.dynamics.vibration import highest_frequency, largest_leapfrog_step
 
 
 class LinearParameters(NamedTuple):
-    """Constants of ``a = −A q − B v`` and of the fast coordinates' ``a_S = −W (K_SS q_S + C_SS v_S + held)``.
+    """Constants of ``a = −A q − B v`` and of the fast coordinates' ``a_S = −W (K_SS q_S + C_SS v_S + frozen)``.
 
     Matrices lie in memory by columns, so that products run over one column after another in vector instructions.
     B, C and C_SS have no columns if no term depends on the rates.
@@ -44,14 +44,14 @@ class LinearParameters(NamedTuple):
 
 
 class FrozenLinear(NamedTuple):
-    """Forces of the slow coordinates on the fast ones over a cycle: ``held = K_SL q_L + C_SL v_L + M_SL a_L``."""
+    """Forces of the slow coordinates on the fast ones over a cycle: ``frozen = K_SL q_L + C_SL v_L + M_SL a_L``."""
 
-    held: Array  # (n_fast,)
+    frozen: Array  # (n_fast,)
     right: Array  # (n_fast,), room to work in
 
 
 class MiddleLinear(NamedTuple):
-    """Equations of the fast coordinates with ``y = q_L + D q_S`` held, and the state at the middle of a cycle."""
+    """Equations of the fast coordinates with ``y = q_L + D q_S`` frozen, and the state at the middle of a cycle."""
 
     D: Array  # (n, n_slow), a row for each fast rate
     W: Array  # (n_fast, n_fast) S̄⁻¹
@@ -142,11 +142,11 @@ class LinearSystem:
         return np.zeros(self.n)
 
     def frozen(self, cycle: float) -> FrozenLinear:
-        """Return new arrays for the coefficients that `hold_slow` holds over a major cycle."""
+        """Return new arrays for the coefficients that `freeze_slow` freezes over a major cycle."""
         return FrozenLinear(np.zeros(self.n - self.n_slow), np.zeros(self.n - self.n_slow))
 
     def middle(self, cycle: float) -> MiddleLinear:
-        """Return new arrays for what `hold_middle` holds at the middle of a major cycle."""
+        """Return new arrays for what `freeze_middle` freezes at the middle of a major cycle."""
         C = np.zeros_like(self.K) if self.C is None else self.C
         return middle_of(self.M, self.K, C, self.n_slow)
 
@@ -157,12 +157,12 @@ class LinearSystem:
 
     @property
     def highest_fast_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
+        """Highest angular frequency of the fast coordinates with the slow ones frozen [rad/s]."""
         return self._highest(slice(self.n_slow, None))
 
     @property
     def highest_reacting_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [rad/s]."""
+        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` frozen [rad/s]."""
         M, K, _ = self._reacting
         return highest_frequency(M, K)
 
@@ -181,22 +181,22 @@ class LinearSystem:
 
     @property
     def largest_fast_step(self) -> float:
-        """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
+        """Longest stable leapfrog step of the fast coordinates with the slow ones frozen [s]."""
         return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.linear_matrices))
 
     @property
     def largest_reacting_step(self) -> float:
-        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [s]."""
+        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` frozen [s]."""
         return largest_leapfrog_step(*self._reacting)
 
     @property
     def largest_slow_step(self) -> float:
-        """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
+        """Longest stable leapfrog step of the slow coordinates with the fast ones frozen [s]."""
         return largest_leapfrog_step(*(A[: self.n_slow, : self.n_slow] for A in self.linear_matrices))
 
     @property
     def highest_slow_frequency(self) -> float:
-        """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
+        """Highest angular frequency of the slow coordinates with the fast ones frozen [rad/s]."""
         return self._highest(slice(0, self.n_slow))
 
     def _highest(self, part: slice) -> float:
@@ -226,27 +226,27 @@ def _leapfrog_step(p: LinearParameters, leapfrog: Array, t: float, h: float, q: 
         q[i] += h * v[i]
 
 
-@meaning(hold_slow, LinearParameters)
-def _hold_slow(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenLinear) -> None:
-    M, C, K, held, n_slow = p.M, p.C, p.K, frozen.held, p.n_slow
+@meaning(freeze_slow, LinearParameters)
+def _freeze_slow(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenLinear) -> None:
+    M, C, K, frozen, n_slow = p.M, p.C, p.K, frozen.frozen, p.n_slow
     for i in range(n_slow, v.size):
-        held[i - n_slow] = 0.0
+        frozen[i - n_slow] = 0.0
         for j in range(n_slow):
-            held[i - n_slow] += K[i, j] * q[j] + M[i, j] * a[j]
+            frozen[i - n_slow] += K[i, j] * q[j] + M[i, j] * a[j]
         for j in range(min(n_slow, C.shape[1])):
-            held[i - n_slow] += C[i, j] * v[j]
+            frozen[i - n_slow] += C[i, j] * v[j]
 
 
 @meaning(fast_steps, LinearParameters)
 def _fast_steps(
     p: LinearParameters, frozen: FrozenLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    K, C, W, v_now, held, right, n_fast = p.K_SS, p.C_SS, p.W, p.v_now, frozen.held, frozen.right, frozen.right.size
+    K, C, W, v_now, frozen, right, n_fast = p.K_SS, p.C_SS, p.W, p.v_now, frozen.frozen, frozen.right, frozen.right.size
     q, v, a = q[p.n_slow :], v[p.n_slow :], a[p.n_slow :]
     for _ in range(count):
         for i in range(n_fast):
             v_now[i] = v[i] + 0.5 * h * a[i]
-            right[i] = -held[i]
+            right[i] = -frozen[i]
             a[i] = 0.0
         for j in range(n_fast):
             for i in range(n_fast):
@@ -285,8 +285,8 @@ def middle_of(M: Array, K: Array, C: Array, n_slow: int) -> MiddleLinear:
     return MiddleLinear(*(np.asfortranarray(a) for a in arrays), *np.zeros((5, n)))
 
 
-@meaning(hold_middle, LinearParameters)
-def _hold_middle(p: LinearParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleLinear) -> None:
+@meaning(freeze_middle, LinearParameters)
+def _freeze_middle(p: LinearParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleLinear) -> None:
     K, C, Q = p.K, p.C, middle.Q
     for i in range(v.size):
         Q[i], middle.q[i], middle.v[i] = 0.0, q[i], v[i]

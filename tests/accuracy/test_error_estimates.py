@@ -14,7 +14,7 @@ from fmd.accuracy.error_estimates import (
 )
 from fmd.accuracy.matching import find_counterparts, match_shapes
 from fmd.reduction.body import FlexibleBody, MarkerShapes
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 
 T = np.linspace(0.0, 1.0, 101)
 
@@ -94,7 +94,7 @@ def test_too_few_shapes_are_told() -> None:
 def body_of(x: np.ndarray, shapes: np.ndarray, omega: np.ndarray) -> FlexibleBody:
     marker = MarkerShapes(np.zeros(3), shapes[0], shapes[1])
     return FlexibleBody(
-        x, shapes, omega, np.eye(3)[2], "at", {"at": marker}, inertia_gram(x, np.eye(len(x)), shapes), 0
+        x, shapes, omega, np.eye(3)[2], "at", {"at": marker}, inertia_integrals(x, np.eye(len(x)), shapes), 0
     )
 
 
@@ -110,8 +110,8 @@ def test_a_softened_body_yields_more_to_the_same_force_and_has_the_same_stress()
     modal = shapes.reshape(30, 4).T @ force
     assert soft.shapes @ q == pytest.approx(shapes @ np.linalg.solve(K, modal))
     assert as_if @ q == pytest.approx(modal / body.omega**2)  # the given body's coordinates under that force
-    again = inertia_gram(body.x, np.eye(10), soft.shapes)
-    assert np.allclose(soft.gram.G, again.G)
+    again = inertia_integrals(body.x, np.eye(10), soft.shapes)
+    assert np.allclose(soft.integrals.G, again.G)
     assert soft.markers["at"].rotation == pytest.approx(soft.shapes[1])
 
 
@@ -125,7 +125,7 @@ def test_a_retuned_body_rings_at_other_frequencies_and_yields_to_a_static_force_
     assert tuned.omega.tolist() == [0.9, 2.1, 5.0]
     assert tuned.shapes @ q == pytest.approx(body.shapes @ before)
     assert stressed @ q == pytest.approx(before)
-    assert np.allclose(inertia_gram(body.x, np.eye(10), tuned.shapes).G, tuned.gram.G)
+    assert np.allclose(inertia_integrals(body.x, np.eye(10), tuned.shapes).G, tuned.integrals.G)
 
 
 def test_at_most_three_quarters_of_a_stiffness_are_taken_off() -> None:

@@ -15,10 +15,10 @@ from scipy.linalg import expm
 from fmd.core.arrays import Array
 from fmd.core.joint_kinds import JointKind
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.free import FREE
 from fmd.scene.joints.prismatic import PRISMATIC
@@ -250,7 +250,7 @@ class PointChain:
             links.append(
                 replace(
                     link,
-                    gram=inertia_gram(points, np.diag(masses), shapes),
+                    integrals=inertia_integrals(points, np.diag(masses), shapes),
                     place=R @ link.place + (shift if link.parent < 0 else 0.0),
                     axis=R @ link.axis,
                     place_shapes=R @ link.place_shapes,
@@ -300,17 +300,19 @@ def random_chain(name: str, seed: int = 0, gravity: tuple[float, float, float] =
     for k, (joint, parent, n) in enumerate(zip(kinds, parents, sizes, strict=True)):
         x, m, Phi = bodies[k]
         if n:
-            gram = inertia_gram(x, np.diag(m), Phi)
+            integrals = inertia_integrals(x, np.diag(m), Phi)
         else:  # the way of rigid bodies: mass, centre and inertia about it
             centre = m @ x / m.sum()
             arms = x - centre
-            gram = rigid_gram(float(m.sum()), centre, np.sum(arms**2 * m[:, None]) * np.eye(3) - (arms.T * m) @ arms)
+            integrals = rigid_integrals(
+                float(m.sum()), centre, np.sum(arms**2 * m[:, None]) * np.eye(3) - (arms.T * m) @ arms
+            )
         of_parent = sizes[parent] if parent >= 0 else 0
         scalar = joint in (REVOLUTE, PRISMATIC)
         links.append(
             Link(
                 f"body {k}",
-                gram,
+                integrals,
                 joint,
                 parent,
                 place=rng.normal(size=3),

@@ -15,29 +15,34 @@ class Drives:
     """Prescribed joints of a mechanism, and the mechanism with free joints in their place."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self.held = CompiledMechanism(mechanism)
+        self.frozen = CompiledMechanism(mechanism)
         free = replace(mechanism, links=[replace(link, motion=None) for link in mechanism.links])
         self.free = CompiledMechanism(free)
 
     def loads(self, t: float, q: Array, v: Array) -> dict[str, float]:
         """Torque [N m] or force [N] along each prescribed joint at a state, by the name of the body it carries."""
-        held, free = self.held.mechanism, self.free.mechanism
-        a = self.held.accelerations(t, q, v)
+        frozen, free = self.frozen.mechanism, self.free.mechanism
+        a = self.frozen.accelerations(t, q, v)
         positions, rates, accelerations = np.zeros(free.n_positions), np.zeros(free.n), np.zeros(free.n)
         pairs = ((v, rates), (a, accelerations))
-        for k, (link, other) in enumerate(zip(held.links, free.links, strict=True)):
-            at, to, i, j = held.layout.position[k], free.layout.position[k], held.layout.rate[k], free.layout.rate[k]
+        for k, (link, other) in enumerate(zip(frozen.links, free.links, strict=True)):
+            at, to, i, j = (
+                frozen.layout.position[k],
+                free.layout.position[k],
+                frozen.layout.rate[k],
+                free.layout.rate[k],
+            )
             if link.motion is not None:
                 positions[to], rates[j], accelerations[j] = link.motion.value(t)
             else:
                 positions[to : to + other.n_positions] = q[at : at + link.n_positions]
                 for given, out in pairs:
                     out[j : j + other.n_rates] = given[i : i + link.n_rates]
-            modes, new = held.modes_of(k), free.modes_of(k)
-            positions[new + free.n_positions - free.n] = q[modes + held.n_positions - held.n]
+            modes, new = frozen.modes_of(k), free.modes_of(k)
+            positions[new + free.n_positions - free.n] = q[modes + frozen.n_positions - frozen.n]
             for given, out in pairs:
                 out[new] = given[modes]
         r = self.free.residual(t, positions, rates, accelerations)
         return {
-            link.name: float(r[free.layout.rate[k]]) for k, link in enumerate(held.links) if link.motion is not None
+            link.name: float(r[free.layout.rate[k]]) for k, link in enumerate(frozen.links) if link.motion is not None
         }

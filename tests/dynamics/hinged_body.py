@@ -22,7 +22,7 @@ def hinged(body: FlexibleBody | Link, load: Signal | None = None) -> CompiledSys
     torque = load or constant(0.0)
     if isinstance(body, Link):
         return CompiledSystem(Mechanism([replace(body, load=torque)]))
-    inertia = {"gram": body.gram, "omega": body.omega, "joint_rotation": body.joint_rotation}
+    inertia = {"integrals": body.integrals, "omega": body.omega, "joint_rotation": body.joint_rotation}
     return CompiledSystem(Mechanism([Link("body", joint=REVOLUTE, axis=body.axis, load=torque, **inertia)]))
 
 

@@ -25,7 +25,7 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import evaluate
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.drives import Drives
@@ -149,10 +149,10 @@ class Arm:
         links, points = [], []
         for link, (x, m, Phi) in zip(self.tree.links, self.points, strict=True):
             points.append((x @ R.T, m, np.einsum("ab,ibk->iak", R, Phi)))
-            gram = inertia_gram(points[-1][0], np.diag(m), points[-1][2])
+            integrals = inertia_integrals(points[-1][0], np.diag(m), points[-1][2])
             place = R @ link.place + (shift if link.parent < 0 else 0.0)
             inner = {"place_shapes": R @ link.place_shapes, "place_rotations": R @ link.place_rotations}
-            links.append(replace(link, gram=gram, place=place, axis=R @ link.axis, **inner))
+            links.append(replace(link, integrals=integrals, place=place, axis=R @ link.axis, **inner))
         vectors = ("direction", "place", "shapes", "rotations")
         loads = [replace(at, **{name: R @ getattr(at, name) for name in vectors}) for at in self.tree.loads]
         tree = replace(self.tree, links=links, loads=loads, gravity=R @ self.tree.gravity)
@@ -168,13 +168,13 @@ def make_arm() -> Arm:
         L = np.linalg.cholesky(Phi.T @ (np.repeat(m, 3)[:, None] * Phi))  # unit modal masses
         Phi = np.linalg.solve(L, Phi.T).T.reshape(8, 3, n)
         on = {"place_shapes": 0.3 * rng.normal(size=(3, 2)), "place_rotations": 0.5 * rng.normal(size=(3, 2))}
-        gram, place, axis = inertia_gram(x, np.diag(m), Phi), rng.normal(size=3), rng.normal(size=3)
+        integrals, place, axis = inertia_integrals(x, np.diag(m), Phi), rng.normal(size=3), rng.normal(size=3)
         omega, turning = np.array([4.0, 7.0])[:n], 0.3 * rng.normal(size=n)
         spring, rest = rng.uniform(2.0, 4.0), rng.uniform(0.1, 0.3)
         links.append(
-            Link(name, gram, joint, k - 1, place, axis, omega, joint_rotation=turning, spring=spring, rest=rest)
+            Link(name, integrals, joint, k - 1, place, axis, omega, joint_rotation=turning, spring=spring, rest=rest)
             if k < 2
-            else Link(name, gram, joint, k - 1, place, axis, spring=spring, rest=rest, **on)
+            else Link(name, integrals, joint, k - 1, place, axis, spring=spring, rest=rest, **on)
         )
         points.append((x, m, Phi))
     return Arm(Mechanism(links, gravity=WEIGHT), tuple(points))
@@ -218,8 +218,8 @@ MOVES: dict[str, tuple[str, Callable[[float], tuple[float, float, float]]]] = {
 }  # fmt: skip
 
 
-def held(name: str) -> dict[str, Any]:
-    """Fields of a link whose joint moves as prescribed: a held section, and no spring."""
+def frozen(name: str) -> dict[str, Any]:
+    """Fields of a link whose joint moves as prescribed: a frozen section, and no spring."""
     return {"motion": formula(parse_formula(MOVES[name][0])), "joint_rotation": np.zeros(0), "spring": 0.0}
 
 
@@ -241,7 +241,7 @@ def at_point(body: str, **kind: bool) -> Case:
 
 
 def prescribed(*names: str) -> Case:
-    arm = ARM.with_links(**{name: held(name) for name in names})
+    arm = ARM.with_links(**{name: frozen(name) for name in names})
     motions = {NAMES.index(name): MOVES[name][1] for name in names}
 
     def power(t: float, z: Array, dz: Array, q: Array, v: Array) -> float:
@@ -353,7 +353,7 @@ def test_a_point_load_does_its_virtual_work_on_every_rate(
 
 # Prescribed motion -----------------------------------------------------------------------------------------------
 
-HELD = [("upper",), ("lower",), ("slider",), ("upper", "slider"), NAMES]
+FROZEN = [("upper",), ("lower",), ("slider",), ("upper", "slider"), NAMES]
 
 
 def equations(arm: Arm, z: Array, dz: Array) -> tuple[Array, Array]:
@@ -372,7 +372,7 @@ def equations(arm: Arm, z: Array, dz: Array) -> tuple[Array, Array]:
     return np.einsum("i,iaj,iak->jk", arm.masses, J, J), Q
 
 
-@pytest.mark.parametrize("names", HELD, ids=" ".join)
+@pytest.mark.parametrize("names", FROZEN, ids=" ".join)
 @pytest.mark.parametrize("t", [0.0, 0.37])
 def test_prescribed_motion_obeys_the_constrained_equations_with_multipliers(names: tuple[str, ...], t: float) -> None:
     # M z̈ = Q + Gᵀ λ, G z̈ = f̈(t): λ are the loads that the drives need.
@@ -380,17 +380,17 @@ def test_prescribed_motion_obeys_the_constrained_equations_with_multipliers(name
     q, v = start(case.arm, 3)
     z, dz = whole(case, t, q, v)
     M, Q = equations(case.arm, z, dz)
-    held_at = list(case.motions)
-    G, wanted = np.eye(5)[held_at], [motion(t)[2] for motion in case.motions.values()]
-    n = len(held_at)
+    frozen_at = list(case.motions)
+    G, wanted = np.eye(5)[frozen_at], [motion(t)[2] for motion in case.motions.values()]
+    n = len(frozen_at)
     solution = np.linalg.solve(np.block([[M, -G.T], [G, np.zeros((n, n))]]), np.r_[Q, wanted])
     scale = np.abs(solution).max()
     assert compiled(case.arm, t, q, v) == pytest.approx(solution[case.arm.order], abs=1e-10 * scale)
     loads = case.arm.drives.loads(t, q, v)
-    assert [loads[NAMES[k]] for k in held_at] == pytest.approx(solution[5:], abs=1e-10 * scale)
+    assert [loads[NAMES[k]] for k in frozen_at] == pytest.approx(solution[5:], abs=1e-10 * scale)
 
 
-@pytest.mark.parametrize("names", HELD, ids=" ".join)
+@pytest.mark.parametrize("names", FROZEN, ids=" ".join)
 def test_the_drive_load_moves_the_released_mechanism_as_prescribed(names: tuple[str, ...]) -> None:
     case, t = prescribed(*names), 0.37
     q, v = start(case.arm, 4)

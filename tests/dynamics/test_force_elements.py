@@ -49,7 +49,9 @@ def test_the_forces_on_both_places_do_the_work_of_the_strain(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_stiffness_and_damping_are_the_tangents_of_the_unstrained_mechanism(seed: int) -> None:
     made, _ = with_elements(seed)
-    links = [replace(link, motion=None, rest=0.0, joint_bow=np.zeros((0, 0))) for link in made.mechanism.links]
+    links = [
+        replace(link, motion=None, rest=0.0, joint_displacement2=np.zeros((0, 0))) for link in made.mechanism.links
+    ]
     mechanism = replace(made.mechanism, links=links, loads=(), gravity=np.zeros(3), fast_joints=(), slow_modes={})
     rest = mechanism.rest_positions
     motion = Kinematics(mechanism, np.zeros(1), rest[None], np.zeros((1, mechanism.n)))

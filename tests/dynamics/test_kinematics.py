@@ -13,7 +13,7 @@ from fmd.core.formula import parse_formula
 from fmd.core.rotations import quaternion_of_matrix, rotation_matrix
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import formula
 from fmd.reduction.body import MarkerShapes
@@ -67,7 +67,7 @@ def test_energies_and_momenta_are_those_of_the_points(chain: Make, name: str) ->
 
 def test_frames_and_energies_are_those_of_the_compiled_functions(chain: Make, name: str) -> None:
     some = chain(name, gravity=WEIGHT)
-    links = [replace(link, gram=bowed(link, k)) for k, link in enumerate(some.tree.links)]
+    links = [replace(link, integrals=bowed(link, k)) for k, link in enumerate(some.tree.links)]
     tree = replace(some.tree, links=links)
     compiled = compile_mechanism(tree)
     for seed in range(3):
@@ -85,8 +85,8 @@ def test_frames_and_energies_are_those_of_the_compiled_functions(chain: Make, na
 def bowed(link: Link, seed: int) -> Any:
     """Inertia integrals with second-order first moments, as stiffened bodies have them."""
     n = len(link.omega)
-    bow = 0.1 * np.random.default_rng(seed).normal(size=(3, n, n))
-    return replace(link.gram, bow=bow + bow.swapaxes(1, 2))
+    displacement2 = 0.1 * np.random.default_rng(seed).normal(size=(3, n, n))
+    return replace(link.integrals, displacement2=displacement2 + displacement2.swapaxes(1, 2))
 
 
 def test_a_prescribed_joint_moves_as_the_released_one_with_its_motion(chain: Make) -> None:
@@ -125,7 +125,7 @@ def test_quaternions_of_a_turning_body_have_no_jump() -> None:
 
 def test_a_free_body_keeps_its_marker_where_rotation_takes_it() -> None:
     markers = {"nose": MarkerShapes(np.array([1.0, 0.0, 0.0]), np.zeros((3, 0)), np.zeros((3, 0)))}
-    body = Link("body", rigid_gram(2.0, np.zeros(3), np.eye(3)), FREE, markers=markers)
+    body = Link("body", rigid_integrals(2.0, np.zeros(3), np.eye(3)), FREE, markers=markers)
     turn = Rotation.from_rotvec([0.0, 0.0, np.pi / 2])
     q = np.r_[1.0, 2.0, 3.0, turn.as_quat()]
     found = at(Mechanism([body]), q, np.r_[4.0, 5.0, 6.0, 0.0, 0.0, 1.0])
@@ -143,9 +143,13 @@ def test_a_large_turn_of_the_section_is_no_deflection_where_displacements_of_sec
         "root": MarkerShapes(np.zeros(3), np.zeros((3, 1)), z[:, None], 0 * inwards),
         "tip": MarkerShapes(r, np.cross(z, r)[:, None], z[:, None], inwards),
     }
-    gram = rigid_gram(1.0, r / 2, np.eye(3))
-    gram = replace(gram, G=np.pad(gram.G, ((0, 0), (0, 0), (0, 1), (0, 1))), S=np.pad(gram.S, ((0, 0), (0, 1))))
-    body = Link("body", gram, REVOLUTE, omega=np.ones(1), joint_rotation=np.ones(1), markers=markers, section="root")
+    integrals = rigid_integrals(1.0, r / 2, np.eye(3))
+    integrals = replace(
+        integrals, G=np.pad(integrals.G, ((0, 0), (0, 0), (0, 1), (0, 1))), S=np.pad(integrals.S, ((0, 0), (0, 1)))
+    )
+    body = Link(
+        "body", integrals, REVOLUTE, omega=np.ones(1), joint_rotation=np.ones(1), markers=markers, section="root"
+    )
     found = at(Mechanism([body]), np.array([0.2, 0.1]), np.zeros(2))
     assert np.abs(found.deflection(0, "tip")[0]).max() < 0.1**3 / 6 * 0.32 * 1.1
 
@@ -158,9 +162,13 @@ def test_a_turn_of_the_section_at_the_joint_is_no_deflection() -> None:
         "root": MarkerShapes(np.zeros(3), np.zeros((3, 1)), turn),
         "tip": MarkerShapes(r, np.cross(z, r)[:, None], turn),
     }
-    gram = rigid_gram(1.0, r / 2, np.eye(3))
-    gram = replace(gram, G=np.pad(gram.G, ((0, 0), (0, 0), (0, 1), (0, 1))), S=np.pad(gram.S, ((0, 0), (0, 1))))
-    body = Link("body", gram, REVOLUTE, omega=np.ones(1), joint_rotation=np.ones(1), markers=markers, section="root")
+    integrals = rigid_integrals(1.0, r / 2, np.eye(3))
+    integrals = replace(
+        integrals, G=np.pad(integrals.G, ((0, 0), (0, 0), (0, 1), (0, 1))), S=np.pad(integrals.S, ((0, 0), (0, 1)))
+    )
+    body = Link(
+        "body", integrals, REVOLUTE, omega=np.ones(1), joint_rotation=np.ones(1), markers=markers, section="root"
+    )
     found = at(Mechanism([body]), np.array([0.2, 1e-3]), np.array([0.0, 0.5]))
     assert found.deflection(0, "tip")[0] == pytest.approx(np.zeros(3), abs=1e-16)
     assert np.abs(found.displacement(0, "tip")).max() > 1e-4

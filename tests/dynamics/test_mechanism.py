@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmd.dynamics.force_laws import ForceLaw
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.free import FREE
@@ -15,7 +15,7 @@ from fmd.scene.joints.revolute import REVOLUTE
 from fmd.scene.joints.spherical import SPHERICAL
 from fmd.scene.joints.universal import UNIVERSAL
 
-POINT = rigid_gram(1.0, np.zeros(3), np.eye(3))
+POINT = rigid_integrals(1.0, np.zeros(3), np.eye(3))
 
 
 @pytest.mark.parametrize("parent", [-2, 1, 2])
@@ -51,24 +51,24 @@ def test_a_joint_of_one_coordinate_can_be_fast(joint: int) -> None:
     ],
 )
 def test_names_that_do_not_fit_are_refused(links: list[str], fast: list[str], said: str) -> None:
-    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    integrals = rigid_integrals(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match=said):
-        Mechanism([Link(name, gram, REVOLUTE) for name in links], fast)
+        Mechanism([Link(name, integrals, REVOLUTE) for name in links], fast)
 
 
 def test_an_axis_without_direction_is_refused() -> None:
-    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    integrals = rigid_integrals(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match="the axis of a has no direction"):
-        Mechanism([Link("a", gram, REVOLUTE, axis=np.zeros(3))])
+        Mechanism([Link("a", integrals, REVOLUTE, axis=np.zeros(3))])
 
 
 def test_axes_of_a_place_that_are_no_rotation_are_refused() -> None:
-    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    integrals = rigid_integrals(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match="the axes of the place that carries a are not orthonormal"):
-        Mechanism([Link("a", gram, REVOLUTE, place_axes=2.0 * np.eye(3))])
+        Mechanism([Link("a", integrals, REVOLUTE, place_axes=2.0 * np.eye(3))])
 
 
 def test_force_laws_that_are_not_one_for_each_rate_are_refused() -> None:
-    gram = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    integrals = rigid_integrals(1.0, np.zeros(3), np.eye(3))
     with pytest.raises(ValueError, match="the joint of a has 2 rates and 1 force laws"):
-        Mechanism([Link("a", gram, UNIVERSAL, laws=(ForceLaw(),))])
+        Mechanism([Link("a", integrals, UNIVERSAL, laws=(ForceLaw(),))])

@@ -11,7 +11,7 @@ from fmd.core.arrays import Array
 from fmd.dynamics.closures import Coupler
 from fmd.dynamics.elements import Attachment
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import Link, PointLoad, rigid_gram
+from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.reactions import JointLoads, joint_loads
 from fmd.dynamics.signals.signal import constant
@@ -41,7 +41,7 @@ def load_wrench(made: PointMechanism, load: PointLoad, q: Array) -> tuple[Array,
     """Force and moment of a load about the ground's origin, by its place and section."""
     k = made.mechanism.number_of(load.body)
     origin, R, z = kane.frames(made, TIME, q)[k]
-    bent, turned = kane.marker_motion(load.shapes, load.rotations, load.bow, z)
+    bent, turned = kane.marker_motion(load.shapes, load.rotations, load.displacement2, z)
     value = load.size.value(TIME)[0] * load.direction / np.linalg.norm(load.direction)
     value = R @ kane.expm(kane.tilde(turned)) @ value if load.following else value
     value, place = value.real, (origin + R @ (load.place + bent)).real
@@ -97,7 +97,7 @@ def test_each_joint_moves_the_mass_points_that_it_carries(seed: int, kind: str) 
         if link.parent >= 0:
             origin, R, z = frames[link.parent]
             place = origin + R @ (
-                link.place + kane.marker_motion(link.place_shapes, link.place_rotations, link.place_bow, z)[0]
+                link.place + kane.marker_motion(link.place_shapes, link.place_rotations, link.place_displacement2, z)[0]
             )
         assert on_parent[:3] == pytest.approx(-force, abs=1e-8 * scale)
         assert on_parent[3:] == pytest.approx(-moment + np.cross(place, force), abs=1e-8 * scale)
@@ -107,15 +107,15 @@ def test_each_joint_moves_the_mass_points_that_it_carries(seed: int, kind: str) 
 def test_a_marker_moves_as_the_joint_that_sits_on_it(seed: int) -> None:
     made = named(random_mechanism(seed, second_order=True))
     links = list(made.mechanism.links)
-    held = [k for k, link in enumerate(links) if link.parent >= 0 and link.joint not in (PRISMATIC, SCREW)]
-    for k in held:
+    frozen = [k for k, link in enumerate(links) if link.parent >= 0 and link.joint not in (PRISMATIC, SCREW)]
+    for k in frozen:
         carrier = links[k].parent
         markers = {**links[carrier].markers, f"joint {k}": links[k].place_marker}
         links[carrier] = replace(links[carrier], markers=markers)
     q, v = made.state(seed)
     motion = Kinematics(replace(made.mechanism, links=links), np.array([TIME]), q[None], v[None])
     loads = loads_at(made.mechanism, q, v)
-    rigid = [k for k in held if links[k].n_slides == 0]
+    rigid = [k for k in frozen if links[k].n_slides == 0]
     assert rigid
     for k in rigid:
         at = links[k].parent, f"joint {k}"
@@ -172,7 +172,7 @@ def test_reactions_in_a_loop_balance_each_body_and_do_no_work(spatial: bool) -> 
 
 
 def test_a_hanging_chain_carries_the_weight_below_each_joint() -> None:
-    rod = rigid_gram(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
+    rod = rigid_integrals(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
     ends = [np.zeros(3), *3 * [np.array([1.0, 0.0, 0.0])]]
     links = [Link(f"rod{k}", rod, REVOLUTE, k - 1, ends[k], Z, joint_name=f"{k}") for k in range(4)]
     found = loads_at(Mechanism(links, gravity=np.array([10.0, 0.0, 0.0])), np.zeros(4), np.zeros(4))
@@ -184,7 +184,7 @@ def test_a_pendulum_s_hinge_bears_weight_and_centrifugal_force() -> None:
     """At the angle φ from the vertical: m g cos φ + m l ω² along the rod, m g sin φ (1 − m l²/J) across it."""
     mass, arm, g, phi, omega = 2.0, 0.5, 9.81, 0.7, 3.0
     J = 0.2 + mass * arm**2
-    links = [Link("rod", rigid_gram(mass, np.array([arm, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2])), REVOLUTE, axis=Z)]
+    links = [Link("rod", rigid_integrals(mass, np.array([arm, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2])), REVOLUTE, axis=Z)]
     links = [replace(links[0], joint_name="hinge")]
     angle = phi - np.pi / 2
     found = loads_at(Mechanism(links, gravity=np.array([0.0, -g, 0.0])), np.array([angle]), np.array([omega]))
@@ -197,8 +197,8 @@ def test_a_pendulum_s_hinge_bears_weight_and_centrifugal_force() -> None:
 
 def test_gears_load_the_joints_that_they_couple() -> None:
     """A motor of 3 N m turns J₁ = 0.2 and, twice as slowly, J₂ = 0.8 kg m²: α₁ = 3/(J₁ + J₂/4)."""
-    wheels = [rigid_gram(1.0, np.zeros(3), np.diag([0.1, 0.1, J])) for J in (0.2, 0.8)]
-    links = [Link(f"wheel{k}", gram, REVOLUTE, axis=Z, joint_name=f"{k}") for k, gram in enumerate(wheels)]
+    wheels = [rigid_integrals(1.0, np.zeros(3), np.diag([0.1, 0.1, J])) for J in (0.2, 0.8)]
+    links = [Link(f"wheel{k}", integrals, REVOLUTE, axis=Z, joint_name=f"{k}") for k, integrals in enumerate(wheels)]
     links[0] = replace(links[0], load=constant(3.0))
     gear = Coupler("gear", ["wheel0", "wheel1"], [1.0, 2.0])
     found = loads_at(Mechanism(links, closures=[gear]), np.zeros(2), np.zeros(2))
@@ -211,10 +211,12 @@ def test_a_prescribed_joint_states_the_torque_that_its_motion_takes() -> None:
     from fmd.core.formula import parse_formula
     from fmd.dynamics.signals.signal import formula
 
-    rod = rigid_gram(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
+    rod = rigid_integrals(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
     link = Link("rod", rod, REVOLUTE, axis=Z, joint_name="hinge", motion=formula(parse_formula("2*t*t")))
-    load = Link("load", rigid_gram(1.0, np.zeros(3), np.eye(3)), FIXED, 0, np.array([1.0, 0, 0]), joint_name="grip")
-    slide = Link("slide", rigid_gram(1.0, np.zeros(3), np.eye(3)), PRISMATIC, axis=Z, joint_name="slide")
+    load = Link(
+        "load", rigid_integrals(1.0, np.zeros(3), np.eye(3)), FIXED, 0, np.array([1.0, 0, 0]), joint_name="grip"
+    )
+    slide = Link("slide", rigid_integrals(1.0, np.zeros(3), np.eye(3)), PRISMATIC, axis=Z, joint_name="slide")
     found = loads_at(Mechanism([link, load, slide]), np.zeros(1), np.zeros(1), 0.0)
     assert found.reactions["hinge"][0, 1, 5] == pytest.approx(4.0 * (0.2 + 2.0 * 0.25 + 1.0 + 1.0))
     assert found.reactions["grip"][0, 1] == pytest.approx([0.0, 4.0, 0.0, 0.0, 0.0, 4.0])

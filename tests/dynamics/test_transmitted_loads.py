@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import Link, PointLoad, rigid_gram
+from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
 from fmd.dynamics.transmitted_loads import geometric_stiffness_over, transmitted_loads, without_negligible_terms
@@ -16,7 +16,7 @@ from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.free import FREE
 from fmd.scene.joints.revolute import REVOLUTE
 
-ROD = rigid_gram(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
+ROD = rigid_integrals(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
 AT_END = np.array([1.0, 0.0, 0.0])
 
 
@@ -48,7 +48,10 @@ def test_joints_transmit_the_torques_that_drive_them() -> None:
 
 
 def test_a_hanging_load_pulls_with_its_weight() -> None:
-    links = [Link("rod", ROD, FIXED), Link("load", rigid_gram(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, AT_END)]
+    links = [
+        Link("rod", ROD, FIXED),
+        Link("load", rigid_integrals(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, AT_END),
+    ]
     push = PointLoad("load", np.array([0.0, 2.0, 0.0]), constant(4.0))
     rod, load = transmitted_loads(still(Mechanism(links, gravity=np.array([10.0, 0.0, 0.0]), loads=[push])))
     assert rod.wrenches[0, 5] == pytest.approx([30.0, 4.0, 0.0, 0.0, 0.0, 0.0])
@@ -57,7 +60,10 @@ def test_a_hanging_load_pulls_with_its_weight() -> None:
 
 
 def test_a_turning_mass_pulls_outwards() -> None:
-    links = [Link("rod", ROD, FREE), Link("load", rigid_gram(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, AT_END)]
+    links = [
+        Link("rod", ROD, FREE),
+        Link("load", rigid_integrals(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, AT_END),
+    ]
     mechanism = Mechanism(links)
     times = np.linspace(0.0, 1.0, 2001)
     angle = 7.0 * times
@@ -69,20 +75,22 @@ def test_a_turning_mass_pulls_outwards() -> None:
 
 def test_terms_that_no_load_makes_count_are_left_out() -> None:
     rng = np.random.default_rng(0)
-    bow = rng.normal(size=(6, 2, 2))
-    bow = bow + bow.transpose(0, 2, 1)
-    bow[2:] *= 1e-9
-    gram = rigid_gram(2.0, np.zeros(3), np.eye(3))
+    displacement2 = rng.normal(size=(6, 2, 2))
+    displacement2 = displacement2 + displacement2.transpose(0, 2, 1)
+    displacement2[2:] *= 1e-9
+    integrals = rigid_integrals(2.0, np.zeros(3), np.eye(3))
     G = np.zeros((3, 3, 3, 3))
-    G[:, :, :1, :1] = gram.G
+    G[:, :, :1, :1] = integrals.G
     G[[0, 1], [0, 1], [1, 2], [1, 2]] = 1.0
-    carrier = Link("rod", replace(gram, G=G, S=np.zeros((3, 3))), FIXED, omega=np.array([10.0, 20.0]))
-    load = Link("load", rigid_gram(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, AT_END, place_bow=bow)
+    carrier = Link("rod", replace(integrals, G=G, S=np.zeros((3, 3))), FIXED, omega=np.array([10.0, 20.0]))
+    load = Link(
+        "load", rigid_integrals(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, AT_END, place_displacement2=displacement2
+    )
     mechanism = Mechanism([carrier, load], gravity=np.array([10.0, 0.0, 0.0]))
     loads = transmitted_loads(still(mechanism.rigid))[0]
     K = geometric_stiffness_over(mechanism, 0, loads)[0]
-    assert pytest.approx(K) == -30.0 * bow[0]
-    left = without_negligible_terms(mechanism, 0, loads, 1e-4).links[1].place_bow
-    assert np.array_equal(left[:2], bow[:2])  # across the pull, a tenth of it is taken for granted
+    assert pytest.approx(K) == -30.0 * displacement2[0]
+    left = without_negligible_terms(mechanism, 0, loads, 1e-4).links[1].place_displacement2
+    assert np.array_equal(left[:2], displacement2[:2])  # across the pull, a tenth of it is taken for granted
     assert not left[2:].any()
-    assert without_negligible_terms(mechanism, 0, loads, 100.0).links[1].place_bow.size == 0
+    assert without_negligible_terms(mechanism, 0, loads, 100.0).links[1].place_displacement2.size == 0

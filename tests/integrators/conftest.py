@@ -17,7 +17,7 @@ from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
 from fmd.recovery.motion import Motion
 from fmd.reduction.body import FlexibleBody, MarkerShapes
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from tests.dynamics.hinged_body import body_of, hinged
 
 Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]
@@ -52,9 +52,9 @@ def random_body(n: int, seed: int, kind: str = "conforming", far: float = 0.0) -
         away = far * np.cross(e, [1.0, 0.0, 0.0])
         x, Phi = np.vstack([x, away, -away]), np.concatenate([Phi, np.zeros((2, 3, n))])
         m = np.pad(m, (0, 2)) + np.diag([0.0] * 10 + [1.0] * 2)
-    gram = inertia_gram(x, m, Phi)
+    integrals = inertia_integrals(x, m, Phi)
     H = np.einsum("ia,ij,jak->k", np.cross(e, x), m, Phi)
-    J = float(e @ gram.inertia(np.eye(1, 1 + n)[0]) @ e)
+    J = float(e @ integrals.inertia(np.eye(1, 1 + n)[0]) @ e)
     return FlexibleBody(
         x=x,
         shapes=Phi,
@@ -62,7 +62,7 @@ def random_body(n: int, seed: int, kind: str = "conforming", far: float = 0.0) -
         axis=e,
         joint="joint",
         markers={"joint": MarkerShapes(np.zeros(3), np.zeros((3, n)), 0.3 * rng.normal(size=(3, n)))},
-        gram=gram,
+        integrals=integrals,
         coupling=float(np.linalg.norm(H) / np.sqrt(J)),
     )
 

@@ -15,7 +15,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.jit.compiled import meaning
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import accelerations, advance, velocities
 from fmd.integrators.adaptive import groups_of, kinds_of, step_within
@@ -135,7 +135,7 @@ def beam_case():
 
 
 def spinning_pendulum() -> CompiledSystem:
-    bob = rigid_gram(2.0, np.array([0.0, 0.0, -0.5]), np.diag([0.11, 0.12, 0.05]))
+    bob = rigid_integrals(2.0, np.array([0.0, 0.0, -0.5]), np.diag([0.11, 0.12, 0.05]))
     return CompiledSystem(Mechanism([Link("bob", bob, SPHERICAL)], gravity=np.array([0, 0, -9.81])))
 
 
@@ -171,7 +171,7 @@ def test_the_error_of_the_exponential_method_is_proportional_to_the_tolerance(ca
     ratios = errors / tolerances
     assert (errors[1:] < 0.5 * errors[:-1]).all()
     assert 0.75 < np.polyfit(np.log(tolerances), np.log(errors), 1)[0] < 1.25
-    # From rest a mode's first steps are held to the little that it has moved by then: the beam's error is far below.
+    # From rest a mode's first steps are frozen to the little that it has moved by then: the beam's error is far below.
     assert (ratios < 30).all()
     assert ratios.min() > (1e-5 if case[0].n == 6 else 1e-2)
     # and work grows with the fourth root

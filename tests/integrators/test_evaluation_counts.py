@@ -13,8 +13,8 @@ from fmd.dynamics.system import (
     accelerations,
     advance,
     fast_steps,
-    hold_middle,
-    hold_slow,
+    freeze_middle,
+    freeze_slow,
     leapfrog_step,
     reacting_steps,
     slow_response,
@@ -48,8 +48,8 @@ def _leapfrog_step(p: Counted, leapfrog: Array, t: float, h: float, q: Array, v:
         q[i] += h * v[i]
 
 
-@meaning(hold_slow, Counted)
-def _hold_slow(p: Counted, t: float, q: Array, v: Array, a: Array, frozen: Array) -> None:
+@meaning(freeze_slow, Counted)
+def _freeze_slow(p: Counted, t: float, q: Array, v: Array, a: Array, frozen: Array) -> None:
     p.calls[1] += 1
 
 
@@ -68,8 +68,8 @@ def _advance(p: Counted, q: Array, v: Array, h: float, first: int, last: int) ->
         q[i] += h * v[i]
 
 
-@meaning(hold_middle, Counted)
-def _hold_middle(p: Counted, t: float, q: Array, v: Array, D: Array, middle: Array) -> None:
+@meaning(freeze_middle, Counted)
+def _freeze_middle(p: Counted, t: float, q: Array, v: Array, D: Array, middle: Array) -> None:
     p.calls[0] += 1
     middle[0], D[1, 0] = q[0], 0.0
 

@@ -10,7 +10,7 @@ from benchmarks.stability import case_builders
 from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.scipy_ivp import ScipyIvp
@@ -85,7 +85,7 @@ def test_output_times_never_change_the_steps(beam):
 
 
 def test_a_spinning_body_in_space_keeps_its_quaternion_unit():
-    link = Link("top", rigid_gram(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)
+    link = Link("top", rigid_integrals(2.0, np.zeros(3), np.diag([0.1, 0.2, 0.25])), SPHERICAL)
     top = CompiledSystem(Mechanism([link]))
     start = top.mechanism.rest_positions
     v0 = np.array([0.1, 5.0, 0.1])
@@ -134,8 +134,8 @@ def test_a_nearly_singular_mass_leaves_the_slow_vibrations(share, n_steps, size)
 def test_a_pendulum_comes_to_rest_at_an_angle_that_is_no_exact_number(swing):
     # Gravity's two components balance about its hinge, with a round-off that is coarser than its last swings.
     down = np.array([np.cos(0.7), np.sin(0.7), 0.0])
-    gram = rigid_gram(1.0, down, np.eye(3))
-    hanging = CompiledSystem(Mechanism([Link("pendulum", gram, REVOLUTE, damper=2.0)], gravity=9.81 * down))
+    integrals = rigid_integrals(1.0, down, np.eye(3))
+    hanging = CompiledSystem(Mechanism([Link("pendulum", integrals, REVOLUTE, damper=2.0)], gravity=9.81 * down))
     end = GeneralizedAlpha(0.05).march(hanging, np.array([swing]), np.zeros(1), np.array([0.0, 1000.0])).end
     assert abs(end.q[0]) < 1e-12
 
@@ -152,7 +152,7 @@ def test_corrections_beneath_round_off_end_though_they_shrink():
 
 @pytest.mark.parametrize("rho", [0.8, 1.0])
 def test_a_step_far_beyond_the_highest_frequency_keeps_newton_near_by(rho):
-    # At ω h = 2000 the last acceleration, held over a step, throws the modes of a beam in its free frame metres away,
+    # At ω h = 2000 the last acceleration, frozen over a step, throws the modes of a beam in its free frame metres away,
     # where their inertia swamps the rotation's: Newton's iteration ran to accelerations of 1e16 from there.
     case = case_builders()["beam, free frame"]()
     step = 1000 * 2 / case.system.highest_frequency

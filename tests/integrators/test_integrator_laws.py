@@ -11,7 +11,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.integrators.central_difference import CentralDifference
@@ -19,7 +19,7 @@ from fmd.integrators.protocol import State, evaluate
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
 from fmd.reduction.body import FlexibleBody
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.hinged_body import body_of, energies, hinged
 from tests.linear_system import LinearSystem
@@ -86,7 +86,7 @@ def test_sub_cycling_is_of_second_order_on_bodies_without_inertial_coupling(
 def test_sub_cycling_is_at_least_of_first_order_on_any_body(
     body: Body, reference_of: Reference, order_of: Order, m: int, kind: str
 ) -> None:
-    # A slow acceleration held over a cycle is late by half of it, and acts on the modes by the coupling; a conforming
+    # A slow acceleration frozen over a cycle is late by half of it, and acts on the modes by the coupling; a conforming
     # body gets some from its own deformation.
     rotor = hinged(body(4, seed=1, kind=kind), PULSE)
     times, steps = np.linspace(0.0, 4.0, 41), 0.004 / 2.0 ** np.arange(3)
@@ -230,7 +230,7 @@ def test_output_times_within_a_cycle_leave_it_alone(
         A, B = rng.normal(size=(2, 4, 4))
         some, step = LinearSystem(A @ A.T + np.eye(4), B @ B.T, 2, 0.1 * np.eye(4)), 0.01
     else:
-        rod = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
+        rod = rigid_integrals(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
         links = [Link(f"rod {k}", rod, REVOLUTE, k - 1, spring=9.0 * 100**k, damper=0.01) for k in range(2)]
         some, step = CompiledSystem(Mechanism(links, ["rod 1"])), 1e-3
     start = 1e-3 * rng.normal(size=some.n), rng.normal(size=some.n)
@@ -307,7 +307,7 @@ def test_central_difference_without_velocity_dependent_forces_retraces_its_steps
     # are no velocity-dependent forces where points move along the axis alone: nothing then changes the inertia.
     some = body(4, seed=6)
     shapes = np.linalg.qr(some.shapes.sum(axis=1))[0][:, None, :] * some.axis[:, None]
-    rotor = hinged(replace(some, shapes=shapes, gram=inertia_gram(some.x, np.eye(10), shapes)))
+    rotor = hinged(replace(some, shapes=shapes, integrals=inertia_integrals(some.x, np.eye(10), shapes)))
     assert not (rotor.coupled)
     assert not (rotor.couplings.elastic)
     assert not (rotor.couplings.damped)
@@ -346,7 +346,7 @@ def test_the_largest_step_is_two_over_the_highest_frequency(body: Body, kind: st
     some = body(4, seed=7, kind=kind)
     rotor = hinged(some)
     # Eliminating the angle leaves the modes with mass 1 − HHᵀ/J, where H = eᵀ of the mass matrix's rows of rotation.
-    H = some.axis @ some.gram.mass_matrix(np.eye(1, 5)[0])[3:6, 6:]
+    H = some.axis @ some.integrals.mass_matrix(np.eye(1, 5)[0])[3:6, 6:]
     mass = np.eye(4) - np.outer(H, H) / some.inertia_about_joint
     coupled = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, np.diag(some.omega**2))).real.max())
     assert CentralDifference(1.0).largest_step(rotor) == pytest.approx(2 / coupled, rel=1e-10)

@@ -13,7 +13,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant, half_sine
 from fmd.integrators.central_difference import CentralDifference
@@ -83,7 +83,7 @@ def test_it_is_of_second_order_on_any_rotor_under_any_spin(body: Body, order_of:
 def map_by_formula(M: Array, K: Array, n_slow: int, h: float, m: int) -> Array:
     """Map of (q, v) over a major cycle of ``M a + K q = 0``, written out as matrices, without a loop over the steps.
 
-    In (y, q_S), ``q = T (y, q_S)``, the fast modes turn by ``m ϑ`` about where the held y puts them, and y takes the
+    In (y, q_S), ``q = T (y, q_S)``, the fast modes turn by ``m ϑ`` about where the frozen y puts them, and y takes the
     force at the mean of the ends.
     """
     n, H, L, S = len(M), m * h, slice(0, n_slow), slice(n_slow, None)
@@ -145,11 +145,11 @@ def test_small_motions_of_a_coupled_rotor_take_the_linear_map(free_rotor: Compil
 
 def pendulum() -> CompiledSystem:
     """Three rods on springy hinges that couple strongly: the last two are fast."""
-    gram = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
+    integrals = rigid_integrals(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
     places = [np.zeros(3), np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])]
     none = np.zeros((3, 0))
     links = [
-        Link(f"rod {k}", gram, REVOLUTE, k - 1, place=place, axis=np.array([0.0, 0.0, 1.0]), spring=spring,
+        Link(f"rod {k}", integrals, REVOLUTE, k - 1, place=place, axis=np.array([0.0, 0.0, 1.0]), spring=spring,
              place_shapes=none, place_rotations=none)
         for k, (place, spring) in enumerate(zip(places, (20.0, 300.0, 500.0), strict=True))
     ]  # fmt: skip
@@ -171,7 +171,7 @@ def test_small_motions_of_a_coupled_chain_take_the_linear_map(m: int) -> None:
 @RATIOS
 def test_a_march_from_its_end_with_rates_reversed_goes_back_to_its_start(m: int) -> None:
     # Sliders on sliders along one line couple through the mass matrix alone and have no velocity-dependent force.
-    point = rigid_gram(1.0, np.zeros(3), np.eye(3))
+    point = rigid_integrals(1.0, np.zeros(3), np.eye(3))
     links = [Link(f"slider {k}", point, PRISMATIC, k - 1, spring=4.0 * 50.0**k) for k in range(3)]
     system = CompiledSystem(Mechanism(links, ["slider 1", "slider 2"]))
     assert system.couplings.inertial

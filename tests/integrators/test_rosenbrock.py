@@ -12,7 +12,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.jit.compiled import kernel
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant, linear_table
 from fmd.integrators import phi_functions, rosenbrock
@@ -116,11 +116,13 @@ def test_the_flow_to_any_time_in_a_step_is_that_of_a_larger_exponential(ahead, s
 
 def chain() -> CompiledSystem:
     """A bob that swings in space, a slider on it, a spin about it."""
-    bob = rigid_gram(2.0, np.array([0.0, 0.1, -0.5]), np.diag([0.11, 0.12, 0.05]))
+    bob = rigid_integrals(2.0, np.array([0.0, 0.1, -0.5]), np.diag([0.11, 0.12, 0.05]))
     links = [
         Link("bob", bob, SPHERICAL),
-        Link("slider", rigid_gram(0.5, np.zeros(3), np.zeros((3, 3))), PRISMATIC, 0, axis=[0, 0, 1], spring=200.0),
-        Link("wheel", rigid_gram(1.0, np.array([0.1, 0, 0]), np.diag([0.1, 0.2, 0.3])), REVOLUTE, 1, axis=[0, 1, 0]),
+        Link("slider", rigid_integrals(0.5, np.zeros(3), np.zeros((3, 3))), PRISMATIC, 0, axis=[0, 0, 1], spring=200.0),
+        Link(
+            "wheel", rigid_integrals(1.0, np.array([0.1, 0, 0]), np.diag([0.1, 0.2, 0.3])), REVOLUTE, 1, axis=[0, 1, 0]
+        ),
     ]
     return CompiledSystem(Mechanism(links, gravity=np.array([0, 0, -9.81])))
 
@@ -193,7 +195,7 @@ def test_with_fixed_steps_it_is_of_its_declared_order(k):
 
 def test_an_oscillator_under_a_load_linear_in_time_is_solved_exactly_in_steps_far_beyond_its_period():
     # x(t) of a mass 5 kg on 1000 N/m under 3 N + 2 N/s t, up to a kink at 40 s: the particular solution and a cosine.
-    point = rigid_gram(5.0, np.zeros(3), np.zeros((3, 3)))
+    point = rigid_integrals(5.0, np.zeros(3), np.zeros((3, 3)))
     load = linear_table(np.array([0.0, 40.0, 80.0]), np.array([3.0, 83.0, 83.0]))
     link = Link("point", point, PRISMATIC, axis=np.array([1, 0, 0]), spring=1000.0, load=load)
     tree = CompiledSystem(Mechanism([link]))
@@ -208,7 +210,7 @@ def test_an_oscillator_under_a_load_linear_in_time_is_solved_exactly_in_steps_fa
 
 def strongly_damped() -> CompiledSystem:
     """A mass of 1 kg on a damper of 1e12 N s/m under 1e12 N: 1 m/s at once."""
-    point = rigid_gram(1.0, np.zeros(3), np.zeros((3, 3)))
+    point = rigid_integrals(1.0, np.zeros(3), np.zeros((3, 3)))
     return CompiledSystem(
         Mechanism([Link("point", point, PRISMATIC, axis=np.array([1, 0, 0]), damper=1e12, load=constant(1e12))])
     )

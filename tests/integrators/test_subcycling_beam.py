@@ -131,7 +131,7 @@ def test_what_is_conserved_drifts_by_the_order_of_the_method_at_least(
 def test_the_conforming_frame_has_no_coupling_and_the_free_frame_nearly_all(
     rotor: CompiledSystem, free_rotor: CompiledSystem
 ) -> None:
-    # Free modes of a slender uniform beam of mass m have the value 2/√m at its ends. With n of them, held at one end,
+    # Free modes of a slender uniform beam of mass m have the value 2/√m at its ends. With n of them, frozen at one end,
     # H_k = −√m L and M_kl = δ_kl + 4, while J = mL²/3: coupling² = HᵀM⁻¹H/J = 3n/(1 + 4n).
     def coupling(some: CompiledSystem) -> float:
         M = some.linear_matrices[0]

@@ -37,11 +37,11 @@ def varied(mechanism: Mechanism, seed: int) -> Mechanism:
         joint = {"spring": rng.uniform(0, 20), "damper": rng.uniform(0, 1), "rest": rng.uniform(-0.1, 0.1)}
         joint |= {"load": half_sine(0.01, 0.05, rng.uniform(-1, 1))}
         own = joint if along else {}
-        gram = link.gram
+        integrals = link.integrals
         if not len(link.omega):
             factor = rng.uniform(0.5, 2.0)
-            gram = replace(gram, G=factor * gram.G, S=factor * gram.S, mass=factor * gram.mass)
-        return replace(link, gram=gram, damping=rng.uniform(0, 0.1, len(link.omega)), **own)
+            integrals = replace(integrals, G=factor * integrals.G, S=factor * integrals.S, mass=factor * integrals.mass)
+        return replace(link, integrals=integrals, damping=rng.uniform(0, 0.1, len(link.omega)), **own)
 
     links = [change(link) for link in mechanism.links]
     loads = [replace(load, size=half_sine(0.0, 0.06, rng.uniform(-1, 1))) for load in mechanism.loads]

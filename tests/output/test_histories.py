@@ -218,7 +218,7 @@ def test_a_hinge_bears_the_products_of_inertia_of_a_body_beside_its_plane(tmp_pa
     file = tmp_path / "spun.toml"
     file.write_text(SPUN)
     motion = Pipeline(load_scene(file)).motion
-    assert motion.mechanism.links[0].gram.normal == 2
+    assert motion.mechanism.links[0].integrals.normal == 2
     force, moment = np.split(motion.joint_loads.reactions["hinge"][:, 1], 2, axis=1)
     pull = 2700 * 0.4 * 0.02 * 0.01 * 0.2 * 100.0**2
     np.testing.assert_allclose(np.linalg.norm(force[:, :2], axis=1), pull, rtol=1e-4)

@@ -32,7 +32,7 @@ N_TIMES = 7
 def hinged(body: FlexibleBody) -> Mechanism:
     """Put a body on a hinge to the ground."""
     hinge = {"joint_name": "hub", "axis": body.axis, "joint_rotation": body.joint_rotation, "section": body.joint}
-    return Mechanism([Link("bar", body.gram, REVOLUTE, omega=body.omega, markers=body.markers, **hinge)])
+    return Mechanism([Link("bar", body.integrals, REVOLUTE, omega=body.omega, markers=body.markers, **hinge)])
 
 
 def trajectory(times: Array, q: Array, v: Array) -> Trajectory:

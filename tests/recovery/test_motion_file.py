@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import State, Trajectory
 from fmd.recovery.motion import Motion
@@ -44,11 +44,11 @@ def spatial() -> Motion:
     """A top on a free carrier, which share a name with its joint, at random states."""
     nothing = np.zeros((3, 0))
     markers = {"nose": MarkerShapes(np.array([0.5, 0.0, 0.0]), nothing, nothing)}
-    gram = rigid_gram(2.0, np.array([0.1, 0.2, 0.0]), np.diag([0.5, 0.6, 0.7]))
+    integrals = rigid_integrals(2.0, np.array([0.1, 0.2, 0.0]), np.diag([0.5, 0.6, 0.7]))
     links = [
-        Link("carrier", gram, FREE, joint_name="drift", markers=markers),
-        Link("top", gram, SPHERICAL, 0, joint_name="top", markers=markers, place=np.array([0.0, 0.0, 1.0])),
-        Link("wheel", gram, REVOLUTE, 1, joint_name="axle", markers=markers),
+        Link("carrier", integrals, FREE, joint_name="drift", markers=markers),
+        Link("top", integrals, SPHERICAL, 0, joint_name="top", markers=markers, place=np.array([0.0, 0.0, 1.0])),
+        Link("wheel", integrals, REVOLUTE, 1, joint_name="axle", markers=markers),
     ]
     mechanism, rng = Mechanism(links), np.random.default_rng(4)
     q, v = rng.normal(size=(5, mechanism.n_positions)), rng.normal(size=(5, mechanism.n))

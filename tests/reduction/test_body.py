@@ -86,9 +86,9 @@ def test_a_conforming_frame_is_not_coupled_with_the_modes(beam: Beam) -> None:
 
 
 def test_the_coupling_is_what_the_inertia_integrals_say(body: FlexibleBody) -> None:
-    # M of (rotation about z, modes) at rest, from the Gram tensor
+    # M of (rotation about z, modes) at rest, from the inertia shape integrals
     rest = np.eye(1, 1 + len(body.omega))[0]
-    M = body.gram.mass_matrix(rest)
+    M = body.integrals.mass_matrix(rest)
     assert body.coupling == pytest.approx(np.linalg.norm(M[5, 6:]) / np.sqrt(M[5, 5]), rel=1e-9, abs=1e-12)
 
 
@@ -133,7 +133,7 @@ def test_five_free_modes_of_timoshenkos_beam_give_the_same(beam: Beam, timoshenk
 def test_the_reference_state_swings_at_the_pinned_frequencies_in_either_frame(beam: Beam) -> None:
     # independent path: rotation and modes of the free frame as one eigenproblem, its zero the rotation
     body = free(beam)
-    M = body.gram.mass_matrix(np.eye(1, 6)[0])[5:, 5:]
+    M = body.integrals.mass_matrix(np.eye(1, 6)[0])[5:, 5:]
     lam = eigh(np.diag(np.r_[0.0, body.omega**2]), M, eigvals_only=True)
     assert abs(lam[0]) < 1e-9 * lam[1]
     assert np.sqrt(lam[1:]) == pytest.approx(conforming(beam).omega, rel=1e-9)
@@ -162,7 +162,7 @@ def test_a_body_has_its_inertia_about_the_joint(body: FlexibleBody) -> None:
     # m (L²/3 + d²/12) about the middle of the end face
     mass = PLASTIC.rho * LENGTH * DEPTH * WIDTH
     assert body.inertia_about_joint == pytest.approx(mass * (LENGTH**2 / 3 + DEPTH**2 / 12), rel=1e-9)
-    assert body.gram.mass == pytest.approx(mass, rel=1e-9)
+    assert body.integrals.mass == pytest.approx(mass, rel=1e-9)
 
 
 def test_markers_follow_the_shapes(beam: Beam, body: FlexibleBody) -> None:
@@ -224,10 +224,10 @@ def test_the_joint_moves_only_about_its_free_directions(joined: tuple[FlexibleBo
 
 
 def test_about_the_free_directions_rotation_and_modes_are_not_coupled(joined: tuple[FlexibleBody, Array]) -> None:
-    # the mass matrix of (translation, rotation, modes) at rest, from the Gram tensor
+    # the mass matrix of (translation, rotation, modes) at rest, from the inertia shape integrals
     body, free = joined
     n = len(body.omega)
-    M = body.gram.mass_matrix(np.eye(1, 1 + n)[0])
+    M = body.integrals.mass_matrix(np.eye(1, 1 + n)[0])
     size = np.sqrt(np.diag(M)[3:6].max())
     assert np.abs(free @ M[3:6, 6:]).max(initial=0.0) < 1e-9 * size
     others = np.linalg.svd(np.eye(3) - free.T @ free)[0][:, : 3 - len(free)].T
@@ -266,7 +266,7 @@ def test_modes_of_a_free_body_stay_as_they_are(stocky: Beam) -> None:
     assert body.x == pytest.approx(stocky.fe.x - stocky.markers["side"].position, abs=1e-15)
     # Tisserand's frame: neither momentum nor moment of momentum about the centre of mass comes from the modes
     n = len(modes.omega)
-    M = body.gram.mass_matrix(np.eye(1, 1 + n)[0])
+    M = body.integrals.mass_matrix(np.eye(1, 1 + n)[0])
     assert np.abs(M[:6, 6:]).max() < 1e-8 * np.sqrt(np.diag(M)[:6].max())
 
 

@@ -22,7 +22,7 @@ from fmd.recovery.stress import modal_stress
 from fmd.reduction.body import FlexibleBody, MarkerShapes, reduced_body
 from fmd.reduction.body_file import FORMAT, VERSION, SavedBody, load_body, save_body
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 from fmd.reduction.mode_families import lowest_modes
 from fmd.reduction.stiffening import stiffen_body
 from fmd.scene.joints.revolute import REVOLUTE
@@ -75,26 +75,26 @@ def bits(value: Any) -> Any:
             return np.float64(value).tobytes()
         case dict():
             return [(name, bits(item)) for name, item in value.items()]
-        case FlexibleBody() | InertiaGram() | MarkerShapes() | SurfaceTopology() | SavedBody():
+        case FlexibleBody() | InertiaIntegrals() | MarkerShapes() | SurfaceTopology() | SavedBody():
             return [(part.name, bits(getattr(value, part.name))) for part in fields(value)]
     return value
 
 
 def test_everything_comes_back_to_the_last_bit(saved: SavedBody, path: Path) -> None:
-    assert saved.body.gram.stiffening.any()
-    assert saved.body.gram.bow.any()
-    assert saved.body.gram.curl.any()
-    assert any(marker.bow.any() for marker in saved.body.markers.values())
+    assert saved.body.integrals.stiffening.any()
+    assert saved.body.integrals.displacement2.any()
+    assert saved.body.integrals.rotation2.any()
+    assert any(marker.displacement2.any() for marker in saved.body.markers.values())
     assert bits(load_body(path)) == bits(load_body(str(path))) == bits(saved)
 
 
 def test_inertia_in_a_deformed_state_is_the_same_to_the_last_bit(hinged: FlexibleBody, tmp_path: Path) -> None:
     # sums over G run along its memory, which need not be in the order of its axes
-    hinged = replace(hinged, gram=replace(hinged.gram, G=np.asfortranarray(hinged.gram.G)))
+    hinged = replace(hinged, integrals=replace(hinged.integrals, G=np.asfortranarray(hinged.integrals.G)))
     save_body(tmp_path / "body.nc", hinged)
-    loaded = load_body(tmp_path / "body.nc").body.gram
+    loaded = load_body(tmp_path / "body.nc").body.integrals
     p = np.r_[1.0, np.random.default_rng(0).normal(size=4)]
-    assert loaded.mass_matrix(p).tobytes() == hinged.gram.mass_matrix(p).tobytes()
+    assert loaded.mass_matrix(p).tobytes() == hinged.integrals.mass_matrix(p).tobytes()
 
 
 def test_a_body_alone_comes_back_as_it_was(hinged: FlexibleBody, tmp_path: Path) -> None:
@@ -131,10 +131,10 @@ def test_the_motion_of_a_chain_of_loaded_bodies_is_the_same_to_the_last_bit(save
 def _swing(body: FlexibleBody) -> Any:
     """Swing two of the body, one on the other's tip, on a hinge and a ball joint under gravity."""
     tip = body.markers["tip"]
-    upper = Link("upper", body.gram, REVOLUTE, omega=body.omega, joint_rotation=body.joint_rotation)
+    upper = Link("upper", body.integrals, REVOLUTE, omega=body.omega, joint_rotation=body.joint_rotation)
     lower = Link(
         "lower",
-        body.gram,
+        body.integrals,
         SPHERICAL,
         parent=0,
         place=tip.position,

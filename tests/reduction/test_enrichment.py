@@ -117,7 +117,7 @@ def test_loads_that_a_free_body_balances_itself_add_no_shape(rod: Rod, beside: i
 def stretch(rod: Rod, omega: Array, shapes: Array) -> tuple[Array, Array]:
     """Stress along a rod in steady spin and where: the reduced statics ``diag(ω²) q = Ω² D`` about its joint."""
     body: FlexibleBody = reduced_body(rod.fe, omega, shapes, {"root": rod.root}, "root", Z[None])
-    D = body.gram.G[0, 0] + body.gram.G[1, 1]
+    D = body.integrals.G[0, 0] + body.integrals.G[1, 1]
     q = SPIN**2 * D[1:, 0] / body.omega**2
     along = np.flatnonzero((np.abs(rod.fe.x[:, 1]) < 1e-9) & (rod.fe.x[:, 2] < -0.01 + 1e-9))
     stress = modal_stress(rod.fe.discretisation, ROD, body.shapes, along) @ q

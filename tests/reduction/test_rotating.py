@@ -5,17 +5,17 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.reduction.body import FlexibleBody, MarkerShapes
-from fmd.reduction.inertia import InertiaGram, inertia_gram
+from fmd.reduction.inertia import InertiaIntegrals, inertia_integrals
 from fmd.reduction.rotating import WhirlingModes, rotating_modes
 
 MASS, ARM = 2.0, 0.5
 
 
 def body_of(x: Array, m: Array, shapes: Array, omega: Array) -> FlexibleBody:
-    gram: InertiaGram = inertia_gram(x, m, shapes)
+    integrals: InertiaIntegrals = inertia_integrals(x, m, shapes)
     n = len(omega)
     still = MarkerShapes(np.zeros(3), np.zeros((3, n)), np.zeros((3, n)))
-    return FlexibleBody(x, shapes, omega, np.array([0.0, 0.0, 1.0]), "hub", {"hub": still}, gram, 0.0)
+    return FlexibleBody(x, shapes, omega, np.array([0.0, 0.0, 1.0]), "hub", {"hub": still}, integrals, 0.0)
 
 
 def rotating_frequencies(body: FlexibleBody, axis: Array, rate: float, hub_is_free: bool = False) -> Array:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.reduction.second_order_mass import second_order_mass
 
 N_MODES = 4
@@ -22,19 +22,19 @@ def test_it_is_what_the_kinetic_energy_of_a_rigid_motion_of_second_order_adds() 
     q, v = rng.normal(size=(2, N_MODES))
     velocity, more = Phi @ v, np.einsum("kij,i,j->k", move, v, q)
     rigid = more[:3] + np.cross(more[3:], x)
-    gram = inertia_gram(x, np.diag(m), Phi)
+    integrals = inertia_integrals(x, np.diag(m), Phi)
     momenta = np.einsum("i,ia->a", m, rigid), np.einsum("i,ia->a", m, np.cross(x, rigid))
     units = np.eye(N_MODES)
-    bow, curl = np.zeros((2, 3, N_MODES, N_MODES))
+    displacement2, rotation2 = np.zeros((2, 3, N_MODES, N_MODES))
     for i in range(N_MODES):
         for j in range(N_MODES):
             w = np.einsum("kij,i,j->k", move, units[i], units[j])
             field = w[:3] + np.cross(w[3:], x)
-            bow[:, i, j], curl[:, i, j] = m @ field, m @ np.cross(x, field)
-    assert np.allclose(np.einsum("aij,i,j->a", bow, v, q), momenta[0])
-    c, J = m @ x, gram.inertia(np.eye(1 + N_MODES)[0])
+            displacement2[:, i, j], rotation2[:, i, j] = m @ field, m @ np.cross(x, field)
+    assert np.allclose(np.einsum("aij,i,j->a", displacement2, v, q), momenta[0])
+    c, J = m @ x, integrals.inertia(np.eye(1 + N_MODES)[0])
     W = np.concatenate([np.einsum("i,iak->ak", m, Phi), np.einsum("i,abc,ib,ick->ak", m, EPSILON, x, Phi)])
-    mass = second_order_mass(float(m.sum()), c, J, W, bow, curl)
+    mass = second_order_mass(float(m.sum()), c, J, W, displacement2, rotation2)
     assert mass is not None
     total = 0.5 * m @ ((velocity + rigid) ** 2).sum(axis=1) - 0.5 * m @ (velocity**2).sum(axis=1)
     assert np.isclose(mass.energy(q[None], v[None])[0], total, rtol=1e-12)
@@ -43,13 +43,17 @@ def test_it_is_what_the_kinetic_energy_of_a_rigid_motion_of_second_order_adds() 
 
 def test_a_body_that_turns_about_one_axis_takes_no_momenta_across_its_plane() -> None:
     rng = np.random.default_rng(4)
-    bow, curl, W = random_forms(rng, 3), random_forms(rng, 3), rng.normal(size=(6, N_MODES))
-    plane = second_order_mass(2.0, np.array([0.3, 0.1, 7.0]), np.diag([0.0, 0.0, 1.5]), W, bow, curl, normal=2)
-    alike = second_order_mass(2.0, np.array([0.3, 0.1, 0.0]), np.diag([1.0, 1.0, 1.5]), W, bow, curl, normal=2)
+    displacement2, rotation2, W = random_forms(rng, 3), random_forms(rng, 3), rng.normal(size=(6, N_MODES))
+    plane = second_order_mass(
+        2.0, np.array([0.3, 0.1, 7.0]), np.diag([0.0, 0.0, 1.5]), W, displacement2, rotation2, normal=2
+    )
+    alike = second_order_mass(
+        2.0, np.array([0.3, 0.1, 0.0]), np.diag([1.0, 1.0, 1.5]), W, displacement2, rotation2, normal=2
+    )
     assert plane is not None
     assert alike is not None
     assert len(plane.F) == 3
     assert np.allclose(plane.N, alike.N)
     along = np.zeros((3, N_MODES, N_MODES))
-    along[2] = bow[2]
+    along[2] = displacement2[2]
     assert second_order_mass(2.0, np.zeros(3), np.eye(3), W, along, np.zeros((3, 0, 0)), normal=2) is None

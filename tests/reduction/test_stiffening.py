@@ -16,7 +16,7 @@ from fmd.fem.model import FEModel
 from fmd.meshes.bar import hexahedral_bar
 from fmd.reduction.body import FlexibleBody, MarkerShapes, _pinned, floating_body, reduced_body
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.reduction.mode_families import modes_of_family
 from fmd.reduction.stiffening import reduced_geometric_stiffness, stiffen_body
 
@@ -58,13 +58,13 @@ def rod() -> Rod:
 
 def centrifugal(body: FlexibleBody, axis: Array) -> Array:
     """Modal block of D = Σ (δ_ab − e_a e_b) G[a, b]."""
-    return np.asarray(np.einsum("ab,abij->ij", np.eye(3) - np.outer(axis, axis), body.gram.G)[1:, 1:])
+    return np.asarray(np.einsum("ab,abij->ij", np.eye(3) - np.outer(axis, axis), body.integrals.G)[1:, 1:])
 
 
 def with_shapes(body: FlexibleBody, fe: FEModel, shapes: Array) -> FlexibleBody:
     """The same body, moving by given fields."""
     n = shapes.shape[2]
-    return replace(body, shapes=shapes, omega=np.ones(n), gram=inertia_gram(body.x, fe.m, shapes))
+    return replace(body, shapes=shapes, omega=np.ones(n), integrals=inertia_integrals(body.x, fe.m, shapes))
 
 
 def parabola(fe: FEModel) -> Array:
@@ -125,7 +125,7 @@ def test_a_rod_on_its_joint_has_the_tension_of_what_lies_outside(rod: Rod, about
     taken = centrifugal(body, Z) - centrifugal(stiff, Z)
     assert taken == pytest.approx(spin * np.eye(2), rel=2e-3, abs=1e-4 * spin)
     weight = LINE_MASS * LENGTH**4 / 3
-    assert -stiff.gram.bow[0] == pytest.approx(weight * np.eye(2), rel=1e-3, abs=1e-4 * weight)
+    assert -stiff.integrals.displacement2[0] == pytest.approx(weight * np.eye(2), rel=1e-3, abs=1e-4 * weight)
 
 
 def test_a_rod_that_floats_has_the_tension_of_its_halves(rod: Rod) -> None:
@@ -139,7 +139,7 @@ def test_a_rod_that_floats_has_the_tension_of_its_halves(rod: Rod) -> None:
     # ∫ ρA (a² − s²)/2 (2s)² ds over ±a with a = L/2
     exact = LINE_MASS * 8 / 15 * (LENGTH / 2) ** 5
     assert centrifugal(body, Z) - centrifugal(stiff, Z) == pytest.approx(exact * np.eye(2), rel=2e-3, abs=1e-3 * exact)
-    assert np.abs(stiff.gram.bow).max() < 1e-9 * exact
+    assert np.abs(stiff.integrals.displacement2).max() < 1e-9 * exact
 
 
 def test_a_hinge_that_is_accelerated_lets_the_body_turn(small_bar: FEModel) -> None:
@@ -164,16 +164,18 @@ def test_a_hinge_that_is_accelerated_lets_the_body_turn(small_bar: FEModel) -> N
         load = load - side.columns(len(r), np.eye(3)) @ np.concatenate([load.sum(axis=0), torque])
         u = np.linalg.lstsq(fe.K.toarray(), load.ravel(), rcond=1e-13)[0]
         exact = reduced_geometric_stiffness(fe, u.reshape(-1, 3, 1), body.shapes)[0]
-        assert np.abs(-stiff.gram.bow[a] - exact).max() < 1e-6 * np.abs(exact).max()
+        assert np.abs(-stiff.integrals.displacement2[a] - exact).max() < 1e-6 * np.abs(exact).max()
 
 
 def test_stiffness_that_is_not_asked_for_is_not_there(rod: Rod) -> None:
     stiff = stiffen_body(rod.lag, rod.fe, rod.solver, rod.clamp, Z, linear=False)
-    assert stiff.gram.bow.shape == (3, 0, 0)
-    assert stiff.gram.stiffening.shape == (3, 3, 6, 6)
-    assert rod.lag.gram.stiffening.shape == (3, 3, 0, 0)
-    assert stiff.gram.S is rod.lag.gram.S
-    assert np.array_equal(stiff.gram.G[:, :, 0], rod.lag.gram.G[:, :, 0])  # positions themselves are what they were
+    assert stiff.integrals.displacement2.shape == (3, 0, 0)
+    assert stiff.integrals.stiffening.shape == (3, 3, 6, 6)
+    assert rod.lag.integrals.stiffening.shape == (3, 3, 0, 0)
+    assert stiff.integrals.S is rod.lag.integrals.S
+    assert np.array_equal(
+        stiff.integrals.G[:, :, 0], rod.lag.integrals.G[:, :, 0]
+    )  # positions themselves are what they were
 
 
 @pytest.mark.parametrize("axis", [Z, Y, np.array([1.0, -2.0, 2.0])], ids=["z", "y", "oblique"])
@@ -187,11 +189,14 @@ def test_one_planar_load_does_what_the_six_products_do(small_bar: FEModel, axis:
     planar, spatial = (stiffen_body(body, small_bar, solver, clamp, plane) for plane in (axis, None))
     taken = centrifugal(body, e) - centrifugal(spatial, e)
     assert np.abs(centrifugal(planar, e) - centrifugal(spatial, e)).max() < 1e-7 * np.abs(taken).max()
-    assert np.abs(planar.gram.bow - spatial.gram.bow).max() < 1e-7 * np.abs(spatial.gram.bow).max()
+    assert (
+        np.abs(planar.integrals.displacement2 - spatial.integrals.displacement2).max()
+        < 1e-7 * np.abs(spatial.integrals.displacement2).max()
+    )
     for stiff in (planar, spatial):
-        G = stiff.gram.G
+        G = stiff.integrals.G
         assert np.abs(G - G.transpose(1, 0, 3, 2)).max() < 1e-12 * np.abs(G).max()
-        M = stiff.gram.mass_matrix(np.eye(1, 9)[0])
+        M = stiff.integrals.mass_matrix(np.eye(1, 9)[0])
         assert np.abs(M[6:, 6:] - np.eye(8)).max() < 1e-8
 
 
@@ -244,7 +249,7 @@ def loaded_beam() -> tuple[FlexibleBody, FlexibleBody]:
             name: MarkerShapes(at.position - markers["root"].position, at.translation(bent), at.rotation(bent))
             for name, at in markers.items()
         },
-        gram=inertia_gram(x, fe.m, bent),
+        integrals=inertia_integrals(x, fe.m, bent),
         coupling=0.0,
     )
     return body, stiffen_body(body, fe, solver, clamp, moving=markers)
@@ -278,10 +283,10 @@ def test_a_bent_and_twisted_beam_draws_in_its_tip_as_a_rod_of_directors(
     exact = np.concatenate([moved[..., -1], turned[..., -1]])
     exact = exact + exact.swapaxes(1, 2)
     exact[0, 4, 4] -= 0.02**2 / 6 * turn[0, 4] ** 2 / LENGTH
-    found = stiff.markers["tip"].bow
+    found = stiff.markers["tip"].displacement2
     for k in range(6):
         assert np.abs(found[k] - exact[k]).max() < 2e-3 * np.abs(exact[k]).max()
-    assert not stiff.markers["root"].bow.size  # it doesn't move in the frame
+    assert not stiff.markers["root"].displacement2.size  # it doesn't move in the frame
 
 
 # What it does to a turning body --------------------------------------------------------------------------------
@@ -321,17 +326,17 @@ def test_a_bent_rod_draws_its_mass_in(rod: Rod) -> None:
         x = np.concatenate([[0.0], np.cumsum(np.sqrt(1 - ((slope[1:] + slope[:-1]) / 2) ** 2) * np.diff(s))])
         drawn = LINE_MASS * np.trapezoid(s**2 - x**2, s)
         p = np.array([1.0, 0.0, amplitude])  # bent along the axis
-        found = body.gram.inertia(np.eye(1, 3)[0])[2, 2] - body.gram.inertia(p)[2, 2]
+        found = body.integrals.inertia(np.eye(1, 3)[0])[2, 2] - body.integrals.inertia(p)[2, 2]
         assert found == pytest.approx(drawn, rel=5e-3)
         moved = LINE_MASS * np.trapezoid(s - x, s)  # and its first moment
-        M = body.gram.mass_matrix(p)
-        assert body.gram.mass_matrix(np.eye(1, 3)[0])[5, 1] - M[5, 1] == pytest.approx(moved, rel=5e-3)
+        M = body.integrals.mass_matrix(p)
+        assert body.integrals.mass_matrix(np.eye(1, 3)[0])[5, 1] - M[5, 1] == pytest.approx(moved, rel=5e-3)
 
 
 def test_a_column_buckles_under_its_own_weight(rod: Rod) -> None:
     """ρ g A L³/EI = 7.837 for a standing column clamped at its foot (Timoshenko & Gere, section 2.12)."""
     body = stiffen_body(rod.flap, rod.fe, rod.solver, rod.clamp, Z)
-    hanging = -body.gram.bow[0]  # weight along +x, away from the clamp
+    hanging = -body.integrals.displacement2[0]  # weight along +x, away from the clamp
     g = 7.837 * ROD.E * DEPTH**4 / 12 / (LINE_MASS * LENGTH**3)
     assert eigvalsh(hanging).min() > 0
     assert eigvalsh(hanging, np.diag(body.omega**2))[-1] == pytest.approx(1 / g, rel=5e-3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.stability.amplification import cycle_growth
@@ -16,9 +16,9 @@ SLOW, FAST = 2 * np.pi * 1.0, 2 * np.pi * 100.0  # rad/s
 def cart_with_slider(slider_axis: tuple[float, float, float]) -> CompiledSystem:
     """A cart of 99 kg on a spring along x that carries a slider of 1 kg on a spring of its own."""
     along, nothing = np.array([1.0, 0.0, 0.0]), np.zeros((3, 3))
-    cart = Link("cart", rigid_gram(99.0, np.zeros(3), nothing), PRISMATIC, axis=along, spring=100.0 * SLOW**2)
-    gram = rigid_gram(1.0, np.zeros(3), nothing)
-    slider = Link("slider", gram, PRISMATIC, parent=0, axis=np.array(slider_axis), spring=FAST**2)
+    cart = Link("cart", rigid_integrals(99.0, np.zeros(3), nothing), PRISMATIC, axis=along, spring=100.0 * SLOW**2)
+    integrals = rigid_integrals(1.0, np.zeros(3), nothing)
+    slider = Link("slider", integrals, PRISMATIC, parent=0, axis=np.array(slider_axis), spring=FAST**2)
     return CompiledSystem(Mechanism([cart, slider]))
 
 
@@ -86,7 +86,7 @@ def test_coupling_that_would_show_in_the_result_leaves_a_smaller_ratio(across: C
 
 
 def test_a_mechanism_without_springs_is_stepped_over_its_motion() -> None:
-    cart = Link("cart", rigid_gram(1.0, np.zeros(3), np.zeros((3, 3))), PRISMATIC)
+    cart = Link("cart", rigid_integrals(1.0, np.zeros(3), np.zeros((3, 3))), PRISMATIC)
     free = CompiledSystem(Mechanism([cart]))
     split = choose_split(free, 1e-3, 4.0, spin=0.0)
     assert (split.frequency_hz, split.substeps, split.step) == (np.inf, 1, 4.0 / 200)

@@ -11,7 +11,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
 from fmd.output.exports import write_export
 from fmd.reduction.body_file import load_body
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 
 QUICK = ["body.beam.mesh.divisions=[12,1,1]", "simulation.duration=0.01s", 'simulation.stiffening="on"']
 EXPORT = [*QUICK, 'output=[{type="export",body="beam",file="body.nc"}]']
@@ -40,7 +40,7 @@ def test_a_planar_run_takes_two_axes_of_inertia_and_few_loads_of_stiffness(asked
     # Rotation, the torque of the hub, three forces and three torques at the tip.
     run = Pipeline(load_scene("beam", QUICK), Cache(tmp_path))
     assert run.motion.modal("beam").any()
-    assert run.body.gram.stiffening.any()
+    assert run.body.integrals.stiffening.any()
     assert asked == [(2, 2), (3, 3), (3, 3), (3, 2)]
 
 
@@ -51,16 +51,16 @@ def test_a_body_file_adds_what_is_lacking_and_keeps_it(asked, tmp_path: Path) ->
         write_export(run, run.scene.output[0], tmp_path)
         assert asked == [(2, 2), (3, 3), (3, 3), (3, 2), (1, 3)]
         assert ("inertia" in run.log.cached) == bool(again)
-        assert run.body.gram.normal == 2  # left as it was
+        assert run.body.integrals.normal == 2  # left as it was
     written = load_body(tmp_path / "body.nc").body
-    want = inertia_gram(run.body.x, run.part.fe.m, run.body.shapes).G.copy()
-    want[:, :, 1:, 1:] -= run.body.gram.stiffening
-    assert np.abs(written.gram.G - want).max() < 1e-14 * np.abs(want).max()
-    assert written.gram.mass_matrix(np.eye(1, 1 + len(run.body.omega))[0])[2, 2] == run.body.gram.mass
+    want = inertia_integrals(run.body.x, run.part.fe.m, run.body.shapes).G.copy()
+    want[:, :, 1:, 1:] -= run.body.integrals.stiffening
+    assert np.abs(written.integrals.G - want).max() < 1e-14 * np.abs(want).max()
+    assert written.integrals.mass_matrix(np.eye(1, 1 + len(run.body.omega))[0])[2, 2] == run.body.integrals.mass
     assert np.array_equal(before, run.motion.modal("beam"))
 
 
 def test_a_body_that_may_move_in_other_ways_has_them_all(asked) -> None:
-    assert Pipeline(load_scene("arm"), Cache(None)).parts["forearm"].body.gram.normal == -1  # its elbow moves
+    assert Pipeline(load_scene("arm"), Cache(None)).parts["forearm"].body.integrals.normal == -1  # its elbow moves
     assert Pipeline(load_scene("beam", ["joint.hub.axis=[0,1,1]"])).part.joint.normal == -1
     assert asked[0] == (3, 3)

@@ -70,15 +70,15 @@ def test_a_body_that_comes_back_has_the_same_equations(joint: str, to: str, stif
     ours, theirs = run.parts["beam"].for_any_motion(run.bodies["beam"]), back.bodies["beam"]
     turn = np.sign(np.einsum("ij,ij->j", *(body.markers["tip"].translation for body in (ours, theirs))))
     p = np.r_[1.0, turn]
-    scale = np.abs(ours.gram.G).max()
+    scale = np.abs(ours.integrals.G).max()
     assert theirs.omega == pytest.approx(ours.omega, rel=1e-9)
-    assert np.abs(theirs.gram.G * np.outer(p, p) - ours.gram.G).max() < 1e-9 * scale
+    assert np.abs(theirs.integrals.G * np.outer(p, p) - ours.integrals.G).max() < 1e-9 * scale
     assert theirs.damping == pytest.approx(np.full(4, 0.0 if to == "python" else 0.02), rel=1e-9)
     tip, want = theirs.markers["tip"], ours.markers["tip"]
     assert np.abs(tip.translation * turn - want.translation).max() < 1e-9 * np.abs(want.translation).max()
     assert np.abs(tip.rotation * turn - want.rotation).max() < 1e-8 * np.abs(want.rotation).max()
-    for form in ("bow", "curl"):  # a scene has those of the motions that it makes, a file has all
-        given, found = getattr(ours.gram, form), getattr(theirs.gram, form)
+    for form in ("displacement2", "rotation2"):  # a scene has those of the motions that it makes, a file has all
+        given, found = getattr(ours.integrals, form), getattr(theirs.integrals, form)
         for axis in np.flatnonzero(np.abs(given).max(axis=(1, 2), initial=0.0)):
             assert np.abs(found[axis] * np.outer(turn, turn) - given[axis]).max() < 1e-8 * np.abs(given).max()
 
@@ -102,8 +102,10 @@ def test_a_body_may_hang_elsewhere_than_where_it_was_written(tmp_path: Path):
         ours = scene_of(BEAM, joint, "off", tmp_path, "tip").bodies["beam"]
         theirs = scene_of(read_body("free.fem", "root", "tip"), joint, "off", tmp_path, "tip").bodies["beam"]
         assert theirs.omega == pytest.approx(ours.omega, rel=1e-9)
-        assert np.abs(theirs.gram.S[:, 0] - ours.gram.S[:, 0]).max() < 1e-12
-        assert np.abs(np.abs(theirs.gram.S) - np.abs(ours.gram.S)).max() < 1e-9 * np.abs(ours.gram.S).max()
+        assert np.abs(theirs.integrals.S[:, 0] - ours.integrals.S[:, 0]).max() < 1e-12
+        assert (
+            np.abs(np.abs(theirs.integrals.S) - np.abs(ours.integrals.S)).max() < 1e-9 * np.abs(ours.integrals.S).max()
+        )
 
 
 @pytest.mark.parametrize("to", ["exudyn", "python"])
@@ -143,8 +145,8 @@ def test_stiffening_of_a_file_may_be_left_out(tmp_path: Path):
     write_format(scene_of(BEAM, "clamp", "on", tmp_path), "sid", "beam", tmp_path / "beam.SID_FEM")
     plain = scene_of(BEAM, "clamp", "off", tmp_path).bodies["beam"]
     back = scene_of(read_body("beam.SID_FEM", "1", "2"), "clamp", "off", tmp_path).bodies["beam"]
-    assert np.abs(np.abs(back.gram.G) - np.abs(plain.gram.G)).max() < 1e-10 * np.abs(plain.gram.G).max()
-    assert not back.markers["tip"].bow.size
+    assert np.abs(np.abs(back.integrals.G) - np.abs(plain.integrals.G)).max() < 1e-10 * np.abs(plain.integrals.G).max()
+    assert not back.markers["tip"].displacement2.size
     elsewhere = scene_of(read_body("beam.SID_FEM", "1", "2"), "clamp", "off", tmp_path, "tip").bodies["beam"]
     want = scene_of(BEAM, "clamp", "off", tmp_path, "tip").bodies["beam"]
     assert elsewhere.omega == pytest.approx(want.omega, rel=1e-9)

@@ -14,11 +14,11 @@ from fmd.dynamics.closures import Place, close_joint, fixed_place
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.elements import Attachment, PointSpring
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, formula
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
 
@@ -48,7 +48,7 @@ def rod(name: str, parent: int, place: Array, axis: Array, along: Array) -> Link
     """Return a thin rod of 1 kg from its hinge along a vector."""
     length = float(np.linalg.norm(along))
     inertia = length**2 / 12 * (np.eye(3) - np.outer(along, along) / length**2)
-    return Link(name, rigid_gram(1.0, 0.5 * along, inertia), REVOLUTE, parent, place, axis)
+    return Link(name, rigid_integrals(1.0, 0.5 * along, inertia), REVOLUTE, parent, place, axis)
 
 
 def double_four_bar() -> Case:
@@ -114,7 +114,7 @@ def andrews_squeezer() -> Case:
     links = [
         Link(
             name,
-            rigid_gram(mass, np.array([*centre, 0.0]), np.diag([0.0, 0.0, moment])),
+            rigid_integrals(mass, np.array([*centre, 0.0]), np.diag([0.0, 0.0, moment])),
             REVOLUTE,
             parent,
             place,
@@ -147,7 +147,7 @@ def flexible_slider_crank() -> Case:
     M[2, 3] = M[3, 2] = mass
     K[0, 0], K[1, 1] = pi**4 / 24 * (side / length) ** 2, pi**4 * 2 / 3 * (side / length) ** 2
     K[2:, 2:] = [[16 / 3, -8 / 3], [-8 / 3, 7 / 3]]
-    G = np.zeros((3, 3, 5, 5))  # of shapes along x (2, 3) and y (0, 1), as `InertiaGram` has them
+    G = np.zeros((3, 3, 5, 5))  # of shapes along x (2, 3) and y (0, 1), as `InertiaIntegrals` has them
     G[0, 0, 0, 0], G[0, 0, 0, 3:] = 0.0045339259, rho * length * volume * np.array([1 / 3, 1 / 6])
     G[0, 0, 3:, 0] = G[0, 0, 0, 3:]
     G[0, 0, 3:, 3:], G[1, 1, 1:3, 1:3] = M[2:, 2:], M[:2, :2]
@@ -159,12 +159,12 @@ def flexible_slider_crank() -> Case:
     omega2, turn = eigh(spring * K, M)
     whole = np.eye(5)
     whole[1:, 1:] = turn
-    gram = InertiaGram(np.einsum("ik,abij,jl->abkl", whole, G, whole), S @ whole, mass)
+    integrals = InertiaIntegrals(np.einsum("ik,abij,jl->abkl", whole, G, whole), S @ whole, mass)
     end = MarkerShapes(length * X, np.outer(X, turn[3]), np.zeros((3, 4)))
     links = [
-        Link("crank", rigid_gram(0.36, 0 * X, np.diag([0.0, 0.0, 0.002727])), REVOLUTE, motion=_steady(150.0)),
-        Link("rod", gram, REVOLUTE, 0, 0.15 * X, omega=np.sqrt(omega2), damping=np.zeros(4)),
-        Link("slider", rigid_gram(0.075552, 0 * X, np.zeros((3, 3))), PRISMATIC, axis=X),
+        Link("crank", rigid_integrals(0.36, 0 * X, np.diag([0.0, 0.0, 0.002727])), REVOLUTE, motion=_steady(150.0)),
+        Link("rod", integrals, REVOLUTE, 0, 0.15 * X, omega=np.sqrt(omega2), damping=np.zeros(4)),
+        Link("slider", rigid_integrals(0.075552, 0 * X, np.zeros((3, 3))), PRISMATIC, axis=X),
     ]
     closure = close_joint(REVOLUTE, "pin", Place("rod", end), place_on("slider", 0 * X), Z)
     mechanism = Mechanism(links, closures=[closure])

@@ -82,29 +82,29 @@ def by_hand(body: FlexibleBody, angle: float, times: Array) -> tuple[Array, Arra
 
         T = ½ θ̇² pᵀ A p + θ̇ pᵀ B ṗ + ½ q̇ᵀ q̇,   V = ½ qᵀ ω² q + g (sin θ c_x + cos θ c_y)
 
-    for modes of unit mass, c being the first moments; a stiffened body has its geometric stiffness in A and a bow in c,
-    and the energy ``½ s·N s + s·g q̇`` of ``s = q̇ᵀ bow q`` with the inertia N⁻¹ of the rigid body in its plane and
-    ``g = N W`` with its coupling W of frame and modes.
+    for modes of unit mass, c being the first moments; a stiffened body has its geometric stiffness in A and a
+    second-order displacement in c, and the energy ``½ s·N s + s·g q̇`` of ``s = q̇ᵀ displacement2 q`` with the inertia
+    N⁻¹ of the rigid body in its plane and ``g = N W`` with its coupling W of frame and modes.
     """
-    gram, n = body.gram, len(body.omega)
-    A, B = gram.G[0, 0] + gram.G[1, 1], gram.G[0, 1] - gram.G[1, 0]
-    bow = gram.bow[:2] if gram.bow.size else np.zeros((2, n, n))
-    cx, cy = gram.S[:2, 0]
-    N = np.linalg.inv([[gram.mass, 0, -cy], [0, gram.mass, cx], [-cy, cx, A[0, 0]]])
-    g, N = (N @ np.concatenate([gram.S[:2, 1:], B[:1, 1:]]))[:2], N[:2, :2]
+    integrals, n = body.integrals, len(body.omega)
+    A, B = integrals.G[0, 0] + integrals.G[1, 1], integrals.G[0, 1] - integrals.G[1, 0]
+    displacement2 = integrals.displacement2[:2] if integrals.displacement2.size else np.zeros((2, n, n))
+    cx, cy = integrals.S[:2, 0]
+    N = np.linalg.inv([[integrals.mass, 0, -cy], [0, integrals.mass, cx], [-cy, cx, A[0, 0]]])
+    g, N = (N @ np.concatenate([integrals.S[:2, 1:], B[:1, 1:]]))[:2], N[:2, :2]
 
     def rates(t: float, y: Array) -> Array:
         theta, q, omega, dq = y[0], y[1 : 1 + n], y[1 + n], y[2 + n :]
         p, dp = np.r_[1.0, q], np.r_[0.0, dq]
-        c = gram.S[:2] @ p + 0.5 * bow @ q @ q
-        slopes = gram.S[:2, 1:] + bow @ q
+        c = integrals.S[:2] @ p + 0.5 * displacement2 @ q @ q
+        slopes = integrals.S[:2, 1:] + displacement2 @ q
         h = (p @ B)[1:]
-        f = bow @ q
+        f = displacement2 @ q
         M = np.block([[np.array([[p @ A @ p]]), h[None]], [h[:, None], np.eye(n) + g.T @ f + f.T @ g + f.T @ N @ f]])
         turning = -2 * omega * (p @ A @ dp) - G * (np.cos(theta) * c[0] - np.sin(theta) * c[1])
         bending = omega**2 * (A @ p)[1:] + 2 * omega * (B @ dp)[1:] - body.omega**2 * q
         bending -= G * (np.sin(theta) * slopes[0] + np.cos(theta) * slopes[1])
-        bending -= (g + N @ f).T @ (bow @ dq @ dq)
+        bending -= (g + N @ f).T @ (displacement2 @ dq @ dq)
         return np.r_[omega, dq, np.linalg.solve(M, np.r_[turning, bending])]
 
     start = np.r_[angle, np.zeros(1 + 2 * n)]
@@ -117,15 +117,15 @@ def by_hand(body: FlexibleBody, angle: float, times: Array) -> tuple[Array, Arra
 def test_the_pendulum_moves_as_the_planar_model(tmp_path: Path, stiffening: str) -> None:
     run = pipeline_of(tmp_path, f"simulation.stiffening={stiffening}", angle=0.3)
     motion, body = motion_of(run), run.body
-    assert body.gram.bow.size == (0 if stiffening == "off" else 3 * 4 * 4)
+    assert body.integrals.displacement2.size == (0 if stiffening == "off" else 3 * 4 * 4)
     theta, q = by_hand(body, 0.3, motion.times)
     section = q @ body.joint_rotation
     assert motion.joint_position("hinge") == pytest.approx(theta + section, abs=1e-8)
     assert motion.modal("bar") == pytest.approx(q, abs=1e-8)
     tip = body.markers["tip"]
     R = Rotation.from_rotvec(np.outer(theta, [0, 0, 1]))
-    bow = tip.bow[:3] if tip.bow.size else np.zeros((3, *2 * [q.shape[1]]))
-    placed = tip.position + q @ tip.translation.T + 0.5 * np.einsum("ti,kij,tj->tk", q, bow, q)
+    displacement2 = tip.displacement2[:3] if tip.displacement2.size else np.zeros((3, *2 * [q.shape[1]]))
+    placed = tip.position + q @ tip.translation.T + 0.5 * np.einsum("ti,kij,tj->tk", q, displacement2, q)
     assert motion.tip_position == pytest.approx(R.apply(placed), abs=1e-8)
     assert np.ptp(theta) > 2.5  # it swings through, …
     assert np.abs(motion.tip_displacement[:, 1]).max() > 1e-3  # … and bends

@@ -134,7 +134,7 @@ def test_equal_pieces_are_reduced_once(tmp_path: Path) -> None:
     assert len({id(part.results) for part in parts}) == 3  # the first, the last, and those between
     _ = run.bodies
     assert parts[7].body is parts[8].body
-    assert sum(run.bodies[part.name].gram.mass for part in parts) == pytest.approx(run.part.mass, rel=1e-9)
+    assert sum(run.bodies[part.name].integrals.mass for part in parts) == pytest.approx(run.part.mass, rel=1e-9)
 
 
 def test_a_part_in_pieces_is_one_part_in_its_results(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from fmd.core.errors import InputError
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.revolute import REVOLUTE
@@ -223,7 +223,7 @@ def chain(n_links: int, mass: float) -> Mechanism:
     links = [
         Link(
             f"link {k}",
-            rigid_gram(MU * length, np.array([length / 2, 0.0, 0.0]), inertia),
+            rigid_integrals(MU * length, np.array([length / 2, 0.0, 0.0]), inertia),
             REVOLUTE,
             k - 1,
             place=np.array([length if k else 0.0, 0.0, 0.0]),
@@ -231,7 +231,7 @@ def chain(n_links: int, mass: float) -> Mechanism:
         )
         for k in range(n_links)
     ]
-    load = rigid_gram(mass, np.zeros(3), np.zeros((3, 3)))
+    load = rigid_integrals(mass, np.zeros(3), np.zeros((3, 3)))
     links.append(Link("load", load, FIXED, n_links - 1, place=np.array([length, 0.0, 0.0])))
     return Mechanism(links, gravity=np.array([0.0, -9.81, 0.0]))
 

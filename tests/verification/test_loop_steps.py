@@ -11,7 +11,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
 from fmd.dynamics.closures import Place, close_joint
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import evaluate_projection
@@ -19,7 +19,7 @@ from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.subcycling import Subcycling
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.scene.joints.point_on_line import POINT_ON_LINE
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
@@ -46,10 +46,10 @@ def bar(name: str, parent: int, place: Array, length: float, omega: list[float],
     shapes = np.zeros((POINTS, 3, len(omega)))
     for k in range(len(omega)):
         shapes[:, 1, k] = np.sin((k + 1) * np.pi * x / length) * np.sqrt(2.0 / length)
-    gram = inertia_gram(np.outer(x, X), np.diag(mass), shapes)
+    integrals = inertia_integrals(np.outer(x, X), np.diag(mass), shapes)
     on = {} if carrier is None else {"place_shapes": carrier.translation, "place_rotations": carrier.rotation}
     damping = np.zeros(len(omega))
-    return Link(name, gram, REVOLUTE, parent, place, Z, np.array(omega), damping, **on)
+    return Link(name, integrals, REVOLUTE, parent, place, Z, np.array(omega), damping, **on)
 
 
 def end_of(length: float, n: int) -> MarkerShapes:
@@ -60,9 +60,9 @@ def end_of(length: float, n: int) -> MarkerShapes:
 
 
 def slider_crank() -> tuple[Mechanism, Array]:
-    crank = Link("crank", rigid_gram(1.0, 0.1 * X, np.diag([0.0, 0.02, 0.02])), REVOLUTE, -1, 0 * X, Z)
+    crank = Link("crank", rigid_integrals(1.0, 0.1 * X, np.diag([0.0, 0.02, 0.02])), REVOLUTE, -1, 0 * X, Z)
     rod = bar("rod", 0, 0.2 * X, 0.6, [80.0, 320.0, 720.0], None)
-    slider = Link("slider", rigid_gram(0.5, 0 * X, np.zeros((3, 3))), PRISMATIC, -1, 0 * X, X)
+    slider = Link("slider", rigid_integrals(0.5, 0 * X, np.zeros((3, 3))), PRISMATIC, -1, 0 * X, X)
     pin = close_joint(REVOLUTE, "pin", Place("rod", end_of(0.6, 3)), Place("slider", end_of(0.0 + 1e-9, 0)), Z)
     start = {"crank": 0.4, "rod": -0.53, "slider": 0.78}
     return Mechanism([crank, rod, slider], closures=[pin], assembled={k: (x,) for k, x in start.items()}), 20.0 * Y

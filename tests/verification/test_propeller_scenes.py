@@ -113,7 +113,7 @@ def test_a_steady_start_stays_steady_until_the_gust_comes() -> None:
     assert np.abs(q[-1] - q[0]).max() > 0.01 * np.abs(q[0]).max()
     # the steady state solves (ω² + Ω² K_G − Ω² D) q = Ω² D_0
     body = run.bodies["propeller"]
-    D = np.einsum("ab,abij->ij", np.diag([1.0, 1.0, 0.0]), body.gram.G)
+    D = np.einsum("ab,abij->ij", np.diag([1.0, 1.0, 0.0]), body.integrals.G)
     K = np.diag(body.omega**2) - RATE**2 * D[1:, 1:]
     assert q[0] == pytest.approx(solve(K, RATE**2 * D[1:, 0]), rel=1e-6, abs=1e-8 * np.abs(q[0]).max())
 
@@ -167,7 +167,7 @@ def test_the_body_file_gives_back_the_body_without_a_mesh(results: Path) -> None
     run = coarse("propeller")
     body = run.bodies["propeller"]
     assert saved.body.omega == pytest.approx(body.omega, rel=1e-9)
-    assert saved.body.gram.stiffening.shape == body.gram.stiffening.shape
+    assert saved.body.integrals.stiffening.shape == body.integrals.stiffening.shape
     assert saved.stress is not None
     q = run.motion.modal("propeller")[-1]
     assert von_mises(saved.stress @ q) == pytest.approx(run.stress.von_mises(0.002), rel=1e-6)

@@ -16,7 +16,7 @@ from scipy.special import ellipj, ellipk
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
 from fmd.integrators.central_difference import CentralDifference
@@ -78,8 +78,8 @@ START = np.array([0.0, 0.15]), np.zeros(2)
 @pytest.fixture(scope="module")
 def rod_slider() -> CompiledSystem:
     """A rod of 2 m and 2 kg; 5 kg on it, 1 m from the joint, held there by 1000 N/m."""
-    rod = rigid_gram(2.0, X, np.diag([0.0, 2 / 3, 2 / 3]))  # m l²/12 across
-    slider = rigid_gram(5.0, NOWHERE, np.zeros((3, 3)))
+    rod = rigid_integrals(2.0, X, np.diag([0.0, 2 / 3, 2 / 3]))  # m l²/12 across
+    slider = rigid_integrals(5.0, NOWHERE, np.zeros((3, 3)))
     links = [
         Link("rod", rod, REVOLUTE, axis=Z, load=constant(TORQUE)),
         Link("slider", slider, PRISMATIC, 0, place=X, axis=X, spring=1000.0),
@@ -177,8 +177,10 @@ def pendula(request: pytest.FixtureRequest) -> tuple[Pendulum, Pendulum]:
 
 def double_pendulum(one: Pendulum, two: Pendulum) -> CompiledSystem:
     """Hanging along -y at angle 0, turning about z; the second joint's angle is relative to the first body."""
-    grams = [rigid_gram(part.mass, -part.centre * Y, part.inertia * np.diag([1.0, 0.0, 1.0])) for part in (one, two)]
-    links = [Link("one", grams[0], REVOLUTE), Link("two", grams[1], REVOLUTE, 0, place=-one.length * Y)]
+    integrals = [
+        rigid_integrals(part.mass, -part.centre * Y, part.inertia * np.diag([1.0, 0.0, 1.0])) for part in (one, two)
+    ]
+    links = [Link("one", integrals[0], REVOLUTE), Link("two", integrals[1], REVOLUTE, 0, place=-one.length * Y)]
     return CompiledSystem(Mechanism(links, gravity=-G * Y))
 
 
@@ -276,7 +278,7 @@ WHERE = np.array([0.1, -0.2, 0.3])  # centre of mass
 
 
 def free_body(centre: Array = NOWHERE, gravity: Array = NOWHERE) -> CompiledSystem:
-    body = Link("body", rigid_gram(MASS, centre, np.diag(INERTIA)), FREE)
+    body = Link("body", rigid_integrals(MASS, centre, np.diag(INERTIA)), FREE)
     return CompiledSystem(Mechanism([body], gravity=gravity))
 
 
@@ -334,7 +336,7 @@ STEPS = 0.01 / 2.0 ** np.arange(4)
 
 def drift_of_a_spin(inertia: Array, step: float) -> tuple[float, float]:
     """Largest change of angular momentum in space and of energy over 10 s."""
-    tree = CompiledSystem(Mechanism([Link("body", rigid_gram(MASS, NOWHERE, np.diag(inertia)), FREE)]))
+    tree = CompiledSystem(Mechanism([Link("body", rigid_integrals(MASS, NOWHERE, np.diag(inertia)), FREE)]))
     start = thrown(NOWHERE, np.array([1.5, 0.7, -1.1]), NOWHERE)
     march = CentralDifference(step).march(tree, *start, np.linspace(0.0, 10.0, 101))
     momentum = Rotation.from_quat(march.q[:, 3:]).apply(inertia * march.v[:, 3:])
@@ -376,8 +378,8 @@ TILT, TOP_SPIN = 0.6, 100.0  # rad; rad/s about its own axis, in space
 
 @pytest.fixture(scope="module")
 def top() -> CompiledSystem:
-    gram = rigid_gram(TOP_MASS, TOP_CENTRE * Z, np.diag([TOP_ACROSS, TOP_ACROSS, TOP_ALONG]))
-    return CompiledSystem(Mechanism([Link("top", gram, SPHERICAL)], gravity=DOWN))
+    integrals = rigid_integrals(TOP_MASS, TOP_CENTRE * Z, np.diag([TOP_ACROSS, TOP_ACROSS, TOP_ALONG]))
+    return CompiledSystem(Mechanism([Link("top", integrals, SPHERICAL)], gravity=DOWN))
 
 
 @pytest.fixture(scope="module", params=[0, 1], ids=["slow", "fast"])
@@ -442,8 +444,8 @@ def test_a_body_falls_freely_on_a_parabola(method: CentralDifference | ScipyIvp)
 def test_a_body_slides_down_an_incline(method: CentralDifference | ScipyIvp) -> None:
     # s = ½ (g·e) t² along the axis e, whatever the body's inertia.
     axis = np.array([0.6, 0.0, -0.8])
-    gram = rigid_gram(MASS, WHERE, np.diag(INERTIA))
-    sledge = Link("sledge", gram, PRISMATIC, place=np.array([1.0, 2.0, 3.0]), axis=axis)
+    integrals = rigid_integrals(MASS, WHERE, np.diag(INERTIA))
+    sledge = Link("sledge", integrals, PRISMATIC, place=np.array([1.0, 2.0, 3.0]), axis=axis)
     tree = CompiledSystem(Mechanism([sledge], gravity=DOWN))
     times = np.linspace(0.0, 2.0, 21)
     march = method.march(tree, np.zeros(1), np.zeros(1), times)
@@ -455,8 +457,8 @@ def test_a_body_slides_down_an_incline(method: CentralDifference | ScipyIvp) -> 
 def test_a_body_on_a_spring_and_a_damper_swings_out_about_its_weight() -> None:
     # s = s₀ (1 − exp(−ζωt) (cos ω_d t + ζω/ω_d sin ω_d t)) with k s₀ = m g, ω² = k/m, 2ζω = c/m: a step response.
     spring, damper = 100.0, 4.0
-    gram = rigid_gram(MASS, WHERE, np.diag(INERTIA))
-    weight = Link("weight", gram, PRISMATIC, axis=-Z, spring=spring, damper=damper)
+    integrals = rigid_integrals(MASS, WHERE, np.diag(INERTIA))
+    weight = Link("weight", integrals, PRISMATIC, axis=-Z, spring=spring, damper=damper)
     tree = CompiledSystem(Mechanism([weight], gravity=DOWN))
     times, decay = np.linspace(0.0, 3.0, 31), damper / (2 * MASS)
     omega = np.sqrt(spring / MASS - decay**2)
@@ -476,9 +478,9 @@ def boxes_welded() -> tuple[list[Link], list[Link]]:
     for mass, inertia, where in zip(masses, inertias, at, strict=True):  # Steiner
         arm = where - centre
         total += inertia + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    grams = [rigid_gram(mass, c, inertia) for mass, c, inertia in zip(masses, centres, inertias, strict=True)]
-    two = [Link("one", grams[0], FREE), Link("two", grams[1], FIXED, 0, place=place)]
-    return two, [Link("one", rigid_gram(5.0, centre, total), FREE)]
+    integrals = [rigid_integrals(mass, c, inertia) for mass, c, inertia in zip(masses, centres, inertias, strict=True)]
+    two = [Link("one", integrals[0], FREE), Link("two", integrals[1], FIXED, 0, place=place)]
+    return two, [Link("one", rigid_integrals(5.0, centre, total), FREE)]
 
 
 def test_two_welded_bodies_are_one_of_summed_inertia() -> None:
@@ -498,11 +500,11 @@ def test_two_welded_bodies_are_one_of_summed_inertia() -> None:
 def test_a_body_carried_by_welded_ones_moves_as_on_one(joint: int) -> None:
     # The next joint is at the same place, seen from either body's frame.
     two, one = boxes_welded()
-    place, gram = np.array([0.2, 0.7, -0.4]), rigid_gram(1.5, WHERE, np.diag(INERTIA))
+    place, integrals = np.array([0.2, 0.7, -0.4]), rigid_integrals(1.5, WHERE, np.diag(INERTIA))
     axis = np.array([1.0, 2.0, -2.0])
     chains = []
     for links, offset in ((two, two[1].place), (one, NOWHERE)):
-        carried = Link("next", gram, joint, len(links) - 1, place=place - offset, axis=axis)
+        carried = Link("next", integrals, joint, len(links) - 1, place=place - offset, axis=axis)
         chains.append(CompiledSystem(Mechanism([*links, carried], gravity=DOWN)))
     rng = np.random.default_rng(4)
     q, v = rng.normal(size=chains[0].n_positions), rng.normal(size=chains[0].n)

@@ -107,5 +107,5 @@ def test_two_pieces_with_a_mass_at_their_end_flap_as_a_beam_under_tension(tmp_pa
 def test_pieces_leave_out_an_inertia_of_second_order_that_does_not_count(tmp_path: Path) -> None:
     # It falls with the fourth power of their length: of eight it is 1e-4 at this rate, of two 2 %.
     few, many = (turning_bar(tmp_path, pieces, 20.0).bodies for pieces in (2, 8))
-    assert all(body.gram.stiffening.size for body in few.values())
-    assert not any(body.gram.stiffening.size for body in many.values())
+    assert all(body.integrals.stiffening.size for body in few.values())
+    assert not any(body.integrals.stiffening.size for body in many.values())

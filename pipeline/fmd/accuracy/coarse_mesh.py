@@ -128,5 +128,7 @@ def _pair(run: Pipeline, scene: Scene) -> Pair:
     order, edges = min(own.order for own in run.parts.values()), min(own.mesh.order for own in run.parts.values())
     gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in KINDS}
     # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.
-    exact = all(abs(coarse.bodies[name].gram.mass / body.gram.mass - 1) < SOLVED for name, body in run.bodies.items())
+    exact = all(
+        abs(coarse.bodies[name].integrals.mass / body.integrals.mass - 1) < SOLVED for name, body in run.bodies.items()
+    )
     return Pair(run, coarse, gains if exact else {kind: min(gain, gains["geometry"]) for kind, gain in gains.items()})

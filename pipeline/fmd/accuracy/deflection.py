@@ -46,7 +46,7 @@ def tip_shortening(run: Pipeline) -> float:
     names = {link.name: k for k, link in enumerate(run.mechanism.links)}
     body, _, marker = run.divided_scene.simulation.tip.partition(".")
     total, first = 0.0, run.mechanism.first_piece(names[body])
-    while body in run.deformations and not run.bodies[body].markers[marker].bow.size:
+    while body in run.deformations and not run.bodies[body].markers[marker].displacement2.size:
         total += float(run.deformations[body].shortening.get(marker, np.zeros(1)).max())
         if names[body] == first:
             break
@@ -99,7 +99,9 @@ def count_pieces(error: float, now: int, order: int) -> int:
 def is_of_second_order(run: Pipeline, body: str) -> bool:
     """Return true if displacements of second order are those of a body, or of all pieces that carry another one."""
     bodies = [run.bodies[part.name] for part in run.pieces_of(body)]
-    return all(any(marker.bow.size for marker in reduced.markers.values()) for reduced in bodies[:-1] or bodies)
+    return all(
+        any(marker.displacement2.size for marker in reduced.markers.values()) for reduced in bodies[:-1] or bodies
+    )
 
 
 def _error_in_frame(run: Pipeline, part: str) -> float:

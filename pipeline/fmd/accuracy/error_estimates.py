@@ -237,15 +237,24 @@ def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
     """Return a body whose shapes are combinations (n, n) of another's, of unit modal mass, with these frequencies."""
     full = np.eye(len(omega) + 1)
     full[1:, 1:] = weights
-    gram = body.gram
-    stiffening, bow, curl = (_in_new(forms, weights) for forms in (gram.stiffening, gram.bow, gram.curl))
-    gram = replace(gram, G=full.T @ gram.G @ full, S=gram.S @ full, stiffening=stiffening, bow=bow, curl=curl)
+    integrals = body.integrals
+    stiffening, displacement2, rotation2 = (
+        _in_new(forms, weights) for forms in (integrals.stiffening, integrals.displacement2, integrals.rotation2)
+    )
+    integrals = replace(
+        integrals,
+        G=full.T @ integrals.G @ full,
+        S=integrals.S @ full,
+        stiffening=stiffening,
+        displacement2=displacement2,
+        rotation2=rotation2,
+    )
     markers = {
         name: replace(
             marker,
             translation=marker.translation @ weights,
             rotation=marker.rotation @ weights,
-            bow=_in_new(marker.bow, weights),
+            displacement2=_in_new(marker.displacement2, weights),
         )
         for name, marker in body.markers.items()
     }
@@ -254,7 +263,7 @@ def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
         omega=omega,
         shapes=body.shapes @ weights,
         markers=markers,
-        gram=gram,
+        integrals=integrals,
     )
 
 

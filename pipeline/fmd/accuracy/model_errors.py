@@ -180,7 +180,7 @@ class ModelErrors:
 
     def _shift_of_eigenvalues(self, name: str) -> float:
         """Return the relative shift of a body's eigenvalues by its largest rotation."""
-        bowed = any(marker.bow.size for marker in self._run.bodies[name].markers.values())
+        bowed = any(marker.displacement2.size for marker in self._run.bodies[name].markers.values())
         share = OF_EIGENVALUE_SECOND_ORDER if bowed else OF_EIGENVALUE
         return share * self._run.deformations[name].rotation ** 2
 

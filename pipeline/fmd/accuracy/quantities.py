@@ -30,7 +30,7 @@ def mesh_quantities(run: Pipeline, like: Pipeline | None = None) -> Quantities:
         modes = part.modes if like is None else match_modes(like.parts[name], part)
         for k, frequency in enumerate(modes.frequencies_hz):
             found.append(Quantity(f"{name}, frequency {k + 1}", "Hz", np.array([frequency])))
-        found.append(Quantity(f"{name}, mass", "kg", np.array([run.bodies[name].gram.mass]), kind="geometry"))
+        found.append(Quantity(f"{name}, mass", "kg", np.array([run.bodies[name].integrals.mass]), kind="geometry"))
     return _by_name(found)
 
 

@@ -19,11 +19,11 @@ class BodyFrame(NamedTuple):
     spin: Array  # (n_times, 3) [rad/s]
 
 
-def moved(shapes: Array, bow: Array, q: Array, rates: Array) -> tuple[Array, Array]:
-    """Return displacements ``Φ q + ½ qᵀ bow q`` for Φ (k, n) and bow (k, n, n), and their rates, (n_times, k) each."""
+def moved(shapes: Array, displacement2: Array, q: Array, rates: Array) -> tuple[Array, Array]:
+    """Return displacements of second order ``Φ q + ½ qᵀ B q``, Φ (k, n), B (k, n, n), and rates, (n_times, k) each."""
     place, moving = (x @ shapes.T if shapes.size else np.zeros((len(x), len(shapes))) for x in (q, rates))
-    if bow.size:
-        slope = np.einsum("ajk,tk->taj", bow, q)
+    if displacement2.size:
+        slope = np.einsum("ajk,tk->taj", displacement2, q)
         place = place + 0.5 * np.einsum("taj,tj->ta", slope, q)
         moving = moving + np.einsum("taj,tj->ta", slope, rates)
     return place, moving

@@ -36,9 +36,9 @@ class Place:
         if self.body not in kept:
             return self
         own, at = kept[self.body], self.marker
-        bow = at.bow[:, own[:, None], own] if at.bow.size else at.bow
+        displacement2 = at.displacement2[:, own[:, None], own] if at.displacement2.size else at.displacement2
         moved, turned = (parts[:, own] if parts.size else parts for parts in (at.translation, at.rotation))
-        return replace(self, marker=MarkerShapes(at.position, moved, turned, bow))
+        return replace(self, marker=MarkerShapes(at.position, moved, turned, displacement2))
 
 
 def fixed_place(position: Array) -> Place:

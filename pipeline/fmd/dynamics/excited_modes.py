@@ -1,9 +1,9 @@
 """Modes that neither the loads nor the motion can excite: left out of the integration, they stay at rest exactly.
 
 Modes and their couplings are a graph. A mode is excited where a force reaches it in the undeformed state (by its part
-in the Gram tensor's products with the rigid body, by a load or another body at a place that it moves, by its own start)
-or where a mode that is excited acts on it; all others have nothing to move them. A blade's out-of-plane modes under an
-in-plane motion stay at rest, and all but the evenly turned ones of a cyclic body in a steady drive.
+in the inertia shape integrals's products with the rigid body, by a load or another body at a place that it moves, by
+its own start) or where a mode that is excited acts on it; all others have nothing to move them. A blade's out-of-plane
+modes under an in-plane motion stay at rest, and all but the evenly turned ones of a cyclic body in a steady drive.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 
 
 @dataclass(frozen=True)
@@ -96,45 +96,45 @@ def reached(omega: Array, forces: Sequence[Array], couplings: Sequence[Array], t
 
 def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
     """Forces on body b's modes by the rigid motion, its joint, its loads and its children; couplings of modes."""
-    link, n, gram = mechanism.links[b], len(mechanism.links[b].omega), mechanism.links[b].gram
-    products = _inertia_products(gram, _common_axis(mechanism, b))
-    inertia = float(np.sqrt(max(np.einsum("aa", gram.G[:, :, 0, 0]), 1e-300)))
-    size = float(np.sqrt(gram.mass))
+    link, n, integrals = mechanism.links[b], len(mechanism.links[b].omega), mechanism.links[b].integrals
+    products = _inertia_products(integrals, _common_axis(mechanism, b))
+    inertia = float(np.sqrt(max(np.einsum("aa", integrals.G[:, :, 0, 0]), 1e-300)))
+    size = float(np.sqrt(integrals.mass))
     forces = [product[0, 1:] / inertia for product in products]
     couplings = [product[1:, 1:] for product in products]
     accelerated = link.parent >= 0 or bool(link.joint.slides) or bool(np.any(mechanism.gravity))
     if accelerated:
-        forces += list(gram.S[:, 1:] / size)
-        couplings += list(gram.bow)
-    couplings += [*gram.curl, link.joint_bow]
+        forces += list(integrals.S[:, 1:] / size)
+        couplings += list(integrals.displacement2)
+    couplings += [*integrals.rotation2, link.joint_displacement2]
     if link.motion is None and len(link.joint_rotation):
         forces.append(link.joint_rotation * inertia)
     for load in mechanism.loads:
         if load.body == link.name:
             forces += list((load.rotations * inertia) if load.torque else (load.shapes * size))
-            couplings += list(load.bow)
+            couplings += list(load.displacement2)
     for element in mechanism.elements:
         for end in element.ends:
             if end.body == link.name:
                 forces += [*(end.marker.translation * size), *(end.marker.rotation * inertia)]
-                couplings += list(end.marker.bow)
+                couplings += list(end.marker.displacement2)
     for other in mechanism.links:
         if other.parent == b:
             forces += [*(other.place_shapes * size), *(other.place_rotations * inertia)]
-            couplings += list(other.place_bow)
+            couplings += list(other.place_displacement2)
     for at in mechanism.closed_places(link.name):
         forces += [*(at.translation * size), *(at.rotation * inertia)]
-        couplings += list(at.bow)
+        couplings += list(at.displacement2)
     return [force for force in forces if len(force) == n], [pairs for pairs in couplings if len(pairs) == n]
 
 
-def _inertia_products(gram: InertiaGram, axis: Array | None) -> list[Array]:
-    """Combinations of the Gram tensor that the rigid motion can excite, (1 + n, 1 + n) each.
+def _inertia_products(integrals: InertiaIntegrals, axis: Array | None) -> list[Array]:
+    """Combinations of the inertia shape integrals that the rigid motion can excite, (1 + n, 1 + n) each.
 
     Turning about one axis alone has one product of rates with both squares across it, and one antisymmetric product.
     """
-    symmetric = 0.5 * (gram.G + gram.G.swapaxes(0, 1))
-    antisymmetric = np.einsum("abc,bcij->aij", EPSILON, gram.G)
+    symmetric = 0.5 * (integrals.G + integrals.G.swapaxes(0, 1))
+    antisymmetric = np.einsum("abc,bcij->aij", EPSILON, integrals.G)
     if axis is not None:
         across = np.eye(3) - np.outer(axis, axis)
         return [np.einsum("ab,abij->ij", across, symmetric), np.einsum("a,aij->ij", axis, antisymmetric)]
@@ -171,7 +171,7 @@ def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:
             load,
             shapes=_columns(load.shapes, its),
             rotations=_columns(load.rotations, its),
-            bow=_pairs(load.bow, its),
+            displacement2=_pairs(load.displacement2, its),
         )
         for load in mechanism.loads
         for its in [kept[numbers[load.body]]]
@@ -212,26 +212,26 @@ def _pairs(forms: Array, kept: IntArray) -> Array:
 def _link_with(link: Link, kept: IntArray, of_parent: IntArray) -> Link:
     return replace(
         link,
-        gram=_gram_with(link.gram, kept),
+        integrals=_integrals_with(link.integrals, kept),
         omega=link.omega[kept],
         damping=link.damping[kept] if len(link.damping) else link.damping,
         joint_rotation=link.joint_rotation[kept] if len(link.joint_rotation) else link.joint_rotation,
-        joint_bow=_pairs(link.joint_bow, kept),
+        joint_displacement2=_pairs(link.joint_displacement2, kept),
         place_shapes=_columns(link.place_shapes, of_parent),
         place_rotations=_columns(link.place_rotations, of_parent),
-        place_bow=_pairs(link.place_bow, of_parent),
+        place_displacement2=_pairs(link.place_displacement2, of_parent),
         markers={},
         section="",
     )
 
 
-def _gram_with(gram: InertiaGram, kept: IntArray) -> InertiaGram:
+def _integrals_with(integrals: InertiaIntegrals, kept: IntArray) -> InertiaIntegrals:
     at = np.r_[0, 1 + kept]
     return replace(
-        gram,
-        G=gram.G[:, :, at[:, None], at],
-        S=gram.S[:, at],
-        stiffening=_pairs(gram.stiffening, kept),
-        bow=_pairs(gram.bow, kept),
-        curl=_pairs(gram.curl, kept),
+        integrals,
+        G=integrals.G[:, :, at[:, None], at],
+        S=integrals.S[:, at],
+        stiffening=_pairs(integrals.stiffening, kept),
+        displacement2=_pairs(integrals.displacement2, kept),
+        rotation2=_pairs(integrals.rotation2, kept),
     )

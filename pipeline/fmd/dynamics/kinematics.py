@@ -136,7 +136,9 @@ class Kinematics:
     def _first_moment(self) -> Array:
         """First moment of all bodies about the ground's origin [kg m], shape (n_times, 3)."""
         parts = zip(self.mechanism.links, self.frames, self.momenta, strict=True)
-        return np.asarray(sum(link.gram.mass * at.origin + turned(at.rotation, of.moment) for link, at, of in parts))
+        return np.asarray(
+            sum(link.integrals.mass * at.origin + turned(at.rotation, of.moment) for link, at, of in parts)
+        )
 
     @property
     def centre_of_mass(self) -> Array:
@@ -158,8 +160,8 @@ class Kinematics:
         total = np.zeros((len(self.q), 3))
         for link, at, of in zip(self.mechanism.links, self.frames, self.momenta, strict=True):
             total += turned(at.rotation, of.angular) + np.cross(at.origin, turned(at.rotation, of.linear))
-            if link.gram.normal >= 0:
-                total[:, np.arange(3) != link.gram.normal] = np.nan
+            if link.integrals.normal >= 0:
+                total[:, np.arange(3) != link.integrals.normal] = np.nan
         return total
 
     def marker_position(self, body: int, name: str) -> Array:
@@ -195,7 +197,7 @@ class Kinematics:
     def _displacement_in_body(self, body: int, name: str) -> Array:
         """Displacement of a marker in the frame of its own body or piece [m], shape (n_times, 3)."""
         at, q = self.mechanism.links[body].markers[name], self.modal_coordinates(body)
-        return moved(at.translation, at.bow[:3], q, q)[0]
+        return moved(at.translation, at.displacement2[:3], q, q)[0]
 
     def _undeformed(self, body: int, name: str) -> Array:
         """Position of a marker in the undeformed part, from the joint at its first piece [m], shape (3,)."""
@@ -218,8 +220,10 @@ class Kinematics:
         if not link.section:
             return own
         section = link.markers[link.section]
-        if first == body and section.bow.size:
-            shift, turn = np.split(moved(np.r_[section.translation, section.rotation], section.bow, q, q)[0], 2, axis=1)
+        if first == body and section.displacement2.size:
+            shift, turn = np.split(
+                moved(np.r_[section.translation, section.rotation], section.displacement2, q, q)[0], 2, axis=1
+            )
             arm = arm - section.position
             return np.asarray(turned(rotation_matrix(-turn), arm + own - shift) - arm)
         arm = arm if first == body else arm + own

@@ -75,9 +75,9 @@ def _least_work(mechanism: Mechanism, loads: Sequence[BodyLoads], states: Sequen
 
 def _modal(mechanism: Mechanism, body: int, wrenches: Array) -> Array:
     """Return the modal forces (n,) of loads (n_loads, 6) on a body, in its axes."""
-    carried, points, held = loaded_places(mechanism, body)
+    carried, points, frozen = loaded_places(mechanism, body)
     shapes = [(mechanism.links[k].place_shapes, mechanism.links[k].place_rotations) for k in carried]
-    shapes += [(at.shapes, at.rotations) for at in points] + [(at.translation, at.rotation) for *_, at in held]
+    shapes += [(at.shapes, at.rotations) for at in points] + [(at.translation, at.rotation) for *_, at in frozen]
     f = np.zeros(len(mechanism.links[body].omega))
     for wrench, pair in zip(wrenches, shapes, strict=True):
         for part, shape in zip((wrench[:3], wrench[3:]), pair, strict=True):
@@ -87,11 +87,11 @@ def _modal(mechanism: Mechanism, body: int, wrenches: Array) -> Array:
 
 def _of_inertia(mechanism: Mechanism, body: int, loads: BodyLoads, k: int) -> Array:
     """Return the modal forces (n,) of a body's own inertia and weight."""
-    gram, spin = mechanism.links[body].gram, loads.spin[k]
+    integrals, spin = mechanism.links[body].integrals, loads.spin[k]
     products = (spin @ spin) * np.eye(3) - np.outer(spin, spin)
-    moments = gram.G[:, :, 0, 1:]
+    moments = integrals.G[:, :, 0, 1:]
     f = np.einsum("ab,abi->i", products, moments) - np.einsum("a,abc,bci->i", loads.turning[k], EPSILON, moments)
-    return np.asarray(f - loads.acceleration[k] @ gram.S[:, 1:])
+    return np.asarray(f - loads.acceleration[k] @ integrals.S[:, 1:])
 
 
 def _between(moments: IntArray, values: Array, count: int) -> Array:

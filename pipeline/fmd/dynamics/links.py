@@ -14,7 +14,7 @@ from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.force_laws import ForceLaw
 from fmd.dynamics.signals.signal import Signal, constant
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Link:
     ----------
     name : str
         The body's name.
-    gram : InertiaGram
+    integrals : InertiaIntegrals
         Inertia integrals about the joint, in the body's frame, for unit modal masses.
     joint : JointKind
         Its coordinates and motion.
@@ -41,12 +41,12 @@ class Link:
         Modal damping ratios.
     place_shapes, place_rotations : ndarray, shape (3, n_parent)
         Displacement and rotation of the joint's place for unit modal coordinates of the parent.
-    place_bow : ndarray, shape (6, n_parent, n_parent)
-        Their second order, as in `MarkerShapes.bow`; empty if it is left out.
+    place_displacement2 : ndarray, shape (6, n_parent, n_parent)
+        Their second order, as in `MarkerShapes.displacement2`; empty if it is left out.
     joint_rotation : ndarray, shape (n,)
         Rotation of the body's own section at a hinge about its axis, for unit modal coordinates.
-    joint_bow : ndarray, shape (n, n)
-        Its second order, ``½ qᵀ joint_bow q``; empty if it is left out.
+    joint_displacement2 : ndarray, shape (n, n)
+        Its second order, ``½ qᵀ joint_displacement2 q``; empty if it is left out.
     spring, rest, damper : float
         Along a joint with one coordinate [N m/rad or N/m; rad or m; N m s/rad or N s/m].
     load : Signal
@@ -73,7 +73,7 @@ class Link:
     """
 
     name: str
-    gram: InertiaGram
+    integrals: InertiaIntegrals
     joint: JointKind
     parent: int = -1
     place: Array = field(default_factory=lambda: np.zeros(3))
@@ -82,9 +82,9 @@ class Link:
     damping: Array = field(default_factory=lambda: np.zeros(0))
     place_shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
     place_rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    place_bow: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
+    place_displacement2: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
     joint_rotation: Array = field(default_factory=lambda: np.zeros(0))
-    joint_bow: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    joint_displacement2: Array = field(default_factory=lambda: np.zeros((0, 0)))
     spring: float = 0.0
     rest: float = 0.0
     damper: float = 0.0
@@ -102,7 +102,7 @@ class Link:
     @property
     def place_marker(self) -> MarkerShapes:
         """Motion of the joint's place on the parent."""
-        return MarkerShapes(self.place, self.place_shapes, self.place_rotations, self.place_bow)
+        return MarkerShapes(self.place, self.place_shapes, self.place_rotations, self.place_displacement2)
 
     @property
     def unit(self) -> str:
@@ -150,9 +150,11 @@ class Link:
             raise ValueError(f"the axis of {self.name} has no direction")
         if not np.allclose(self.place_axes.T @ self.place_axes, np.eye(3), atol=SUMMED):
             raise ValueError(f"the axes of the place that carries {self.name} are not orthonormal")
-        if self.gram.G.shape[-1] != 1 + len(self.omega):
-            raise ValueError(f"{self.name} has {len(self.omega)} frequencies and {self.gram.G.shape[-1] - 1} shapes")
-        for name in ("place_shapes", "place_rotations", "place_bow"):
+        if self.integrals.G.shape[-1] != 1 + len(self.omega):
+            raise ValueError(
+                f"{self.name} has {len(self.omega)} frequencies and {self.integrals.G.shape[-1] - 1} shapes"
+            )
+        for name in ("place_shapes", "place_rotations", "place_displacement2"):
             if (found := getattr(self, name).shape[1]) not in (0, parent_modes):
                 raise ValueError(f"{name} of {self.name} has {found} columns, its parent {parent_modes} modes")
         along = self.spring or self.damper or self.motion or self.load != constant(0.0)
@@ -161,7 +163,7 @@ class Link:
         if len(self.laws) not in (0, self.n_rates):
             raise ValueError(f"the joint of {self.name} has {self.n_rates} rates and {len(self.laws)} force laws")
         if self.motion and len(self.joint_rotation) and np.abs(self.joint_rotation).max() > 1e-9:
-            raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is held")
+            raise ValueError(f"the motion of {self.name} needs a basis whose section at the joint is frozen")
         if self.motion:
             _require_smooth(self.name, self.motion, self.unit)
 
@@ -197,8 +199,8 @@ class PointLoad:
         The point in the body's frame [m].
     shapes, rotations : ndarray, shape (3, n)
         Displacement and rotation of the point for unit modal coordinates of the body.
-    bow : ndarray, shape (6, n, n)
-        Their second order, as in `MarkerShapes.bow`; empty if it is left out.
+    displacement2 : ndarray, shape (6, n, n)
+        Their second order, as in `MarkerShapes.displacement2`; empty if it is left out.
     """
 
     body: str
@@ -209,15 +211,15 @@ class PointLoad:
     place: Array = field(default_factory=lambda: np.zeros(3))
     shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
     rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    bow: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
+    displacement2: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
 
     @property
     def marker(self) -> MarkerShapes:
         """Motion of the point on its body."""
-        return MarkerShapes(self.place, self.shapes, self.rotations, self.bow)
+        return MarkerShapes(self.place, self.shapes, self.rotations, self.displacement2)
 
 
-def rigid_gram(mass: float, centre: Array, inertia: Array) -> InertiaGram:
+def rigid_integrals(mass: float, centre: Array, inertia: Array) -> InertiaIntegrals:
     """Form the inertia integrals of a rigid body about the origin of its frame.
 
     Parameters
@@ -230,4 +232,4 @@ def rigid_gram(mass: float, centre: Array, inertia: Array) -> InertiaGram:
         Inertia tensor about the centre of mass [kg m²].
     """
     second = 0.5 * inertia.trace() * np.eye(3) - inertia + mass * (centre[:, None] * centre)
-    return InertiaGram(second[:, :, None, None], mass * centre[:, None], mass)
+    return InertiaIntegrals(second[:, :, None, None], mass * centre[:, None], mass)

@@ -22,7 +22,7 @@ from fmd.dynamics.links import Link, PointLoad
 from fmd.dynamics.signals.activity import Activity, find_activity
 from fmd.dynamics.signals.signal import Signal
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +74,9 @@ class Mechanism:
         links = {link.name: link for link in self.links}
         if not links or len(links) < len(self.links):
             raise ValueError(f"links need names of their own, and one link at least: {list(links)}")
-        held = {body for closure in self.closures for body in closure.bodies}
-        held |= {end.body for element in self.elements for end in element.ends if end.body != GROUND}
-        named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads), *held}
+        frozen = {body for closure in self.closures for body in closure.bodies}
+        frozen |= {end.body for element in self.elements for end in element.ends if end.body != GROUND}
+        named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads), *frozen}
         if unknown := named - set(links):
             raise ValueError(f"no link is named {', '.join(sorted(unknown))}")
         for k, link in enumerate(self.links):
@@ -147,7 +147,7 @@ class Mechanism:
     @property
     def mass(self) -> float:
         """Mass of all bodies [kg]."""
-        return float(sum(link.gram.mass for link in self.links))
+        return float(sum(link.integrals.mass for link in self.links))
 
     def number_of(self, body: str) -> int:
         """Number of the body of a name; of the first piece if it is the name of a part in pieces."""
@@ -238,20 +238,22 @@ class Mechanism:
         links = [
             replace(
                 link,
-                gram=InertiaGram(link.gram.G[:, :, :1, :1], link.gram.S[:, :1], link.gram.mass),
+                integrals=InertiaIntegrals(
+                    link.integrals.G[:, :, :1, :1], link.integrals.S[:, :1], link.integrals.mass
+                ),
                 omega=nothing,
                 damping=nothing,
                 joint_rotation=nothing,
-                joint_bow=np.zeros((0, 0)),
+                joint_displacement2=np.zeros((0, 0)),
                 place_shapes=none,
                 place_rotations=none,
-                place_bow=np.zeros((6, 0, 0)),
+                place_displacement2=np.zeros((6, 0, 0)),
                 markers={},
                 section="",
             )
             for link in self.links
         ]
-        loads = [replace(at, shapes=none, rotations=none, bow=np.zeros((6, 0, 0))) for at in self.loads]
+        loads = [replace(at, shapes=none, rotations=none, displacement2=np.zeros((6, 0, 0))) for at in self.loads]
         closures = [closure.rigid for closure in self.closures]
         elements = [element.rigid for element in self.elements]
         return Mechanism(

@@ -78,17 +78,20 @@ def self_stresses(motion: Kinematics) -> list[SelfStress]:
     return [_hand_on(motion, state, compliance) for state, compliance in states if np.isfinite(compliance)]
 
 
-def largest_gap(rigid: Mechanism, times: Array, q: Array) -> float:
-    """Return the largest gap by which a motion of rigid bodies opens joints that close loops [m, or rad]."""
+def largest_residual(rigid: Mechanism, times: Array, q: Array) -> float:
+    """Return the largest residual by which a motion of rigid bodies opens joints that close loops [m, or rad]."""
     largest = 0.0
     for k in np.unique(np.linspace(0, len(times) - 1, OPEN_MOMENTS).astype(int)):
         motion = Kinematics(rigid, times[k : k + 1], q[k : k + 1], np.zeros((1, rigid.n)))
         for closure in rigid.closing_joints:
             first, second, apart = _places_of(motion, closure)
             axes = closure.along if len(closure.along) == 3 else closure.along @ first.T
-            gaps = [*(axes @ apart), *(sum(first @ a @ (second @ b) for a, b in pairs) for pairs in closure.square)]
-            gaps += [np.linalg.norm(apart) - closure.distance] if closure.distance else []
-            largest = max([largest, *(abs(gap) for gap in gaps)])
+            residuals = [
+                *(axes @ apart),
+                *(sum(first @ a @ (second @ b) for a, b in pairs) for pairs in closure.square),
+            ]
+            residuals += [np.linalg.norm(apart) - closure.distance] if closure.distance else []
+            largest = max([largest, *(abs(residual) for residual in residuals)])
     return float(largest)
 
 

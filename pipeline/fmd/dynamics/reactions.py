@@ -53,7 +53,7 @@ def joint_loads(mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, 
     ValueError
         A body of ``whole`` lacks its inertia along an axis.
     """
-    lacking = [link.name for link in whole.links if link.gram.normal >= 0]
+    lacking = [link.name for link in whole.links if link.integrals.normal >= 0]
     if lacking:
         raise ValueError(f"the joint of {lacking[0]} bears moments that take the body's inertia along its axis, too")
     accelerations, multipliers = _accelerate(mechanism, times, q, v)
@@ -98,8 +98,8 @@ def closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array) ->
 
 
 def constraint_residual(mechanism: Mechanism, times: Array, q: Array, v: Array) -> float:
-    """Return the largest gap of a mechanism's loops over a motion [m, or rad]; 0 without loops."""
+    """Return the largest residual of a mechanism's loops over a motion [m, or rad]; 0 without loops."""
     if not mechanism.closures:
         return 0.0
     compiled = share_system(mechanism).compiled
-    return max(float(np.abs(compiled.gaps(float(t), q[k], v[k])[0]).max(initial=0.0)) for k, t in enumerate(times))
+    return max(float(np.abs(compiled.residuals(float(t), q[k], v[k])[0]).max(initial=0.0)) for k, t in enumerate(times))

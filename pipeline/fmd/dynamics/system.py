@@ -26,8 +26,8 @@ def project(p: Any, t: float, q: Array, v: Array) -> None:
     raise NotImplementedError
 
 
-def close_gaps(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
-    """Close the gaps of loops at the end of a leapfrog step h, at time t [s], by forces along Jᵀ at its begin.
+def project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Close the residuals of loops at the end of a leapfrog step h, at time t [s], by forces along Jᵀ at its begin.
 
     That is SHAKE (Ryckaert, Ciccotti & Berendsen, J Comput Phys 23, 1977): positions move as the rates over the step
     change, and so do these and the accelerations. Nothing happens without loops.
@@ -40,23 +40,23 @@ def leapfrog_step(p: Any, leapfrog: Any, t: float, h: float, q: Array, v: Array,
     raise NotImplementedError
 
 
-def hold_slow(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
-    """Hold M̂, the slow accelerations and the coefficients of the velocity-dependent terms over a major cycle."""
+def freeze_slow(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
+    """Freeze M̂, the slow accelerations and the coefficients of the velocity-dependent terms over a major cycle."""
     raise NotImplementedError
 
 
 def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     """Take ``count`` leapfrog steps h with the fast coordinates alone, from time ``first · h``.
 
-    Each solves ``M_SS a_S = Q_S − K_S q_S − M_SL a_L`` (eq. 11) with what `hold_slow` holds, into a; then
-    ``v += h a``, ``q += h v``. The first call after `hold_slow` is for a time h after its own, the next goes on where
+    Each solves ``M_SS a_S = Q_S − K_S q_S − M_SL a_L`` (eq. 11) with what `freeze_slow` holds, into a; then
+    ``v += h a``, ``q += h v``. The first call after `freeze_slow` is for a time h after its own, the next goes on where
     that ends: into how many calls a cycle's steps are divided changes no bit.
     """
     raise NotImplementedError
 
 
-def hold_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
-    """Hold M̂, Q̂ and its tangents at a major cycle's middle; ``D = M_LL⁻¹ M_LS``, (n, n_slow), a row for each fast rate.
+def freeze_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
+    """Freeze M̂, Q̂ and its tangents at a major cycle's middle; ``D = M_LL⁻¹ M_LS``, (n, n_slow), a row a rate.
 
     With ``T = (−D, 1)``, how all rates follow the fast ones while ``y = q_L + D q_S`` does not move, they are
     ``S̄ = Tᵀ M T``, ``−∂Q̂/∂q T`` and ``−∂Q̂/∂v T``.
@@ -67,7 +67,7 @@ def hold_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> 
 def reacting_steps(p: Any, middle: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     """Take ``count`` leapfrog steps h with the fast coordinates while the slow ones react, from time ``first · h``.
 
-    Each solves ``S̄ a_S = Tᵀ Q̂`` with what `hold_middle` holds, known loads half a step later, into a; then
+    Each solves ``S̄ a_S = Tᵀ Q̂`` with what `freeze_middle` holds, known loads half a step later, into a; then
     ``v += h a``, ``q += h v``. The fast positions are half a step ahead of the rates. Into how many calls a
     cycle's steps are divided changes no bit.
     """
@@ -149,15 +149,15 @@ class System(Protocol):
 
     @property
     def highest_fast_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with the slow ones held [rad/s]."""
+        """Highest angular frequency of the fast coordinates with the slow ones frozen [rad/s]."""
 
     @property
     def highest_reacting_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with ``q_L + D q_S`` held [rad/s]."""
+        """Highest angular frequency of the fast coordinates with ``q_L + D q_S`` frozen [rad/s]."""
 
     @property
     def highest_slow_frequency(self) -> float:
-        """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
+        """Highest angular frequency of the slow coordinates with the fast ones frozen [rad/s]."""
 
     @property
     def largest_step(self) -> float:
@@ -165,21 +165,21 @@ class System(Protocol):
 
     @property
     def largest_fast_step(self) -> float:
-        """Longest stable step of the fast coordinates with the slow ones held [s]."""
+        """Longest stable step of the fast coordinates with the slow ones frozen [s]."""
 
     @property
     def largest_reacting_step(self) -> float:
-        """Longest stable step of the fast coordinates with ``q_L + D q_S`` held [s]."""
+        """Longest stable step of the fast coordinates with ``q_L + D q_S`` frozen [s]."""
 
     @property
     def largest_slow_step(self) -> float:
-        """Longest stable step of the slow coordinates with the fast ones held [s]."""
+        """Longest stable step of the slow coordinates with the fast ones frozen [s]."""
 
     def leapfrog(self) -> Any:
         """Fresh storage for `leapfrog_step`."""
 
     def frozen(self, cycle: float) -> Any:
-        """Fresh storage for the coefficients that `hold_slow` holds over a major cycle of a duration [s]."""
+        """Fresh storage for the coefficients that `freeze_slow` holds over a major cycle of a duration [s]."""
 
     def middle(self, cycle: float) -> Any:
-        """Fresh storage for what `hold_middle` holds over a major cycle of a duration [s]."""
+        """Fresh storage for what `freeze_middle` holds over a major cycle of a duration [s]."""

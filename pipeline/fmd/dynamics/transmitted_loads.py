@@ -90,18 +90,24 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
 def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) -> Array:
     """Return what loads add to the modal stiffness of a body, shape (n_times, n, n) [1/s²]."""
     link = mechanism.links[body]
-    gram, n = link.gram, len(link.omega)
+    integrals, n = link.integrals, len(link.omega)
     carried, points, held = loaded_places(mechanism, body)
     K = np.zeros((len(loads.spin), n, n))
-    bows = [mechanism.links[k].place_bow for k in carried] + [at.bow for at in points] + [at.bow for *_, at in held]
-    for wrench, bow in zip(loads.wrenches, bows, strict=True):
-        if bow.size:
-            K = K - np.einsum("tk,kij->tij", wrench, bow)
-    if link.joint_bow.size:
-        K = K - np.einsum("t,ij->tij", loads.joint[:, 3:] @ link.axis / np.linalg.norm(link.axis), link.joint_bow)
-    if gram.stiffening.size:
-        K = K + np.einsum("tab,abij->tij", _spin_products(loads.spin), gram.stiffening)
-    for motion, forms in ((loads.acceleration, gram.bow), (loads.turning, gram.curl)):
+    displacements2 = (
+        [mechanism.links[k].place_displacement2 for k in carried]
+        + [at.displacement2 for at in points]
+        + [at.displacement2 for *_, at in held]
+    )
+    for wrench, displacement2 in zip(loads.wrenches, displacements2, strict=True):
+        if displacement2.size:
+            K = K - np.einsum("tk,kij->tij", wrench, displacement2)
+    if link.joint_displacement2.size:
+        K = K - np.einsum(
+            "t,ij->tij", loads.joint[:, 3:] @ link.axis / np.linalg.norm(link.axis), link.joint_displacement2
+        )
+    if integrals.stiffening.size:
+        K = K + np.einsum("tab,abij->tij", _spin_products(loads.spin), integrals.stiffening)
+    for motion, forms in ((loads.acceleration, integrals.displacement2), (loads.turning, integrals.rotation2)):
         if forms.size:
             K = K + np.einsum("ta,aij->tij", motion, forms)
     return np.asarray(0.5 * (K + K.swapaxes(1, 2)))
@@ -109,11 +115,11 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
 
 def change_by_inertia(body: FlexibleBody, loads: BodyLoads) -> float:
     """Estimate from above the part by which a stiffened body's own inertia changes its stiffness under its loads."""
-    gram, n = body.gram, len(body.omega)
+    integrals, n = body.integrals, len(body.omega)
     terms = (
-        (gram.bow, loads.acceleration),
-        (gram.curl, loads.turning),
-        (gram.stiffening.reshape(9, *gram.stiffening.shape[2:]), _spin_products(loads.spin).reshape(-1, 9)),
+        (integrals.displacement2, loads.acceleration),
+        (integrals.rotation2, loads.turning),
+        (integrals.stiffening.reshape(9, *integrals.stiffening.shape[2:]), _spin_products(loads.spin).reshape(-1, 9)),
     )
     return float(
         sum(_sizes(forms, body.omega) @ np.abs(values).max(axis=0) for forms, values in terms if forms.size and n)
@@ -146,35 +152,50 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
         counts = (_sizes(forms, omega) * np.maximum(peaks, LEAST_SHARE * peaks.max()) > tolerance) | stays
         return np.where(counts[:, None, None], forms, 0.0) if counts.any() else forms[:, :0, :0]
 
-    def counting_bow(bow: Array, wrench: Array, unknown: Array) -> Array:
-        stays = unknown & (_sizes(bow, omega) > SOLVED * _sizes(bow, omega).max()) if bow.size else unknown
-        parts = [counting(bow[k : k + 3], wrench[:, k : k + 3], stays[k : k + 3]) for k in (0, 3)]
+    def counting_displacement2(displacement2: Array, wrench: Array, unknown: Array) -> Array:
+        stays = (
+            unknown & (_sizes(displacement2, omega) > SOLVED * _sizes(displacement2, omega).max())
+            if displacement2.size
+            else unknown
+        )
+        parts = [counting(displacement2[k : k + 3], wrench[:, k : k + 3], stays[k : k + 3]) for k in (0, 3)]
         n = max(part.shape[1] for part in parts)
         return np.concatenate([part if part.size else np.zeros((3, n, n)) for part in parts])
 
-    gram, axis = links[body].gram, links[body].axis / np.linalg.norm(links[body].axis)
-    gram = replace(gram, bow=counting(gram.bow, loads.acceleration), curl=counting(gram.curl, loads.turning))
+    integrals, axis = links[body].integrals, links[body].axis / np.linalg.norm(links[body].axis)
+    integrals = replace(
+        integrals,
+        displacement2=counting(integrals.displacement2, loads.acceleration),
+        rotation2=counting(integrals.rotation2, loads.turning),
+    )
     n, products = len(omega), _spin_products(loads.spin)
-    if gram.stiffening.size and not counting(gram.stiffening.reshape(9, n, n), products.reshape(-1, 9)).size:
-        G = gram.G.copy()
-        G[:, :, 1:, 1:] += gram.stiffening
-        gram = replace(gram, G=G, stiffening=gram.stiffening[:, :, :0, :0])
-    joint_bow = links[body].joint_bow
-    if joint_bow.size:
-        joint_bow = counting(joint_bow[None], (loads.joint[:, 3:] @ axis)[:, None])[0]
-    links[body] = replace(links[body], gram=gram, joint_bow=joint_bow)
+    if integrals.stiffening.size and not counting(integrals.stiffening.reshape(9, n, n), products.reshape(-1, 9)).size:
+        G = integrals.G.copy()
+        G[:, :, 1:, 1:] += integrals.stiffening
+        integrals = replace(integrals, G=G, stiffening=integrals.stiffening[:, :, :0, :0])
+    joint_displacement2 = links[body].joint_displacement2
+    if joint_displacement2.size:
+        joint_displacement2 = counting(joint_displacement2[None], (loads.joint[:, 3:] @ axis)[:, None])[0]
+    links[body] = replace(links[body], integrals=integrals, joint_displacement2=joint_displacement2)
     wrenches = zip(loads.wrenches, loads.open, strict=True)
     for k, link in enumerate(links):
         if link.parent == body:
-            links[k] = replace(link, place_bow=counting_bow(link.place_bow, *next(wrenches)))
+            links[k] = replace(
+                link, place_displacement2=counting_displacement2(link.place_displacement2, *next(wrenches))
+            )
     for k, load in enumerate(points):
         if load.body == links[body].name:
-            points[k] = replace(load, bow=counting_bow(load.bow, *next(wrenches)))
+            points[k] = replace(load, displacement2=counting_displacement2(load.displacement2, *next(wrenches)))
 
     def counting_place(place: AnyPlace) -> AnyPlace:
         if place.body != links[body].name:
             return place
-        return replace(place, marker=replace(place.marker, bow=counting_bow(place.marker.bow, *next(wrenches))))
+        return replace(
+            place,
+            marker=replace(
+                place.marker, displacement2=counting_displacement2(place.marker.displacement2, *next(wrenches))
+            ),
+        )
 
     closures, elements = list(mechanism.closures), list(mechanism.elements)
     for k, closure in enumerate(closures):
@@ -217,7 +238,7 @@ def _joint_load(motion: Kinematics, body: int, places: list[Array], wrenches: Ar
     into_body = frame.rotation.swapaxes(1, 2)
     spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
     weight = into_body @ motion.mechanism.gravity
-    force = _rate(motion, momenta.linear) + np.cross(spin, momenta.linear) - link.gram.mass * weight
+    force = _rate(motion, momenta.linear) + np.cross(spin, momenta.linear) - link.integrals.mass * weight
     moment = _rate(motion, momenta.angular) + np.cross(spin, momenta.angular) + np.cross(velocity, momenta.linear)
     moment = moment - np.cross(momenta.moment, weight)
     for place, wrench in zip(places, wrenches, strict=True):

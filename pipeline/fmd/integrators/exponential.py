@@ -273,7 +273,7 @@ def _rest(m: ExponentialSteps, p: Any, t: float, q: Array, v: Array, N: Array) -
 
 
 @meaning(take_steps, ExponentialSteps)
-def _take_steps(m: ExponentialSteps, p: Any, held: Any, first: int, done: int, count: int, sampled: bool) -> int:
+def _take_steps(m: ExponentialSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     for k in range(count):
         _take_step(m, p, m.origin + (first + done + k) * m.h)
         if runs_away(m.v):

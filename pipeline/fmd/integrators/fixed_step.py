@@ -54,12 +54,12 @@ class SingleSteps(Table):
     """Base of methods without sub-cycling, of which any number of steps is a cycle."""
 
 
-def begin_cycle(m: Any, p: Any, held: Any, first: int, sampled: bool) -> None:
+def begin_cycle(m: Any, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     """Prepare the cycle that begins with step number ``first``; ``sampled`` tells if an output time is in it."""
     raise NotImplementedError
 
 
-def take_steps(m: Any, p: Any, held: Any, first: int, done: int, count: int, sampled: bool) -> int:
+def take_steps(m: Any, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     """Take ``count`` steps of a cycle after ``done`` ones, and return how many before `runs_away`.
 
     ``sampled`` tells if output times are in the first.
@@ -72,18 +72,18 @@ def sample_within(m: Any, p: Any, done: int, s: float, q: Array, v: Array) -> No
     raise NotImplementedError
 
 
-def end_cycle(m: Any, p: Any, held: Any, first: int, samples: Samples, first_sample: int) -> None:
+def end_cycle(m: Any, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Complete a cycle, and its samples from number ``first_sample`` to the cursor."""
     raise NotImplementedError
 
 
 @meaning(begin_cycle, SingleSteps)
-def _begin_nothing(m: Any, p: Any, held: Any, first: int, sampled: bool) -> None:
+def _begin_nothing(m: Any, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     pass
 
 
 @meaning(end_cycle, SingleSteps)
-def _end_nothing(m: Any, p: Any, held: Any, first: int, samples: Samples, first_sample: int) -> None:
+def _end_nothing(m: Any, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     pass
 
 
@@ -98,21 +98,21 @@ def runs_away(v: Array) -> bool:
 
 @kernel
 def _march(
-    m: Any, p: Any, held: Any, samples: Samples, log: ElongationLog, substeps: int, first: int, n_cycles: int
+    m: Any, p: Any, frozen: Any, samples: Samples, log: ElongationLog, substeps: int, first: int, n_cycles: int
 ) -> int:
     """March some cycles from step number ``first`` on, and return how many steps are done before rates run away."""
     n_samples, cursor = samples.step.size, samples.cursor[0]
     next_sample = samples.step[cursor] if cursor < n_samples else -1
     for cycle in range(n_cycles):
         start, done, first_sample = first + cycle * substeps, 0, cursor
-        begin_cycle(m, p, held, start, start <= next_sample < start + substeps)
+        begin_cycle(m, p, frozen, start, start <= next_sample < start + substeps)
         while done < substeps:
             count, until_sample = substeps - done, next_sample - start - done
             if until_sample == 0:
                 count = 1
             elif 0 < until_sample < count:
                 count = until_sample
-            taken = take_steps(m, p, held, start, done, count, until_sample == 0)
+            taken = take_steps(m, p, frozen, start, done, count, until_sample == 0)
             if taken < count:
                 return cycle * substeps + done + taken
             while start + done == next_sample:
@@ -121,7 +121,7 @@ def _march(
                 next_sample = samples.step[cursor] if cursor < n_samples else -1
             done += count
         samples.cursor[0] = cursor
-        end_cycle(m, p, held, start, samples, first_sample)
+        end_cycle(m, p, frozen, start, samples, first_sample)
         note_elongations(log, start + substeps, m.q, m.v)
         for k in range(first_sample, cursor):
             project(p, samples.times[k], samples.q[k], samples.v[k])
@@ -140,7 +140,7 @@ def march_fixed_steps(
     name: str,
     make: Callable[[State], Table],
     system: System,
-    held: Any,
+    frozen: Any,
     start: State,
     step: float,
     substeps: int,
@@ -161,7 +161,7 @@ def march_fixed_steps(
         Make the method's table for a state, into whose arrays it writes.
     system : System
         What is marched.
-    held : Any
+    frozen : Any
         Its storage for the method.
     step : float
         Fast step [s].
@@ -187,12 +187,12 @@ def march_fixed_steps(
     p, check = system.parameters, WorkCheck(system, origin, step, substeps)
     check.begin(state.step, state.q, state.v)
     seconds, chunk = 0.0, substeps * max(1, FIRST_CYCLES // substeps)
-    _march(method, p, held, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
+    _march(method, p, frozen, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
     while state.step < last:
         wanted = min(chunk, last - state.step, check.most_steps)
         cycle = wanted if isinstance(method, SingleSteps) and not check.watches else substeps
         tick = time.perf_counter()
-        done = int(_march(method, p, held, samples, check.log, cycle, state.step, wanted // cycle))
+        done = int(_march(method, p, frozen, samples, check.log, cycle, state.step, wanted // cycle))
         spent = time.perf_counter() - tick
         seconds += spent
         state = replace(state, step=state.step + done, time=(state.step + done) * step)

@@ -248,7 +248,8 @@ def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
     for trial in range(2):  # a loop, since a call with True and one with False would be compiled each
         if _converges(m, p, end, trial == 0):
             return True
-        # The last accelerations, held over a long step, carry a stiff coordinate far out to where no tangent is of use.
+        # The last accelerations, frozen over a long step, carry a stiff coordinate far out to where no tangent is of
+        # use.
         for i in range(n):
             ahead = -(m.v[i] / m.h + (0.5 - m.beta) * m.a[i]) / m.beta  # so that positions stay
             m.new[i] = ((1.0 - m.alpha_m) * ahead + m.alpha_m * m.a[i] - m.alpha_f * m.a[n + i]) / (1.0 - m.alpha_f)
@@ -317,12 +318,12 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
 
 
 @meaning(begin_cycle, NewmarkSteps)
-def _begin_cycle(m: NewmarkSteps, p: Any, held: Any, first: int, sampled: bool) -> None:
+def _begin_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     pass
 
 
 @meaning(take_steps, NewmarkSteps)
-def _take_steps(m: NewmarkSteps, p: Any, held: Any, first: int, done: int, count: int, sampled: bool) -> int:
+def _take_steps(m: NewmarkSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     """Find the step's end; the state moves there when the samples are taken."""
     if _find_end(m, p, first * m.h + m.h):
         return 0 if runs_away(m.v_new) else 1
@@ -343,7 +344,7 @@ def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Ar
 
 
 @meaning(end_cycle, NewmarkSteps)
-def _end_cycle(m: NewmarkSteps, p: Any, held: Any, first: int, samples: Samples, first_sample: int) -> None:
+def _end_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Move the state to the step's end."""
     n = m.v.size
     for i in range(n):

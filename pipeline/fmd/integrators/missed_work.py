@@ -127,10 +127,10 @@ class WorkCheck:
         """
         for passes in self._passes:
             if (shorter := passes.times_as_many()) > 1:
-                held = f", which hold forces over {self._cycle} steps," if self._cycle > 1 else ""
+                frozen = f", which freeze forces over {self._cycle} steps," if self._cycle > 1 else ""
                 raise StabilityError(
-                    f"{name}: steps of {self._step:.4g} s{held} miss {passes.share:.0%} of the work of {passes.name}, "
-                    f"whose force changes too fast at {passes.place:.4g} {passes.unit}; a step of "
+                    f"{name}: steps of {self._step:.4g} s{frozen} miss {passes.share:.0%} of the work of "
+                    f"{passes.name}, whose force changes too fast at {passes.place:.4g} {passes.unit}; a step of "
                     f"{round_down(self._step / shorter):g} s works, and methods that choose their steps find theirs"
                 )
 

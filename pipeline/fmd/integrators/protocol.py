@@ -14,7 +14,7 @@ from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.stability import DAMPED
 from fmd.core.short_repr import short_repr
 from fmd.dynamics.jit.compiled import aligned, kernel, meaning
-from fmd.dynamics.system import System, accelerations, advance, close_gaps, project, velocities
+from fmd.dynamics.system import System, accelerations, advance, project, project_onto_constraints, velocities
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -272,6 +272,6 @@ def _project(p: Any, t: float, q: Array, v: Array) -> None:
     """Leave a state as it is: parameters that are a plain tuple know of no constraints."""
 
 
-@meaning(close_gaps, tuple)
-def _close_gaps(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+@meaning(project_onto_constraints, tuple)
+def _project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Leave a step as it is, likewise."""

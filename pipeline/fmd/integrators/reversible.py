@@ -1,18 +1,18 @@
 """Reversible sub-cycling: a method with two step lengths that stays stable under inertial coupling.
 
-With the slow coordinates L first, and ``D = M_LL⁻¹ M_LS`` held over a major cycle ``H = m h``, the sum
+With the slow coordinates L first, and ``D = M_LL⁻¹ M_LS`` frozen over a major cycle ``H = m h``, the sum
 ``y = q_L + D q_S`` feels no inertial coupling::
 
     M_LL ÿ = Q_L        S̄ q̈_S = Q_S − Dᵀ Q_L        S̄ = M_SS − M_SL D
 
-The second row is the fast coordinates' with the slow ones free to react at once: nothing that oscillates fast is held.
-What couples y and q_S is stiffness and damping alone, and that is treated reversibly: y drifts ½H and is held at the
-cycle's middle, q_S takes m leapfrog steps h (½h drift, kick, ½h drift) with ``q_L = y − D q_S``, and y's rate takes the
-impulse ``H a_y`` of the force at the mean of q_S at the cycle's two ends before y drifts on.
+The second row is the fast coordinates' with the slow ones free to react at once: nothing that oscillates fast is
+frozen. What couples y and q_S is stiffness and damping alone, and that is treated reversibly: y drifts ½H and is frozen
+at the cycle's middle, q_S takes m leapfrog steps h (½h drift, kick, ½h drift) with ``q_L = y − D q_S``, and y's rate
+takes the impulse ``H a_y`` of the force at the mean of q_S at the cycle's two ends before y drifts on.
 
 M̂ and Q̂ are solved once a cycle at its middle, predicted: y by its rate, q_S by half of its last change, and the
 tangents of Q̂ carry the forces on within the cycle. With ``T = (−D, 1)`` they are needed along T alone, for the
-predicted slow rates ``v_L + ½H a_y`` are those of the held y at the predicted fast rates::
+predicted slow rates ``v_L + ½H a_y`` are those of the frozen y at the predicted fast rates::
 
     Q(q_S, v_S) = Q* − K T (q_S − q*_S) − C T (v_S − v*_S)
 
@@ -34,7 +34,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.jit.compiled import aligned, inner, kernel, meaning
 from fmd.dynamics.jit.table import Table
-from fmd.dynamics.system import System, advance, hold_middle, project, reacting_steps, slow_response
+from fmd.dynamics.system import System, advance, freeze_middle, project, reacting_steps, slow_response
 from fmd.integrators.fixed_step import (
     Samples,
     begin_cycle,
@@ -80,7 +80,7 @@ class ReversibleSubcycling(ResumableIntegrator):
         return min(system.largest_reacting_step, system.largest_slow_step / self.substeps)
 
     def load_cycle(self, system: System) -> int:
-        """Return the steps of a cycle, over which loads are held."""
+        """Return the steps of a cycle, over which loads are frozen."""
         return self.substeps
 
     def fast_frequency(self, system: System) -> float:
@@ -92,7 +92,7 @@ class ReversibleSubcycling(ResumableIntegrator):
         n, n_slow = system.n, system.n_slow
         start = start_state(system, q0, v0, np.zeros(n))
         D = np.zeros((n, n_slow))
-        _hold(system.parameters, 0.0, start.q, start.v, D, system.middle(self.substeps * self.step))
+        _freeze(system.parameters, 0.0, start.q, start.v, D, system.middle(self.substeps * self.step))
         start.a[:n_slow] += start.a @ D
         move = self.substeps * self.step * start.v
         start = replace(start, memory=np.concatenate([move, D.ravel()]))
@@ -114,8 +114,8 @@ class ReversibleSubcycling(ResumableIntegrator):
 
 
 @kernel
-def _hold(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
-    hold_middle(p, t, q, v, D, middle)
+def _freeze(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
+    freeze_middle(p, t, q, v, D, middle)
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class ReactingSteps(Table):
     move : ndarray, shape (n,)
         Change of the fast positions over the last cycle.
     D : ndarray, shape (n, n_slow)
-        How the slow coordinates follow the fast ones, as `hold_middle` gives it.
+        How the slow coordinates follow the fast ones, as `freeze_middle` gives it.
     q_now, v_now, shift : ndarray
         Room: the middle's state or a sample's begin, and changes of the slow positions.
     before : ndarray, shape (n,)
@@ -155,7 +155,7 @@ class ReactingSteps(Table):
 
 @meaning(begin_cycle, ReactingSteps)
 def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: bool) -> None:
-    """Hold the equations in the middle, predicted with the D of the last cycle, and y from here on."""
+    """Freeze the equations in the middle, predicted with the D of the last cycle, and y from here on."""
     n, n_slow, H, offset = m.v.size, m.n_slow, m.substeps * m.h, m.q.size - m.v.size
     for i in range(m.q.size):
         m.q_now[i] = m.q[i]
@@ -170,7 +170,7 @@ def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: boo
             m.shift[i] += 0.5 * m.D[j, i] * (H * m.v[j] - m.move[j])
     advance(p, m.q_now, m.shift, 1.0, 0, n_slow)
     project(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now)
-    hold_middle(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now, m.D, middle)
+    freeze_middle(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now, m.D, middle)
     for i in range(n_slow):
         m.before[i] = m.v[i]
     for j in range(n_slow, n):

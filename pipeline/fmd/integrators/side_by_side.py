@@ -30,8 +30,8 @@ def march_in_turn(marches: Sequence[March], progress: Progress | None = None) ->
 def march_at_once(marches: Sequence[March], progress: Progress | None = None) -> tuple[list[Outcome], float]:
     """March at the same time, the last of which should take longest, and return what `march_in_turn` does.
 
-    Kernels hold no lock of Python's, so that each march runs on a core of its own. Where Numba may take fewer threads,
-    they run in turn, and find the same.
+    Kernels hold no lock of Python's, so that each march runs on a core of its own. Where Numba may take fewer
+    threads, they run in turn, and find the same.
 
     Parameters
     ----------

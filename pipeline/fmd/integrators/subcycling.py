@@ -2,9 +2,9 @@
 
 At the start of a major cycle of length ``H = m h`` both sets are solved together, ``M̂ a = Q̂``. The slow coordinates
 then take one step H; the fast ones take m steps h, the first with that acceleration, the others with
-``a_S = M_SS⁻¹ (Q_S − K_S q_S − M_SL a_L)``. Over the cycle M̂ and a_L are held (the "instantaneous structure"). A
+``a_S = M_SS⁻¹ (Q_S − K_S q_S − M_SL a_L)``. Over the cycle M̂ and a_L are frozen (the "instantaneous structure"). A
 mechanism holds the tangents of Q̂ by the fast coordinates and rates, and lets Q̂ change with its loads and with the slow
-motion: a force held for a cycle would lag behind the mode that makes it and damp it at first order in H.
+motion: a force frozen for a cycle would lag behind the mode that makes it and damp it at first order in H.
 
 m = 1 is central difference, bit for bit.
 """
@@ -20,7 +20,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.jit.compiled import aligned, meaning
 from fmd.dynamics.jit.table import Table
-from fmd.dynamics.system import System, accelerations, advance, close_gaps, fast_steps, hold_slow
+from fmd.dynamics.system import System, accelerations, advance, fast_steps, freeze_slow, project_onto_constraints
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import (
     Samples,
@@ -47,7 +47,7 @@ from fmd.integrators.protocol import (
 class Subcycling(ResumableIntegrator):
     """Sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
-    Where slow and fast coordinates couple through the mass matrix, the slow acceleration held over the cycle makes
+    Where slow and fast coordinates couple through the mass matrix, the slow acceleration frozen over the cycle makes
     the method weakly unstable; joint-conforming modes remove the coupling in the reference state.
     """
 
@@ -75,7 +75,7 @@ class Subcycling(ResumableIntegrator):
         yield from ([cls(step, m) for step in explicit] for m in (5, 10))
 
     def load_cycle(self, system: System) -> int:
-        """Return the steps of a cycle, over which loads are held, if there are slow coordinates."""
+        """Return the steps of a cycle, over which loads are frozen, if there are slow coordinates."""
         return self.substeps if system.n_slow else 1
 
     def fast_frequency(self, system: System) -> float:
@@ -94,8 +94,8 @@ class Subcycling(ResumableIntegrator):
             return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
         h, m, n_slow = self.step, self.substeps, system.n_slow
 
-        def make(state: State) -> HeldSteps:
-            return HeldSteps(h, m, n_slow, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
+        def make(state: State) -> FrozenSteps:
+            return FrozenSteps(h, m, n_slow, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
 
         march = (self.name, make, system, system.frozen(m * h), start, h, m, times, progress)
         end, q, v, seconds = march_fixed_steps(*march)
@@ -104,7 +104,7 @@ class Subcycling(ResumableIntegrator):
 
 
 @dataclass(frozen=True)
-class HeldSteps(Table):
+class FrozenSteps(Table):
     """State of a sub-cycled march, and room for what its samples begin with.
 
     Fast coordinates are scalars: number i is position ``i + q.size - v.size``.
@@ -120,9 +120,9 @@ class HeldSteps(Table):
     v_now: Array
 
 
-@meaning(begin_cycle, HeldSteps)
-def _begin_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
-    """Evaluate all accelerations, hold the fast equation, and take the slow step."""
+@meaning(begin_cycle, FrozenSteps)
+def _begin_cycle(m: FrozenSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
+    """Evaluate all accelerations, freeze the fast equation, and take the slow step."""
     t, H = first * m.h, m.substeps * m.h
     for i in range(m.n_slow):
         m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
@@ -132,14 +132,14 @@ def _begin_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, sampled: bool) -
         for i in range(m.n_slow + m.q.size - m.v.size):
             m.q_now[i] = m.q[i]
     accelerations(p, t, m.q, m.v_now, m.a)
-    hold_slow(p, t, m.q, m.v_now, m.a, frozen)
+    freeze_slow(p, t, m.q, m.v_now, m.a, frozen)
     for i in range(m.n_slow):
         m.v[i] += H * m.a[i]
     advance(p, m.q, m.v, H, 0, m.n_slow)
 
 
-@meaning(take_steps, HeldSteps)
-def _take_steps(m: HeldSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
+@meaning(take_steps, FrozenSteps)
+def _take_steps(m: FrozenSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     offset = m.q.size - m.v.size
     if sampled:
         for i in range(m.n_slow + offset, m.q.size):
@@ -155,8 +155,8 @@ def _take_steps(m: HeldSteps, p: Any, frozen: Any, first: int, done: int, count:
     return 0 if runs_away(m.v) else count
 
 
-@meaning(sample_within, HeldSteps)
-def _sample_within(m: HeldSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+@meaning(sample_within, FrozenSteps)
+def _sample_within(m: FrozenSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     s_slow, H = s + done * m.h, m.substeps * m.h
     for i in range(q.size):
         q[i] = m.q_now[i]
@@ -168,6 +168,6 @@ def _sample_within(m: HeldSteps, p: Any, done: int, s: float, q: Array, v: Array
     advance(p, q, m.v_now, s, m.n_slow, v.size)
 
 
-@meaning(end_cycle, HeldSteps)
-def _end_cycle(m: HeldSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
-    close_gaps(p, (first + m.substeps) * m.h, m.substeps * m.h, m.q, m.v, m.a)
+@meaning(end_cycle, FrozenSteps)
+def _end_cycle(m: FrozenSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
+    project_onto_constraints(p, (first + m.substeps) * m.h, m.substeps * m.h, m.q, m.v, m.a)

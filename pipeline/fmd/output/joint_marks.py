@@ -175,7 +175,7 @@ class Marks:
             return -axis
         body = self.run.mechanism.number_of(other.partition(".")[0])
         frame, momenta = self.kinematics.frames[body], self.kinematics.momenta[body]
-        mass = self.run.mechanism.links[body].gram.mass
+        mass = self.run.mechanism.links[body].integrals.mass
         centre = frame.origin + np.einsum("tij,tj->ti", frame.rotation, momenta.moment / mass)
         above = float(np.mean((centre[self.chosen] - self.position(place)) @ self.up))
         return -self.up if above >= -2 * self.radius else self.up

@@ -268,7 +268,7 @@ def _body(run: Pipeline, name: str) -> dict[str, Any]:
         "frequencies_in_frame_hz": bodies[0].frequencies_hz.tolist(),
         "coupling": max(body.coupling for body in bodies),
         "prescribed": run.parts[pieces[0]].joint.prescribed,
-        "mass_kg": sum(body.gram.mass for body in bodies),
+        "mass_kg": sum(body.integrals.mass for body in bodies),
         "mesh_notes": list(run.wholes[name].mesh_notes),
         "largest_spin_rad_s": max(spin.largest_rate for spin in spins),
         "critical_spin_rad_s": critical if np.isfinite(critical) else None,

@@ -39,7 +39,7 @@ class DeformationShapes:
     Attributes
     ----------
     rotation : ndarray, shape (n_points, 3, n)
-        Half the curl of the displacement, against the body's frame [rad per unit of the coordinate].
+        Half the second-order rotation of the displacement, against the body's frame [rad per unit of the coordinate].
     strain : ndarray, shape (n_points, 6, n)
         xx, yy, zz and √2 times yz, xz, xy, so that its length is that of the tensor.
     lines : mapping of str to ndarray, shape (n_points, 3, n)

@@ -13,7 +13,7 @@ from fmd.core.errors import AccuracyError
 from fmd.core.limits.modes import ELASTIC_PART, NO_STIFFNESS
 from fmd.core.limits.rank import INDEPENDENT_MASS
 from fmd.core.short_repr import short_repr
-from fmd.reduction.inertia import InertiaGram, inertia_gram
+from fmd.reduction.inertia import InertiaIntegrals, inertia_integrals
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
@@ -32,15 +32,15 @@ class MarkerShapes:
         Displacement for a unit of each modal coordinate [kg^-1/2].
     rotation : ndarray, shape (3, n)
         Rotation for a unit of each modal coordinate [rad m^-1 kg^-1/2].
-    bow : ndarray, shape (6, n, n)
-        Displacement (3, …) and rotation vector (3, …) of second order, ``½ qᵀ bow q``, symmetric each; empty if left
-        out.
+    displacement2 : ndarray, shape (6, n, n)
+        Displacement (3, …) and rotation vector (3, …) of second order, ``½ qᵀ displacement2 q``, symmetric each; empty
+        if left out.
     """
 
     position: Array
     translation: Array
     rotation: Array
-    bow: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
+    displacement2: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class FlexibleBody:
         Name of the marker at the joint.
     markers : mapping of str to MarkerShapes
         Motion of each marker, by name.
-    gram : InertiaGram
+    integrals : InertiaIntegrals
         Inertia integrals about the joint.
     coupling : float
         ``|M_θq| / √J`` in the reference state: 0 for a joint-conforming basis, below 1 always.
@@ -78,7 +78,7 @@ class FlexibleBody:
     axis: Array
     joint: str
     markers: Mapping[str, MarkerShapes]
-    gram: InertiaGram
+    integrals: InertiaIntegrals
     coupling: float
     origin: Array = field(default_factory=lambda: np.zeros(3), kw_only=True)
     damping: Array = field(default_factory=lambda: np.zeros(0), kw_only=True)
@@ -96,14 +96,14 @@ class FlexibleBody:
         return np.asarray(self.axis @ self.markers[self.joint].rotation)
 
     @property
-    def joint_bow(self) -> Array:
+    def joint_displacement2(self) -> Array:
         """Rotation of second order of the joint's section about the axis, shape (n, n); empty if it is left out."""
-        return np.tensordot(self.axis, self.markers[self.joint].bow[3:], axes=1)
+        return np.tensordot(self.axis, self.markers[self.joint].displacement2[3:], axes=1)
 
     @property
     def inertia_about_joint(self) -> float:
         """Moment of inertia about the joint's axis in the reference state [kg m²]."""
-        return float(self.axis @ self.gram.inertia(np.eye(1, 1 + len(self.omega))[0]) @ self.axis)
+        return float(self.axis @ self.integrals.inertia(np.eye(1, 1 + len(self.omega))[0]) @ self.axis)
 
 
 def reduced_body(
@@ -227,7 +227,7 @@ def _body(
             name: MarkerShapes(marker.position - origin, marker.translation(shapes), marker.rotation(shapes))
             for name, marker in markers.items()
         },
-        gram=inertia_gram(x, fe.m, shapes, normal),
+        integrals=inertia_integrals(x, fe.m, shapes, normal),
         coupling=float(np.linalg.norm(H) / np.sqrt(J[0, 0])),
         origin=origin,
     )

@@ -15,7 +15,7 @@ from fmd.core.errors import InputError
 from fmd.core.files import whole_file
 from fmd.fem.surface import SurfaceTopology
 from fmd.reduction.body import FlexibleBody, MarkerShapes
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 
 if TYPE_CHECKING:
     import xarray
@@ -40,21 +40,21 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
     "marker_rotation": (
         ("marker", "axis", "mode"), "rad m^-1 kg^-0.5", "rotation for a unit of each modal coordinate",
     ),
-    "marker_bow": (
+    "marker_displacement2": (
         ("marker", "marker_motion", "mode", "mode_2"), "m^-1 kg^-1, rad m^-2 kg^-1",
-        "second order of a marker's displacement and rotation: q^T bow q / 2",
+        "second order of a marker's displacement and rotation: q^T displacement2 q / 2",
     ),
     "mass": ((), "kg", "mass"),
     "G": (
         ("axis", "axis_2", "state", "state_2"), "kg m^2, kg^0.5 m, 1",
-        "Gram tensor U_a^T m U_b: second moments, moment-mode and mode-mode integrals",
+        "Inertia shape integrals U_a^T m U_b: second moments, moment-mode and mode-mode integrals",
     ),
     "S": (("axis", "state"), "kg m, kg^0.5", "first moments 1^T m U_a"),
     "stiffening": (
         ("axis", "axis_2", "mode", "mode_2"), "1", "geometric stiffness that was taken off the modal blocks of G",
     ),
-    "bow": (("axis", "mode", "mode_2"), "m^-1", "second-order first moments: c_a = S_a p + q^T bow_a q / 2"),
-    "curl": (("axis", "mode", "mode_2"), "1", "second-order angular momentum of the deforming: q^T curl_a q'"),
+    "displacement2": (("axis", "mode", "mode_2"), "m^-1", "second-order first moments: c_a = S_a p + q^T B_a q / 2"),
+    "rotation2": (("axis", "mode", "mode_2"), "1", "second-order angular momentum of the deforming: q^T C_a q'"),
     "M_hat": (
         ("motion", "motion_2"), "kg, kg m, kg m^2, kg^0.5, kg^0.5 m, 1",
         "mass matrix of translation, rotation and modes in the reference state",
@@ -68,7 +68,7 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
         ("surface_node", "component", "mode"), "Pa kg^-0.5 m^-1", "stress for a unit of each modal coordinate",
     ),
 }  # fmt: skip
-_SECOND_ORDER = ("stiffening", "bow", "curl")
+_SECOND_ORDER = ("stiffening", "displacement2", "rotation2")
 # Errors of xarray and SciPy's reader on damaged files.
 _UNREADABLE = (ValueError, TypeError, LookupError, AttributeError, OverflowError, MemoryError)
 
@@ -178,7 +178,7 @@ def body_dataset(saved: SavedBody) -> xarray.Dataset:
 def _arrays(saved: SavedBody) -> dict[str, NDArray[Any]]:
     """Arrays of a saved body by their names in the file; empty ones are left out."""
     body, surface = saved.body, saved.surface
-    gram, markers = body.gram, list(body.markers.values())
+    integrals, markers = body.integrals, list(body.markers.values())
     n = len(body.omega)
     arrays: dict[str, NDArray[Any]] = {
         "x": body.x,
@@ -190,17 +190,19 @@ def _arrays(saved: SavedBody) -> dict[str, NDArray[Any]]:
         "marker_position": np.array([marker.position for marker in markers]),
         "marker_translation": np.array([marker.translation for marker in markers]),
         "marker_rotation": np.array([marker.rotation for marker in markers]),
-        "mass": np.array(gram.mass),
-        "G": gram.G,
-        "S": gram.S,
-        "M_hat": gram.mass_matrix(np.eye(1, 1 + n)[0]),
+        "mass": np.array(integrals.mass),
+        "G": integrals.G,
+        "S": integrals.S,
+        "M_hat": integrals.mass_matrix(np.eye(1, 1 + n)[0]),
         "K_hat": np.diag(np.r_[np.zeros(6), body.omega**2]),
     }
     # NetCDF has no room for empty arrays.
-    arrays |= {name: a for name in _SECOND_ORDER if (a := getattr(gram, name)).size}
-    if any(marker.bow.size for marker in markers):
+    arrays |= {name: a for name in _SECOND_ORDER if (a := getattr(integrals, name)).size}
+    if any(marker.displacement2.size for marker in markers):
         none = np.zeros((6, n, n))
-        arrays["marker_bow"] = np.array([marker.bow if marker.bow.size else none for marker in markers])
+        arrays["marker_displacement2"] = np.array(
+            [marker.displacement2 if marker.displacement2.size else none for marker in markers]
+        )
     if saved.elastic_hz is not None:
         arrays["elastic_frequencies"] = saved.elastic_hz
     if surface is not None:
@@ -231,9 +233,16 @@ def _saved(dataset: xarray.Dataset) -> SavedBody:
         return variable(name).to_numpy().astype(np.int64)
 
     names = variable("marker").to_numpy().tolist()
-    bows = [bow if bow.any() else bow[:, :0, :0] for bow in real("marker_bow")] if "marker_bow" in dataset else []
+    displacements2 = (
+        [
+            displacement2 if displacement2.any() else displacement2[:, :0, :0]
+            for displacement2 in real("marker_displacement2")
+        ]
+        if "marker_displacement2" in dataset
+        else []
+    )
     shapes = (real(f"marker_{key}") for key in ("position", "translation", "rotation"))
-    columns = zip(*shapes, *([bows] if bows else []), strict=True)
+    columns = zip(*shapes, *([displacements2] if displacements2 else []), strict=True)
     markers = {name: MarkerShapes(*values) for name, values in zip(names, columns, strict=True)}
     joint = str(dataset.attrs["joint"])
     if joint not in markers:
@@ -248,7 +257,7 @@ def _saved(dataset: xarray.Dataset) -> SavedBody:
         axis=real("joint_axis"),
         joint=joint,
         markers=markers,
-        gram=InertiaGram(read_only(G), read_only(real("S")), float(real("mass")), **second_order),
+        integrals=InertiaIntegrals(read_only(G), read_only(real("S")), float(real("mass")), **second_order),
         coupling=float(real("coupling")),
         origin=real("origin"),
     )

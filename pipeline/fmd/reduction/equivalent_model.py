@@ -47,8 +47,8 @@ class EquivalentModel(MatrixModel):
 
 def equivalent_model(data: ModalData) -> EquivalentModel:
     """Make a model of 4 + 3 n nodes with the inertia integrals of a body, without its geometric stiffening."""
-    gram, products = data.gram, function_products(data)
-    scale = np.sqrt(np.maximum(products.diagonal() / gram.mass, 0.0))
+    integrals, products = data.integrals, function_products(data)
+    scale = np.sqrt(np.maximum(products.diagonal() / integrals.mass, 0.0))
     scale[scale == 0.0] = 1.0
     values = np.diag(scale)
     values[:, 0] = 1.0
@@ -195,23 +195,25 @@ def _combination(shapes: Array, R: Array, wanted: Array) -> tuple[Array, Array]:
 
 def _stiffened(data: ModalData, body: FlexibleBody, turn: Array, markers: Mapping[str, Sequence[str]]) -> FlexibleBody:
     """Add the file's terms of second order, about the body's origin and in its coordinates."""
-    gram, n, at = data.gram, data.n, body.origin
+    integrals, n, at = data.integrals, data.n, body.origin
 
     def turned(forms: Array) -> Array:
         return np.asarray(turn.T @ forms @ turn)
 
     nothing = np.zeros((3, n, n))
-    bow = turned(gram.bow if gram.bow.size else nothing)
-    curl = turned(gram.curl if gram.curl.size else nothing) - np.einsum("abc,b,cij->aij", EPSILON, at, bow)
-    arm = np.einsum("a,bij->abij", at, bow)
-    stiffening = turned(gram.stiffening if gram.stiffening.size else np.zeros((3, 3, n, n)))
+    displacement2 = turned(integrals.displacement2 if integrals.displacement2.size else nothing)
+    rotation2 = turned(integrals.rotation2 if integrals.rotation2.size else nothing) - np.einsum(
+        "abc,b,cij->aij", EPSILON, at, displacement2
+    )
+    arm = np.einsum("a,bij->abij", at, displacement2)
+    stiffening = turned(integrals.stiffening if integrals.stiffening.size else np.zeros((3, 3, n, n)))
     stiffening = stiffening + 0.5 * (arm + arm.transpose(1, 0, 2, 3))
-    G = body.gram.G.copy()
+    G = body.integrals.G.copy()
     G[:, :, 1:, 1:] -= stiffening
     bowed = {}
     for name, labels in markers.items():
-        forms = [data.nodes[label].bow for label in labels]
+        forms = [data.nodes[label].displacement2 for label in labels]
         known = len(labels) == 1 and forms[0].size
-        bowed[name] = replace(body.markers[name], bow=turned(forms[0])) if known else body.markers[name]
-    second = {"stiffening": stiffening, "bow": bow, "curl": curl}
-    return replace(body, gram=replace(body.gram, G=G, **second), markers=bowed)
+        bowed[name] = replace(body.markers[name], displacement2=turned(forms[0])) if known else body.markers[name]
+    second = {"stiffening": stiffening, "displacement2": displacement2, "rotation2": rotation2}
+    return replace(body, integrals=replace(body.integrals, G=G, **second), markers=bowed)

@@ -1,4 +1,4 @@
-"""The inertia Gram tensor: all inertia integrals of a floating frame, exact in the finite element space."""
+"""The inertia shape integrals: all inertia integrals of a floating frame, exact in the finite element space."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ACROSS = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))
 
 
 @dataclass(frozen=True)
-class InertiaGram:
+class InertiaIntegrals:
     """Inertia integrals of a body whose points move as ``U_a p`` with ``U_a = [x_a, Φ_a]`` and ``p = (1, q)``.
 
     Attributes
@@ -31,10 +31,10 @@ class InertiaGram:
         ``1ᵀ m 1`` [kg].
     stiffening : ndarray, shape (3, 3, n, n)
         Geometric stiffness that was taken off the modal blocks of G, in which it counts as inertia; empty without.
-    bow : ndarray, shape (3, n, n)
-        Second-order first moments: ``c_a = S_a p + ½ qᵀ bow_a q``; empty if they are left out.
-    curl : ndarray, shape (3, n, n)
-        Second-order angular momentum of the deforming, ``qᵀ curl_a q̇``; empty if it is left out.
+    displacement2 : ndarray, shape (3, n, n)
+        Second-order first moments: ``c_a = S_a p + ½ qᵀ displacement2_a q``; empty if they are left out.
+    rotation2 : ndarray, shape (3, n, n)
+        Second-order angular momentum of the deforming, ``qᵀ rotation2_a q̇``; empty if it is left out.
     normal : int
         Number of the only axis that the body turns about: that motion needs only the blocks of G across it, those along
         it are left out (zero). -1 if G is whole.
@@ -46,8 +46,8 @@ class InertiaGram:
     S: Array
     mass: float
     stiffening: Array = field(default_factory=lambda: np.zeros((3, 3, 0, 0)))
-    bow: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
-    curl: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
+    displacement2: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
+    rotation2: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
     normal: int = -1
     whole: bool = False
 
@@ -75,19 +75,19 @@ class InertiaGram:
         if self.fields is not None:
             f = self.fields.F @ p[1:]
             D = np.concatenate([np.eye(6 + n), np.concatenate([np.zeros((len(f), 6)), f], axis=1)])
-            extended = InertiaGram(self.fields.G, self.fields.S, self.mass)
+            extended = InertiaIntegrals(self.fields.G, self.fields.S, self.mass)
             return np.asarray(D.T @ extended.mass_matrix(np.concatenate([p, 0.5 * f @ p[1:]])) @ D)
         S = self.S.copy()
         c = S @ p
-        if self.bow.size:
-            bow = self.bow @ p[1:]
-            S[:, 1:] += bow
-            c = c + 0.5 * bow @ p[1:]
+        if self.displacement2.size:
+            displacement2 = self.displacement2 @ p[1:]
+            S[:, 1:] += displacement2
+            c = c + 0.5 * displacement2 @ p[1:]
         tilde = np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
         pG = np.einsum("i,bcij->bcj", p, self.G)
         H = np.stack([pG[1, 2] - pG[2, 1], pG[2, 0] - pG[0, 2], pG[0, 1] - pG[1, 0]])[:, 1:]
-        if self.curl.size:
-            H = H + self.curl @ p[1:]
+        if self.rotation2.size:
+            H = H + self.rotation2 @ p[1:]
         M = np.zeros((6 + n, 6 + n))
         M[:3, :3] = self.mass * np.eye(3)
         M[:3, 3:6], M[3:6, :3] = -tilde, tilde
@@ -106,20 +106,22 @@ class InertiaGram:
         """Displacement of second order as fields, whose kinetic energy counts as a whole; ``None`` if it doesn't."""
         if not self.whole:
             return None
-        return second_order_fields(self.G, self.S, self.mass, self.stiffening, self.bow, self.curl, self.normal)
+        return second_order_fields(
+            self.G, self.S, self.mass, self.stiffening, self.displacement2, self.rotation2, self.normal
+        )
 
     @cached_property
     def second_order(self) -> SecondOrderMass | None:
         """Modal mass of displacements of second order; ``None`` where they have no momenta, or are left out."""
-        if not (self.bow.size or self.curl.size):
+        if not (self.displacement2.size or self.rotation2.size):
             return None
         G = self.G
         H = [G[b, c, 0, 1:] - G[c, b, 0, 1:] for b, c in ((1, 2), (2, 0), (0, 1))]
         W, J = np.concatenate([self.S[:, 1:], H]), self.inertia(np.eye(G.shape[-1])[0])
-        return second_order_mass(self.mass, self.S[:, 0], J, W, self.bow, self.curl, self.normal)
+        return second_order_mass(self.mass, self.S[:, 0], J, W, self.displacement2, self.rotation2, self.normal)
 
 
-def inertia_gram(x: Array, m: Any, Phi: Array, normal: int = -1) -> InertiaGram:
+def inertia_integrals(x: Array, m: Any, Phi: Array, normal: int = -1) -> InertiaIntegrals:
     """Integrate a body's inertia terms once, exactly, through its scalar mass matrix.
 
     Parameters
@@ -151,22 +153,22 @@ def inertia_gram(x: Array, m: Any, Phi: Array, normal: int = -1) -> InertiaGram:
     G[across, across] = _products(U, m, U)
     masses = m @ np.ones(len(x))
     S = np.column_stack([masses @ x, np.reshape(masses @ Phi.reshape(len(x), -1), (3, -1))])
-    return InertiaGram(_symmetric(G), read_only(S), float(masses.sum()), normal=normal)
+    return InertiaIntegrals(_symmetric(G), read_only(S), float(masses.sum()), normal=normal)
 
 
-def add_normal_blocks(gram: InertiaGram, along: Array) -> InertiaGram:
+def add_normal_blocks(integrals: InertiaIntegrals, along: Array) -> InertiaIntegrals:
     """Complete integrals that were left out along an axis by the blocks from `normal_blocks`."""
-    G, e = gram.G.copy(), gram.normal
+    G, e = integrals.G.copy(), integrals.normal
     G[e] += along
     G[:, e] += along.swapaxes(1, 2)
     G[e, e] -= along[e]
-    return replace(gram, G=_symmetric(G), normal=-1)
+    return replace(integrals, G=_symmetric(G), normal=-1)
 
 
 def normal_blocks(x: Array, m: Any, Phi: Array, normal: int) -> Array:
-    """Integrate ``G[normal]``, shape (3, 1 + n, 1 + n), the blocks that `inertia_gram` leaves out.
+    """Integrate ``G[normal]``, shape (3, 1 + n, 1 + n), the blocks that `inertia_integrals` leaves out.
 
-    The arguments are those of `inertia_gram`.
+    The arguments are those of `inertia_integrals`.
     """
     e = slice(normal, normal + 1)
     return np.asarray(_products(_positions(x, Phi, e), m, _positions(x, Phi))[0])
@@ -189,5 +191,5 @@ def _symmetric(G: Array) -> Array:
     """Return G read-only; raise ``AccuracyError`` if it isn't symmetric or not finite."""
     error = float(np.abs(G - G.transpose(1, 0, 3, 2)).max() / np.abs(G).max())
     if not error < 1e-10:
-        raise AccuracyError(f"the inertia Gram tensor is not symmetric: relative error {error:.1e}")
+        raise AccuracyError(f"the inertia shape integrals is not symmetric: relative error {error:.1e}")
     return read_only(G)

@@ -10,7 +10,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.fem.surface import SurfaceTopology
 from fmd.reduction.body import FlexibleBody, MarkerShapes
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class ModalData:
 
     Attributes
     ----------
-    gram : InertiaGram
+    integrals : InertiaIntegrals
         Inertia integrals, those along all axes, about the frame's origin.
     K, D : ndarray, shape (n, n)
         Modal stiffness and damping.
@@ -37,7 +37,7 @@ class ModalData:
         Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
     """
 
-    gram: InertiaGram
+    integrals: InertiaIntegrals
     K: Array
     D: Array
     nodes: Mapping[str, MarkerShapes]
@@ -55,38 +55,43 @@ class ModalData:
     @property
     def M(self) -> Array:
         """Modal mass in the reference state, shape (n, n)."""
-        M: Array = np.einsum("aaij->ij", self.gram.G)[1:, 1:]
-        return np.asarray(M + np.einsum("aaij->ij", self.gram.stiffening)) if self.gram.stiffening.size else M
+        M: Array = np.einsum("aaij->ij", self.integrals.G)[1:, 1:]
+        return np.asarray(M + np.einsum("aaij->ij", self.integrals.stiffening)) if self.integrals.stiffening.size else M
 
 
 def modal_data(body: FlexibleBody, damping: float | Array = 0.0) -> ModalData:
     """Gather a reduced body's data, with the modes' damping relative to critical; its markers are the nodes."""
-    gram, markers = body.gram, dict(body.markers)
-    second = gram.stiffening, gram.bow, gram.curl, *(marker.bow for marker in markers.values())
+    integrals, markers = body.integrals, dict(body.markers)
+    second = (
+        integrals.stiffening,
+        integrals.displacement2,
+        integrals.rotation2,
+        *(marker.displacement2 for marker in markers.values()),
+    )
     ratios = body.damping if body.damping.size and not np.any(damping) else damping
     K, D = np.diag(body.omega**2), np.diag(2 * ratios * body.omega)
-    return ModalData(gram, K, D, markers, in_own_frame=any(term.any() for term in second))
+    return ModalData(integrals, K, D, markers, in_own_frame=any(term.any() for term in second))
 
 
 def without_stiffening(data: ModalData) -> ModalData:
     """Return a body's data without its geometric stiffening, for programs that have no place for it."""
-    gram = data.gram
-    G = gram.G.copy()
-    if gram.stiffening.size:
-        G[:, :, 1:, 1:] += gram.stiffening
+    integrals = data.integrals
+    G = integrals.G.copy()
+    if integrals.stiffening.size:
+        G[:, :, 1:, 1:] += integrals.stiffening
     nodes = {name: MarkerShapes(node.position, node.translation, node.rotation) for name, node in data.nodes.items()}
-    return replace(data, gram=InertiaGram(G, gram.S, gram.mass), nodes=nodes, in_own_frame=False)
+    return replace(data, integrals=InertiaIntegrals(G, integrals.S, integrals.mass), nodes=nodes, in_own_frame=False)
 
 
 def function_products(data: ModalData) -> Array:
     """Mass products of 1, x_a and φ_ja with one another, mode by mode, without stiffening; shape (4 + 3 n, 4 + 3 n)."""
-    gram, n = data.gram, data.n
-    G = gram.G.copy()
-    if gram.stiffening.size:
-        G[:, :, 1:, 1:] += gram.stiffening
+    integrals, n = data.integrals, data.n
+    G = integrals.G.copy()
+    if integrals.stiffening.size:
+        G[:, :, 1:, 1:] += integrals.stiffening
     products = np.empty((4 + 3 * n, 4 + 3 * n))
     products[1:, 1:] = G.transpose(2, 0, 3, 1).reshape(3 + 3 * n, 3 + 3 * n)
-    products[0, 0], products[0, 1:] = gram.mass, gram.S.T.ravel()
+    products[0, 0], products[0, 1:] = integrals.mass, integrals.S.T.ravel()
     products[1:, 0] = products[0, 1:]
     return products
 

@@ -81,7 +81,7 @@ def rotating_modes(
     ratios : ndarray, shape (n,), optional
         Damping ratio of each mode.
     """
-    e, G = axis / np.linalg.norm(axis), body.gram.G
+    e, G = axis / np.linalg.norm(axis), body.integrals.G
     D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), G)
     A = np.einsum("a,abc,bcij->ij", e, EPSILON, G)
     M, K, C = np.eye(len(D)), -(rate**2) * D, -2.0 * rate * A
@@ -107,8 +107,8 @@ def rotating_modes(
 
 def _moments_across(body: FlexibleBody, e: Array) -> Array:
     """Second moments across an axis without the geometric stiffness that a stiffened body has in them."""
-    G = body.gram.G
+    G = body.integrals.G
     D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), G)
-    if body.gram.stiffening.size:
-        D[1:, 1:] += np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), body.gram.stiffening)
+    if body.integrals.stiffening.size:
+        D[1:, 1:] += np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), body.integrals.stiffening)
     return np.asarray(D)

@@ -1,8 +1,8 @@
 """Displacement of second order as fields of a body's points, so that its kinetic energy is that of a motion.
 
 Of the displacement of second order Γ(q) a stiffened body knows momenta: integrals of its products with translations,
-rotations and strains of the whole body (``bow``, ``curl`` and ``stiffening``). Among all fields with these momenta the
-one of least mass is affine in the place x:
+rotations and strains of the whole body (``displacement2``, ``rotation2`` and ``stiffening``). Among all fields with
+these momenta the one of least mass is affine in the place x:
 
     Γ = Σ_k s_k B_k (1, x)        s_k = ½ qᵀ F_k q
 
@@ -32,7 +32,7 @@ class SecondOrderFields:
     W : ndarray, shape (k, n)
         Modal mass between fields and modes.
     G, S : ndarray, shapes (3, 3, 1 + n + k, 1 + n + k) and (3, 1 + n + k)
-        Inertia integrals as `InertiaGram` has them, with the fields behind the modes.
+        Inertia integrals as `InertiaIntegrals` has them, with the fields behind the modes.
     """
 
     F: Array
@@ -42,25 +42,25 @@ class SecondOrderFields:
 
 
 def second_order_fields(
-    G: Array, S: Array, mass: float, stiffening: Array, bow: Array, curl: Array, normal: int = -1
+    G: Array, S: Array, mass: float, stiffening: Array, displacement2: Array, rotation2: Array, normal: int = -1
 ) -> SecondOrderFields | None:
-    """Return the fields of a body whose inertia integrals are those of an `InertiaGram`; ``None`` if it has none.
+    """Return the fields of a body whose inertia integrals are those of an `InertiaIntegrals`; ``None`` if it has none.
 
     Momenta that are empty aren't known, others are what they are, and zero if they are zero.
     """
     across = [a for a in range(3) if a != normal]
     turns = range(3) if normal < 0 else [normal]
-    tests = [_affine(np.eye(3)[a], np.zeros((3, 3))) for a in across] if bow.size else []
-    momenta = [bow[a] for a in across] if bow.size else []
+    tests = [_affine(np.eye(3)[a], np.zeros((3, 3))) for a in across] if displacement2.size else []
+    momenta = [displacement2[a] for a in across] if displacement2.size else []
     pure = G.copy()
     if stiffening.size:
         pure[:, :, 1:, 1:] += stiffening
         ways = _stiffening_ways(stiffening)
         tests += [_affine(np.zeros(3), way) for way in ways]
         momenta += [-np.tensordot(way, stiffening, 2) for way in ways]
-    if curl.size:
+    if rotation2.size:
         tests += [_affine(np.zeros(3), -EPSILON[a]) for a in turns]
-        momenta += [curl[a] for a in turns]
+        momenta += [rotation2[a] for a in turns]
     if not tests:
         return None
     T = np.block([[np.array([[mass]]), S[None, :, 0]], [S[:, :1], pure[:, :, 0, 0]]])

@@ -47,7 +47,7 @@ class SecondOrderMass:
 
 
 def second_order_mass(
-    mass: float, c: Array, J: Array, W: Array, bow: Array, curl: Array, normal: int = -1
+    mass: float, c: Array, J: Array, W: Array, displacement2: Array, rotation2: Array, normal: int = -1
 ) -> SecondOrderMass | None:
     """Return a body's modal mass by displacements of second order; ``None`` if they have no momenta.
 
@@ -57,13 +57,13 @@ def second_order_mass(
         Mass, first moment and inertia tensor of the undeformed body.
     W : ndarray, shape (6, n)
         Coupling of its frame, translation and rotation, with the modes.
-    bow, curl : ndarray, shape (3, n, n) or (3, 0, 0)
+    displacement2, rotation2 : ndarray, shape (3, n, n) or (3, 0, 0)
         Linear and angular momenta of displacements of second order.
     normal : int
         Number of the only axis that the body turns about, across which it moves; -1 if it moves anyhow.
     """
     n = W.shape[1]
-    F = np.concatenate([forms if forms.size else np.zeros((3, n, n)) for forms in (bow, curl)])
+    F = np.concatenate([forms if forms.size else np.zeros((3, n, n)) for forms in (displacement2, rotation2)])
     moves = np.arange(6) if normal < 0 else np.r_[np.delete(np.arange(3), normal), 3 + normal]
     kept = [int(a) for a in moves if F[a].any()]
     if not kept:

@@ -6,8 +6,9 @@ how far a bent body is drawn in. So stiffening is kinematics: every load works o
 known while the body moves, and energy keeps its balance. The geometric stiffness of a unit load each gives
 
 - the inertia integrals of Γ, from loads ``ρ ẍ`` of the frame's own motion: products of two angular rates, taken off
-  the Gram tensor wherever position counts, and linear and angular accelerations (``bow`` and ``curl``);
-- displacement and rotation of a marker by Γ, from forces and torques there (`MarkerShapes.bow`).
+  the inertia shape integrals wherever position counts, and linear and angular accelerations (``displacement2`` and
+  ``rotation2``);
+- displacement and rotation of a marker by Γ, from forces and torques there (`MarkerShapes.displacement2`).
 """
 
 from __future__ import annotations
@@ -84,15 +85,21 @@ def stiffen_body(
     else:
         for (a, b), K in zip(PRODUCTS, spin, strict=True):
             KG[a, b] = KG[b, a] = K
-    G = body.gram.G.copy()
+    G = body.integrals.G.copy()
     G[:, :, 1:, 1:] -= KG
-    bow = -push if linear else np.zeros((3, 0, 0))
-    curl = -np.einsum("ka,kij->aij", turns, turn) if turn.any() else np.zeros((3, 0, 0))
-    gram = replace(body.gram, G=read_only(G), stiffening=read_only(KG), bow=read_only(bow), curl=read_only(curl))
+    displacement2 = -push if linear else np.zeros((3, 0, 0))
+    rotation2 = -np.einsum("ka,kij->aij", turns, turn) if turn.any() else np.zeros((3, 0, 0))
+    integrals = replace(
+        body.integrals,
+        G=read_only(G),
+        stiffening=read_only(KG),
+        displacement2=read_only(displacement2),
+        rotation2=read_only(rotation2),
+    )
     bowed = {
         name: _bowed(x, body.markers[name], marker, K) for (name, marker), K in zip(moving.items(), unit, strict=True)
     }
-    return replace(body, gram=gram, markers={**body.markers, **bowed})
+    return replace(body, integrals=integrals, markers={**body.markers, **bowed})
 
 
 class _Support:
@@ -133,15 +140,15 @@ def _bowed(x: Array, shapes: MarkerShapes, marker: Marker, K_G: Array) -> Marker
     """
     if not K_G.any():  # held by the joint
         return shapes
-    bow, r = -K_G, x[marker.nodes] - shapes.position
+    displacement2, r = -K_G, x[marker.nodes] - shapes.position
     weights = [marker.rotation_weights]  # those of one number for each node have no moment about the middle
     if marker.translation_weights.ndim == 3:
         weights.insert(0, marker.translation_weights)
     first = 6 - 3 * len(weights)
     for k, A in enumerate(np.einsum("ia,kib->kab", r, np.concatenate(weights))):
         own = 0.5 * (A + A.T) - np.trace(A) * np.eye(3)
-        bow[first + k] -= shapes.rotation.T @ own @ shapes.rotation
-    return replace(shapes, bow=read_only(bow))
+        displacement2[first + k] -= shapes.rotation.T @ own @ shapes.rotation
+    return replace(shapes, displacement2=read_only(displacement2))
 
 
 def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:

@@ -89,7 +89,7 @@ class Linearisation:
                     "place": at.position,
                     "shapes": at.translation,
                     "rotations": at.rotation,
-                    "bow": at.bow,
+                    "displacement2": at.displacement2,
                 }
                 body = self.mechanism.links[port.body].name
                 loads.append(PointLoad(body, np.array(port.direction), probe, port.turns, **place))

@@ -36,13 +36,13 @@ def amplification_matrix(M: Array, K: Array, n_slow: int, step: float, substeps:
     lag[L] *= substeps
     now = v + lag * a
     a[:] = -np.linalg.solve(M, K @ q + C @ now)
-    held = K[S, L] @ q[L] + C[S, L] @ now[L] + M[S, L] @ a[L]
+    frozen = K[S, L] @ q[L] + C[S, L] @ now[L] + M[S, L] @ a[L]
     v[L] += substeps * step * a[L]
     q[L] += substeps * step * v[L]
     for k in range(substeps):
         if k:
             now[S] = v[S] + 0.5 * step * a[S]
-            a[S] = -np.linalg.solve(M[S, S], K[S, S] @ q[S] + C[S, S] @ now[S] + held)
+            a[S] = -np.linalg.solve(M[S, S], K[S, S] @ q[S] + C[S, S] @ now[S] + frozen)
         v[S] += step * a[S]
         q[S] += step * v[S]
     return np.concatenate([q, v, a])

@@ -2,7 +2,7 @@
 
 Central difference with a step h advances an oscillation ω by a phase that is wrong by ``(ω h)²/24`` of itself. What a
 load bends, it bends mode by mode as ``1/ω²``, so the high modes of a motion are small by ``(ω₁/ω)²`` against the lowest
-one; their errors count by that. Forces held over a slow step H, the centrifugal ones ``Ω² u``, lag by half of it and
+one; their errors count by that. Forces frozen over a slow step H, the centrifugal ones ``Ω² u``, lag by half of it and
 feed or damp a deflection u by ``½ Ω² H`` of its rate. These bound the ratio of the two steps for each split; splits
 whose amplification over the duration would show are left out, and the one with the least work by the solvers' measured
 cost is taken.

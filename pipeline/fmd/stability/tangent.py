@@ -1,7 +1,7 @@
 """Growth rates of small vibrations about an operating point, by a scheme and by the equations of motion.
 
 The tangent map of a scheme over some major cycles is the scheme itself, differentiated. It holds all that the kernels
-hold over a cycle, take at a predicted rate or leave out: inertial coupling, centrifugal and Coriolis terms, dampers.
+freeze over a cycle, take at a predicted rate or leave out: inertial coupling, centrifugal and Coriolis terms, dampers.
 Its eigenvalues μ over a span τ grow at the rates ``ln|μ|/τ``, those of the linearised equations of motion at ``Re λ``.
 """
 

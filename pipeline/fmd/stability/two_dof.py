@@ -102,7 +102,7 @@ def _radius(A: Array) -> Array:
 def reversible_growth(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
     """Compute the spectral radius of a major cycle of reversible sub-cycling from its closed form.
 
-    With ``y = q_L + β q_S`` held at the middle of the cycle the fast coordinate turns by m ϑ,
+    With ``y = q_L + β q_S`` frozen at the middle of the cycle the fast coordinate turns by m ϑ,
     ``4 sin²(ϑ/2) = Ω₁² = (Ω_S² + β² Ω_L²/m²)/(1 − β²)``, about a place that y sets. Of the eigenvalues λ only
     ``z = λ + 1/λ`` matters, ``(z − 2 + Ω_L²)(z − 2c) = κ (z + 2)`` with ``c = cos mϑ`` and
     ``κ = ½ Ω_L² (1 − c) · (βΩ_L/m)²/(Ω_S² + (βΩ_L/m)²)``: both z lie in [−2, 2] while Ω_L and Ω₁ are below 2.

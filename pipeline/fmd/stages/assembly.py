@@ -37,7 +37,7 @@ def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
     Raises
     ------
     InputError
-        The loops can't be closed; the message has the joint and its gap. Or a joint moves without any inertia.
+        The loops can't be closed; the message has the joint and its residual. Or a joint moves without any inertia.
     """
     rigid = mechanism.rigid
     q, _ = given_joints(scene, rigid)
@@ -46,7 +46,7 @@ def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
         require_inertia(scene, system)
         groups = [columns for columns in (_loose(scene, rigid, "position"), np.arange(rigid.n)) if len(columns)]
         q = _close(system, q, groups)
-    except ValueError as error:  # a gap that no motion changes
+    except ValueError as error:  # a residual that no motion changes
         raise InputError(scene.file, "joint", None, str(error)) from error
     positions = {
         link.name: tuple(q[at : at + link.n_positions])
@@ -85,7 +85,7 @@ def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tup
     q = _close(system, q, [_loose(scene, mechanism, "position"), joints, np.arange(mechanism.n)])
     _require_closed(scene, system, q)
     v = _allow(system, q, v, [_loose(scene, mechanism, "rate"), joints, np.arange(mechanism.n)])
-    _, rates = system.compiled.gaps(0.0, q, v)
+    _, rates = system.compiled.residuals(0.0, q, v)
     worst = int(np.abs(rates).argmax()) if len(rates) else 0
     if len(rates) and np.abs(rates[worst]) > limits.OPEN * max(1.0, largest(v)):
         row = system.compiled.rows[worst]
@@ -130,17 +130,17 @@ def free_directions(system: CompiledSystem, q: Array) -> Array:
 
 
 def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray]) -> Array:
-    """Close the gaps by the first group of coordinates that can; else return where the last one leaves them."""
+    """Close the residuals by the first group of coordinates that can; else return where the last one leaves them."""
     closed, weights = q, _flexibility(system)
     for columns in groups:
         closed = _close_by(system, q, columns, weights)
-        if _gap(system, closed) <= limits.OPEN:
+        if _residual(system, closed) <= limits.OPEN:
             return closed
     return closed
 
 
 def _flexibility(system: CompiledSystem) -> Array:
-    """Return how readily coordinates move to close gaps: joints at once, modes by their static compliance."""
+    """Return how readily coordinates move to close residuals: joints at once, modes by their static compliance."""
     stiffness = np.maximum(system.mechanism.linear_forces.own, 0.0)
     weights = np.ones(system.n)
     for k, link in enumerate(system.mechanism.links):
@@ -149,16 +149,16 @@ def _flexibility(system: CompiledSystem) -> Array:
     return weights
 
 
-def _gaps(system: CompiledSystem, q: Array) -> Array:
-    return system.compiled.gaps(0.0, q, np.zeros(system.n))[0]
+def _residuals(system: CompiledSystem, q: Array) -> Array:
+    return system.compiled.residuals(0.0, q, np.zeros(system.n))[0]
 
 
-def _gap(system: CompiledSystem, q: Array) -> float:
-    return largest(_gaps(system, q))
+def _residual(system: CompiledSystem, q: Array) -> float:
+    return largest(_residuals(system, q))
 
 
 def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Array) -> Array:
-    """Move some coordinates by Newton's method, the least motion first, in halved steps where a gap would widen."""
+    """Move some coordinates by Newton's method, the least motion first, in halved steps where a residual would grow."""
 
     def correction(q: Array, left: Array) -> Array:
         J = system.compiled.constraint_matrix(0.0, q)[:, columns] * weights[columns]
@@ -168,7 +168,7 @@ def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Arra
 
     return solve(
         q,
-        lambda q: _gaps(system, q),
+        lambda q: _residuals(system, q),
         correction,
         lambda q, change: move_positions(system.parameters, q, change),
         _CLOSING,
@@ -177,22 +177,22 @@ def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Arra
 
 
 def _allow(system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray]) -> Array:
-    """Change the rates of the first group that can let all gaps stay closed."""
+    """Change the rates of the first group that can let all residuals stay closed."""
     J, weights = system.compiled.constraint_matrix(0.0, q), _flexibility(system)
     for columns in groups:
         changed = v.copy()
         for _ in range(2):
-            _, rates = system.compiled.gaps(0.0, q, changed)
+            _, rates = system.compiled.residuals(0.0, q, changed)
             part = J[:, columns] * weights[columns]
             changed[columns] -= weights[columns] * np.linalg.lstsq(part, rates, rcond=limits.DEPENDENT_DIRECTION)[0]
-        _, rates = system.compiled.gaps(0.0, q, changed)
+        _, rates = system.compiled.residuals(0.0, q, changed)
         if largest(rates) <= limits.OPEN * max(1.0, largest(changed)):
             return changed
     return changed
 
 
 def _require_closed(scene: Scene, system: CompiledSystem, q: Array) -> None:
-    g = _gaps(system, q)
+    g = _residuals(system, q)
     worst = int(np.abs(g).argmax()) if len(g) else 0
     if len(g) and abs(g[worst]) > limits.OPEN:
         row = system.compiled.rows[worst]
@@ -201,7 +201,7 @@ def _require_closed(scene: Scene, system: CompiledSystem, q: Array) -> None:
             scene.file,
             f"joint.{row.name}",
             None,
-            f"can't close its loop: a gap of {size} is left; check lengths, places and axes of the loop, "
+            f"can't close its loop: a residual of {size} is left; check lengths, places and axes of the loop, "
             "or give joints a position nearer to the closed one",
         )
 
@@ -224,11 +224,11 @@ def _require_freedom(scene: Scene, system: CompiledSystem, q: Array) -> None:
 def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
     """Raise ``InputError`` if more constraints are independent close by than at the positions of the start."""
     rank = constraint_rank(rigid, q)
-    if _gap(rigid, q) > limits.OPEN or rank == rigid.n:
+    if _residual(rigid, q) > limits.OPEN or rank == rigid.n:
         return
     for way in free_directions(rigid, q).T:
         near = _close_by(rigid, move_positions(rigid.parameters, q, AWAY * way), np.arange(rigid.n), np.ones(rigid.n))
-        if _gap(rigid, near) <= limits.OPEN and (others := constraint_rank(rigid, near)) > rank:
+        if _residual(rigid, near) <= limits.OPEN and (others := constraint_rank(rigid, near)) > rank:
             raise InputError(
                 scene.file,
                 "joint",
@@ -247,7 +247,7 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
     for _ in range(TRIED):
         moved = move_positions(rigid.parameters, q, random.uniform(-SPREAD, SPREAD, rigid.n))
         moved = _close_by(rigid, moved, np.arange(rigid.n), np.ones(rigid.n))
-        states += [moved] if _gap(rigid, moved) <= limits.OPEN else []
+        states += [moved] if _residual(rigid, moved) <= limits.OPEN else []
     system = CompiledSystem(mechanism)
     largest = np.zeros(len(system.compiled.rows))
     for state in states:
@@ -255,7 +255,7 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
         largest = np.maximum(largest, S.diagonal() / system.constraint_scales)
     driven, at_start = np.zeros(len(largest)), undeformed_positions(mechanism, rigid.mechanism, q)
     for t in np.linspace(0.0, mechanism.horizon, DRIVEN_MOMENTS):
-        _, rates = system.compiled.gaps(float(t), at_start, np.zeros(mechanism.n))
+        _, rates = system.compiled.residuals(float(t), at_start, np.zeros(mechanism.n))
         driven = np.maximum(driven, np.abs(rates))
     still = (largest <= IDLE) & (driven <= IDLE * driven.max(initial=0.0))
     idle = [row for row, holds in zip(system.compiled.rows, still, strict=True) if holds]

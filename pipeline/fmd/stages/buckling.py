@@ -104,7 +104,7 @@ def _work_of_turning(mechanism: Mechanism, body: int, loads: BodyLoads, turns: A
     # A joint pulls on in its direction as the body turns; a force element turns with it.
     places += [(at.position, at.translation, key.startswith(ELEMENT)) for key, _, at in held]
     forces = [(wrench[0, :3], *at) for wrench, at in zip(loads.wrenches, places, strict=True)]
-    forces.append((-loads.acceleration[0], link.gram.S[:, 0], link.gram.S[:, 1:], False))
+    forces.append((-loads.acceleration[0], link.integrals.S[:, 0], link.integrals.S[:, 1:], False))
     K = np.zeros((mechanism.n, mechanism.n))
     for F, r, shapes, following in forces:
         if following:

@@ -23,8 +23,8 @@ def find_closed_steady_state(
 ) -> tuple[Array, Array]:
     """Find where loads and rotation leave the modes at rest, with rates at which the loops stay closed.
 
-    Newton's method for the forces and the gaps that are left where the modes don't accelerate. Accelerations would hide
-    them: light combinations of modes take next to no force.
+    Newton's method for the forces and the residuals that are left where the modes don't accelerate. Accelerations would
+    hide them: light combinations of modes take next to no force.
 
     Parameters
     ----------
@@ -62,14 +62,16 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
     State = tuple[Array, Array]  # positions; accelerations of joints and multipliers
 
     def residual(state: State) -> Array:
-        """Return the forces, accelerations of gaps and gaps that are left."""
+        """Return the forces, accelerations of residuals and residuals that are left."""
         (positions, others), a = state, np.zeros(n)
         J, rest_of_rates = _constraints(system, positions, t)
         rates = _close_rates((J, rest_of_rates), v, following)
         a[joints] = softest * others[: len(joints)]
         forces = system.compiled.residual(t, positions, rates, a) - J.T @ (pull * others[len(joints) :])
-        parting = J @ a + _gap_accelerations(system, positions, rates, t)
-        return np.concatenate([forces / forces_of, parting / softest, system.compiled.gaps(t, positions, rates)[0]])
+        parting = J @ a + _residual_accelerations(system, positions, rates, t)
+        return np.concatenate(
+            [forces / forces_of, parting / softest, system.compiled.residuals(t, positions, rates)[0]]
+        )
 
     def move(state: State, by: Array) -> State:
         change = np.zeros(n)
@@ -96,13 +98,13 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
 
 
 def _constraints(system: CompiledSystem, q: Array, t: float) -> tuple[Array, Array]:
-    """Return J (n_rows, n) and the rest of the gaps' rates ``J v + …`` (n_rows,).
+    """Return J (n_rows, n) and the rest of the residuals' rates ``J v + …`` (n_rows,).
 
     It is found by one rate after the other: by way of the inverse mass matrix, light combinations of modes spoil it.
     """
     none = np.zeros(system.n)
-    _, rest = system.compiled.gaps(t, q, none)
-    return np.stack([system.compiled.gaps(t, q, one)[1] - rest for one in np.eye(system.n)], axis=1), rest
+    _, rest = system.compiled.residuals(t, q, none)
+    return np.stack([system.compiled.residuals(t, q, one)[1] - rest for one in np.eye(system.n)], axis=1), rest
 
 
 def _close_rates(constraints: tuple[Array, Array], v: Array, following: IntArray) -> Array:
@@ -113,11 +115,11 @@ def _close_rates(constraints: tuple[Array, Array], v: Array, following: IntArray
     return out
 
 
-def _gap_accelerations(system: CompiledSystem, q: Array, v: Array, t: float) -> Array:
-    """Return the accelerations of the gaps where no coordinate accelerates, (n_rows,)."""
+def _residual_accelerations(system: CompiledSystem, q: Array, v: Array, t: float) -> Array:
+    """Return the accelerations of the residuals where no coordinate accelerates, (n_rows,)."""
     h = limits.LOOPS_MOMENT / max(1.0, largest(v))
 
     def rates(s: float) -> Array:
-        return system.compiled.gaps(t + s, move_positions(system.parameters, q, s * v), v)[1]
+        return system.compiled.residuals(t + s, move_positions(system.parameters, q, s * v), v)[1]
 
     return np.asarray((rates(h) - rates(-h)) / (2 * h))

@@ -13,11 +13,11 @@ from fmd.dynamics.closures import Closure, Constraint, Coupler, Place, close_joi
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.steady import find_steady_state
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import Link, PointLoad, rigid_gram
+from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, half_sine, total
 from fmd.reduction.body import FlexibleBody, MarkerShapes
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 from fmd.scene.damping import damping_ratios
 from fmd.stages.assembly import assemble, close_start, following_joints, given_joints
 from fmd.stages.divided_scene import part_of
@@ -156,7 +156,7 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     settings["part"] = part_of(body)
     if body in places.bodies:
         reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
-        gram = reduced.gram
+        integrals = reduced.integrals
         told = reduced.damping.size and not damping  # by the file that holds the body
         settings |= {
             "omega": reduced.omega,
@@ -164,7 +164,7 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         }
         settings["section"] = _section(scene, places, body)
     else:
-        gram = _gram(scene.body[body], places.origin(body))
+        integrals = _integrals(scene.body[body], places.origin(body))
     axis = axes.axis_in_child(joint.direction("axis"))
     motion = _motion(scene, name)
     settings |= {"axis": axis, "other_axis": axes.axis_in_child(joint.direction("child_axis", "axis"))}
@@ -172,17 +172,21 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     if joint.kind.unit:
         (along,) = joint.along
         settings |= {"spring": along.spring, "rest": along.rest, "damper": along.damper}
-        settings |= {"motion": motion, "load": _load(scene, name, gram, axis)}
+        settings |= {"motion": motion, "load": _load(scene, name, integrals, axis)}
     if joint.kind.is_hinge and body in places.bodies and motion is None:
-        settings |= {"joint_rotation": reduced.joint_rotation, "joint_bow": reduced.joint_bow}
+        settings |= {"joint_rotation": reduced.joint_rotation, "joint_displacement2": reduced.joint_displacement2}
     parent = places.parent(body)
     if parent != "ground":
         at = places.marker(joint.parent)
         settings |= {"parent": places.order.index(parent), "place": at.position}
-        settings |= {"place_shapes": at.translation, "place_rotations": at.rotation, "place_bow": at.bow}
+        settings |= {
+            "place_shapes": at.translation,
+            "place_rotations": at.rotation,
+            "place_displacement2": at.displacement2,
+        }
     else:
         settings["place"] = ground_place(scene, joint.parent)[0]
-    return Link(body, gram, joint.kind, **settings)
+    return Link(body, integrals, joint.kind, **settings)
 
 
 def _closure(scene: Scene, places: _Places, name: str) -> Closure:
@@ -213,7 +217,7 @@ def _section(scene: Scene, places: _Places, body: str) -> str:
     return "" if supported else places.joint_marker(body)
 
 
-def _gram(part: Any, origin: Array) -> InertiaGram:
+def _integrals(part: Any, origin: Array) -> InertiaIntegrals:
     """Inertia integrals of a rigid body about a place in its frame."""
     match part.shape:
         case "rod":
@@ -223,10 +227,10 @@ def _gram(part: Any, origin: Array) -> InertiaGram:
             centre, inertia = np.zeros(3), np.zeros((3, 3))
         case _:
             centre, inertia = np.array(part.centre), np.diag(part.inertia)
-    return rigid_gram(part.mass, centre - origin, inertia)
+    return rigid_integrals(part.mass, centre - origin, inertia)
 
 
-def _load(scene: Scene, joint: str, gram: InertiaGram, axis: Array) -> Signal:
+def _load(scene: Scene, joint: str, integrals: InertiaIntegrals, axis: Array) -> Signal:
     """Torque or force on a joint; a pulse that is given by a speed is sized by the body that the joint carries."""
     loads = []
     for drive in scene.drive.values():
@@ -236,7 +240,7 @@ def _load(scene: Scene, joint: str, gram: InertiaGram, axis: Array) -> Signal:
             loads.append(signal_of(drive.force))
         elif drive.type == "torque pulse" and drive.joint == joint:
             e = axis / np.linalg.norm(axis)
-            inertia = float(e @ gram.inertia(np.eye(1, gram.G.shape[-1])[0]) @ e)
+            inertia = float(e @ integrals.inertia(np.eye(1, integrals.G.shape[-1])[0]) @ e)
             loads.append(half_sine(drive.start, drive.duration, _peak(drive, inertia)))
     return total(loads) if loads else constant(0.0)
 
@@ -265,6 +269,11 @@ def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
             if drive.following:
                 direction = place_axes(scene, drive.marker) @ direction
             body, turns = drive.marker.partition(".")[0], drive.type == "point torque"
-            place = {"place": at.position, "shapes": at.translation, "rotations": at.rotation, "bow": at.bow}
+            place = {
+                "place": at.position,
+                "shapes": at.translation,
+                "rotations": at.rotation,
+                "displacement2": at.displacement2,
+            }
             loads.append(PointLoad(body, direction, size, turns, drive.following, **place))
     return loads

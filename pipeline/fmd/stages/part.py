@@ -16,7 +16,7 @@ from fmd.fem.surface import SurfaceTopology, surface_elements, surface_topology
 from fmd.recovery.deformation import DeformationShapes, deformation_shapes, node_deformation_shapes
 from fmd.recovery.stress import element_stress, modal_stress, point_stress
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import InertiaGram, add_normal_blocks, normal_blocks
+from fmd.reduction.inertia import InertiaIntegrals, add_normal_blocks, normal_blocks
 from fmd.scene.any_body import Flexible
 from fmd.scene.bodies import Bar
 from fmd.scene.imported_bodies import CadPart, MatrixPart
@@ -67,7 +67,7 @@ _DEFORMATION = ("fmd/fem", "fmd/recovery/deformation.py")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
-SecondOrder = tuple[InertiaGram, Mapping[str, MarkerShapes]]
+SecondOrder = tuple[InertiaIntegrals, Mapping[str, MarkerShapes]]
 """Inertia and markers of a stiffened body."""
 
 
@@ -125,18 +125,18 @@ def _reduce(part: FlexiblePart) -> FlexibleBody:
 def _stiffen(part: FlexiblePart) -> SecondOrder:
     from fmd.stages.basis import stiffen_reduced
 
-    if part.is_reduced and part.body.gram.stiffening.size:  # by its file
-        return part.body.gram, part.body.markers
+    if part.is_reduced and part.body.integrals.stiffening.size:  # by its file
+        return part.body.integrals, part.body.markers
     if not part.has_mesh:
         given = NO_MESH.format("file" if part.is_reduced else "matrices")
         mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
     body = stiffen_reduced(part.model, part.body)
-    return body.gram, body.markers
+    return body.integrals, body.markers
 
 
 def _integrate_along_normal(part: FlexiblePart) -> Array:
-    return normal_blocks(part.body.x, part.fe.m, part.body.shapes, part.body.gram.normal)
+    return normal_blocks(part.body.x, part.fe.m, part.body.shapes, part.body.integrals.normal)
 
 
 def _find_surface(part: FlexiblePart) -> SurfaceTopology:
@@ -365,14 +365,14 @@ class FlexiblePart:
     @property
     def stiffened(self) -> FlexibleBody:
         """The reduced body, stiffened by all loads that pass through it."""
-        gram, markers = self.second_order
-        return replace(self.body, gram=gram, markers=markers)
+        integrals, markers = self.second_order
+        return replace(self.body, integrals=integrals, markers=markers)
 
     def for_any_motion(self, body: FlexibleBody) -> FlexibleBody:
         """Add the inertia integrals that motion about one axis doesn't take to the reduced body, stiffened or not."""
-        if body.gram.normal < 0:
+        if body.integrals.normal < 0:
             return body
-        return replace(body, gram=add_normal_blocks(body.gram, self.inertia_along_normal))
+        return replace(body, integrals=add_normal_blocks(body.integrals, self.inertia_along_normal))
 
     @cached_property
     def elements(self) -> dict[str, int]:

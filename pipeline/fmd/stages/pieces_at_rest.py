@@ -91,12 +91,12 @@ def put_together(bodies: Sequence[FlexibleBody], cut: CutPart, supported: bool) 
             weld = next(each for each in cut.cuts if each.second == k and not each.closes)
             frames.append(move(weld.first, weld.of_first))
         J = np.concatenate([frames[k], np.eye(n)[own[k]]])
-        M += J.T @ body.gram.mass_matrix(np.eye(1, 1 + len(body.omega))[0]) @ J
+        M += J.T @ body.integrals.mass_matrix(np.eye(1, 1 + len(body.omega))[0]) @ J
         K[own[k], own[k]] = np.diag(body.omega**2)
     rings = (each for each in cut.cuts if each.closes)
-    gaps = (move(each.first, each.of_first) - move(each.second, each.of_second) for each in rings)
+    residuals = (move(each.first, each.of_first) - move(each.second, each.of_second) for each in rings)
     motions = {name: move(k, name) for k, piece in enumerate(cut.pieces) for name in piece.own_markers}
-    return PiecesAtRest(M, K, np.concatenate([np.zeros((0, n)), *gaps]), motions, n_rigid)
+    return PiecesAtRest(M, K, np.concatenate([np.zeros((0, n)), *residuals]), motions, n_rigid)
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def _check_loads(run: Pipeline) -> Mapping[str, SpinCheck]:
     if not run.parts:
         return {}
     bodies = {name: part.body for name, part in run.parts.items()}
-    meshed = [name for name, part in run.parts.items() if part.has_mesh or part.body.gram.stiffening.size]
+    meshed = [name for name, part in run.parts.items() if part.has_mesh or part.body.integrals.stiffening.size]
     return check_spins(run.divided_scene, bodies, meshed)
 
 

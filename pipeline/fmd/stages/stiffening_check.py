@@ -32,7 +32,7 @@ from fmd.core.limits.stiffening import (
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.least_work import share_open_loads
-from fmd.dynamics.open_loads import largest_gap, open_loads
+from fmd.dynamics.open_loads import largest_residual, open_loads
 from fmd.dynamics.transmitted_loads import (
     BodyLoads,
     change_by_inertia,
@@ -163,7 +163,7 @@ def check_spins(
         counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
         stiffened = wanted == "on" or (wanted == "auto" and counts)
         checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
-    opened = largest_gap(rigid, motion.times, motion.q) > CLOSED_BY_DEFORMING
+    opened = largest_residual(rigid, motion.times, motion.q) > CLOSED_BY_DEFORMING
     if wanted == "auto" and (opened or any(check.stiffened for check in checks.values())):
         for name, check in checks.items():  # stretched by a body that deflects, or by a motion that is prescribed
             held = bool(check.loads.open.any()) and (meshed is None or name in meshed)
@@ -179,7 +179,7 @@ def estimate_change(body: FlexibleBody, loads: BodyLoads) -> float:
     forces = (
         np.linalg.norm(loads.wrenches[:, :, :3], axis=2) + np.linalg.norm(loads.wrenches[:, :, 3:], axis=2) / length
     )
-    inertia = body.gram.mass * (acceleration + 0.5 * length * (spin**2 + turning))
+    inertia = body.integrals.mass * (acceleration + 0.5 * length * (spin**2 + turning))
     return float(SLOPES * (forces.sum(axis=0) + inertia).max() * (peaks / body.omega**2).max() / length)
 
 
@@ -223,14 +223,14 @@ def keep_inertia_of_pieces(
         if not error or OF_PIECES * change_by_inertia(body, checks[name].loads) > error
     }
     return {
-        name: body if part_of(name) in counts else replace(body, gram=linear[name].gram)
+        name: body if part_of(name) in counts else replace(body, integrals=linear[name].integrals)
         for name, body in pieces.items()
     }
 
 
 def with_whole_energy(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism in which displacements of second order count with their whole kinetic energy."""
-    links = [replace(link, gram=replace(link.gram, whole=True)) for link in mechanism.links]
+    links = [replace(link, integrals=replace(link.integrals, whole=True)) for link in mechanism.links]
     return replace(mechanism, links=links)
 
 
@@ -296,7 +296,7 @@ def critical_rate(body: FlexibleBody, spin: Array) -> float:
     if not size:
         return np.inf
     e = spin / size
-    D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), body.gram.G)[1:, 1:]
+    D = np.einsum("ab,abij->ij", np.eye(3) - np.outer(e, e), body.integrals.G)[1:, 1:]
     softest = np.linalg.eigvalsh(0.5 * (D + D.T) / np.outer(body.omega, body.omega))[-1]
     return float(1 / np.sqrt(softest)) if softest > 0 else np.inf
 

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 def complete_inertia(parts: Mapping[str, FlexiblePart], mechanism: Mechanism) -> Mechanism:
     """Add to bodies of a mechanism the inertia along the one axis that they turn about, from their parts by name."""
     links = [
-        replace(link, gram=add_normal_blocks(link.gram, parts[link.name].inertia_along_normal))
-        if link.gram.normal >= 0
+        replace(link, integrals=add_normal_blocks(link.integrals, parts[link.name].inertia_along_normal))
+        if link.integrals.normal >= 0
         else link
         for link in mechanism.links
     ]

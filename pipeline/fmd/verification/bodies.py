@@ -74,11 +74,11 @@ def _reduced_beam(to: str, suffix: str, read: Callable[[Path], ModalData], cache
         write_format(run, to, "beam", path)
         data = read(path)
     hertz = modes_of(equivalent_model(data)).frequencies_hz
-    inertia, centre = data.gram.inertia(np.eye(1, 1 + data.n)[0]), data.gram.S[:, 0] / data.gram.mass
-    about_centre = float(inertia[2, 2] - data.gram.mass * (centre[:2] @ centre[:2]))
+    inertia, centre = data.integrals.inertia(np.eye(1, 1 + data.n)[0]), data.integrals.S[:, 0] / data.integrals.mass
+    about_centre = float(inertia[2, 2] - data.integrals.mass * (centre[:2] @ centre[:2]))
     return [
         *_bending(hertz),
-        Figure("mass [kg]", data.gram.mass, _MASS, _ROUND_OFF),
+        Figure("mass [kg]", data.integrals.mass, _MASS, _ROUND_OFF),
         Figure("moment of inertia [kg m²]", about_centre, _INERTIA, _ROUND_OFF),
     ]
 
@@ -134,9 +134,9 @@ def _manual(_: Cache | None) -> list[Figure]:
         path = Path(folder) / "manual.fem"
         path.write_text(MANUAL_EXAMPLE, encoding="utf-8")
         data = read_mbdyn(path)
-    J = data.gram.inertia(np.array([1.0, 0.0, 0.0]))
+    J = data.integrals.inertia(np.array([1.0, 0.0, 0.0]))
     figures = make_figures([f"J_{a}{a} [kg m²]" for a in "xyz"], J.diagonal(), (11.0, 3.0, 11.0), 1e-14)
-    return [Figure("mass [kg]", data.gram.mass, 3.0, 1e-14), *figures]
+    return [Figure("mass [kg]", data.integrals.mass, 3.0, 1e-14), *figures]
 
 
 _HUANG = "Huang, J Appl Mech 28 (1961)"

@@ -37,7 +37,7 @@ def _rod(cache: Cache | None) -> list[Figure]:
     linear, nonlinear = stretched_rod(0.5, next(softened.fe.material.over(slice(None)))[0], 3000.0)
     # Without spin softening: the static answer of the reduced body, enriched for it, to the load of its own shape.
     body = open_scene("verification/rod", cache, [_ALL_AXIAL]).part.body
-    load = 3000.0**2 * (body.gram.G[0, 0] + body.gram.G[1, 1])[1:, 0]
+    load = 3000.0**2 * (body.integrals.G[0, 0] + body.integrals.G[1, 1])[1:, 0]
     extension = float(body.markers["tip"].translation[0] @ (load / body.omega**2))
     tip = _tip_displacement(softened)[1][-1, 0]
     return [

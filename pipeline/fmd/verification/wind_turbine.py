@@ -9,7 +9,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.reduction.formats.sid_terms import Taylor, sid_terms
-from fmd.reduction.inertia import InertiaGram, inertia_gram
+from fmd.reduction.inertia import InertiaIntegrals, inertia_integrals
 from fmd.reduction.modal_data import ModalData
 from fmd.verification.case import Figure, VerificationCase, make_figures
 
@@ -70,17 +70,17 @@ def _tower_terms() -> tuple[float, dict[str, Taylor], dict[str, Taylor]]:
     x = np.concatenate(points)[:, None] * np.array([0.0, 0.0, 1.0])
     Phi = np.zeros((len(x), 3, 2))
     Phi[:, 0, 0] = Phi[:, 1, 1] = np.concatenate([w @ first[own] for own, w in rows])
-    gram = inertia_gram(x, np.diag(np.concatenate(masses)), Phi)
+    integrals = inertia_integrals(x, np.diag(np.concatenate(masses)), Phi)
     tension = np.cumsum(forces[::-1])[::-1][1:]  # in an element by unit spin: what acts on the nodes beyond it
     stiff = sum(N * ds @ (slope @ first[own]) ** 2 for N, (own, slope, ds) in zip(tension, slopes, strict=True))
     KG = np.zeros((3, 3, 2, 2))
     KG[2, 2] = stiff * np.eye(2)
-    G = gram.G.copy()
+    G = integrals.G.copy()
     G[:, :, 1:, 1:] -= KG
     bend_stiffness = float(first @ K @ first) * np.eye(2)
-    plain = ModalData(gram, bend_stiffness, np.zeros((2, 2)), {})
-    spun = ModalData(InertiaGram(G, gram.S, gram.mass, KG), bend_stiffness, np.zeros((2, 2)), {})
-    return gram.mass, sid_terms(plain), sid_terms(spun)
+    plain = ModalData(integrals, bend_stiffness, np.zeros((2, 2)), {})
+    spun = ModalData(InertiaIntegrals(G, integrals.S, integrals.mass, KG), bend_stiffness, np.zeros((2, 2)), {})
+    return integrals.mass, sid_terms(plain), sid_terms(spun)
 
 
 def _tower(_: Cache | None) -> list[Figure]:
@@ -132,8 +132,8 @@ def _blade(_: Cache | None) -> list[Figure]:
     x = np.zeros((_NODES, 3))
     x[:, 2] = _HUB + z
     shapes = twisted_shapes(z, np.radians(np.interp(z / _LENGTH, fraction, twist)))
-    gram = inertia_gram(x, np.diag(masses), shapes)
-    terms = sid_terms(ModalData(gram, np.eye(3), np.zeros((3, 3)), {}))
+    integrals = inertia_integrals(x, np.diag(masses), shapes)
+    terms = sid_terms(ModalData(integrals, np.eye(3), np.zeros((3, 3)), {}))
     found = {
         "J_xx [kg m²]": terms["J"].M0[0, 0],
         "J_xz of flap 1 [kg m]": terms["J"].M1[0, 0, 2],

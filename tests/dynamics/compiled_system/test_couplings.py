@@ -9,7 +9,7 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.core.formula import parse_formula
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import formula, half_sine
 from fmd.integrators.central_difference import CentralDifference
@@ -19,8 +19,8 @@ from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
 from fmd.scene.joints.spherical import SPHERICAL
 
-POINT = rigid_gram(2.0, np.zeros(3), np.zeros((3, 3)))
-ROD = rigid_gram(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
+POINT = rigid_integrals(2.0, np.zeros(3), np.zeros((3, 3)))
+ROD = rigid_integrals(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
 X, Y = np.eye(3)[:2]
 
 
@@ -90,9 +90,9 @@ def test_dampers_of_single_coordinates_leave_them_single() -> None:
     beam = Pipeline(load_scene("beam"))
     (link,) = beam.mechanism.links
     system = CompiledSystem(Mechanism([replace(link, damping=np.full(len(link.omega), 0.01))]))
-    held = system.frozen(1e-4)
-    assert held.single
-    assert held.damped
+    frozen = system.frozen(1e-4)
+    assert frozen.single
+    assert frozen.damped
 
 
 # Loads within a cycle --------------------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def test_a_motion_that_varies_within_a_cycle_is_followed_to_second_order() -> No
     "method", [CentralDifference(1e-3), Subcycling(1e-3, 5), ReversibleSubcycling(1e-3, 5)], ids=lambda m: m.name
 )
 def test_a_pickled_system_moves_alike_bit_for_bit(method: CentralDifference) -> None:
-    bob = rigid_gram(2.0, np.array([0.0, 0.1, -0.5]), np.diag([0.11, 0.12, 0.05]))
+    bob = rigid_integrals(2.0, np.array([0.0, 0.1, -0.5]), np.diag([0.11, 0.12, 0.05]))
     links = [Link("bob", bob, SPHERICAL), Link("slider", POINT, PRISMATIC, 0, axis=X, spring=200.0)]
     system = CompiledSystem(Mechanism(links, ["slider"], gravity=np.array([0.0, 0.0, -9.81])))
     start, times = (system.mechanism.rest_positions, np.array([0.3, -0.2, 2.0, 0.1])), np.linspace(0.0, 0.5, 11)

@@ -12,7 +12,7 @@ from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.integrators.protocol import evaluate
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.scene.joints.revolute import REVOLUTE
 
 START, DURATION, PEAK = 0.2, 1.5, 20.0  # of half a sine of torque
@@ -30,10 +30,10 @@ class Points(NamedTuple):
     omega: Array
 
     def system(self, peak: float = PEAK) -> CompiledSystem:
-        gram = inertia_gram(self.x, self.m, self.Phi)
+        integrals = inertia_integrals(self.x, self.m, self.Phi)
         hinge = {"axis": self.axis, "joint_rotation": self.axis @ self.rotation}
         load = half_sine(START, DURATION, peak)
-        return CompiledSystem(Mechanism([Link("body", gram, REVOLUTE, omega=self.omega, load=load, **hinge)]))
+        return CompiledSystem(Mechanism([Link("body", integrals, REVOLUTE, omega=self.omega, load=load, **hinge)]))
 
     def mass_matrix(self, q: Array) -> Array:
         """Mass matrix of spin and modes: half the Hessian of the points' kinetic energy by the rates."""

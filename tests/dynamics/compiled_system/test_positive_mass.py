@@ -148,12 +148,12 @@ def test_displacements_of_second_order_leave_the_kinetic_energy_positive(tmp_pat
     (tmp_path / "bar.toml").write_text(f'title = "Bar"\n{bar}{end}'.replace("run =", f"{WEIGHT}\nrun ="))
     run = Pipeline(load_scene(tmp_path / "bar.toml"))
     (link,), modes = run.mechanism.links, run.mechanism.modes_of(0)
-    assert link.gram.second_order is not None
+    assert link.integrals.second_order is not None
     shapes = run.bodies["strip0"].markers["tip"].translation
     for k, part in ((0, 0.1), (1, 0.1), (0, 0.3), (1, 0.3)):
         q = run.mechanism.rest_positions.copy()
         q[modes[k]] = part * 0.3333333 / np.linalg.norm(shapes[:, k])
         M = run.system.mass_matrix(q)
         assert np.linalg.eigvalsh(M)[0] > 0
-        M[np.ix_(modes, modes)] -= link.gram.second_order.matrix(q[modes])
+        M[np.ix_(modes, modes)] -= link.integrals.second_order.matrix(q[modes])
     assert np.linalg.eigvalsh(M)[0] < -0.5

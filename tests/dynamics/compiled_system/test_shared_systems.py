@@ -6,7 +6,7 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.dynamics.compiled_system import shared
 from fmd.dynamics.compiled_system.shared import share_system
-from fmd.dynamics.links import Link, PointLoad, rigid_gram
+from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.integrators.central_difference import CentralDifference
@@ -16,8 +16,8 @@ TIMES = np.linspace(0.0, 0.1, 11)
 
 
 def swing(**changes: object) -> Mechanism:
-    gram = rigid_gram(2.0, np.array([0.3, 0.0, 0.0]), 0.1 * np.eye(3))
-    link = Link("arm", gram, REVOLUTE, spring=5.0, joint_name="hinge", load=half_sine(0.0, 0.2, 3.0))
+    integrals = rigid_integrals(2.0, np.array([0.3, 0.0, 0.0]), 0.1 * np.eye(3))
+    link = Link("arm", integrals, REVOLUTE, spring=5.0, joint_name="hinge", load=half_sine(0.0, 0.2, 3.0))
     return Mechanism([link], horizon=1.0, **changes)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.links import Link, rigid_gram
+from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
 from fmd.integrators.central_difference import CentralDifference
@@ -58,7 +58,7 @@ def test_central_difference_is_of_second_order_between_its_steps(chain: Make) ->
 
 @pytest.mark.parametrize("m", [2, 5])
 def test_sub_cycling_is_at_least_of_first_order_on_any_chain(chain: Make, name: str, m: int) -> None:
-    # All these chains couple through their mass matrix: a slow acceleration held over a cycle is late by half of it.
+    # All these chains couple through their mass matrix: a slow acceleration frozen over a cycle is late by half of it.
     some = chain(name, gravity=WEIGHT)
     start, times, steps = some.state(10), np.linspace(0.0, 1.0, 11), 0.002 / 2.0 ** np.arange(4)
     want = CLOSELY.march(some.system, *start, times)
@@ -151,6 +151,6 @@ def test_two_marches_at_once_would_not_share_room(chain: Make, method: Any) -> N
 
 def test_a_slow_oscillator_limits_the_sub_cycled_step_by_its_own_long_one() -> None:
     # A mass of 2 kg on a spring of 8 N/m: ω = 2 rad/s, so m h < 2/ω = 1 s (central difference's limit).
-    gram = rigid_gram(2.0, np.zeros(3), np.eye(3))
-    system = CompiledSystem(Mechanism([Link("a", gram, PRISMATIC, spring=8.0)]))
+    integrals = rigid_integrals(2.0, np.zeros(3), np.eye(3))
+    system = CompiledSystem(Mechanism([Link("a", integrals, PRISMATIC, spring=8.0)]))
     assert Subcycling(1.0, 10).largest_step(system) == pytest.approx(0.1, rel=1e-12)

@@ -43,7 +43,7 @@ def mass_and_force(made: PointMechanism, t: float, q: Array, v: Array) -> tuple[
     lack = mechanism.gravity - bias(made, t, q, v)
     M, force = M.copy(), np.einsum("i,iaj,ia->j", m, J, lack) + forces(made, t, q, v)
     for k, (body, link) in enumerate(zip(made.points, mechanism.links, strict=True)):
-        if link.gram.whole:
+        if link.integrals.whole:
             continue
         modes = mechanism.modes_of(k)
         mass, slowed = second_order_mass(body, q[modes + mechanism.n_positions - mechanism.n], v[modes])
@@ -75,7 +75,7 @@ def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Arra
         origin, R, inner = np.zeros(3), np.eye(3), np.zeros(0)
         if link.parent >= 0:
             origin, R, inner = out[link.parent]
-        bent, turned = marker_motion(link.place_shapes, link.place_rotations, link.place_bow, inner)
+        bent, turned = marker_motion(link.place_shapes, link.place_rotations, link.place_displacement2, inner)
         origin, R = origin + R @ (link.place + bent), R @ expm(tilde(turned)) @ link.place_axes
         axis = link.axis / np.linalg.norm(link.axis)
         s = q[mechanism.layout.position[k] : mechanism.layout.position[k] + link.n_positions]
@@ -116,9 +116,9 @@ def across(axis: Array) -> Array:
     return np.asarray(u / np.linalg.norm(u))
 
 
-def marker_motion(shapes: Array, rotations: Array, bow: Array, z: Array) -> tuple[Array, Array]:
+def marker_motion(shapes: Array, rotations: Array, displacement2: Array, z: Array) -> tuple[Array, Array]:
     """Displacement and rotation vector of a marker."""
-    second = 0.5 * (bow @ z) @ z if bow.size else np.zeros(6)
+    second = 0.5 * (displacement2 @ z) @ z if displacement2.size else np.zeros(6)
     first = [values @ z if values.size else np.zeros(3) for values in (shapes, rotations)]
     return first[0] + second[:3], first[1] + second[3:]
 
@@ -181,9 +181,12 @@ def forces(made: PointMechanism, t: float, q: Array, v: Array) -> Array:
         Q[modes] -= 2 * link.damping * link.omega * v[modes] if len(link.damping) else 0.0
         if link.n_rates == 1:
             grip = link.joint_rotation if len(link.joint_rotation) else np.zeros(len(modes))
-            z, bow = q[modes + shift], link.joint_bow if link.joint_bow.size else np.zeros((len(modes),) * 2)
-            s = q[mechanism.layout.position[k]] + grip @ z + 0.5 * z @ bow @ z
-            grip = grip + bow @ z
+            z, displacement2 = (
+                q[modes + shift],
+                link.joint_displacement2 if link.joint_displacement2.size else np.zeros((len(modes),) * 2),
+            )
+            s = q[mechanism.layout.position[k]] + grip @ z + 0.5 * z @ displacement2 @ z
+            grip = grip + displacement2 @ z
             ds = v[i] + grip @ v[modes]
             along = link.load.value(t)[0] - link.spring * (s - link.rest) - link.damper * ds
             Q[i] += along
@@ -202,7 +205,7 @@ def power(made: PointMechanism, load: object, t: float, q: Array, v: Array) -> f
     k = [link.name for link in made.mechanism.links].index(load.body)
     moved = frames(made, t, q + 1j * STEP * rate_of_positions(made, q, v))
     origin, R, z = moved[k]
-    bent, turned = marker_motion(load.shapes, load.rotations, load.bow, z)
+    bent, turned = marker_motion(load.shapes, load.rotations, load.displacement2, z)
     point, section = origin + R @ (load.place + bent), R @ expm(tilde(turned))
     force = load.size.value(t)[0] * load.direction / np.linalg.norm(load.direction)
     force = section.real @ force if load.following else force

@@ -16,11 +16,11 @@ from fmd.core.formula import parse_formula
 from fmd.core.joint_kinds import JointKind
 from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw
-from fmd.dynamics.links import Link, PointLoad, rigid_gram
+from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, formula, half_sine
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import InertiaGram, inertia_gram
+from fmd.reduction.inertia import InertiaIntegrals, inertia_integrals
 from fmd.scene.joints.constant_velocity import CONSTANT_VELOCITY
 from fmd.scene.joints.cylindrical import CYLINDRICAL
 from fmd.scene.joints.fixed import FIXED
@@ -49,7 +49,7 @@ class Points(NamedTuple):
         return np.asarray(self.x + self.Phi @ z + 0.5 * (self.Gamma @ z) @ z)
 
 
-WithFields = Callable[[Points, InertiaGram, np.random.Generator, bool], tuple[Points, InertiaGram]]
+WithFields = Callable[[Points, InertiaIntegrals, np.random.Generator, bool], tuple[Points, InertiaIntegrals]]
 
 
 @dataclass(frozen=True)
@@ -142,11 +142,13 @@ def _random_link(
 ) -> Link:
     x, m, Phi, _ = points
     if n:
-        gram = inertia_gram(x, np.diag(m), Phi)
+        integrals = inertia_integrals(x, np.diag(m), Phi)
     else:
         centre = m @ x / m.sum()
         arms = x - centre
-        gram = rigid_gram(float(m.sum()), centre, np.sum(arms**2 * m[:, None]) * np.eye(3) - (arms.T * m) @ arms)
+        integrals = rigid_integrals(
+            float(m.sum()), centre, np.sum(arms**2 * m[:, None]) * np.eye(3) - (arms.T * m) @ arms
+        )
     axis = rng.normal(size=3)
     if plane:
         axis = np.array([0.0, 0.0, 1.0 if rng.random() < 0.5 else -2.0]) if kind == REVOLUTE else [*axis[:2], 0.0]
@@ -156,7 +158,7 @@ def _random_link(
     turn = rng.normal(size=3) * ([0, 0, 1] if plane else [1, 1, 1]) * (rng.random() < 0.4)
     link = Link(
         f"body {number}",
-        gram,
+        integrals,
         kind,
         parent,
         place=rng.normal(size=3) * [1, 1, not plane],
@@ -229,17 +231,28 @@ def _with_second_order(
     for k, link in enumerate(links):
         n = len(link.omega)
         if n and rng.random() < 0.7:
-            bodies[k], gram = with_fields(bodies[k], link.gram, rng, plane)
-            bow = _random_bow(1, n, rng)[0] if len(link.joint_rotation) and rng.random() < 0.5 else np.zeros((0, 0))
-            markers = {"tip": MarkerShapes(rng.normal(size=3), *rng.normal(size=(2, 3, n)), _random_bow(6, n, rng))}
-            links[k] = replace(link, gram=gram, joint_bow=bow, markers=markers)
+            bodies[k], integrals = with_fields(bodies[k], link.integrals, rng, plane)
+            displacement2 = (
+                _random_displacement2(1, n, rng)[0]
+                if len(link.joint_rotation) and rng.random() < 0.5
+                else np.zeros((0, 0))
+            )
+            markers = {
+                "tip": MarkerShapes(rng.normal(size=3), *rng.normal(size=(2, 3, n)), _random_displacement2(6, n, rng))
+            }
+            links[k] = replace(link, integrals=integrals, joint_displacement2=displacement2, markers=markers)
     for k, link in enumerate(links):
         n = len(links[link.parent].omega) if link.parent >= 0 else 0
         if n and rng.random() < 0.7:
-            links[k] = replace(link, place_bow=_random_bow(6, n, rng) * _IN_PLANE if plane else _random_bow(6, n, rng))
+            links[k] = replace(
+                link,
+                place_displacement2=_random_displacement2(6, n, rng) * _IN_PLANE
+                if plane
+                else _random_displacement2(6, n, rng),
+            )
     counts = {link.name: len(link.omega) for link in links}
     loads = [
-        replace(at, bow=_random_bow(6, counts[at.body], rng) * (_IN_PLANE if plane else 1.0))
+        replace(at, displacement2=_random_displacement2(6, counts[at.body], rng) * (_IN_PLANE if plane else 1.0))
         if counts[at.body] and rng.random() < 0.7
         else at
         for at in mechanism.loads
@@ -247,45 +260,53 @@ def _with_second_order(
     return PointMechanism(replace(mechanism, links=links, loads=loads), tuple(bodies))
 
 
-def _with_pairs(points: Points, gram: InertiaGram, rng: np.random.Generator, plane: bool) -> tuple[Points, InertiaGram]:
+def _with_pairs(
+    points: Points, integrals: InertiaIntegrals, rng: np.random.Generator, plane: bool
+) -> tuple[Points, InertiaIntegrals]:
     """Add pairs of points with masses ±m that displacements of second order move by ±Γ.
 
     A pair has the inertia of what is linear in Γ alone: all that the equations keep of it.
     """
     n = points.Phi.shape[2]
-    x, m, Gamma = rng.normal(size=(4, 3)), rng.uniform(0.1, 0.5, 4), _random_bow(12, n, rng).reshape(4, 3, n, n)
+    x, m, Gamma = (
+        rng.normal(size=(4, 3)),
+        rng.uniform(0.1, 0.5, 4),
+        _random_displacement2(12, n, rng).reshape(4, 3, n, n),
+    )
     if plane:
         x[:, 2] = 0.0
         Gamma[:, 2] = 0.0
-    G = gram.G.copy()
+    G = integrals.G.copy()
     first = np.einsum("i,ia,ibjk->abjk", m, x, Gamma)
     G[:, :, 1:, 1:] += first + first.swapaxes(0, 1)
-    curl = 2.0 * np.einsum("abc,bcjk->ajk", EPSILON, first)
-    gram = replace(gram, G=G, bow=2.0 * np.einsum("i,iajk->ajk", m, Gamma), curl=curl)
+    rotation2 = 2.0 * np.einsum("abc,bcjk->ajk", EPSILON, first)
+    integrals = replace(integrals, G=G, displacement2=2.0 * np.einsum("i,iajk->ajk", m, Gamma), rotation2=rotation2)
     still = np.zeros((8, 3, n))
     pairs = Points(np.r_[x, x], np.r_[m, -m], still, np.r_[Gamma, -Gamma])
-    return Points(*(np.concatenate(both) for both in zip(points, pairs, strict=True))), gram
+    return Points(*(np.concatenate(both) for both in zip(points, pairs, strict=True))), integrals
 
 
 def _with_affine(
-    points: Points, gram: InertiaGram, rng: np.random.Generator, plane: bool
-) -> tuple[Points, InertiaGram]:
+    points: Points, integrals: InertiaIntegrals, rng: np.random.Generator, plane: bool
+) -> tuple[Points, InertiaIntegrals]:
     """Move points by affine fields of second order, of which the whole kinetic energy counts."""
     n = points.Phi.shape[2]
-    A = _random_bow(12, n, rng).reshape(3, 4, n, n)
+    A = _random_displacement2(12, n, rng).reshape(3, 4, n, n)
     if plane:
         A[2] = A[:, 3] = 0.0
     Gamma = np.einsum("ic,acjk->iajk", np.c_[np.ones(len(points.x)), points.x], A)
     first = np.einsum("i,ia,ibjk->abjk", points.m, points.x, Gamma)
-    stiffening, G = -0.5 * (first + first.swapaxes(0, 1)), gram.G.copy()
+    stiffening, G = -0.5 * (first + first.swapaxes(0, 1)), integrals.G.copy()
     G[:, :, 1:, 1:] -= stiffening
-    curl, bow = np.einsum("abc,bcjk->ajk", EPSILON, first), np.einsum("i,iajk->ajk", points.m, Gamma)
-    return points._replace(Gamma=Gamma), replace(gram, G=G, stiffening=stiffening, bow=bow, curl=curl, whole=True)
+    rotation2, displacement2 = np.einsum("abc,bcjk->ajk", EPSILON, first), np.einsum("i,iajk->ajk", points.m, Gamma)
+    return points._replace(Gamma=Gamma), replace(
+        integrals, G=G, stiffening=stiffening, displacement2=displacement2, rotation2=rotation2, whole=True
+    )
 
 
-def _random_bow(count: int, n: int, rng: np.random.Generator) -> Array:
-    bow = 0.1 * rng.normal(size=(count, n, n))
-    return bow + bow.transpose(0, 2, 1)
+def _random_displacement2(count: int, n: int, rng: np.random.Generator) -> Array:
+    displacement2 = 0.1 * rng.normal(size=(count, n, n))
+    return displacement2 + displacement2.transpose(0, 2, 1)
 
 
 _IN_PLANE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])[:, None, None]

@@ -100,9 +100,11 @@ def _ends(made: PointMechanism, rng: np.random.Generator) -> tuple[Attachment, A
 
 def _attachment(body: str, n: int, rng: np.random.Generator) -> Attachment:
     shapes, turns = 0.3 * rng.normal(size=(2, 3, n))
-    bow = 0.2 * rng.normal(size=(6, n, n))
+    displacement2 = 0.2 * rng.normal(size=(6, n, n))
     axes = Rotation.from_rotvec(0.4 * rng.normal(size=3)).as_matrix()
-    return Attachment(body, MarkerShapes(rng.normal(size=3), shapes, turns, bow + bow.swapaxes(1, 2)), axes)
+    return Attachment(
+        body, MarkerShapes(rng.normal(size=3), shapes, turns, displacement2 + displacement2.swapaxes(1, 2)), axes
+    )
 
 
 def strain(made: PointMechanism, element: Element, t: float, q: Array) -> Array:
@@ -119,7 +121,7 @@ def _pose(made: PointMechanism, end: Attachment, t: float, q: Array) -> tuple[Ar
     if not end.body:
         return end.marker.position, end.axes
     origin, R, z = kane.frames(made, t, q)[made.mechanism.number_of(end.body)]
-    bent, turned = kane.marker_motion(end.marker.translation, end.marker.rotation, end.marker.bow, z)
+    bent, turned = kane.marker_motion(end.marker.translation, end.marker.rotation, end.marker.displacement2, z)
     return np.real(origin + R @ (end.marker.position + bent)), np.real(R @ expm(kane.tilde(turned)) @ end.axes)
 
 

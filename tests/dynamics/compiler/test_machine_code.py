@@ -202,7 +202,7 @@ def test_every_constant_of_a_mechanism_is_in_its_digest() -> None:
         changed(one, spring=first.spring + 1.0),
         changed(one, place=first.place + 1e-9),
         changed(one, axis=first.axis[::-1]),
-        changed(one, gram=replace(first.gram, mass=first.gram.mass + 1.0)),
+        changed(one, integrals=replace(first.integrals, mass=first.integrals.mass + 1.0)),
         changed(one, load=constant(1.5)),
         changed(one, load=formula(parse_formula("sin(t)"))),
         changed(one, joint=PRISMATIC),

@@ -18,7 +18,13 @@ def traits(seed: int) -> Iterator[tuple[object, ...]]:
         yield "on", link.joint, "ground" if carrier is None else "flexible" if len(carrier.omega) else "rigid"
         yield "is", link.joint, "flexible" if len(link.omega) else "rigid"
         yield "prescribed", link.joint, link.motion is not None
-        yield "second order", *(bool(form.any()) for form in (link.gram.bow, link.joint_bow, link.place_bow))
+        yield (
+            "second order",
+            *(
+                bool(form.any())
+                for form in (link.integrals.displacement2, link.joint_displacement2, link.place_displacement2)
+            ),
+        )
     for load in made.mechanism.loads:
         yield "load", load.torque, load.following, len(load.rotations.T) > 0
     yield "carries several", max(Counter(link.parent for link in links).values()) > 1

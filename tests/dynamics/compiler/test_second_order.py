@@ -134,7 +134,7 @@ def test_markers_are_where_their_points_are(seed: int) -> None:
     for k, link in enumerate(made.mechanism.links):
         for name, at in link.markers.items():
             origin, R, z = bodies[k]
-            moved, turned = kane.marker_motion(at.translation, at.rotation, at.bow, z)
+            moved, turned = kane.marker_motion(at.translation, at.rotation, at.displacement2, z)
             bent.append((origin + R @ (at.position + moved), R @ expm(kane.tilde(turned))))
             assert np.allclose(plain.marker_position(k, name)[0], bent[-1][0], rtol=0, atol=1e-12)
     for (place, turn), at, by in zip(bent, positions, rotations, strict=True):

@@ -16,7 +16,7 @@ def test_solutions_for_given_forces_are_those_of_the_mass_matrix(seed: int) -> N
 
 
 @EACH
-def test_fast_coordinates_respond_alone_while_the_slow_ones_are_held(seed: int) -> None:
+def test_fast_coordinates_respond_alone_while_the_slow_ones_are_frozen(seed: int) -> None:
     made = random_mechanism(seed)
     q, v = made.state(seed)
     n_slow = made.mechanism.n_slow
@@ -28,7 +28,7 @@ def test_fast_coordinates_respond_alone_while_the_slow_ones_are_held(seed: int) 
 
 
 @EACH
-def test_slow_coordinates_respond_alone_while_the_fast_ones_are_held(seed: int) -> None:
+def test_slow_coordinates_respond_alone_while_the_fast_ones_are_frozen(seed: int) -> None:
     made = random_mechanism(seed)
     q, v = made.state(seed)
     n_slow = made.mechanism.n_slow

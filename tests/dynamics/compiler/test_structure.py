@@ -11,7 +11,7 @@ from fmd.dynamics.compiler.cleaning import orthonormal_rows
 from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.compiler import lagrange
 from tests.dynamics.compiler.comparison import TIME, difference
@@ -35,8 +35,8 @@ def plane_arm(lift: float = 0.0, n: int = 4) -> Mechanism:
         shapes, turns = 0.3 * rng.normal(size=(3, n)), 0.4 * rng.normal(size=(3, n))
         shapes[2], turns[:2] = up[0], up[1:]
         markers = {"place": np.array([1.0, 0.2, lift]), "place_shapes": shapes, "place_rotations": turns} if k else {}
-        gram, omega = inertia_gram(x, np.diag(m), Phi), rng.uniform(3.0, 9.0, n)
-        links.append(Link(f"body {k}", gram, REVOLUTE, k - 1, omega=omega, **markers))
+        integrals, omega = inertia_integrals(x, np.diag(m), Phi), rng.uniform(3.0, 9.0, n)
+        links.append(Link(f"body {k}", integrals, REVOLUTE, k - 1, omega=omega, **markers))
     return Mechanism(links)
 
 

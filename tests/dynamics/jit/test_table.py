@@ -87,7 +87,7 @@ def test_python_calls_no_kernel_that_has_no_way_in_for_it() -> None:
     functions = {name: [f for f in nodes if isinstance(f, ast.FunctionDef)] for name, nodes in trees.items()}
     only = {"inner", "inlined", "contracted"}
     inner = {name: {f.name for f in found if only & marks(f)} for name, found in functions.items()}
-    assert {"step_all", "step_single"} <= inner["fmd.dynamics.compiled_system.held"]
+    assert {"step_all", "step_single"} <= inner["fmd.dynamics.compiled_system.frozen"]
     wrong = []
     for name, nodes in trees.items():
         imports = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]

@@ -21,7 +21,7 @@ FORMULAS = (
 
 
 @pytest.mark.parametrize("text", FORMULAS)
-def test_bounds_hold_values_and_derivatives_within(text: str) -> None:
+def test_bounds_freeze_values_and_derivatives_within(text: str) -> None:
     rng = np.random.default_rng(1)
     begin = rng.uniform(0.01, 2.0, 200)
     end = begin + 10.0 ** rng.uniform(-6.0, -0.5, 200)

@@ -6,7 +6,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import InertiaGram, inertia_gram
+from fmd.reduction.inertia import InertiaIntegrals, inertia_integrals
 from fmd.reduction.modal_data import ModalData
 
 N_MODES = 3
@@ -21,8 +21,8 @@ class PointBody:
     Phi: Array
 
     @property
-    def gram(self) -> InertiaGram:
-        return inertia_gram(self.x, np.diag(self.m), self.Phi)
+    def integrals(self) -> InertiaIntegrals:
+        return inertia_integrals(self.x, np.diag(self.m), self.Phi)
 
     @property
     def data(self) -> ModalData:
@@ -34,7 +34,7 @@ class PointBody:
         }
         A = rng.standard_normal((2, N_MODES, N_MODES))
         K, D = A @ A.swapaxes(1, 2) + np.eye(N_MODES)
-        return ModalData(self.gram, K, D, nodes)
+        return ModalData(self.integrals, K, D, nodes)
 
     def inertia_forces(self, q: Array, v: Array, spin: Array) -> Array:
         """Sum ``m δr · (ω × (ω × r) + 2 ω × u̇)`` over the points: translation, rotation, modes."""
@@ -58,8 +58,8 @@ def stiffened(data: ModalData) -> ModalData:
 
     KG = forms(3, 3)
     KG = KG + KG.transpose(1, 0, 2, 3)
-    G = data.gram.G.copy()
+    G = data.integrals.G.copy()
     G[:, :, 1:, 1:] -= KG
-    gram = replace(data.gram, G=G, stiffening=KG, bow=forms(3), curl=forms(3))
-    nodes = {name: replace(node, bow=forms(6)) for name, node in data.nodes.items()}
-    return replace(data, gram=gram, nodes=nodes, in_own_frame=True)
+    integrals = replace(data.integrals, G=G, stiffening=KG, displacement2=forms(3), rotation2=forms(3))
+    nodes = {name: replace(node, displacement2=forms(6)) for name, node in data.nodes.items()}
+    return replace(data, integrals=integrals, nodes=nodes, in_own_frame=True)

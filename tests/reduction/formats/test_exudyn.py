@@ -67,7 +67,7 @@ def test_exudyn_computes_the_same_integrals_and_loads_the_file(file: Path, capsy
         assert np.abs(found - want).max() < 1e-13 * np.abs(want).max(), name
     theirs.SaveToFile(str(file.with_name("theirs.npz")))
     back = read_exudyn(file.with_name("theirs.npz"))
-    assert np.abs(back.gram.G - BODY.gram.G).max() < 1e-12 * np.abs(BODY.gram.G).max()
+    assert np.abs(back.integrals.G - BODY.integrals.G).max() < 1e-12 * np.abs(BODY.integrals.G).max()
     assert len(back.nodes) == len(BODY.x)
     assert loaded.nModes == N_MODES
     assert loaded.nNodes == len(BODY.x) + 8
@@ -75,8 +75,8 @@ def test_exudyn_computes_the_same_integrals_and_loads_the_file(file: Path, capsy
 
 def test_a_file_brings_the_body_back(file: Path):
     data, back = BODY.data, read_exudyn(file)
-    assert np.abs(back.gram.G - data.gram.G).max() < 1e-12 * np.abs(data.gram.G).max()
-    assert np.abs(back.gram.S - data.gram.S).max() < 1e-12 * np.abs(data.gram.S).max()
+    assert np.abs(back.integrals.G - data.integrals.G).max() < 1e-12 * np.abs(data.integrals.G).max()
+    assert np.abs(back.integrals.S - data.integrals.S).max() < 1e-12 * np.abs(data.integrals.S).max()
     assert np.array_equal(back.K, data.K)
     assert np.array_equal(back.D, data.D)
     for name, want in data.nodes.items():

@@ -7,7 +7,7 @@ import pytest
 
 from fmd.core.errors import InputError
 from fmd.reduction.formats.mbdyn_file import inertia_points, read_mbdyn, write_mbdyn
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.verification.bodies import MANUAL_EXAMPLE
 from tests.reduction.formats.bodies_of_points import point_body
 
@@ -24,16 +24,16 @@ def file(tmp_path: Path) -> Path:
 def test_the_points_have_the_bodys_integrals():
     """Thirty points of unequal masses, and about as many equal ones in other places."""
     mass, x, shapes = inertia_points(BODY.data)
-    gram = inertia_gram(x, mass * np.eye(len(x)), shapes)
+    integrals = inertia_integrals(x, mass * np.eye(len(x)), shapes)
     assert len(x) == 2 * 12
-    assert np.abs(gram.G - BODY.gram.G).max() < 1e-13 * np.abs(BODY.gram.G).max()
-    assert np.abs(gram.S - BODY.gram.S).max() < 1e-13 * np.abs(BODY.gram.S).max()
+    assert np.abs(integrals.G - BODY.integrals.G).max() < 1e-13 * np.abs(BODY.integrals.G).max()
+    assert np.abs(integrals.S - BODY.integrals.S).max() < 1e-13 * np.abs(BODY.integrals.S).max()
 
 
 def test_a_file_brings_the_body_back(file: Path):
     data, back = BODY.data, read_mbdyn(file)
-    assert np.abs(back.gram.G - data.gram.G).max() < 1e-12 * np.abs(data.gram.G).max()
-    assert np.abs(back.gram.S - data.gram.S).max() < 1e-12 * np.abs(data.gram.S).max()
+    assert np.abs(back.integrals.G - data.integrals.G).max() < 1e-12 * np.abs(data.integrals.G).max()
+    assert np.abs(back.integrals.S - data.integrals.S).max() < 1e-12 * np.abs(data.integrals.S).max()
     for name in ("K", "D", "M"):
         assert np.abs(getattr(back, name) - getattr(data, name)).max() < 1e-13
     for label, want in (("left-end", data.nodes["left end"]), ("right", data.nodes["right"])):
@@ -45,18 +45,18 @@ def test_a_file_brings_the_body_back(file: Path):
 def test_the_manuals_example_has_the_inertia_that_the_manual_says(tmp_path: Path):
     (tmp_path / "manual.fem").write_text(MANUAL_EXAMPLE)
     data = read_mbdyn(tmp_path / "manual.fem")
-    assert data.gram.mass == 3.0
-    assert np.array_equal(data.gram.inertia(np.array([1.0, 0.0, 0.0])), np.diag([11.0, 3.0, 11.0]))
+    assert data.integrals.mass == 3.0
+    assert np.array_equal(data.integrals.inertia(np.array([1.0, 0.0, 0.0])), np.diag([11.0, 3.0, 11.0]))
     assert np.array_equal(data.M, np.diag([2.0, 2.0]))
-    assert data.gram.S[:, 1:].tolist() == [[0.0, 2.0], [0.0, 0.0], [2.0, 0.0]]
+    assert data.integrals.S[:, 1:].tolist() == [[0.0, 2.0], [0.0, 0.0], [2.0, 0.0]]
 
 
 def test_global_inertia_replaces_that_of_the_nodes(tmp_path: Path):
     text = MANUAL_EXAMPLE + "** RECORD GROUP 12, GLOBAL INERTIA\n 4\n 0 1 0\n 12 0 0\n 0 4 0\n 0 0 12\n"
     (tmp_path / "x.fem").write_text(text)
-    gram = read_mbdyn(tmp_path / "x.fem").gram
-    assert gram.mass == 4.0
-    assert np.allclose(gram.inertia(np.array([1.0, 0.0, 0.0])), np.diag([16.0, 4.0, 16.0]), rtol=1e-14)
+    integrals = read_mbdyn(tmp_path / "x.fem").integrals
+    assert integrals.mass == 4.0
+    assert np.allclose(integrals.inertia(np.array([1.0, 0.0, 0.0])), np.diag([16.0, 4.0, 16.0]), rtol=1e-14)
 
 
 def test_lacking_nodal_masses_are_noted(tmp_path: Path):

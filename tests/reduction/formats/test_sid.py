@@ -15,7 +15,7 @@ from fmd.fem.assembly import assemble
 from fmd.integrators.protocol import evaluate
 from fmd.reduction.formats.sid_file import read_sid, write_sid
 from fmd.reduction.formats.sid_terms import Taylor, equations_of_motion, modal_data_of, sid_terms
-from fmd.reduction.inertia import inertia_gram
+from fmd.reduction.inertia import inertia_integrals
 from fmd.reduction.modal_data import ModalData
 from fmd.scene.joints.free import FREE
 from tests.reduction.formats.bodies_of_points import N_MODES, point_body, stiffened
@@ -36,8 +36,8 @@ def test_terms_are_the_integrals_over_a_part_of_tetrahedra(box_mesh, steel):
     phi = [np.asarray(basis.interpolate(Phi[..., k].ravel())).reshape(3, -1).T for k in range(n)]
     r = np.asarray(basis.global_coordinates()).reshape(3, -1).T
     dm = steel.rho * basis.dx.ravel()
-    gram = inertia_gram(fe.x, fe.m, Phi)
-    terms = sid_terms(ModalData(gram, np.eye(n), np.zeros((n, n)), {}))
+    integrals = inertia_integrals(fe.x, fe.m, Phi)
+    terms = sid_terms(ModalData(integrals, np.eye(n), np.zeros((n, n)), {}))
 
     def integral(values):
         return np.tensordot(dm, values, axes=1)
@@ -83,10 +83,10 @@ def test_the_equations_are_those_of_the_points_to_first_order():
     spin, q, v = rng.standard_normal(3), rng.standard_normal(N_MODES), rng.standard_normal(N_MODES)
     errors = []
     for size in (1e-3, 5e-4):
-        M, forces = equations_of_motion(BODY.gram.mass, terms, size * q, size * v, spin)
+        M, forces = equations_of_motion(BODY.integrals.mass, terms, size * q, size * v, spin)
         forces[6:] -= BODY.data.K @ q * size + BODY.data.D @ v * size
         want = BODY.inertia_forces(size * q, size * v, spin)
-        exact = BODY.gram.mass_matrix(np.r_[1.0, size * q])
+        exact = BODY.integrals.mass_matrix(np.r_[1.0, size * q])
         errors.append([np.abs(forces - want).max(), np.abs(M - exact).max()])
     assert max(errors[0]) < 1e-3
     assert np.array(errors[0]) / errors[1] == pytest.approx(4.0, rel=1e-2)
@@ -103,9 +103,9 @@ def test_a_floating_body_accelerates_as_the_compiled_one_to_first_order():
     values, turn = np.linalg.eigh(elastic.T @ (np.repeat(BODY.m, 3)[:, None] * elastic))
     Phi = (elastic @ (turn / np.sqrt(values))).reshape(BODY.Phi.shape)
     omega = np.array([3.0, 5.0, 8.0])
-    plain = ModalData(inertia_gram(BODY.x, np.diag(BODY.m), Phi), np.diag(omega**2), np.zeros((3, 3)), {})
+    plain = ModalData(inertia_integrals(BODY.x, np.diag(BODY.m), Phi), np.diag(omega**2), np.zeros((3, 3)), {})
     data = stiffened(plain)
-    link = Link("body", data.gram, FREE, omega=omega, damping=np.zeros(3), markers={})
+    link = Link("body", data.integrals, FREE, omega=omega, damping=np.zeros(3), markers={})
     system = CompiledSystem(Mechanism((link,)))
     rng = np.random.default_rng(2)
     spin, q, v = rng.standard_normal(3), rng.standard_normal(3), rng.standard_normal(3)
@@ -115,7 +115,7 @@ def test_a_floating_body_accelerates_as_the_compiled_one_to_first_order():
         state[6], state[7:] = 1.0, size * q  # a quaternion, scalar last, before the modes
         rates[3:6], rates[6:] = spin, size * v
         evaluate(system.parameters, 0.0, state, rates, found)
-        M, forces = equations_of_motion(data.gram.mass, terms, size * q, size * v, spin)
+        M, forces = equations_of_motion(data.integrals.mass, terms, size * q, size * v, spin)
         errors.append(np.abs(found - np.linalg.solve(M, -forces)).max())
     assert errors[0] < 1e-3
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
@@ -123,10 +123,10 @@ def test_a_floating_body_accelerates_as_the_compiled_one_to_first_order():
 
 def test_the_integrals_come_back_from_the_terms():
     data = stiffened(BODY.data)
-    back = modal_data_of(data.gram.mass, sid_terms(data), {})
-    for name in ("G", "S", "stiffening", "bow", "curl"):
-        want = getattr(data.gram, name)
-        assert np.abs(getattr(back.gram, name) - want).max() < 1e-12 * np.abs(data.gram.G).max(), name
+    back = modal_data_of(data.integrals.mass, sid_terms(data), {})
+    for name in ("G", "S", "stiffening", "displacement2", "rotation2"):
+        want = getattr(data.integrals, name)
+        assert np.abs(getattr(back.integrals, name) - want).max() < 1e-12 * np.abs(data.integrals.G).max(), name
     assert np.abs(back.M - data.M).max() < 1e-12
     assert back.notes == ()
 
@@ -135,10 +135,10 @@ def test_without_the_first_order_of_gr_only_the_sum_of_stiffening_is_known():
     data = stiffened(BODY.data)
     terms = sid_terms(data)
     terms["Gr"] = Taylor(terms["Gr"].M0)
-    back = modal_data_of(data.gram.mass, terms, {})
-    trace, want = (np.einsum("aaij->ij", gram.stiffening) for gram in (back.gram, data.gram))
-    assert np.abs(trace - want).max() < 1e-12 * np.abs(data.gram.G).max()
-    assert np.abs(back.gram.G - data.gram.G).max() < 1e-12 * np.abs(data.gram.G).max()
+    back = modal_data_of(data.integrals.mass, terms, {})
+    trace, want = (np.einsum("aaij->ij", integrals.stiffening) for integrals in (back.integrals, data.integrals))
+    assert np.abs(trace - want).max() < 1e-12 * np.abs(data.integrals.G).max()
+    assert np.abs(back.integrals.G - data.integrals.G).max() < 1e-12 * np.abs(data.integrals.G).max()
 
 
 @pytest.fixture
@@ -168,12 +168,12 @@ def test_a_file_brings_the_body_back(file: Path, dialect: str):
     if dialect == "new frame":
         file.write_text(in_the_other_dialect(file.read_text()))
     back = read_sid(file)
-    assert np.abs(back.gram.G - data.gram.G).max() < 1e-12 * np.abs(data.gram.G).max()
+    assert np.abs(back.integrals.G - data.integrals.G).max() < 1e-12 * np.abs(data.integrals.G).max()
     assert np.array_equal(back.K, data.K)
     assert np.array_equal(back.D, data.D)
-    assert np.array_equal(back.gram.bow, data.gram.bow)
+    assert np.array_equal(back.integrals.displacement2, data.integrals.displacement2)
     for node, want in zip(back.nodes.values(), data.nodes.values(), strict=True):
-        for name in ("position", "translation", "rotation", "bow"):
+        for name in ("position", "translation", "rotation", "displacement2"):
             assert np.array_equal(getattr(node, name), getattr(want, name)), name
     assert list(back.nodes) == ["1", "2"]
     assert back.in_own_frame
@@ -195,8 +195,8 @@ def test_columns_of_ge_may_go_by_axes(file: Path):
     head = text[start:end].partition("m0")[0]
     file.write_text(f"{text[:start]}{head}{entries}\n{text[end:]}")
     back = read_sid(file)
-    want = stiffened(BODY.data).gram.G
-    assert np.abs(back.gram.G - want).max() < 1e-12 * np.abs(want).max()
+    want = stiffened(BODY.data).integrals.G
+    assert np.abs(back.integrals.G - want).max() < 1e-12 * np.abs(want).max()
 
 
 def test_what_contradicts_is_noted_and_not_taken(file: Path):

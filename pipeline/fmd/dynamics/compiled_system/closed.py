@@ -20,7 +20,7 @@ from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, 
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.jit.compiled import inlined, inner, meaning
 from fmd.dynamics.jit.native import call_native
-from fmd.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints
 
 _settles = inlined(settles)
 
@@ -120,7 +120,7 @@ def _project(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
     set_inputs(p, float(t))
     last = math.inf
     for k in range(PROJECTIONS + 1):
-        call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
+        call_native(p.residuals, (p.inputs, q, v, p.g, p.rates))
         widest = _widest(p.g)
         if k == 0 or widest > RELINEARISED:
             p.whole.fresh[0] = 1.0
@@ -135,7 +135,7 @@ def _project(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
         _push(p.whole, p.g)
         advance(p, q, p.whole.push, 1.0, 0, v.size)
     for _ in range(2):  # the second takes the first one's round-off away
-        call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
+        call_native(p.residuals, (p.inputs, q, v, p.g, p.rates))
         _push(p.whole, p.rates)
         for i in range(v.size):
             v[i] += p.whole.push[i]
@@ -151,15 +151,15 @@ def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, 
     for i in range(v.size):
         v[i] += h * a[i]
     advance(p, q, v, h, 0, v.size)
-    close_gaps(p, t + h, h, q, v, a)
+    project_onto_constraints(p, t + h, h, q, v, a)
 
 
-@meaning(close_gaps, ClosedParameters)
-def _close_gaps(p: ClosedParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+@meaning(project_onto_constraints, ClosedParameters)
+def _project_onto_constraints(p: ClosedParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
     last, anew = math.inf, False
     for k in range(2 * PROJECTIONS):
-        call_native(p.gaps, (p.inputs, q, v, p.g, p.rates))
+        call_native(p.residuals, (p.inputs, q, v, p.g, p.rates))
         widest = _widest(p.g)
         if _settles(widest, last, PROJECTED, NOT_PROJECTED):
             return

@@ -1,46 +1,46 @@
-"""Sub-cycling of a compiled mechanism with loops: its fast equation, held from a major cycle's begin on.
+"""Sub-cycling of a compiled mechanism with loops: its fast equation, frozen from a major cycle's begin on.
 
-Multipliers that are held over a cycle make the method one of first order that diverges with long cycles. So they answer
-each fast step, and the slow coordinates, on which they act, with them: the equation is that of `middle`. What the slow
-motion and the loads change in a cycle is taken in to first order in time, by the accelerations a little later.
+Multipliers that are frozen over a cycle make the method one of first order that diverges with long cycles. So they
+answer each fast step, and the slow coordinates, on which they act, with them: the equation is that of `middle`. What
+the slow motion and the loads change in a cycle is taken in to first order in time, by the accelerations a little later.
 """
 
 from __future__ import annotations
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiled_system.held import step_all
+from fmd.dynamics.compiled_system.frozen import step_all
 from fmd.dynamics.compiled_system.kernels import set_inputs
-from fmd.dynamics.compiled_system.middle import hold_reacting
+from fmd.dynamics.compiled_system.middle import freeze_reacting
 from fmd.dynamics.compiled_system.parameters import ClosedCycle, ClosedParameters
 from fmd.dynamics.jit.compiled import meaning
-from fmd.dynamics.system import accelerations, advance, fast_steps, hold_slow
+from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow
 
 
-@meaning(hold_slow, ClosedParameters)
-def _hold_slow(p: ClosedParameters, t: float, q: Array, v: Array, a: Array, frozen: ClosedCycle) -> None:
-    middle, D, held = frozen.middle, frozen.D, frozen.middle.held
-    n, n_slow, ahead = v.size, held.n_slow, frozen.ahead[0]
+@meaning(freeze_slow, ClosedParameters)
+def _freeze_slow(p: ClosedParameters, t: float, q: Array, v: Array, a: Array, closed: ClosedCycle) -> None:
+    middle, D, frozen = closed.middle, closed.D, closed.middle.frozen
+    n, n_slow, ahead = v.size, frozen.n_slow, closed.ahead[0]
     set_inputs(p, float(t))
-    held.time[0] = t
+    frozen.time[0] = t
     for i in range(q.size):
-        frozen.q[i] = q[i]
-    hold_reacting(p, q, v, D, middle, a)
+        closed.q[i] = q[i]
+    freeze_reacting(p, q, v, D, middle, a)
     for i in range(n_slow):  # the motion of q_L + D q_S, which leaves the fast coordinates where they are
-        frozen.a[i] = v[i]
-        frozen.v[i] = v[i] + ahead * middle.y[i]
+        closed.a[i] = v[i]
+        closed.v[i] = v[i] + ahead * middle.y[i]
         for j in range(n_slow, n):
-            frozen.a[i] += D[j, i] * v[j]
+            closed.a[i] += D[j, i] * v[j]
     for j in range(n_slow, n):
-        frozen.v[j] = v[j]
-    advance(p, frozen.q, frozen.a, ahead, 0, n_slow)
-    accelerations(p, t + ahead, frozen.q, frozen.v, frozen.a)
+        closed.v[j] = v[j]
+    advance(p, closed.q, closed.a, ahead, 0, n_slow)
+    accelerations(p, t + ahead, closed.q, closed.v, closed.a)
     p.whole.fresh[0] = 1.0  # for the next cycle
     for j in range(n_slow, n):
-        held.slope[j] = (frozen.a[j] - a[j]) / ahead
+        frozen.slope[j] = (closed.a[j] - a[j]) / ahead
 
 
 @meaning(fast_steps, ClosedParameters)
 def _fast_steps(
     p: ClosedParameters, frozen: ClosedCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    step_all(p, frozen.middle.held, first, h, count, q, v, a)
+    step_all(p, frozen.middle.frozen, first, h, count, q, v, a)

@@ -8,7 +8,7 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
 from fmd.dynamics.jit.compiled import inlined, meaning
 from fmd.dynamics.jit.native import call_native
-from fmd.dynamics.system import accelerations, advance, close_gaps, leapfrog_step, project, velocities
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints, velocities
 
 
 @inlined
@@ -37,7 +37,7 @@ def _project(p: TreeParameters, t: float, q: Array, v: Array) -> None:
     pass
 
 
-@meaning(close_gaps, TreeParameters)
+@meaning(project_onto_constraints, TreeParameters)
 def _close_nothing(p: TreeParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     pass
 

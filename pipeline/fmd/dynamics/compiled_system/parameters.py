@@ -47,12 +47,12 @@ class ClosedParameters(CompiledParameters):
 
     closed: int  # addresses of the compiled functions
     multipliers: int
-    gaps: int
+    residuals: int
     units: Array  # (n_blocks, n_rows, 8): unit multipliers, eight to a block
     J: Array  # (n_blocks, n, 8): Jᵀ, where sub-cycling needs it
     whole: Multipliers  # with all coordinates free
-    slow: Multipliers  # with the fast ones held
-    g: Array  # (n_rows,): gaps, their rates and accelerations
+    slow: Multipliers  # with the fast ones frozen
+    g: Array  # (n_rows,): residuals, their rates and accelerations
     rates: Array
     w: Array
 
@@ -67,16 +67,16 @@ class Leapfrog(Table):
 
 
 @dataclass(frozen=True)
-class HeldCycle(Table):
+class FrozenCycle(Table):
     """Equation of the fast coordinates over a cycle, ``a_S = constant + slope τ + lever δu − K q_S − C v_S``.
 
-    δu is the change of the loads and motions since the cycle's start. Vectors hold it in the places of the fast rates.
-    Where the coordinates don't couple with each other, ``K`` and ``C`` are unused and ``k``, ``c`` hold the diagonals.
-    Functions are addresses of compiled ones, 0 for one that isn't needed; `fmd.dynamics.compiler.programs` has
-    their arguments.
+    δu is the change of the loads and motions since the cycle's start. Vectors hold it in the places of the fast
+    rates. Where the coordinates don't couple with each other, ``K`` and ``C`` are unused and ``k``, ``c`` are the
+    diagonals. Functions are addresses of compiled ones, 0 for one that isn't needed; `fmd.dynamics.compiler.programs`
+    has their arguments.
     """
 
-    hold_single: int
+    freeze_single: int
     find_drift: int
     stiffness: int
     damping: int
@@ -121,12 +121,12 @@ class HeldCycle(Table):
 class MiddleCycle(Table):
     """Equations at a major cycle's middle, in which the slow coordinates react to the fast ones at once."""
 
-    held: HeldCycle  # the fast coordinates'
+    frozen: FrozenCycle  # the fast coordinates'
     loose: bool  # slow and fast coordinates don't couple through the mass matrix in any state
     inertia: int  # addresses of the compiled functions
     solve: int
     solve_slow: int
-    react: int  # a function of all that is held, 0 where that is too much for one
+    react: int  # a function of all that is frozen, 0 where that is too much for one
     along_positions: Array  # (n_blocks, n_positions, 8): how all coordinates follow each fast one
     along_rates: Array  # (n_blocks, n, 8)
     y: Array  # (n_slow,): acceleration of ``y = q_L + D q_S`` in the middle
@@ -143,7 +143,7 @@ class MiddleCycle(Table):
 
 @dataclass(frozen=True)
 class ClosedCycle(Table):
-    """Equation of the fast coordinates of a mechanism with loops, held from a major cycle's begin on."""
+    """Equation of the fast coordinates of a mechanism with loops, frozen from a major cycle's begin on."""
 
     middle: MiddleCycle  # the equation, in which slow coordinates and multipliers react
     D: Array  # (n, n_slow): how the slow coordinates follow the fast ones

@@ -82,14 +82,17 @@ def _stiffened(mechanism: Mechanism) -> list[int]:
     return [
         k
         for k, link in enumerate(mechanism.links)
-        if link.gram.stiffening.size or link.gram.bow.size or link.gram.curl.size or link.place_bow.size
+        if link.integrals.stiffening.size
+        or link.integrals.displacement2.size
+        or link.integrals.rotation2.size
+        or link.place_displacement2.size
     ]
 
 
 def explain_failure(system: ReferenceState, failure: StabilityError) -> None:
     """Raise ``InertiaError`` if a march failed because a motion of its system lost its inertia."""
     mechanism = system.mechanism
-    if all(mechanism.links[k].gram.whole for k in _stiffened(mechanism)):  # for another reason
+    if all(mechanism.links[k].integrals.whole for k in _stiffened(mechanism)):  # for another reason
         return
     if isinstance(failure.positions, np.ndarray) and len(failure.positions) == mechanism.n_positions:
         require_positive_mass(system, failure.positions, f"at t = {failure.time:.4g} s", LOST_INERTIA)

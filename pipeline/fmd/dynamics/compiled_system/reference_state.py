@@ -79,12 +79,12 @@ class ReferenceState(Equations):
 
     @cached_property
     def highest_fast_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with the slow ones held, or reacting where loops are."""
+        """Highest angular frequency of the fast coordinates with the slow ones frozen, or reacting where loops are."""
         return self._highest(slice(self.free_motion.n_slow, None))
 
     @cached_property
     def highest_reacting_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [rad/s]."""
+        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` frozen [rad/s]."""
         M, K, _ = self._reacting
         return highest_frequency(M, K)
 
@@ -103,24 +103,24 @@ class ReferenceState(Equations):
 
     @cached_property
     def largest_fast_step(self) -> float:
-        """Longest stable leapfrog step of the fast coordinates with the slow ones held [s]."""
+        """Longest stable leapfrog step of the fast coordinates with the slow ones frozen [s]."""
         *matrices, n_slow = self.stiffest_motion
         return largest_leapfrog_step(*(A[n_slow:, n_slow:] for A in matrices))
 
     @cached_property
     def largest_reacting_step(self) -> float:
-        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` held [s]."""
+        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` frozen [s]."""
         return largest_leapfrog_step(*self._reacting)
 
     @cached_property
     def largest_slow_step(self) -> float:
-        """Longest stable leapfrog step of the slow coordinates with the fast ones held [s]."""
+        """Longest stable leapfrog step of the slow coordinates with the fast ones frozen [s]."""
         *matrices, n_slow = self.stiffest_motion
         return largest_leapfrog_step(*(A[:n_slow, :n_slow] for A in matrices))
 
     @cached_property
     def highest_slow_frequency(self) -> float:
-        """Highest angular frequency of the slow coordinates with the fast ones held [rad/s]."""
+        """Highest angular frequency of the slow coordinates with the fast ones frozen [rad/s]."""
         return self._highest(slice(0, self.free_motion.n_slow))
 
     def _highest(self, part: slice) -> float:

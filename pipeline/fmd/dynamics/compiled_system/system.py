@@ -9,7 +9,7 @@ import numpy as np
 
 import fmd.dynamics.compiled_system.closed
 import fmd.dynamics.compiled_system.closed_cycle
-import fmd.dynamics.compiled_system.held
+import fmd.dynamics.compiled_system.frozen
 import fmd.dynamics.compiled_system.kernels
 import fmd.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from fmd.core.arrays import Array, IntArray
@@ -21,7 +21,7 @@ from fmd.dynamics.compiled_system.parameters import (
     ClosedCycle,
     ClosedParameters,
     CompiledParameters,
-    HeldCycle,
+    FrozenCycle,
     Leapfrog,
     MiddleCycle,
     Multipliers,
@@ -38,7 +38,7 @@ from fmd.dynamics.signals.resolution import shortest_missed
 from fmd.dynamics.watch import Watch, make_watch
 from fmd.dynamics.watched_laws import WatchedLaw, find_watched
 
-_ROOM = ("v_now", "d", "rising")  # vectors of `HeldCycle` that hold no coefficients
+_ROOM = ("v_now", "d", "rising")  # vectors of `FrozenCycle` that hold no coefficients
 
 
 class CompiledSystem(ReferenceState):
@@ -140,7 +140,7 @@ class CompiledSystem(ReferenceState):
             **own,
             closed=address("closed"),
             multipliers=address("multipliers"),
-            gaps=address("gaps"),
+            residuals=address("residuals"),
             units=units,
             J=np.zeros((n_blocks, self.n, LANES)),
             whole=self._multipliers(),
@@ -171,7 +171,7 @@ class CompiledSystem(ReferenceState):
 
     @cached_property
     def constraint_scales(self) -> Array:
-        """How fast unit multipliers would accelerate the gaps of free rigid bodies, shape (n_rows,)."""
+        """How fast unit multipliers would accelerate the residuals of free rigid bodies, shape (n_rows,)."""
         return scale_rows(self.mechanism, self.compiled.rows)
 
     @property
@@ -210,32 +210,32 @@ class CompiledSystem(ReferenceState):
         plain = not (len(self._parameters.quaternions) or self.compiled.rows)
         return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
 
-    def frozen(self, cycle: float) -> HeldCycle | ClosedCycle:
+    def frozen(self, cycle: float) -> FrozenCycle | ClosedCycle:
         """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""
         if self.compiled.rows:
             q, v, a = aligned(self.n_positions, self.n, self.n)
             D = np.zeros((self.n, self.n_slow))
             return ClosedCycle(self.middle(cycle), D, np.array([SHARE_AHEAD * cycle]), q, v, a)
-        held = self._frozen.renewed()
-        held.cycle[0] = cycle
-        return held
+        frozen = self._frozen_cycle.renewed()
+        frozen.cycle[0] = cycle
+        return frozen
 
     @cached_property
-    def _frozen(self) -> HeldCycle:
-        return self._held(self._is_single, self.couplings.damped)
+    def _frozen_cycle(self) -> FrozenCycle:
+        return self._new_frozen(self._is_single, self.couplings.damped)
 
     @property
     def _is_single(self) -> bool:
         """True if the fast coordinates couple neither by their constant mass nor by their forces."""
         return self.couplings.mass is not None and not self.couplings.elastic
 
-    def _held(self, single: bool, damped: bool) -> HeldCycle:
+    def _new_frozen(self, single: bool, damped: bool) -> FrozenCycle:
         couplings, n, n_fast = self.couplings, self.n, self.n - self.n_slow
         vectors = ("constant", "slope", "load", "k", "c", "drift", "by_positions", "by_rates", *_ROOM)
         n_inputs, address = 3 * len(self.compiled.signals), self.compiled.address
         step = "fast_step" if damped else "undamped_fast_step"
-        return HeldCycle(
-            hold_single=address("hold_single") if single else 0,
+        return FrozenCycle(
+            freeze_single=address("freeze_single") if single else 0,
             find_drift=0 if single else address("drift"),
             stiffness=0 if single else address("stiffness"),
             damping=address("damping") if damped and not single else 0,
@@ -277,7 +277,7 @@ class CompiledSystem(ReferenceState):
     def middle(self, cycle: float) -> MiddleCycle:
         """Fresh storage for the equations at the middle of a major cycle of a duration [s]."""
         middle = self._middle.renewed()
-        middle.held.cycle[0] = cycle
+        middle.frozen.cycle[0] = cycle
         return middle
 
     @cached_property
@@ -289,7 +289,7 @@ class CompiledSystem(ReferenceState):
         together = not loose and not self.settles and n_fast <= MOST_TOGETHER
         v, a, rest, row = np.zeros((4, n))
         return MiddleCycle(
-            held=self._held(loose, damped),
+            frozen=self._new_frozen(loose, damped),
             loose=loose,
             inertia=0 if loose else address("inertia"),
             solve=0 if loose else address("solve"),

@@ -10,11 +10,12 @@ bring about. With the inertia forms I_ab and A_a, and p = (1, q):
     J_ab = pᵀ I_ab p        y_ab = I_ab p        N_ab = q̇ · y_ab        z_a = A_a p        h_a = z_a · q̇
     moments   ω × J ω + 2 N ω − ω × h        modes   −Σ ω_a ω_b y_ab − 2 Σ ω_a A_a q̇
 
-Displacements of second order add ``½ qᵀ bow_a q`` to the first moments and ``qᵀ curl_a q̇`` to the angular momentum. So
-S_a has bow_a q beside it, z_a has −curl_a q, and ``q̇ᵀ bow_a q̇`` and ``q̇ᵀ curl_a q̇`` act on the frame. The modal mass
-is then no longer the identity: see `fmd.reduction.second_order_mass`. Where their whole energy counts, they are
-further modal coordinates s that follow from q, ``ṡ = f q̇``: all of the above holds for (q, s), and its terms of s act
-on the modes by fᵀ (see `fmd.reduction.second_order_fields`).
+Displacements of second order add ``½ qᵀ displacement2_a q`` to the first moments and ``qᵀ rotation2_a q̇`` to the
+angular momentum. So S_a has displacement2_a q beside it, z_a has −rotation2_a q, and ``q̇ᵀ displacement2_a q̇`` and
+``q̇ᵀ rotation2_a q̇`` act on the frame. The modal mass is then no longer the identity: see
+`fmd.reduction.second_order_mass`. Where their whole energy counts, they are further modal coordinates s that follow
+from q, ``ṡ = f q̇``: all of the above holds for (q, s), and its terms of s act on the modes by fᵀ (see
+`fmd.reduction.second_order_fields`).
 """
 
 from __future__ import annotations
@@ -104,10 +105,10 @@ def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
     S, c, z, z_rate = list[Vector](), list[Scalar](), list[Vector](), list[Vector]()
     for a in AXES:
         row = graph.array(forms.S[a, 1:])
-        bowed = row + q.multiplied_by(forms.bow[a]) if forms.bow.size else row
+        bowed = row + q.multiplied_by(forms.displacement2[a]) if forms.displacement2.size else row
         S.append(bowed)
         c.append(combine([(0.5, row), (0.5, bowed)]).dot(q) + frame.rigid.S[a])
-        curled = forms.A_a[a, 1:, 1:] - forms.curl[a] if forms.curl.size else forms.A_a[a, 1:, 1:]
+        curled = forms.A_a[a, 1:, 1:] - forms.rotation2[a] if forms.rotation2.size else forms.A_a[a, 1:, 1:]
         z.append(graph.array(forms.A_a[a, 1:, 0]) + q.multiplied_by(curled))
         z_rate.append(v.multiplied_by(forms.A_a[a, 1:, 1:]))
     y: list[list[Vector]] = [[], [], []]
@@ -122,7 +123,7 @@ def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
             J[a].append((linear + both).dot(q) + frame.rigid.J[a][b])
             N[a].append(both.dot(v))
     rates = [row.dot(v) for row in S]
-    bending = [_square(graph, form, v) for forms_of in (forms.bow, forms.curl) for form in forms_of]
+    bending = [_square(graph, form, v) for forms_of in (forms.displacement2, forms.rotation2) for form in forms_of]
     more = trace_added_mass(graph, forms.second_order, q)
     return Inertia(
         frame.rigid.mass, c, rates, _full(J), _full(N), [row.dot(v) for row in z], y, S, z, z_rate, bending, more

@@ -32,7 +32,7 @@ class InertiaForms:
         ``A_a = G_bc − G_cb`` by the axis a across b and c, antisymmetric each.
     S : ndarray, shape (3, 1 + n)
         First moments.
-    bow, curl : ndarray, shape (3, n, n) or (3, 0, 0)
+    displacement2, rotation2 : ndarray, shape (3, n, n) or (3, 0, 0)
         Second-order first moments and angular momentum.
     mass : float
         [kg]
@@ -43,18 +43,18 @@ class InertiaForms:
     I_ab: Array
     A_a: Array
     S: Array
-    bow: Array
-    curl: Array
+    displacement2: Array
+    rotation2: Array
     mass: float
     normal: int
 
     @property
     def second_order(self) -> SecondOrderMass | None:
         """Modal mass of displacements of second order, if they have momenta."""
-        if not (self.bow.size or self.curl.size):
+        if not (self.displacement2.size or self.rotation2.size):
             return None
         W, J = np.concatenate([self.S[:, 1:], -self.A_a[:, 1:, 0]]), self.I_ab[:, :, 0, 0]
-        return second_order_mass(self.mass, self.S[:, 0], J, W, self.bow, self.curl, self.normal)
+        return second_order_mass(self.mass, self.S[:, 0], J, W, self.displacement2, self.rotation2, self.normal)
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,9 @@ class WholeForms(InertiaForms):
 
 def inertia_forms(link: Link, threshold: float = SOLVED) -> InertiaForms:
     """Form a body's inertia integrals without their round-off, of which a threshold of 0 leaves all."""
-    gram = link.gram
-    fields = gram.fields
-    G, S = (gram.G, gram.S) if fields is None else (fields.G, fields.S)
+    integrals = link.integrals
+    fields = integrals.fields
+    G, S = (integrals.G, integrals.S) if fields is None else (fields.G, fields.S)
     n = G.shape[-1]
     scale = np.ones(n)  # a mode's is its unit mass
     scale[0] = np.sqrt(max(np.trace(G[:, :, 0, 0]), 1e-300))
@@ -92,14 +92,14 @@ def inertia_forms(link: Link, threshold: float = SOLVED) -> InertiaForms:
         forms[a, b] = forms[b, a] = -0.5 * (G[a, b] + G[b, a])
         antisymmetric[a] = G[b, c] - G[c, b]
     forms[np.abs(forms) <= limit], antisymmetric[np.abs(antisymmetric) <= limit] = 0.0, 0.0
-    units = np.sqrt(gram.mass) * scale
+    units = np.sqrt(integrals.mass) * scale
     S = np.where(np.abs(S) <= threshold * units, 0.0, S)
     if fields is not None:
         empty = np.zeros((3, 0, 0))
         F, W = _cut(fields.F, threshold), _cut(fields.W, threshold)
-        return WholeForms(forms, antisymmetric, S, empty, empty, gram.mass, gram.normal, F, W)
-    bow, curl = _cut(gram.bow, threshold), _cut(gram.curl, threshold)
-    return InertiaForms(forms, antisymmetric, S, bow, curl, gram.mass, gram.normal)
+        return WholeForms(forms, antisymmetric, S, empty, empty, integrals.mass, integrals.normal, F, W)
+    displacement2, rotation2 = _cut(integrals.displacement2, threshold), _cut(integrals.rotation2, threshold)
+    return InertiaForms(forms, antisymmetric, S, displacement2, rotation2, integrals.mass, integrals.normal)
 
 
 def rigid_constants(forms: InertiaForms) -> tuple[float, Array, Array]:
@@ -112,9 +112,9 @@ def clean_marker(at: MarkerShapes, n: int, threshold: float = SOLVED) -> MarkerS
     shapes, rotations = (
         _cut(values, threshold) if values.size else np.zeros((3, n)) for values in (at.translation, at.rotation)
     )
-    halves = [_cut(half, threshold) for half in (at.bow[:3], at.bow[3:])]
-    bow = np.concatenate(halves) if at.bow.size else np.zeros((6, n, n))
-    return MarkerShapes(_cut(at.position, threshold), shapes, rotations, bow)
+    halves = [_cut(half, threshold) for half in (at.displacement2[:3], at.displacement2[3:])]
+    displacement2 = np.concatenate(halves) if at.displacement2.size else np.zeros((6, n, n))
+    return MarkerShapes(_cut(at.position, threshold), shapes, rotations, displacement2)
 
 
 def clean_direction(direction: Array, threshold: float = SOLVED) -> Array:
@@ -131,7 +131,7 @@ def _cut(values: Array, threshold: float) -> Array:
 def orthonormal_rows(rows: Array) -> tuple[Array, Array]:
     """Return an orthonormal basis Q, shape (rank, n), of rows (m, n), and the factor L (m, rank) with ``rows = L Q``.
 
-    Row by row (Gram–Schmidt, twice), which keeps the zeros of the rows: the rows' own number of them spans Q.
+    Row by row (Integrals–Schmidt, twice), which keeps the zeros of the rows: the rows' own number of them spans Q.
     """
     basis: list[Array] = []
     for row in rows:

@@ -1,4 +1,4 @@
-"""Constraints of a mechanism with loops, as parts of its graph: gaps, their rates and accelerations, and their forces.
+"""Constraints of a mechanism with loops, as parts of its graph: residuals with their derivatives, and forces.
 
 Each scalar constraint g = 0 has a rate that is linear in the motions of the places that it holds,
 
@@ -50,7 +50,7 @@ class ConstraintRow:
     ----------
     name : str
         Of the joint or the coupler.
-    gap : Scalar
+    residual : Scalar
         g.
     wrenches : list of tuple
         Place, f and m of each.
@@ -67,7 +67,7 @@ class ConstraintRow:
     """
 
     name: str
-    gap: Scalar
+    residual: Scalar
     wrenches: list[tuple[PlaceMotion, Vector3, Vector3]]
     bias: Scalar
     rotational: bool
@@ -146,7 +146,7 @@ def trace_rows(inputs: Coordinates, frames: list[MovingFrame]) -> list[Constrain
     Raises
     ------
     ValueError
-        One can't hold in any state; the message has the joint and the gap.
+        One can't hold in any state; the message has the joint and the residual.
     """
     rows: list[ConstraintRow] = []
     for constraint in inputs.mechanism.closures:
@@ -158,15 +158,17 @@ def trace_rows(inputs: Coordinates, frames: list[MovingFrame]) -> list[Constrain
 
 
 def _holds_always(row: ConstraintRow) -> bool:
-    gap = row.gap.constant
-    if gap is None:
+    residual = row.residual.constant
+    if residual is None:
         return False
-    if abs(gap) <= SOLVED:
+    if abs(residual) <= SOLVED:
         return True
     size = (
-        f"{np.degrees(np.arcsin(np.clip(abs(gap), 0.0, 1.0))):.4g} degrees" if row.rotational else f"{abs(gap):.4g} m"
+        f"{np.degrees(np.arcsin(np.clip(abs(residual), 0.0, 1.0))):.4g} degrees"
+        if row.rotational
+        else f"{abs(residual):.4g} m"
     )
-    raise ValueError(f"joint {row.name} can't close: a gap of {size} stays however the mechanism moves")
+    raise ValueError(f"joint {row.name} can't close: a residual of {size} stays however the mechanism moves")
 
 
 def _trace_closure(inputs: Coordinates, frames: list[MovingFrame], closure: Closure) -> list[ConstraintRow]:
@@ -194,13 +196,13 @@ def _trace_closure(inputs: Coordinates, frames: list[MovingFrame], closure: Clos
             *(part for a, b in turned for part in (cross(cross(first.w, a), b), cross(a, cross(second.w, b))))
         )
         bias = dot(subtract(first.w, second.w), changing)
-        gap, minus = total([dot(a, b) for a, b in turned]), scale(-1.0, c)
-        rows.append(ConstraintRow(closure.name, gap, [(first, zero3, c), (second, zero3, minus)], bias, True))
+        residual, minus = total([dot(a, b) for a, b in turned]), scale(-1.0, c)
+        rows.append(ConstraintRow(closure.name, residual, [(first, zero3, c), (second, zero3, minus)], bias, True))
     if closure.distance:
         d = scale(1.0 / closure.distance, apart)
-        gap = (dot(apart, d) - closure.distance) * 0.5
+        residual = (dot(apart, d) - closure.distance) * 0.5
         bias = dot(drifting, drifting) * (1.0 / closure.distance)
-        rows.append(ConstraintRow(closure.name, gap, _opposed(first, second, d, zero3), bias, False))
+        rows.append(ConstraintRow(closure.name, residual, _opposed(first, second, d, zero3), bias, False))
     for number, row in enumerate(rows):
         row.number = number
     return [row for row in rows if row.number not in closure.left_out]
@@ -216,18 +218,18 @@ def _opposed(
 
 def _trace_coupler(inputs: Coordinates, frames: list[MovingFrame], coupler: Coupler) -> ConstraintRow:
     graph, mechanism = inputs.graph, inputs.mechanism
-    gap, joints, bias = [graph.number(-coupler.offset)], dict[int, float](), [graph.number(0.0)]
+    residual, joints, bias = [graph.number(-coupler.offset)], dict[int, float](), [graph.number(0.0)]
     for name, factor in zip(coupler.joints, coupler.factors, strict=True):
         number = mechanism.number_of(name)
         link = mechanism.links[number]
         s = inputs.signal(link.motion, 2)[0] if link.motion is not None else inputs.joint_positions(number)[0]
         frame = frames[number]
-        gap.append((s + section_angle(graph, frame)) * float(factor))
-        if link.joint_bow.size and not joint_grip(graph, frame).is_zero:
-            bias.append(frame.v.multiplied_by(link.joint_bow).dot(frame.v) * float(factor))
+        residual.append((s + section_angle(graph, frame)) * float(factor))
+        if link.joint_displacement2.size and not joint_grip(graph, frame).is_zero:
+            bias.append(frame.v.multiplied_by(link.joint_displacement2).dot(frame.v) * float(factor))
         joints[number] = joints.get(number, 0.0) + float(factor)
     turning = all(mechanism.links[number].unit == "rad" for number in joints)
-    return ConstraintRow(coupler.name, total(gap), [], total(bias), turning, joints, frames=frames)
+    return ConstraintRow(coupler.name, total(residual), [], total(bias), turning, joints, frames=frames)
 
 
 def trace_reactions(inputs: Coordinates, frames: list[MovingFrame], argument: str) -> list[list[Vector6]]:
@@ -242,7 +244,7 @@ def trace_reactions(inputs: Coordinates, frames: list[MovingFrame], argument: st
 
 
 def scale_rows(mechanism: Mechanism, rows: list[ConstraintRow]) -> Array:
-    """Return for each constraint how fast a unit multiplier would accelerate its gap if its bodies were free and rigid.
+    """Return for each constraint how fast a unit multiplier would accelerate its residual on free rigid bodies.
 
     What a mechanism's ``S`` has on its diagonal is compared with it: a row of round-off alone is no constraint.
     """
@@ -251,9 +253,9 @@ def scale_rows(mechanism: Mechanism, rows: list[ConstraintRow]) -> Array:
         numbers = [place.frame.number for place, _, _ in row.wrenches if place.frame is not None] + list(row.joints)
         masses, turns = [], []
         for number in numbers:
-            gram = mechanism.links[number].gram
-            masses.append(gram.mass)
-            turns.append(float(np.trace(gram.inertia(np.eye(1, gram.G.shape[-1])[0]))) / 3.0)
+            integrals = mechanism.links[number].integrals
+            masses.append(integrals.mass)
+            turns.append(float(np.trace(integrals.inertia(np.eye(1, integrals.G.shape[-1])[0]))) / 3.0)
         inertia = turns if row.rotational else masses
         smallest = min((x for x in inertia if x > 0.0), default=0.0)
         out[k] = 1.0 / smallest if smallest else 1.0

@@ -173,11 +173,11 @@ class CompiledMechanism:
 
         return _in_blocks(along, f, len(f))
 
-    def gaps(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the constraints' gaps and their rates, shape (n_rows,) each; lengths [m], angles [rad] or cosines."""
+    def residuals(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the constraints' residuals and rates, shape (n_rows,) each; lengths [m], angles [rad] or cosines."""
         g, rates = np.zeros((2, len(self.rows)))
         if len(g):
-            self.call("gaps", self.signal_values(t), *_contiguous(q, v), g, rates)
+            self.call("residuals", self.signal_values(t), *_contiguous(q, v), g, rates)
         return g, rates
 
     def multipliers(self, t: float, q: Array) -> tuple[Array, Array]:

@@ -202,7 +202,7 @@ def _with_marker_loads(mechanism: Mechanism, markers: list[tuple[int, str]]) -> 
                     place=at.position,
                     shapes=at.translation,
                     rotations=at.rotation,
-                    bow=at.bow,
+                    displacement2=at.displacement2,
                 )
                 loads.append(own)
     return replace(mechanism, loads=loads)

@@ -1,4 +1,4 @@
-"""Forces that accelerate a mechanism: its own at a state, or any that are given, with some coordinates held or none."""
+"""Forces that accelerate a mechanism: its own at a state, or any that are given, with coordinates frozen or none."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ class Forces(Protocol):
         """Return what acts along each of a joint's directions."""
 
     def free_directions(self, frame: MovingFrame) -> list[Vector6]:
-        """Return the directions in which a joint isn't held."""
+        """Return the directions in which a joint isn't frozen."""
 
     def free_modes(self, frame: MovingFrame) -> Array:
-        """Return 1 for each mode that isn't held, else 0."""
+        """Return 1 for each mode that isn't frozen, else 0."""
 
 
 class ActingForces:
@@ -95,7 +95,7 @@ class GivenForces:
     argument : str
         The forces, in the order of rates.
     free : range
-        The rates that accelerate; all others are held.
+        The rates that accelerate; all others are frozen.
     """
 
     def __init__(self, inputs: RestingCoordinates, argument: str, free: range) -> None:
@@ -112,17 +112,17 @@ class GivenForces:
         return self._inputs.inputs_of_modes(frame.number, self._argument)
 
     def on_joint(self, frame: MovingFrame) -> list[Scalar]:
-        """Return what acts along each direction that isn't held."""
+        """Return what acts along each direction that isn't frozen."""
         given = self._inputs.inputs_of_joint(frame.number, self._argument)
         return given[: len(self.free_directions(frame))]
 
     def free_directions(self, frame: MovingFrame) -> list[Vector6]:
-        """Return the directions of a joint that isn't held."""
+        """Return the directions of a joint that isn't frozen."""
         free = int(self._inputs.mechanism.layout.rate[frame.number]) in self._free
         return frame.directions if free else []
 
     def free_modes(self, frame: MovingFrame) -> Array:
-        """Return 1 for each mode that isn't held, else 0."""
+        """Return 1 for each mode that isn't frozen, else 0."""
         modes = self._inputs.mechanism.modes_of(frame.number)
         return np.array([float(int(mode) in self._free) for mode in modes])
 
@@ -160,7 +160,7 @@ def joint_grip(graph: Graph, frame: MovingFrame) -> Vector:
     if not link.grips_section:
         return graph.zeros(len(link.omega))
     grip = graph.array(link.joint_rotation)
-    return grip + frame.q.multiplied_by(link.joint_bow) if link.joint_bow.size else grip
+    return grip + frame.q.multiplied_by(link.joint_displacement2) if link.joint_displacement2.size else grip
 
 
 def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:

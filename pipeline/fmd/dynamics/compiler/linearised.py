@@ -85,7 +85,7 @@ class LinearisedMechanism:
         self._slopes = differentiate(inputs.graph, self._values, direction_inputs(inputs.graph, _ARGUMENTS))
 
     def tangents(
-        self, q: Array, v: Array, signals: Mapping[Signal, float], given: Array, held: Array | None = None
+        self, q: Array, v: Array, signals: Mapping[Signal, float], given: Array, frozen: Array | None = None
     ) -> Tangents:
         """Return accelerations and derivatives at a state.
 
@@ -97,8 +97,8 @@ class LinearisedMechanism:
             Values of the varying signals; their rates and accelerations act on nothing here.
         given : ndarray
             Accelerations of the rates that are given.
-        held : ndarray, optional
-            Accelerations of all rates (n,), if forces that don't vary hold a mechanism without loops so.
+        frozen : ndarray, optional
+            Accelerations of all rates (n,), if forces that don't vary keep a mechanism without loops so.
         """
         n, m = self.mechanism.n, self.n_rows
         inputs = np.zeros(3 * len(self.signals))
@@ -107,10 +107,10 @@ class LinearisedMechanism:
         a[self.given] = given
         left = self._evaluate(self._values, {"inputs": inputs, "q": q, "v": v, "a": a, "f": f}, ())
         by = self._derivatives(inputs, q, v, a, f)
-        if held is None or m:
+        if frozen is None or m:
             a, f = self._solve(by["a"][:n], by["a"][n + m :], left[:n], left[n + m :], a)
         else:
-            a = held
+            a = frozen
         by = self._derivatives(inputs, q, v, a, f)
         r, rates, second = slice(0, n), slice(n, n + m), slice(n + m, n + 2 * m)
         return Tangents(
@@ -150,7 +150,7 @@ class LinearisedMechanism:
         return dict(zip(_ARGUMENTS, np.split(by_all, np.cumsum(sizes)[:-1], axis=1), strict=True))
 
     def _evaluate(self, values: list[Scalar | Vector], arguments: Mapping[str, Array], lanes: tuple[int, ...]) -> Array:
-        """Return values in the order of rates, rates of gaps, accelerations of gaps."""
+        """Return values in the order of rates, rates of residuals, accelerations of residuals."""
         out = np.zeros((self.mechanism.n + 2 * self.n_rows, *lanes))
         found = interpret(self._graph, [value.node for value in values], arguments)
         for place, value in zip(self._places, found, strict=True):
@@ -161,7 +161,7 @@ class LinearisedMechanism:
 def _trace(
     inputs: Coordinates, frames: list[MovingFrame], acting: ActingForces, rows: list[ConstraintRow]
 ) -> tuple[list[Scalar | Vector], list[int | IntArray]]:
-    """Trace residual, rates and accelerations of gaps, with the place of each value among all."""
+    """Trace residual, rates and accelerations of residuals, with the place of each value among all."""
     mechanism = inputs.mechanism
     values: list[Scalar | Vector] = []
     places: list[int | IntArray] = []

@@ -1,7 +1,8 @@
 """Motion of a marker on a deforming body: its place, and the rotation of its section.
 
-For modal coordinates q a marker is at ``x + Φ q + ½ qᵀ bow q``, and its section has turned by ``exp(θ̃)`` with the
-rotation vector ``θ = Ψ q + ½ qᵀ bow q``; their terms of second order are those of `MarkerShapes.bow`.
+For modal coordinates q a marker is at ``x + Φ q + ½ qᵀ displacement2 q``, and its section has turned by ``exp(θ̃)``
+with the rotation vector ``θ = Ψ q + ½ qᵀ displacement2 q``; their terms of second order are those of
+`MarkerShapes.displacement2`.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class MarkerMotion:
     @property
     def bent(self) -> bool:
         """True if slopes and turns change with the modal coordinates."""
-        return bool(self.shapes.bow.any())
+        return bool(self.shapes.displacement2.any())
 
 
 def trace_marker(graph: Graph, at: MarkerShapes, q: Vector, v: Vector) -> MarkerMotion:
@@ -78,9 +79,11 @@ def trace_marker(graph: Graph, at: MarkerShapes, q: Vector, v: Vector) -> Marker
     if q.size == 0:
         arm = constants(graph, at.position)
         return MarkerMotion(arm, zero3, unit, unit, zero3, zero3, zero3, at, constant[:3], constant[3:])
-    slopes = [row + q.multiplied_by(bow) for row, bow in zip(constant, at.bow, strict=True)]
+    slopes = [
+        row + q.multiplied_by(displacement2) for row, displacement2 in zip(constant, at.displacement2, strict=True)
+    ]
     halves = [combine([(0.5, row), (0.5, slope)]) for row, slope in zip(constant, slopes, strict=True)]
-    bending = [v.multiplied_by(bow).dot(v) for bow in at.bow]
+    bending = [v.multiplied_by(displacement2).dot(v) for displacement2 in at.displacement2]
     arm = [row.dot(q) + float(x) for row, x in zip(halves[:3], at.position, strict=True)]
     moving = [row.dot(v) * 2.0 for row in slopes[:3]]
     motion = MarkerMotion(arm, moving, unit, unit, zero3, zero3, bending[:3], at, slopes[:3], slopes[3:])
@@ -92,7 +95,7 @@ def trace_marker(graph: Graph, at: MarkerShapes, q: Vector, v: Vector) -> Marker
         )
         motion.R, motion.angle = rotation(graph, axis, angle), (axis, angle)
         motion.turned, motion.turning = ([x * float(along) for along in axis] for x in (rate, turning))
-    elif at.rotation.any() or at.bow[3:].any():
+    elif at.rotation.any() or at.displacement2[3:].any():
         angles, rates = [row.dot(q) for row in halves[3:]], [row.dot(v) for row in slopes[3:]]
         motion.R, motion.A, motion.turned, own = _turn_by_vector(graph, angles, rates)
         motion.turning = add(own, times(motion.A, bending[3:]))
@@ -102,7 +105,7 @@ def trace_marker(graph: Graph, at: MarkerShapes, q: Vector, v: Vector) -> Marker
 def _only_axis(at: MarkerShapes) -> Array | None:
     """Unit vector that every rotation of a marker is about, or ``None``."""
     n = at.rotation.shape[1]
-    rotations = np.concatenate([at.rotation, at.bow[3:].reshape(3, n * n)], axis=1)
+    rotations = np.concatenate([at.rotation, at.displacement2[3:].reshape(3, n * n)], axis=1)
     if not rotations.any():
         return None
     axes, sizes, _ = np.linalg.svd(rotations, full_matrices=False)
@@ -128,8 +131,8 @@ def _turn_by_vector(graph: Graph, t: Vector3, dt: Vector3) -> tuple[Matrix, Matr
     across = cross(t, dt)
     twice = [a * t_dt - b * x for a, b in zip(t, dt, strict=True)]  # θ̃² θ̇
     turned = add(dt, scale(c2, across), scale(c3, twice))
-    curl = [a * dt2 - b * t_dt for a, b in zip(t, dt, strict=True)]
-    turning = add(scale(c3, curl), scale(d3 * t_dt, twice), scale(d2 * t_dt, across))
+    rotation2 = [a * dt2 - b * t_dt for a, b in zip(t, dt, strict=True)]
+    turning = add(scale(c3, rotation2), scale(d3 * t_dt, twice), scale(d2 * t_dt, across))
     return R, A, turned, turning
 
 

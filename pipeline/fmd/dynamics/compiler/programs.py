@@ -12,8 +12,8 @@ are filled:
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
   zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
 - of a mechanism with loops (see `closures`) ``f`` (n_rows, 8): eight sets of multipliers, ``x`` and ``s`` (n_rows, 8):
-  ``M̂⁻¹ Jᵀ f`` and ``J M̂⁻¹ Jᵀ f``, ``w`` (n_rows,): accelerations of the gaps by the tree's, which are ``a`` then,
-  ``g`` and ``rates`` (n_rows,): gaps and their rates, and
+  ``M̂⁻¹ Jᵀ f`` and ``J M̂⁻¹ Jᵀ f``, ``w`` (n_rows,): accelerations of the residuals by the tree's, which are ``a`` then,
+  ``g`` and ``rates`` (n_rows,): residuals and their rates, and
   ``wrenches`` (n_joints, 2, 6): force and moment in space on both places of each joint by multipliers ``f`` (n_rows,);
 - ``motions`` (n_bodies, 6): accelerations of the bodies' frames in space by ``a`` and multipliers ``f`` (n_rows,), and
   ``loads`` (n_bodies, 2, 6): force and moment of each body's joint on its parent and on the body, see `joint_loads`;
@@ -21,7 +21,8 @@ are filled:
   the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
   ``by_rates`` (n,) along each input, all fast positions and all fast rates;
 - ``D``, ``K``, ``Ky``, ``C`` and ``Cy`` (n, 8) of ``react``: see `reaction`; ``da`` are eight fast coordinates' units;
-- ``clock`` (2,), ``constant``, ``slope``, ``load`` (n,), ``K`` and ``C`` (n_fast, n_fast): see `held.trace_fast_step`;
+- ``clock`` (2,), ``constant``, ``slope``, ``load`` (n,), ``K`` and ``C`` (n_fast, n_fast): see
+  `frozen.trace_fast_step`;
 - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
   velocities in space;
 - ``positions`` (n_markers, 3) and ``rotations`` (n_markers, 3, 3): the bodies' named markers, body by body;
@@ -44,8 +45,8 @@ from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.elongations import trace_elongations
 from fmd.dynamics.compiler.forces import ActingForces, GivenForces
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
+from fmd.dynamics.compiler.frozen import trace_drift, trace_fast_step, trace_single
 from fmd.dynamics.compiler.graph import Scalar, combine
-from fmd.dynamics.compiler.held import trace_drift, trace_fast_step, trace_single
 from fmd.dynamics.compiler.joint_loads import trace_joint_loads
 from fmd.dynamics.compiler.program import Output, Program
 from fmd.dynamics.compiler.quantities import (
@@ -135,7 +136,7 @@ def _drift(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return trace_drift(inputs, trace_residual(inputs, frames))
 
 
-def _hold_single(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+def _freeze_single(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return trace_single(inputs, trace_residual(inputs, frames))
 
 
@@ -173,7 +174,7 @@ def _solve_slow(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
 
 
 def _solution(inputs: Coordinates, free: range) -> list[Output]:
-    """Accelerations at rest by given forces, with all rates held but some."""
+    """Accelerations at rest by given forces, with all rates frozen but some."""
     resting = RestingCoordinates(inputs.graph, inputs.mechanism)
     values = trace_accelerations(trace_frames(resting), GivenForces(resting, "f", free))
     return _in_order_of_rates(inputs.mechanism, "x", values)
@@ -196,10 +197,10 @@ def _multipliers(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]
     return [*_in_order_of_rates(inputs.mechanism, "x", motion), *_in_row("s", 0, s)]
 
 
-def _gaps(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+def _residuals(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     rows = trace_rows(inputs, frames)
     rates = [row.rate(inputs) for row in rows]
-    return [*_in_row("g", 0, [row.gap for row in rows]), *_in_row("rates", 0, rates)]
+    return [*_in_row("g", 0, [row.residual for row in rows]), *_in_row("rates", 0, rates)]
 
 
 def _reactions(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -266,7 +267,7 @@ def _in_row(argument: str, row: int, values: list[Scalar]) -> list[Output]:
 _STATE = ("inputs", "q", "v")
 _MOTION = ("a", "moved", "drift", "by_inputs")
 _REACTION = ("D", "K", "Ky")
-_HELD = ("constant", "slope", "load", "K")
+_FROZEN = ("constant", "slope", "load", "K")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 
 DEFINITIONS = {
@@ -278,9 +279,9 @@ DEFINITIONS = {
     "stiffness": Definition((*_STATE, "a", "dq", "dr"), _stiffness, lanes=("dq", "dr")),
     "damping": Definition((*_STATE, "dv", "dr"), _damping, lanes=("dv", "dr")),
     "drift": Definition((*_STATE, *_MOTION), _drift),
-    "hold_single": Definition((*_STATE, *_MOTION, "by_positions", "by_rates"), _hold_single),
-    "fast_step": Definition(("clock", *_HELD, "C", "q", "v", "a"), _fast_step, in_place=True),
-    "undamped_fast_step": Definition(("clock", *_HELD, "q", "v", "a"), _undamped_fast_step, in_place=True),
+    "freeze_single": Definition((*_STATE, *_MOTION, "by_positions", "by_rates"), _freeze_single),
+    "fast_step": Definition(("clock", *_FROZEN, "C", "q", "v", "a"), _fast_step, in_place=True),
+    "undamped_fast_step": Definition(("clock", *_FROZEN, "q", "v", "a"), _undamped_fast_step, in_place=True),
     "react": Definition((*_STATE, "da", "a", *_REACTION, "C", "Cy"), _react, ("da", *_REACTION, "C", "Cy")),
     "undamped_react": Definition((*_STATE, "da", "a", *_REACTION), _undamped_react, ("da", *_REACTION)),
     "solve": Definition(("inputs", "q", "f", "x"), _solve, lanes=("f", "x")),
@@ -288,7 +289,7 @@ DEFINITIONS = {
     "solve_slow": Definition(("inputs", "q", "f", "x"), _solve_slow, lanes=("f", "x")),
     "closed": Definition((*_STATE, "f", "a", "w", "x", "s"), _closed, lanes=("f", "x", "s")),
     "multipliers": Definition(("inputs", "q", "f", "x", "s"), _multipliers, lanes=("f", "x", "s")),
-    "gaps": Definition((*_STATE, "g", "rates"), _gaps),
+    "residuals": Definition((*_STATE, "g", "rates"), _residuals),
     "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
     "joint_loads": Definition((*_STATE, "a", "f", "motions", "loads"), _joint_loads),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),

@@ -44,7 +44,7 @@ class TracedForces(GivenForces):
         self._values = values
 
     def on_joint(self, frame: MovingFrame) -> list[Scalar]:
-        """Return what acts along each direction that isn't held."""
+        """Return what acts along each direction that isn't frozen."""
         return self._values[frame.number].joint[: len(self.free_directions(frame))]
 
     def on_modes(self, frame: MovingFrame) -> Vector:

@@ -107,7 +107,7 @@ class ArticulatedBody:
     Attributes
     ----------
     free : ndarray, shape (n,)
-        1 for each mode that isn't held.
+        1 for each mode that isn't frozen.
     W, e : list of Vector and Vector
         Coupling of frame and free modes, and the bias of these.
     modes : CarrierModes, optional
@@ -115,7 +115,7 @@ class ArticulatedBody:
     IA, pA : Matrix and Vector6
         Articulated inertia and bias force at the body's origin.
     directions : list of Vector6
-        Columns of S, none if the joint is held.
+        Columns of S, none if the joint is frozen.
     U : list of Vector6
         ``IA S`` column by column.
     D : SymmetricFactor, optional
@@ -157,7 +157,7 @@ class BodyValues:
 
 
 def trace_accelerations(frames: list[MovingFrame], forces: Forces) -> list[BodyValues]:
-    """Trace the accelerations of a mechanism's joints and modes, body by body; held ones are 0."""
+    """Trace the accelerations of a mechanism's joints and modes, body by body; frozen ones are 0."""
     bodies: dict[int, ArticulatedBody] = {}
     for frame in reversed(frames):
         children = [bodies[child.number] for child in frame.children]
@@ -174,22 +174,22 @@ def _articulate(forces: Forces, frame: MovingFrame, children: list[ArticulatedBo
     W = [row.multiplied_by(np.diag(free)) for row in inertia.W]
     body = ArticulatedBody(frame, free, W, e, inertia.M, p, forces.free_directions(frame))
     carried = {child.frame.number: child.carried for child in children if child.carried is not None}
-    held = [child for child in frame.children if child.number in carried]
-    for child in held:
+    frozen = [child for child in frame.children if child.number in carried]
+    for child in frozen:
         across = transpose(child.B)
         body.IA = add_matrices(body.IA, congruence(across, carried[child.number].IA))
         body.pA = add(body.pA, times(across, carried[child.number].pA))
     if free.any():
-        _eliminate_modes(body, held, carried, inertia.more)
+        _eliminate_modes(body, frozen, carried, inertia.more)
     _eliminate_joint(body, forces.on_joint(frame))
     return body
 
 
 def _eliminate_modes(
-    body: ArticulatedBody, held: list[MovingFrame], carried: dict[int, Carried], more: AddedMass | None
+    body: ArticulatedBody, frozen: list[MovingFrame], carried: dict[int, Carried], more: AddedMass | None
 ) -> None:
     """Eliminate a body's modes: across the span of its markers as a leaf's, along it by the small system."""
-    groups = [rows_of_marker(child.marker) for child in held]
+    groups = [rows_of_marker(child.marker) for child in frozen]
     groups += [] if more is None else [ModalRows(*more.shapes, more.rows)]
     span = span_rows(body.e.graph, groups, body.free)
     Q, inverses, n_free = span.Q, span.inverse_squares, np.count_nonzero(body.free)
@@ -207,7 +207,7 @@ def _eliminate_modes(
     F, Y, f, T = diagonal(inverses), PQW, PQe, dict[int, Matrix]()
     if more is not None:
         F = add_matrices(F, congruence(transpose(span.L[-1]), more.C))
-    for child, by_rows in zip(held, span.L, strict=False):
+    for child, by_rows in zip(frozen, span.L, strict=False):
         T[child.number] = by_rows[:3] + product(child.marker.A, by_rows[3:])
         across = transpose(T[child.number])
         pushed = product(across, carried[child.number].IA)

@@ -69,7 +69,9 @@ class ModalRows:
 
 def rows_of_marker(at: MarkerMotion) -> ModalRows:
     """Return the rows by which modes move a marker."""
-    return ModalRows(np.concatenate([at.shapes.translation, at.shapes.rotation]), at.shapes.bow, at.slopes + at.turns)
+    return ModalRows(
+        np.concatenate([at.shapes.translation, at.shapes.rotation]), at.shapes.displacement2, at.slopes + at.turns
+    )
 
 
 def span_rows(graph: Graph, groups: Sequence[ModalRows], free: Array) -> Span:

@@ -26,7 +26,7 @@ from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 
 Key = tuple[int, str]
 """A body's number, -1 for the mechanism itself, and the name of one of its constants."""
@@ -203,7 +203,7 @@ def _structure(mechanism: Mechanism, names: tuple[Key, ...]) -> str:
 
 
 def _without_constants(link: Link) -> Link:
-    gram = link.gram if len(link.omega) else InertiaGram(np.ones((3, 3, 1, 1)), np.ones((3, 1)), 1.0)
+    integrals = link.integrals if len(link.omega) else InertiaIntegrals(np.ones((3, 3, 1, 1)), np.ones((3, 1)), 1.0)
     motion = None if link.motion is None else constant(0.0)
-    bare = replace(link, gram=gram, load=constant(0.0), motion=motion, damping=np.ones(len(link.damping)))
+    bare = replace(link, integrals=integrals, load=constant(0.0), motion=motion, damping=np.ones(len(link.damping)))
     return replace(bare, spring=0.0, rest=0.0, damper=0.0)

@@ -134,7 +134,7 @@ def _nominal_sizes(mechanism: Mechanism, q0: Array, v0: Array) -> Array:
     for body, link in enumerate(mechanism.links):
         if not len(link.omega):
             continue
-        size = 1e-6 * np.sqrt(link.gram.mass)
+        size = 1e-6 * np.sqrt(link.integrals.mass)
         modes = mechanism.modes_of(body)
         positions[modes + shift], rates[modes] = size, size * link.omega
     return np.concatenate([np.maximum(positions, 0.0), np.where(rates > 0.0, rates, 1.0)])

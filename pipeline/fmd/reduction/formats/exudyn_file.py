@@ -23,7 +23,7 @@ from fmd.core.limits.files import MARKER_ARM
 from fmd.fem.surface import SurfaceTopology
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 from fmd.reduction.modal_data import ModalData
 
 CORNERS: Array = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
@@ -51,8 +51,8 @@ def exudyn_arrays(
     dict
         Arrays by their names in the file.
     """
-    gram, n = data.gram, data.n
-    G, S = gram.G, gram.S
+    integrals, n = data.integrals, data.n
+    G, S = integrals.G, integrals.S
     arm = MARKER_ARM * float(np.ptp(x, axis=0).max()) if len(x) else 1.0
     corners = [node.position + arm * corner for node in data.nodes.values() for corner in CORNERS]
     moves = [
@@ -72,10 +72,10 @@ def exudyn_arrays(
         "rigidBodyNodeType": "NodeType.RotationEulerParameters",
         "xRef": places.ravel(),
         "inertiaLocal": np.trace(P) * one - P,
-        "Mtt": gram.mass * one,
-        "totalMass": gram.mass,
-        "chiU": S[:, 0] / gram.mass,
-        "chiUtilde": -E @ (S[:, 0] / gram.mass),
+        "Mtt": integrals.mass * one,
+        "totalMass": integrals.mass,
+        "chiU": S[:, 0] / integrals.mass,
+        "chiUtilde": -E @ (S[:, 0] / integrals.mass),
         "mPsiTildePsi": -np.einsum("abc,bcji->jai", E, modal).reshape(3 * n, n),
         "mPsiTildePsiTilde": _transposed_products(modal).transpose(2, 0, 3, 1).reshape(3 * n, 3 * n),
         "mPhitTPsi": S[:, 1:],
@@ -169,12 +169,12 @@ def _data(found: Mapping[str, NDArray[Any]], n: int) -> ModalData:
         rotation = turned / ((arms**2).sum() * 2 / 3)
         nodes[str(name)] = MarkerShapes(places[own].mean(axis=0), basis[own].mean(axis=0), rotation)
     D = found.get("dampingMatrixReduced", np.zeros((n, n)))
-    gram = InertiaGram(G, S, mass)
+    integrals = InertiaIntegrals(G, S, mass)
     loss = found["massMatrixReduced"] - np.einsum("aaij->ij", G)[1:, 1:]
     notes: tuple[str, ...] = ()
     if np.abs(loss).max() > 1e-6 * np.abs(found["massMatrixReduced"]).max():
         notes = ("massMatrixReduced isn't what mPsiTildePsiTilde gives; the latter is taken",)
-    return ModalData(gram, found["stiffnessMatrixReduced"], D, nodes, notes, **_surface(found, n))
+    return ModalData(integrals, found["stiffnessMatrixReduced"], D, nodes, notes, **_surface(found, n))
 
 
 def _surface(found: Mapping[str, NDArray[Any]], n: int) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from fmd.core.limits.files import MOST_NUMBERS, SAME_MASS
 from fmd.core.limits.rank import INDEPENDENT_FUNCTIONS
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 from fmd.reduction.modal_data import ModalData, function_products
 
 _GROUP = re.compile(r"\*\*\s*RECORD GROUP\s*(\d+)")
@@ -93,10 +93,10 @@ def _lines(data: ModalData) -> Iterator[str]:
     lumped = np.zeros((n_nodes, 6))
     lumped[len(nodes) :, :3] = mass
     yield from _group(11, lumped)
-    c = data.gram.S[:, 0] / data.gram.mass
-    P = data.gram.G[:, :, 0, 0] - data.gram.mass * np.outer(c, c)
+    c = data.integrals.S[:, 0] / data.integrals.mass
+    P = data.integrals.G[:, :, 0, 0] - data.integrals.mass * np.outer(c, c)
     yield "** RECORD GROUP 12, GLOBAL INERTIA PROPERTIES"
-    yield f" {data.gram.mass:.16e}"
+    yield f" {data.integrals.mass:.16e}"
     yield from map(_row, [c, *(np.trace(P) * np.eye(3) - P)])
     yield "**"
     if data.D.any():
@@ -194,10 +194,10 @@ class _Records:
         shapes = self.numbers(8, (n, n_nodes, 6)).transpose(1, 2, 0)
         M, K, D = self.numbers(9, (n, n)), self.numbers(10, (n, n)), self.optional(13, (n, n))
         nodes = {label: MarkerShapes(x[k], shapes[k, :3], shapes[k, 3:]) for k, label in enumerate(labels)}
-        gram, notes = self._gram(nodes, M)
-        return ModalData(gram, K, D, nodes, notes)
+        integrals, notes = self._integrals(nodes, M)
+        return ModalData(integrals, K, D, nodes, notes)
 
-    def _gram(self, nodes: Mapping[str, MarkerShapes], M: Array) -> tuple[InertiaGram, tuple[str, ...]]:
+    def _integrals(self, nodes: Mapping[str, MarkerShapes], M: Array) -> tuple[InertiaIntegrals, tuple[str, ...]]:
         """Sum inertia over the nodes, with the rigid body's own where it is told."""
         n, notes = len(M), []
         if 11 not in self._lines and 12 not in self._lines:
@@ -217,7 +217,7 @@ class _Records:
         elif np.abs(loss).max() > SAME_MASS * np.abs(M).max():
             apart = np.abs(loss).max() / np.abs(M).max()
             notes.append(f"the lumped masses give another modal mass than record group 9, by {apart:.1e} of it")
-        return InertiaGram(G, S, mass, stiffening=np.eye(3)[:, :, None, None] * loss / 3), tuple(notes)
+        return InertiaIntegrals(G, S, mass, stiffening=np.eye(3)[:, :, None, None] * loss / 3), tuple(notes)
 
 
 def _sum_points(nodes: list[MarkerShapes], lumped: Array, n: int) -> tuple[Array, Array, float]:

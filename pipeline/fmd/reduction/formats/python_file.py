@@ -23,14 +23,14 @@ def read_netcdf(path: Path) -> ModalData:
     """
     saved = load_body(path)
     body, n = saved.body, len(saved.body.omega)
-    if body.gram.normal >= 0:
+    if body.integrals.normal >= 0:
         raise InputError(str(path), "", None, "has the inertia of motion about one axis alone; write it anew")
     unknown = np.full((3, n), np.nan)
     places = enumerate(zip(body.x, body.shapes, strict=True))
     nodes = {str(k): MarkerShapes(x, shapes, unknown) for k, (x, shapes) in places}
-    second = body.gram.stiffening, body.gram.bow, body.gram.curl
+    second = body.integrals.stiffening, body.integrals.displacement2, body.integrals.rotation2
     return ModalData(
-        body.gram,
+        body.integrals,
         np.diag(body.omega**2),
         np.zeros((n, n)),
         nodes | dict(body.markers),

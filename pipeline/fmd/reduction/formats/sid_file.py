@@ -42,7 +42,7 @@ def _lines(data: ModalData) -> Iterator[str]:
     yield "part"
     yield "  new modal ="
     yield "    refmod"
-    yield f"      mass = {_number(data.gram.mass)}"
+    yield f"      mass = {_number(data.integrals.mass)}"
     yield f"      nelastq = {data.n}"
     hertz = np.sqrt(np.sort(np.abs(np.linalg.eigvals(np.linalg.solve(data.M, data.K)).real))) / (2 * np.pi)
     for k, frequency in enumerate(hertz, start=1):
@@ -70,12 +70,12 @@ def _as_vector(J: Array) -> Array:
 
 def _node_terms(node: MarkerShapes) -> dict[str, Taylor]:
     """Terms of a node: place, shapes, rotations, and the axes that turn with them."""
-    bow = node.bow if node.bow.size else np.zeros((6, 0, 0))
+    displacement2 = node.displacement2 if node.displacement2.size else np.zeros((6, 0, 0))
     turned = np.einsum("acb,ck->akb", EPSILON, -node.rotation)  # the matrix of a rotation's cross product
     return {
         "origin": Taylor(node.position[:, None], node.translation[:, :, None]),
-        "phi": Taylor(node.translation, bow[:3].transpose(0, 2, 1)),
-        "psi": Taylor(node.rotation, bow[3:].transpose(0, 2, 1)),
+        "phi": Taylor(node.translation, displacement2[:3].transpose(0, 2, 1)),
+        "psi": Taylor(node.rotation, displacement2[3:].transpose(0, 2, 1)),
         "AP": Taylor(np.eye(3), turned),
     }
 
@@ -197,11 +197,13 @@ class _Reader:
         for name, shape in (("origin", (3, 1)), ("phi", (3, n)), ("psi", (3, n))):
             if name in own and own[name].M0.shape != shape:
                 raise self.fault(f"node {label}: {name} has {own[name].M0.shape}, expected {shape} rows and columns")
-        bow = np.zeros((6, 0, 0))
+        displacement2 = np.zeros((6, 0, 0))
         if phi.M1.any() or psi.M1.any():
             nothing = np.zeros((3, n, n))
-            bow = np.concatenate([term.M1.transpose(0, 2, 1) if term.order else nothing for term in (phi, psi)])
-        return MarkerShapes(own["origin"].M0[:, 0], phi.M0, psi.M0, bow)
+            displacement2 = np.concatenate(
+                [term.M1.transpose(0, 2, 1) if term.order else nothing for term in (phi, psi)]
+            )
+        return MarkerShapes(own["origin"].M0[:, 0], phi.M0, psi.M0, displacement2)
 
     def _read_term(self, name: str) -> Taylor:
         size: dict[str, int] = {}

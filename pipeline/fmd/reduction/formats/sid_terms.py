@@ -25,7 +25,7 @@ import numpy as np
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.limits.files import LOST_BY_SUBTRACTION, SAME_INTEGRAL, STIFFENS
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import InertiaGram
+from fmd.reduction.inertia import InertiaIntegrals
 from fmd.reduction.modal_data import ModalData, integrals_of, rate_products, rate_turns
 
 PARTS = ("mdCM", "J", "Ct", "Cr", "Me", "Gr", "Ge", "Oe", "ksigma", "Ke", "De")
@@ -59,14 +59,14 @@ class Taylor:
 
 def sid_terms(data: ModalData) -> dict[str, Taylor]:
     """Compute the terms of a body's equations of motion from its inertia integrals; keys are `PARTS`."""
-    gram, n = data.gram, data.n
-    G, S = gram.G, gram.S
+    integrals, n = data.integrals, data.n
+    G, S = integrals.G, integrals.S
     modal, mixed = G[:, :, 1:, 1:], G[:, :, 0, 1:]
-    bow = gram.bow if gram.bow.size else np.zeros((3, n, n))
-    curl = gram.curl if gram.curl.size else np.zeros((3, n, n))
+    displacement2 = integrals.displacement2 if integrals.displacement2.size else np.zeros((3, n, n))
+    rotation2 = integrals.rotation2 if integrals.rotation2.size else np.zeros((3, n, n))
     P = G[:, :, 0, 0]
     # ∫ x̃ φ̃_j dm = ∫ φ_j xᵀ dm − 1 ∫ x·φ_j dm, for the undeformed body and by another mode.
-    pure = modal + gram.stiffening if gram.stiffening.size else modal
+    pure = modal + integrals.stiffening if integrals.stiffening.size else modal
     C4 = mixed.transpose(1, 0, 2) - np.eye(3)[:, :, None] * np.einsum("aaj->j", mixed)
     C6 = pure.transpose(1, 0, 2, 3) - np.eye(3)[:, :, None, None] * np.einsum("aakj->kj", pure)
     J1 = -(C4 + C4.transpose(1, 0, 2))
@@ -74,8 +74,8 @@ def sid_terms(data: ModalData) -> dict[str, Taylor]:
     return {
         "mdCM": Taylor(S[:, :1], S[:, 1:, None]),
         "J": Taylor(np.trace(P) * np.eye(3) - P, J1.transpose(0, 2, 1)),
-        "Ct": Taylor(S[:, 1:].T, bow.transpose(1, 2, 0)),
-        "Cr": Taylor(rate_turns(mixed).T, (turns.transpose(0, 2, 1) + curl).transpose(1, 2, 0)),
+        "Ct": Taylor(S[:, 1:].T, displacement2.transpose(1, 2, 0)),
+        "Cr": Taylor(rate_turns(mixed).T, (turns.transpose(0, 2, 1) + rotation2).transpose(1, 2, 0)),
         "Me": Taylor(data.M),
         "Gr": Taylor(-2 * C4.transpose(0, 2, 1).reshape(3, 3 * n), -2 * C6.transpose(0, 2, 3, 1).reshape(3, n, 3 * n)),
         "Ge": Taylor(2 * turns.transpose(2, 1, 0).reshape(n, 3 * n)),
@@ -132,20 +132,20 @@ def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, 
         *(_compare("the first order of J", J.M1, J1.transpose(0, 2, 1), "Oe") if J.order else ()),
     ]
     stiffening, exact = _stiffening(terms["Gr"], terms["Me"].M0, modal, scale)
-    bow = first["Ct"].transpose(2, 0, 1)
-    curl = first["Cr"].transpose(2, 0, 1) - turns.transpose(0, 2, 1) if Cr.order else np.zeros((3, n, n))
+    displacement2 = first["Ct"].transpose(2, 0, 1)
+    rotation2 = first["Cr"].transpose(2, 0, 1) - turns.transpose(0, 2, 1) if Cr.order else np.zeros((3, n, n))
     second: dict[str, Any] = {}
     for name, term, least in (
         ("stiffening", stiffening, STIFFENS),
-        ("bow", bow, 0.0),
-        ("curl", curl, LOST_BY_SUBTRACTION),
+        ("displacement2", displacement2, 0.0),
+        ("rotation2", rotation2, LOST_BY_SUBTRACTION),
     ):
         if np.abs(term).max(initial=0.0) > least * scale:
             second[name] = 0.5 * (term + term.swapaxes(-1, -2))
-    gram = InertiaGram(G, S, mass, **second)
-    bound = bool(second) or any(node.bow.any() for node in nodes.values())
+    integrals = InertiaIntegrals(G, S, mass, **second)
+    bound = bool(second) or any(node.displacement2.any() for node in nodes.values())
     separable = exact or "stiffening" not in second
-    return ModalData(gram, terms["Ke"].M0, terms["De"].M0, nodes, tuple(notes), bound, separable)
+    return ModalData(integrals, terms["Ke"].M0, terms["De"].M0, nodes, tuple(notes), bound, separable)
 
 
 def _tensor(J: Taylor) -> Taylor:

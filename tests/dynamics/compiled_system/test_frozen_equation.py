@@ -7,7 +7,7 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system import system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.subcycling import Subcycling
-from tests.dynamics.compiled_system.held_by_differences import sub_cycle
+from tests.dynamics.compiled_system.frozen_by_differences import sub_cycle
 from tests.dynamics.compiler.mechanisms import EACH, PointMechanism, random_mechanism
 
 

@@ -1,4 +1,5 @@
-"""Sub-cycling in plain NumPy, its held equation by differences of the residual: slow, and sharing no held tangents."""
+"""Sub-cycling in plain NumPy, its frozen equation by differences of the residual: slow, and sharing no frozen
+tangents."""
 
 from __future__ import annotations
 
@@ -23,9 +24,9 @@ def residual(compiled: CompiledMechanism, inputs: Array, q: Array, v: Array, a: 
 def fast_accelerations(compiled: CompiledMechanism, inputs: Array, q: Array, v: Array, slow: Array) -> Array:
     """Solve ``M_SS a_S = Q_S − M_SL a_L`` with the slow accelerations given."""
     n, n_slow = len(v), len(slow)
-    held = np.r_[slow, np.zeros(n - n_slow)]
-    r = residual(compiled, inputs, q, v, held)
-    M = np.stack([residual(compiled, inputs, q, v, held + unit) - r for unit in np.eye(n)], axis=1)
+    frozen = np.r_[slow, np.zeros(n - n_slow)]
+    r = residual(compiled, inputs, q, v, frozen)
+    M = np.stack([residual(compiled, inputs, q, v, frozen + unit) - r for unit in np.eye(n)], axis=1)
     return np.asarray(np.linalg.solve(M[n_slow:, n_slow:], -r[n_slow:]))
 
 
@@ -47,7 +48,7 @@ def sub_cycle(made: PointMechanism, h: float, m: int, n_cycles: int, q: Array, v
         out.append(q)
         t, now = cycle * m * h, v + 0.5 * own * a
         a = compiled.accelerations(t, q, now)
-        equation = hold(made, compiled, t, q, now, a.copy())
+        equation = freeze(made, compiled, t, q, now, a.copy())
         v = v + own * a
         q = kane.advance(made, q, np.r_[v[:n_slow], np.zeros(n - n_slow)], H)
         q[at] += h * v[n_slow:]
@@ -59,7 +60,7 @@ def sub_cycle(made: PointMechanism, h: float, m: int, n_cycles: int, q: Array, v
     return np.array(out)
 
 
-def hold(
+def freeze(
     made: PointMechanism, compiled: CompiledMechanism, t: float, q: Array, v: Array, a: Array
 ) -> Callable[[float, Array, Array], Array]:
     """Return the fast accelerations over a cycle as a function of its time, the fast positions and rates."""
