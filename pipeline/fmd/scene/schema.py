@@ -6,18 +6,26 @@ build on others, but not the names that a scene gives and what fits together; a 
 
 from __future__ import annotations
 
+import inspect
 import json
+import re
 import sys
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_args
 
+from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from fmd.core.limits.scene import LONGEST_SYMBOL
 from fmd.core.units import example_of, list_units
-from fmd.scene.reference.page import KNOWN_BY_FILES, is_kind, read_docstring, read_meanings
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from fmd.scene.reading import SceneTable
+from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.scene import Scene
+
+KNOWN_BY_FILES = (MeshedPart, CadPart, MatrixPart, ReducedPart)
+"""Bodies whose kind a scene may leave out, since the keys of their files say it."""
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
@@ -124,6 +132,40 @@ def _write_references(node: Any) -> Any:
     if kind is None:
         return rest
     return {"$ref": f"#/$defs/{kind.replace(' ', '%20')}"} | {key: rest[key] for key in rest if key != "type"}
+
+
+def is_kind(name: str, field: FieldInfo) -> bool:
+    """Return True for the key that says of which kind a table is; in Python the class says it."""
+    return name in ("shape", "type", "integrator") and len(get_args(field.annotation)) == 1
+
+
+def read_meanings(table: type[SceneTable]) -> dict[str, str]:
+    """Read the meaning of each key of a table, as Markdown, off the docstrings of its class and of its bases."""
+    meanings: dict[str, str] = {}
+    for base in reversed(table.__mro__[: table.__mro__.index(SceneTable)]):
+        parameters = _split_docstring(base).get("Parameters", "")
+        for names, text in re.findall(r"^(\S[^\n]*?) : [^\n]*\n((?:[ ]+[^\n]*\n?|\n)+)", parameters, re.MULTILINE):
+            meanings |= dict.fromkeys(names.split(", "), to_markdown(text))
+    return meanings
+
+
+def read_docstring(table: type[SceneTable]) -> tuple[list[str], str]:
+    """Return the paragraphs at a docstring's beginning and the TOML of its example, empty if it has none."""
+    sections = _split_docstring(table)
+    paragraphs = [to_markdown(paragraph) for paragraph in sections[""].strip().split("\n\n")]
+    example = inspect.cleandoc(sections.get("Examples", "").strip().removeprefix("::").lstrip("\n"))
+    return paragraphs, example
+
+
+def to_markdown(text: str) -> str:
+    """Turn a docstring's text into one line of Markdown."""
+    return re.sub(r"\s+", " ", text.replace("``", "`")).strip()
+
+
+def _split_docstring(table: type) -> dict[str, str]:
+    """Return the sections of a class's own numpydoc docstring by heading; the beginning has none."""
+    parts = re.split(r"^(\w+)\n-+\n", inspect.cleandoc(table.__doc__ or ""), flags=re.MULTILINE)
+    return {"": parts[0]} | dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
 if __name__ == "__main__":

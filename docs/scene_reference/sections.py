@@ -58,7 +58,7 @@ from fmd.scene.time_functions import TimeFunction
 from fmd.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
 INTRODUCTION = """\
-<!-- Written by `python -m fmd.scene.reference > docs/scene.md` from the docstrings in pipeline/fmd/scene. -->
+<!-- Written by `python -m docs.scene_reference > docs/scene.md` from the docstrings in pipeline/fmd/scene. -->
 
 # The scene file
 

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import inspect
-import re
 from collections.abc import Iterator
 from textwrap import fill
 from typing import Any, get_args
 
 from pydantic.fields import FieldInfo
 
+from docs.scene_reference.sections import INTRODUCTION, SECTIONS
+from docs.scene_reference.values import describe_values
 from fmd.scene.bodies import Bar
 from fmd.scene.constraints import Gear
 from fmd.scene.histories import HISTORY_QUANTITIES, HistoryQuantity, Quantities
-from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.loads import PulseDrive
 from fmd.scene.outputs import CHART_QUANTITIES, Chart
 from fmd.scene.reading import SceneTable
-from fmd.scene.reduced_bodies import ReducedPart
-from fmd.scene.reference.sections import INTRODUCTION, SECTIONS
-from fmd.scene.reference.values import describe_values, to_markdown
 from fmd.scene.runs import RUNS
+from fmd.scene.schema import KNOWN_BY_FILES, is_kind, read_docstring, read_meanings
 from fmd.scene.time_functions import TimeFunction
 from fmd.scene.toml_files import list_ready_scenes
 
@@ -39,7 +36,6 @@ _LINKED: dict[tuple[type[SceneTable], str], str] = {
     (Chart, "quantity"): "[quantity](#quantities-of-a-chart)",
     (Quantities, "quantities"): "list of [quantities](#quantities-of-a-history)",
 }
-KNOWN_BY_FILES = (MeshedPart, CadPart, MatrixPart, ReducedPart)  # kinds of bodies that a file may leave out
 
 
 def write_page() -> str:
@@ -86,8 +82,12 @@ def describe_table(table: type[SceneTable], kind: str, anchors: dict[type, str])
 
 
 def list_keys(table: type[SceneTable]) -> list[tuple[str, FieldInfo]]:
-    """List the fields that a table adds to those of its base class, except those that aren't keys of a scene."""
-    inherited = {name for base in table.__mro__[1:] for name in getattr(base, "model_fields", {})}
+    """List the fields that a table adds to those of bases with a section of their own, but for those that are no keys.
+
+    A field that it defines anew is its own, too.
+    """
+    bases = [base for base in table.__mro__[1:] if any(section.table is base for section in SECTIONS)]
+    inherited = {name for base in bases for name in base.model_fields} - {*table.__annotations__}
     own = [(name, field) for name, field in table.model_fields.items() if name not in inherited]
     return [(name, field) for name, field in own if (table, name) not in _NO_KEYS]
 
@@ -104,11 +104,6 @@ def _write_row(table: type[SceneTable], name: str, field: FieldInfo, kind: str, 
         default = "–" if table in KNOWN_BY_FILES else "required"
     cells = [f"`{field.alias or name}`", value, words.unit, default, meaning]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def is_kind(name: str, field: FieldInfo) -> bool:
-    """Return True for the key that says of which kind a table is; in Python the class says it."""
-    return name in ("shape", "type", "integrator") and len(get_args(field.annotation)) == 1
 
 
 def _write_default(field: FieldInfo, unit: str) -> str:
@@ -139,26 +134,3 @@ def _describe_quantities(output: str, choice: Any, meanings: dict[str, str]) -> 
     yield f"### Quantities of a {output}"
     rows = [f"| `{name}` | {meaning} |" for name, meaning in meanings.items() if name in names]
     yield "\n".join(["| quantity | meaning |", "|---|---|", *rows])
-
-
-def read_meanings(table: type[SceneTable]) -> dict[str, str]:
-    """Read the meaning of each key off the section on parameters in a table's docstring, as Markdown."""
-    parameters = _split_docstring(table).get("Parameters", "")
-    meanings: dict[str, str] = {}
-    for names, text in re.findall(r"^(\S[^\n]*?) : [^\n]*\n((?:[ ]+[^\n]*\n?|\n)+)", parameters, re.MULTILINE):
-        meanings |= dict.fromkeys(names.split(", "), to_markdown(text))
-    return meanings
-
-
-def read_docstring(table: type[SceneTable]) -> tuple[list[str], str]:
-    """Return the paragraphs at a docstring's beginning and the TOML of its example, empty if it has none."""
-    sections = _split_docstring(table)
-    paragraphs = [to_markdown(paragraph) for paragraph in sections[""].strip().split("\n\n")]
-    example = inspect.cleandoc(sections.get("Examples", "").strip().removeprefix("::").lstrip("\n"))
-    return paragraphs, example
-
-
-def _split_docstring(table: type[SceneTable]) -> dict[str, str]:
-    """Return the sections of a numpydoc docstring by heading; the beginning has none."""
-    parts = re.split(r"^(\w+)\n-+\n", inspect.getdoc(table) or "", flags=re.MULTILINE)
-    return {"": parts[0]} | dict(zip(parts[1::2], parts[2::2], strict=True))

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 
 from fmd.core.units import NonNegative, Positive, QuantityReader, read_share, si_unit
+from fmd.scene.schema import to_markdown
 from fmd.scene.time_functions import TimeFunction
 
 _PLAIN = {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}
@@ -74,11 +75,6 @@ def describe_values(annotation: Any, metadata: Sequence[Any], anchors: Mapping[t
     if issubclass(annotation, BaseModel):
         return ValueWords(f"[table]({anchors[annotation]})")
     return ValueWords(_PLAIN[annotation], limits)
-
-
-def to_markdown(text: str) -> str:
-    """Turn a docstring's text into one line of Markdown."""
-    return re.sub(r"\s+", " ", text.replace("``", "`")).strip()
 
 
 def _describe_alternatives(kinds: Sequence[Any], anchors: Mapping[type, str]) -> ValueWords:
