@@ -179,3 +179,32 @@ def test_all_faults_of_a_scene_come_at_once_in_python_too() -> None:
         messages = [message.partition(": ")[2] for message in str(caught.value).split("\n")]
         assert messages[0].startswith("titel = '': no such key; did you mean 'title'?")
         assert messages[1].startswith("output.0.joint = 'hing': no such joint; did you mean 'hinge'?")
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("body.beam.lenght='1 m'", "body.beam.lenght = '1 m': no such key; did you mean 'length'?"),
+        ("body.beam.depth='2 kg'", "body.beam.depth = '2 kg': '2 kg' is a mass"),
+        (
+            "simulation.run.0.integrater='auto'",
+            "simulation.run.0.integrater = 'auto': no such key; did you mean 'integ",
+        ),
+        ("simulation.run=[{ integrator = 'autom' }]", "simulation.run.0.integrator = 'autom': must be one of"),
+        ("drive.turn={ type = 'motion', joint = 'hub', position = '1 m' }", "drive.turn.position = '1 m': belongs to"),
+    ],
+)
+def test_what_only_follows_from_a_fault_is_not_listed(override: str, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load_scene("beam", ["drive={}", override])
+    (line,) = str(caught.value).split("\n")
+    assert message in line
+
+
+def test_a_mistyped_table_is_one_fault_and_not_one_for_each_name_that_would_be_in_it() -> None:
+    bodies = ROD["body"]
+    with pytest.raises(InputError) as caught:
+        load_scene({key: value for key, value in ROD.items() if key != "body"} | {"bodi": bodies})
+    (line,) = str(caught.value).split("\n")
+    assert "bodi" in line
+    assert "did you mean 'body'?" in line

@@ -105,7 +105,11 @@ MECHANISMS: dict[str, Refused] = {
     "two motions": (TURN + TURN.replace("turn", "again"), (), "drive.again.joint", PRESCRIBED),
     "no motion": (re.sub("angle.*", "", TURN), (), "drive.turn.angle", "a revolute joint moves by its angle"),
     "a slide's angle": (
-        TURN.replace('"hub"', '"slide"'), (), "drive.turn.position", "a prismatic joint moves by its position",
+        TURN.replace('"hub"', '"slide"'), (), "drive.turn.angle", "this one moves by its position",
+    ),
+    "no position": (
+        re.sub("angle.*", "", TURN).replace('"hub"', '"slide"'), ("joint.slide.spring=0 N/m",),
+        "drive.turn.position", "a prismatic joint moves by its position",
     ),
     "both": (TURN + 'position = "1 m"\n', (), "drive.turn.position", "this one moves by its angle"),
     "a motion whose rate jumps": (
@@ -142,8 +146,8 @@ TORQUES: dict[str, tuple[str, str, str]] = {
     "neither": ('{ unit = "N m" }', ".formula", "is missing"),
     "an unknown key": ('{ formla = "t", unit = "N m" }', ".formla", "did you mean 'formula'?"),
     "a constant's own key": ("{ constant = 1 }", ".constant", "no such key"),
-    "times that turn back": (TABLE.format('["0 s", "2 s", "1 s"]', "[0, 1, 2]"), ".times.2", "must come after"),
-    "a time twice": (TABLE.format('["0 s", "0 s"]', "[0, 1]"), ".times.1", "must come after"),
+    "times that turn back": (TABLE.format('["0 s", "2 s", "1 s"]', "[0, 1, 2]"), ".times.2", "the time before it"),
+    "a time twice": (TABLE.format('["0 s", "0 s"]', "[0, 1]"), ".times.1", "the time before it"),
     "a value too few": (TABLE.format('["0 s", "1 s"]', "[0]"), ".values", "must hold 2 values"),
     "one time": (TABLE.format('["0 s"]', "[0]"), ".times", "at least 2"),
     "a time in metres": (TABLE.format('["0 m", "1 m"]', "[0, 1]"), ".times.0", "is a length, a time is wanted"),
@@ -170,6 +174,7 @@ def test_what_can_not_be_is_refused_by_its_key(tmp_path: Path, name: str) -> Non
         scene_of(tmp_path, CRANK + drives, *overrides)
     assert caught.value.key == key
     assert said in str(caught.value)
+    assert {error.key.rpartition(".")[0] for error in caught.value.others} <= {key.rpartition(".")[0]}  # of its list
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def started(make: Callable[[], tuple[Mechanism, Array]]) -> tuple[CompiledSystem
         evaluate_projection(system.parameters, 0.0, q, np.zeros(mechanism.n))
     q[mechanism.n - sum(len(link.omega) for link in mechanism.links) :] = 0.0
     for _ in range(30):  # joints alone
-        g, _ = system.compiled.gaps(0.0, q, v)
+        g, _ = system.compiled.residuals(0.0, q, v)
         joints = np.arange(mechanism.n_slow)
         J = system.compiled.constraint_matrix(0.0, q)[:, joints]
         q[joints] -= np.linalg.lstsq(J, g, rcond=1e-9)[0]
@@ -124,7 +124,7 @@ def test_sub_cycling_has_its_declared_order_on_loops(make: Callable[[], tuple[Me
     for steps in (4000, 8000, 16000):
         march = METHODS[method](DURATION / steps).march(system, q, v, times)
         errors.append(np.abs(march.q[0] - wanted).max())
-        assert np.abs(system.compiled.gaps(DURATION, march.q[0], march.v[0])[0]).max() < 1e-12
+        assert np.abs(system.compiled.residuals(DURATION, march.q[0], march.v[0])[0]).max() < 1e-12
     order = np.log2(errors[0] / errors[2]) / 2
     declared = METHODS[method](1e-6).order(system)
     assert order > declared - 0.15

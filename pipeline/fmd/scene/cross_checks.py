@@ -125,12 +125,16 @@ class CrossCheck:
     def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
         """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
         joint = self.joint[drive.joint]
+        alike = (other for other, d in self.drive.items() if isinstance(d, MotionDrive) and d.joint == drive.joint)
+        if next(alike) != name:  # the first one says that others have no effect
+            return
         wanted = joint.position_key
         other = "angle" if wanted == "position" else "position"
-        if getattr(drive, wanted) is None:
-            yield FaultError(f"is missing: a {joint.type} joint moves by its {wanted}", "drive", name, wanted)
         if getattr(drive, other) is not None:
             yield FaultError(f"belongs to another joint; this one moves by its {wanted}", "drive", name, other)
+            return
+        if getattr(drive, wanted) is None:
+            yield FaultError(f"is missing: a {joint.type} joint moves by its {wanted}", "drive", name, wanted)
         for other_name, also in self.drive.items():
             if other_name != name and getattr(also, "joint", None) == drive.joint:
                 yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "drive", other_name, "joint")

@@ -178,10 +178,9 @@ def list_faults(error: ValidationError) -> list[Fault]:
         if path not in found or found[path]["type"] == "literal_error":
             found[path] = detail
     deeper = {path[:length] for path in found for length in range(len(path))}
-    # A list that may also be a text is no text, but that isn't the fault if an item of it has one.
-    return [
-        Fault(path, _write_mend(f)) for path, f in found.items() if path not in deeper or f["type"] != "string_type"
-    ]
+    # A list with an item at fault is neither too short without it nor, where it may also be a text, no text.
+    follow = ("string_type", "too_short")
+    return [Fault(path, _write_mend(f)) for path, f in found.items() if path not in deeper or f["type"] not in follow]
 
 
 def join_errors(

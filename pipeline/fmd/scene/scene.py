@@ -6,6 +6,7 @@ Quantities are SI floats once read. Every fault in the file is one ``InputError`
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
@@ -219,9 +220,10 @@ class Scene(SceneTable):
             self.output,
         )
         left_out = (info.context or {}).get("left_out")
-        if left_out is not None:
+        if left_out is not None:  # the rest would only tell what follows from the faults of these
             raise_faults(check.find_unknown_names(left_out))
-        elif not self.body:
+            return self
+        if not self.body:
             raise FaultError("must have at least 1 item", "body")
         raise_faults(check.find_faults())
         return self
@@ -280,7 +282,9 @@ def list_tables() -> dict[str, type[SceneTable]]:
 def _find_unknown_names(tables: Mapping[str, Any], faults: Sequence[Fault], context: Mapping[str, Any]) -> list[Fault]:
     """Find the names that nothing has among those tables that are right by themselves, if others aren't."""
     wrong = {fault.path[:2] for fault in faults}
-    if () in wrong or any((table,) in wrong for table in (*_NAMED, "output")):
+    keys = [field.alias or name for name, field in Scene.model_fields.items()]
+    meant = {key for path in wrong if len(path) == 1 for key in get_close_matches(str(path[0]), keys, n=1)}
+    if () in wrong or meant & {*_NAMED, "output"}:  # the names in such a table aren't known
         return []
     rest: dict[str, Any] = {"title": ""}
     for table in _NAMED:

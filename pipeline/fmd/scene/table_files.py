@@ -115,9 +115,11 @@ def check_curve(curve: Any, variable: str, arguments: str, kind: str) -> None:
         Not one of both is given, or it is wrong.
     """
     table, si = getattr(curve, arguments), si_unit(kind)
-    if (curve.formula is None) == (table is None):
-        message = f"is missing: give a formula of {variable}, or a table: {arguments} and values, or a file of them"
-        raise FaultError(message, "formula")
+    ways = f"a formula of {variable}, or a table: {arguments} and values, or a file of them"
+    if curve.formula is not None and table is not None:
+        raise FaultError(f"can't stand beside a table: give one of the two, {ways}", "formula")
+    if curve.formula is None and table is None:
+        raise FaultError(f"is missing: give {ways}", "formula")
     if curve.unit is None:
         raise FaultError(f"is missing: what the values are in, e.g. '{si}'", "unit")
     try:
