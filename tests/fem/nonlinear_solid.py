@@ -15,7 +15,6 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from fmd.fem.gradients import gradients
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
 
@@ -44,7 +43,7 @@ class NonlinearSolid:
         """Gradients of the shape functions (n_elements, n_q, n_local, 3) and the points' volumes (n_elements, n_q)."""
         space = self.fe.discretisation
         X, w = space.kind.quadrature(space.kind.stiffness_order)
-        g, det = gradients(space, X, slice(None))
+        g, det = space.gradients(X, slice(None))
         return g, det * w
 
     @cached_property

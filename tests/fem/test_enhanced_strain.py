@@ -11,12 +11,11 @@ from scipy.sparse.linalg import spsolve
 from fmd.core.arrays import Array
 from fmd.fem.assembly import assemble
 from fmd.fem.cells.hexahedron import Hexahedron
-from fmd.fem.enhanced_strain import condensed_stiffness
 from fmd.fem.markers import face_marker
 from fmd.fem.material import Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.space import Discretisation
-from fmd.fem.strain import strains, stresses
+from fmd.fem.strain import condensed_stiffness, strains, stresses
 from fmd.meshes.bar import hexahedral_bar
 
 METAL = Material(1.0, 0.3, 1.0)

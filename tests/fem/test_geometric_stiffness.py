@@ -7,17 +7,16 @@ import fmd.fem.model
 from fmd.core.arrays import Array
 from fmd.fem.assembly import assemble
 from fmd.fem.geometric_stiffness import geometric_stiffness
-from fmd.fem.gradients import gradients
 from fmd.fem.material import Material, MaterialOfElements
 from fmd.fem.model import FEModel
-from fmd.fem.sparsity import BlockStructure
+from fmd.fem.space import BlockStructure
 
 
 def integral(fe: FEModel, u: Array, shapes: Array) -> Array:
     """``∫ σ_ab ∂_a φ_j·∂_b φ_l dV`` straight from the fields' slopes at the quadrature points, without any matrix."""
     space = fe.discretisation
     X, w = space.kind.quadrature(space.kind.stiffness_order)
-    g, det = gradients(space, X, slice(None))
+    g, det = space.gradients(X, slice(None))
     slopes, pull = (np.einsum("eqna,enik->eqaik", g, field[space.element_nodes]) for field in (shapes, u))
     found = np.zeros((u.shape[2], shapes.shape[2], shapes.shape[2]))
     for own, mine in fe.material.over(slice(None)):

@@ -6,9 +6,9 @@ import pytest
 from fmd.accuracy.stretching import excess_deflection
 from fmd.core.limits.errors import OF_BENDING
 from fmd.fem.assembly import assemble
+from fmd.fem.geometric_stiffness import membrane_ratio, quadratic_strain_load
 from fmd.fem.markers import Marker
 from fmd.fem.material import Material
-from fmd.fem.membrane import membrane_ratio, quadratic_strain_load
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.meshes.bar import hexahedral_bar

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
-from fmd.fem.sparsity import BlockStructure
+from fmd.fem.space import BlockStructure
 
 N_NODES, N_LOCAL = 30, 4
 

@@ -19,8 +19,7 @@ from fmd.fem.model import FEModel
 from fmd.meshes.bar import hexahedral_bar
 from fmd.reduction.body import FlexibleBody, floating_body, free_frame_body, reduced_body
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.reduction.enrichment import enrich_modes
-from fmd.reduction.loads import motion_loads
+from fmd.reduction.loads import enrich_modes, motion_loads
 from fmd.reduction.mode_families import lowest_modes, modes_of_family
 from fmd.reduction.modes import Modes
 
@@ -276,7 +275,7 @@ def test_a_rigid_motion_among_the_shapes_is_refused_with_the_figure(stocky: Beam
     shapes = np.concatenate([stocky.modes.shapes, spin / np.sqrt(np.einsum("iak,iak->", spin, spin))], axis=2)
     omega = np.append(stocky.modes.omega, 0.0)
     message = (
-        r"held at 'root', the 16 shapes depend on one another: a combination of them keeps -?\d\.\de[-+]\d+ of its"
+        r"fixed at 'root', the 16 shapes depend on one another: a combination of them keeps -?\d\.\de[-+]\d+ of its"
     )
     with pytest.raises(AccuracyError, match=message):
         reduced_body(stocky.fe, omega, shapes, stocky.markers, "root", JOINTS[joint])
@@ -286,7 +285,7 @@ def test_shapes_that_differ_by_a_rigid_motion_are_refused_at_a_clamp(stocky: Bea
     moved = stocky.modes.shapes[..., :1] + np.cross(Z, stocky.fe.x)[:, :, None]
     shapes = np.concatenate([stocky.modes.shapes, moved], axis=2)
     omega = np.append(stocky.modes.omega, stocky.modes.omega[0])
-    with pytest.raises(AccuracyError, match="take fewer modes or modes of the body held there"):
+    with pytest.raises(AccuracyError, match="take fewer modes or modes of the body fixed there"):
         reduced_body(stocky.fe, omega, shapes, stocky.markers, "root", JOINTS["clamp"])
 
 

@@ -19,10 +19,9 @@ from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.meshes.propeller import PropellerCounts, PropellerShape, propeller
-from fmd.reduction.cyclic import CyclicSolver
+from fmd.reduction.cyclic import CyclicSolver, cut_first_sector
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor.factor import Solver, factorise
-from fmd.reduction.sector import cut_first_sector
 
 ALUMINIUM = Material(E=70e9, nu=0.3, rho=2780.0)
 SHAPE = PropellerShape(

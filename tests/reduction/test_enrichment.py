@@ -16,8 +16,7 @@ from fmd.meshes.bar import hexahedral_bar
 from fmd.recovery.stress import modal_stress
 from fmd.reduction.body import FlexibleBody, reduced_body
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.reduction.enrichment import enrich_modes
-from fmd.reduction.loads import motion_loads
+from fmd.reduction.loads import enrich_modes, motion_loads
 from fmd.reduction.mode_families import lowest_modes, modes_of_family
 from fmd.reduction.modes import Modes
 

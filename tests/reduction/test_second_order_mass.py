@@ -4,7 +4,7 @@ import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
 from fmd.reduction.inertia import inertia_integrals
-from fmd.reduction.second_order_mass import second_order_mass
+from fmd.reduction.second_order import second_order_mass
 
 N_MODES = 4
 

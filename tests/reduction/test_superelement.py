@@ -10,11 +10,10 @@ from scipy.linalg import eigh
 from fmd.core.errors import InputError
 from fmd.fem.markers import face_marker
 from fmd.fem.model import FEModel
-from fmd.reduction.craig_bampton import craig_bampton_modes
+from fmd.reduction.craig_bampton import Superelement, craig_bampton_modes, make_superelement
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.formats.openfast_file import read_extptfm, write_extptfm
 from fmd.reduction.formats.simscape_file import write_simscape
-from fmd.reduction.superelement import Superelement, make_superelement
 
 RATIO = 0.03
 

@@ -36,7 +36,7 @@ def refused(folder: Path, pieces: str, *overrides: str) -> str:
             "body.strip.marker.tip.face='y-'",
             "body.strip.marker.tip: its face extends over 2 of the body's 2 pieces",
         ),
-        ("2", "body.strip.modes.boundary='joint'", "pieces are held at their cuts"),
+        ("2", "body.strip.modes.boundary='joint'", "pieces are fixed at their cuts"),
         ("0", "title='x'", "body.strip.pieces = 0: must be a whole number from 1 to 1000, or 'auto'"),
         ("2", "body.strip.modes.damping=0.01", "pieces take a factor of the stiffness"),
         ("1", "body.strip.sections='rigid'", "belongs to a body in pieces"),

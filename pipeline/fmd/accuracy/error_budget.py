@@ -117,7 +117,7 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
 def _join_pieces(rows: list[Row]) -> list[Row]:
     """Return the rows with those of a part's pieces as one: of the piece with the largest value, masses added up.
 
-    Frequencies of pieces held at their cuts are no results, and have no rows.
+    Frequencies of pieces fixed at their cuts are no results, and have no rows.
     """
     joined: dict[str, Row] = {}
     for row in rows:

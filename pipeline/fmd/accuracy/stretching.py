@@ -49,7 +49,7 @@ def stiffening_by_stretch(run: Pipeline, name: str) -> float:
 
 def _ratio(part: FlexiblePart, u: Array) -> float:
     """Return the stiffening by stretch of a displacement u (n_nodes, 3)."""
-    from fmd.fem.membrane import membrane_ratio, quadratic_strain_load
+    from fmd.fem.geometric_stiffness import membrane_ratio, quadratic_strain_load
 
     f, energy = quadratic_strain_load(part.fe, u)
     v = part.model.solver.static_response(-f[:, :, None])[:, :, 0]

@@ -49,7 +49,7 @@ def one_at_a_time(path: Path) -> Iterator[None]:
         yield
     finally:
         if lock.is_locked:
-            # Deleted while it is held: a process that waits notices and makes the file anew.
+            # Deleted before it is released: a process that waits notices and makes the file anew.
             with suppress(OSError):
                 path.unlink(missing_ok=True)
             with suppress(OSError):

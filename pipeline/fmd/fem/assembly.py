@@ -13,13 +13,12 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import BLOCKS_AT_ONCE, ELEMENTS_AT_ONCE, ENHANCED_AT_ONCE
-from fmd.fem.elements import Formulation, shape_functions
-from fmd.fem.enhanced_strain import condensed_stiffness
-from fmd.fem.gradients import determinants, gradients
+from fmd.fem.elements import Formulation, determinants, shape_functions
 from fmd.fem.material import AnyMaterial, Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.fem.space import Discretisation
+from fmd.fem.strain import condensed_stiffness
 
 
 def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Formulation = "enhanced") -> FEModel:
@@ -115,7 +114,7 @@ def _gradient_products(space: Discretisation) -> Array:
     step = max(ELEMENTS_AT_ONCE // 16, 16 * ELEMENTS_AT_ONCE // n_local**2)
     for start in range(0, n_elements, step):
         chunk = slice(start, start + step)
-        g, det = gradients(space, X, chunk)
+        g, det = space.gradients(X, chunk)
         g *= np.sqrt(det * w)[:, :, None, None]
         flat = g.reshape(len(g), w.size, 3 * n_local)
         # NumPy multiplies a matrix by its own transpose with BLAS's syrk: symmetric to the last bit

@@ -1,4 +1,4 @@
-"""Solid finite elements: shape functions, quadrature and local numbering."""
+"""Solid finite elements: shape functions, Jacobians, quadrature and local numbering."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, read_only
+from fmd.core.errors import AccuracyError
 from fmd.fem.cells.shape import CellShape
 
 # Linear hexahedra with enhanced assumed strain, or with the strain of their displacement alone; others have no choice.
@@ -154,3 +155,32 @@ def match_nodes(wanted: Array, nodes: Array) -> IntArray:
     if not np.array_equal(place, np.arange(len(wanted))):
         raise ValueError("the two orders of nodes aren't of the same element")
     return number
+
+
+def determinants(J: Array) -> Array:
+    """Return the determinants of Jacobians J (n_elements, n_q, 3, 3), positive for left-handed elements too.
+
+    scikit-fem's hexahedra are left-handed.
+
+    Raises
+    ------
+    AccuracyError
+        Determinants differ in sign; the message counts the elements.
+    """
+    return inverse_and_determinant(J)[1]
+
+
+def inverse_and_determinant(J: Array) -> tuple[Array, Array]:
+    """Return the inverses of Jacobians (n_elements, n_q, 3, 3) by Cramer's rule, and `determinants`."""
+    J = np.moveaxis(J, (2, 3), (0, 1))
+    cofactor = np.empty((3, 3, *J.shape[2:]))
+    for i in range(3):
+        for k in range(3):
+            (a, b), (c, d) = ((i + 1) % 3, (i + 2) % 3), ((k + 1) % 3, (k + 2) % 3)
+            cofactor[k, i] = J[a, c] * J[b, d] - J[a, d] * J[b, c]
+    det = (J[0] * cofactor[:, 0]).sum(axis=0)
+    hand = np.sign(np.median(det)) or 1.0
+    if (hand * det).min() <= 0:
+        bad = np.count_nonzero((hand * det <= 0).any(axis=1))
+        raise AccuracyError(f"{bad} elements are inverted (Jacobian ≤ 0 at a quadrature point)")
+    return np.ascontiguousarray(np.moveaxis(cofactor / det, (0, 1), (2, 3))), hand * det

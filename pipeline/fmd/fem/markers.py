@@ -1,4 +1,4 @@
-"""Markers: mean displacement and rotation of a face as weights on its nodes, or a face held rigid."""
+"""Markers: mean displacement and rotation of a face as weights on its nodes, or a rigid face."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FACET_ORDER = {False: 2, True: 3}  # degree of N_i N_j over the displacement's;
 
 @dataclass(frozen=True)
 class Marker:
-    """A point that follows a face in the mean (RBE3) or holds it rigid (RBE2).
+    """A point that follows a face in the mean (RBE3) or makes it rigid (RBE2).
 
     The weights come from integrals over the face, so a force at the marker acts as a uniform traction. On a rigid face
     its mean displacement and rotation are its displacement and rotation.

@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_shape
+from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_shape, short_repr
 from fmd.core.errors import AccuracyError
-from fmd.core.short_repr import short_repr
 from fmd.fem.cells.cell import SolidCell
 from fmd.fem.cells.table import solid_cell
 from fmd.fem.elements import jacobians, match_nodes

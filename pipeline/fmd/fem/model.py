@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, short_repr
 from fmd.core.rotations import rigid_motions
-from fmd.core.short_repr import short_repr
 from fmd.fem.material import AnyMaterial
 from fmd.fem.space import Discretisation
 

@@ -8,13 +8,62 @@ from typing import Any
 
 import meshio
 import numpy as np
+import scipy.sparse as sp
 import skfem
 from skfem.io.meshio import from_meshio
 
 from fmd.core.arrays import Array, IntArray, read_only
-from fmd.fem.elements import ElementKind, Formulation, jacobians, match_nodes, shape_functions
+from fmd.fem.elements import ElementKind, Formulation, inverse_and_determinant, jacobians, match_nodes, shape_functions
 from fmd.fem.mesh import SolidMesh
-from fmd.fem.sparsity import BlockStructure
+
+
+class BlockStructure:
+    """Pairs of nodes that share an element: the pattern of stiffness, mass and geometric stiffness.
+
+    Two counting sorts, SciPy's conversions between compressed rows and columns, order the entries of all elements by
+    the row's node and then by the column's. A sparse matrix of ones in that order, with a row for each pair, sums them.
+
+    Parameters
+    ----------
+    element_nodes : ndarray, shape (n_elements, n_local)
+        Node numbers of each element.
+    n_nodes : int
+        Number of nodes.
+    """
+
+    def __init__(self, element_nodes: IntArray, n_nodes: int) -> None:
+        n_elements, n_local = element_nodes.shape
+        index = np.int32 if n_elements * n_local**2 < 2**31 else np.int64
+        nodes, local = element_nodes.astype(index), np.arange(n_local, dtype=index)
+        place = np.arange(n_elements * n_local, dtype=index)
+        by_element = (place, nodes.ravel(), np.append(place[::n_local], index(place.size)))
+        by_node = sp.csr_array(by_element, shape=(n_elements, n_nodes)).tocsc()
+        element, own = np.divmod(by_node.data, index(n_local))
+        entry = ((element * index(n_local))[:, None] + local) * index(n_local) + own[:, None]
+        by_row = (entry.ravel(), nodes[element].ravel(), by_node.indptr * index(n_local))
+        sorted_entries = sp.csr_array(by_row, shape=(n_nodes, n_nodes)).tocsc()
+        row = np.repeat(np.arange(n_nodes, dtype=index), np.diff(sorted_entries.indptr))
+        column = sorted_entries.indices
+        first = np.append(True, (column[1:] != column[:-1]) | (row[1:] != row[:-1]))
+        start = np.append(np.flatnonzero(first), first.size)
+        self._sums = sp.csr_array((np.ones(first.size), sorted_entries.data, start), shape=(start.size - 1, first.size))
+        self._column = column[first]
+        self._pointer = np.searchsorted(start, sorted_entries.indptr)
+        self._n = n_nodes
+
+    def sums(self, entries: Array) -> Array:
+        """Sum entries (n_elements, n_local, n_local, …) over the elements of each pair of nodes, shape (n_pairs, …)."""
+        total = self._sums @ entries.reshape(self._sums.shape[1], -1)
+        return np.asarray(total.reshape(-1, *entries.shape[3:]))
+
+    def scalar_matrix(self, pairs: Array) -> sp.csr_array:
+        """Return the matrix (n_nodes, n_nodes) with a number for each pair, shape (n_pairs,)."""
+        return sp.csr_array((pairs, self._column, self._pointer), shape=(self._n, self._n))
+
+    def block_matrix(self, pairs: Array) -> sp.csr_array:
+        """Return the matrix (3 n_nodes, 3 n_nodes) with a block for each pair, shape (n_pairs, 3, 3)."""
+        n = 3 * self._n
+        return sp.csr_array(sp.bsr_array((pairs, self._column, self._pointer), shape=(n, n)).tocsr())
 
 
 @dataclass(frozen=True)
@@ -118,3 +167,17 @@ class Discretisation:
     def jacobians(self, X: Array, elements: slice | IntArray = slice(None)) -> Array:
         """Return the elements' `elements.jacobians` at reference points X (3, n_q), shape (n_elements, n_q, 3, 3)."""
         return jacobians(self.kind.geometry, self.corner_coordinates[elements], X)
+
+    def gradients(self, X: Array, elements: slice | IntArray) -> tuple[Array, Array]:
+        """Return spatial gradients of the shape functions and Jacobian determinants at reference points X (3, n_q).
+
+        Returns
+        -------
+        g : ndarray, shape (n_elements, n_q, n_local, 3) [1/m]
+        det : ndarray, shape (n_elements, n_q) [m³]
+        """
+        _, dN = shape_functions(self.kind.element, X)
+        inverse, det = inverse_and_determinant(self.jacobians(X[:, :1] if self.kind.is_affine else X, elements))
+        n_elements, n_jacobians = det.shape
+        g = dN.transpose(2, 0, 1).reshape(n_jacobians, -1, 3) @ inverse
+        return g.reshape(n_elements, X.shape[1], len(dN), 3), np.broadcast_to(det, (n_elements, X.shape[1]))

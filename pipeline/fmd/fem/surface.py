@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
-from fmd.core.short_repr import short_repr
+from fmd.core.arrays import Array, IntArray, short_repr
 
 if TYPE_CHECKING:
     from fmd.fem.space import Discretisation

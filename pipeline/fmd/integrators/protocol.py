@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, require_finite, require_shape
+from fmd.core.arrays import Array, require_finite, require_shape, short_repr
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.stability import DAMPED
-from fmd.core.short_repr import short_repr
 from fmd.dynamics.jit.compiled import aligned, kernel, meaning
 from fmd.dynamics.system import System, accelerations, advance, project, project_onto_constraints, velocities
 

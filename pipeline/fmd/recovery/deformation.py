@@ -25,7 +25,6 @@ from fmd.core.limits.recovery import (
     TOP_POINTS,
 )
 from fmd.core.limits.round_off import SOLVED
-from fmd.fem.gradients import gradients
 
 if TYPE_CHECKING:
     from fmd.fem.space import Discretisation
@@ -220,7 +219,7 @@ def _rotation_on_lines(space: Discretisation, body: FlexibleBody, supported: boo
 def _rotation_and_strain(space: Discretisation, shapes: Array, X: Array, elements: IntArray) -> tuple[Array, Array]:
     """Return rotations (n_elements, n_q, 3, n) and strains (n_elements, n_q, 6, n) at reference points X (3, n_q)."""
     local = space.element_nodes[elements]
-    g, _ = gradients(space, X, elements)
+    g, _ = space.gradients(X, elements)
     u = shapes[local].reshape(len(elements), 1, local.shape[1], -1)
     du = (g.swapaxes(2, 3) @ u).reshape(len(elements), X.shape[1], 3, 3, -1)  # du[e, q, j, i] = ∂u_i/∂x_j
     pairs = ((1, 2), (2, 0), (0, 1))

@@ -14,8 +14,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.limits.memory import STRAINED_AT_ONCE
 from fmd.core.limits.recovery import EFFECTIVITY
-from fmd.fem.elements import shape_functions
-from fmd.fem.gradients import determinants
+from fmd.fem.elements import determinants, shape_functions
 from fmd.fem.strain import stresses
 from fmd.recovery.stress import modal_stress
 

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, short_repr
 from fmd.core.html import facts, scaled
-from fmd.core.short_repr import short_repr
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism

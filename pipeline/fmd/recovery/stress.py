@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray, require_shape
+from fmd.core.arrays import Array, IntArray, require_shape, short_repr
 from fmd.core.limits.memory import CACHED_NUMBERS, STRAINED_AT_ONCE, STRESSED_FRAMES
-from fmd.core.short_repr import short_repr
 
 if TYPE_CHECKING:
     from fmd.fem.material import AnyMaterial

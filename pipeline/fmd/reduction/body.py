@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, short_repr
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.modes import ELASTIC_PART, NO_STIFFNESS
 from fmd.core.limits.rank import INDEPENDENT_MASS
-from fmd.core.short_repr import short_repr
 from fmd.reduction.inertia import InertiaIntegrals, inertia_integrals
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ class MarkerShapes:
 
 @dataclass(frozen=True)
 class FlexibleBody:
-    """A reduced body in the floating frame of its inboard joint, ``r = R(θ) (x + Σ_j q_j φ_j(x))``.
+    """A reduced body in the floating frame of its parent joint, ``r = R(θ) (x + Σ_j q_j φ_j(x))``.
 
     Attributes
     ----------
@@ -119,7 +118,7 @@ def reduced_body(
     fe : FEModel
         The finite element model.
     omega, shapes : ndarray, shapes (n,) and (n_nodes, 3, n)
-        Basis with unit modal mass and diagonal stiffness, of the free body or of the body held at the joint.
+        Basis with unit modal mass and diagonal stiffness, of the free body or of the body fixed at the joint.
     markers : mapping of str to Marker
         All markers of the body.
     joint : str
@@ -129,12 +128,12 @@ def reduced_body(
         torque-driven hinge, three at a spherical joint.
     normal : int
         Number of the only axis that the body turns about in space, for which fewer inertia integrals do; -1 if it may
-        move in any way.
+        move anyhow.
 
     Raises
     ------
     AccuracyError
-        With the marker held, the shapes depend on one another, or a combination of them is a rigid motion.
+        With the marker fixed, the shapes depend on one another, or a combination of them is a rigid motion.
     """
     return supported_body(fe, omega, _pinned(fe, shapes, markers[joint], free), markers, joint, free, normal)
 
@@ -172,9 +171,9 @@ def floating_body(fe: FEModel, omega: Array, shapes: Array, markers: Mapping[str
 
 def _pinned(fe: FEModel, shapes: Array, marker: Marker, free: Array) -> Array:
     """Move shapes rigidly until the marker keeps its place, and all rotations but those about ``free`` directions."""
-    held = (np.eye(3) - free.T @ free) @ marker.rotation(shapes)
+    removed = (np.eye(3) - free.T @ free) @ marker.rotation(shapes)
     r = fe.x - marker.position
-    turned = np.cross(held, r[:, :, None], axisa=0, axisb=1, axisc=1)
+    turned = np.cross(removed, r[:, :, None], axisa=0, axisb=1, axisc=1)
     return np.asarray(shapes - marker.translation(shapes)[None] - turned)
 
 
@@ -204,13 +203,13 @@ def _body(
     weakest = float(np.linalg.eigvalsh(mass)[0])
     if not weakest > INDEPENDENT_MASS:
         raise AccuracyError(
-            f"held at '{joint}', the {n} shapes depend on one another: a combination of them keeps {weakest:.1e} of "
-            "its mass; take fewer modes or modes of the body held there"
+            f"fixed at '{joint}', the {n} shapes depend on one another: a combination of them keeps {weakest:.1e} of "
+            "its mass; take fewer modes or modes of the body fixed there"
         )
     omega2, turn = eigh(np.diag(omega**2), mass)
     if not omega2[0] > NO_STIFFNESS * omega2[-1]:
         raise AccuracyError(
-            f"held at '{joint}', a combination of the {n} shapes is a rigid motion: ω² = {omega2[0]:.1e} rad²/s² "
+            f"fixed at '{joint}', a combination of the {n} shapes is a rigid motion: ω² = {omega2[0]:.1e} rad²/s² "
             f"beside {omega2[-1]:.1e}"
         )
     shapes = shapes @ (turn * np.sign(turn[np.abs(turn).argmax(axis=0), range(n)]))

@@ -1,4 +1,4 @@
-"""Craig–Bampton basis: modes of a body held at its interface, and static responses to the interface's motion.
+"""Craig–Bampton basis and superelement: fixed-interface modes, and static responses to the interface's motion.
 
 Bampton & Craig, AIAA Journal 6 (1968) 1313–1319. An interface is a set of markers; each has six coordinates, its mean
 displacement and its mean rotation, or those of its rigid face.
@@ -18,6 +18,16 @@ from fmd.core.limits.modes import INTERFACE_DEFECT, RIGID_DEFECT, RIGID_REST, ZE
 from fmd.core.limits.rank import NEW_SHAPE
 from fmd.reduction.mode_families import classify_by_parity, complete_pairs, modes_of_family
 from fmd.reduction.modes import Modes
+
+if TYPE_CHECKING:
+    from fmd.fem.markers import Marker
+    from fmd.fem.model import FEModel
+    from fmd.reduction.eigen import FreeBodySolver
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from fmd.core.limits.modes import ELASTIC_FREQUENCY
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
@@ -63,10 +73,10 @@ def craig_bampton_modes(fe: FEModel, solver: FreeBodySolver, markers: Sequence[M
     """
     B = interface_columns(fe, markers)
     Psi = constraint_modes(fe, solver, B)
-    held = complete_pairs(solver, count, B)
-    n_rigid, omega, shapes = _modes_between(fe, solver, held.shapes, Psi)
-    numbers, n_completing = tuple(range(1, len(omega) + 1)), len(held.omega) - count
-    return Modes(omega, shapes, n_rigid, held.residual, numbers, n_completing=n_completing)
+    fixed = complete_pairs(solver, count, B)
+    n_rigid, omega, shapes = _modes_between(fe, solver, fixed.shapes, Psi)
+    numbers, n_completing = tuple(range(1, len(omega) + 1)), len(fixed.omega) - count
+    return Modes(omega, shapes, n_rigid, fixed.residual, numbers, n_completing=n_completing)
 
 
 def craig_bampton_modes_of_family(
@@ -92,8 +102,8 @@ def craig_bampton_modes_of_family(
     """
     B = interface_columns(fe, markers)
     Psi = constraint_modes(fe, solver, B)
-    held = modes_of_family(solver, fe, count, family, normal, B)
-    n_rigid, omega, shapes = _modes_between(fe, solver, held.shapes, Psi)
+    fixed = modes_of_family(solver, fe, count, family, normal, B)
+    n_rigid, omega, shapes = _modes_between(fe, solver, fixed.shapes, Psi)
     found, shapes = classify_by_parity(fe, omega, shapes, normal)
     kept = [k for k, name in enumerate(found) if name == family]
     if "other" in found:
@@ -101,18 +111,18 @@ def craig_bampton_modes_of_family(
             f"{found.count('other')} of the deflections by the interface have no symmetry, so they are of no family: "
             'its markers lie askew; use family = "any"'
         )
-    return Modes(omega[kept], shapes[:, :, kept], n_rigid, held.residual, tuple(k + 1 for k in kept))
+    return Modes(omega[kept], shapes[:, :, kept], n_rigid, fixed.residual, tuple(k + 1 for k in kept))
 
 
-def _modes_between(fe: FEModel, solver: FreeBodySolver, held: Array, Psi: Array) -> tuple[int, Array, Array]:
-    """Return the number of rigid motions, and omega and shapes of the rest, of held modes and constraint modes."""
-    V = np.concatenate([held.reshape(len(Psi), -1), Psi], axis=1)
+def _modes_between(fe: FEModel, solver: FreeBodySolver, fixed: Array, Psi: Array) -> tuple[int, Array, Array]:
+    """Return the number of rigid motions, and omega and shapes of the rest, of both kinds of modes."""
+    V = np.concatenate([fixed.reshape(len(Psi), -1), Psi], axis=1)
     n_rigid = _count_rigid_motions(fe, solver.rigid_modes, V, ZERO_EIGENVALUE * -solver.shift)
     return n_rigid, *rayleigh_ritz(fe, _elastic(fe, solver.rigid_modes, V, V.shape[1] - n_rigid))
 
 
 def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
-    """Static deflections Ψ by a unit of each interface coordinate while the others are held, ``Bᵀ Ψ = 1``.
+    """Static deflections Ψ by a unit of each interface coordinate while the others are fixed, ``Bᵀ Ψ = 1``.
 
     ``K Ψ = B F``, with forces that are in equilibrium in all rigid motions R: ``Rᵀ B F = 0``. So Ψ consists of the
     responses G to unit forces (inertia relief takes nothing off forces in equilibrium) and of rigid motions.
@@ -150,7 +160,7 @@ def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
     if not off < INTERFACE_DEFECT:
         raise AccuracyError(
             f"constraint modes move the interface by {off:.1e} of a unit where they should not: its markers can't move "
-            "apart from one another; leave out one of them, or a support that holds it"
+            "apart from one another; leave out one of them, or a support that fixes it"
         )
     return np.asarray(Psi * scale)
 
@@ -202,3 +212,93 @@ def _independent(fe: FEModel, V: Array, n: int | None = None) -> Array:
     if n is not None and not weight[keep[0]] > NEW_SHAPE**2:
         raise AccuracyError(f"the Craig–Bampton shapes depend on one another: {weight[keep[0]]:.1e} of 1 is left")
     return np.asarray(V @ (turn[:, keep] / np.sqrt(weight[keep])))
+
+
+@dataclass(frozen=True)
+class Superelement:
+    """Matrices of a body in coordinates of its interface, six a marker, and of its fixed-interface modes.
+
+    Attributes
+    ----------
+    K, M, D : ndarray, shape (6 k + n, 6 k + n)
+        Stiffness, mass and damping. Each marker has displacements along x, y and z, then rotations about them; the
+        modes, of unit modal mass, come last. Interface and modes are not coupled in K.
+    origins : mapping of str to ndarray, shape (3,)
+        The markers' positions in the part's own coordinates, by name [m].
+    omega : ndarray, shape (n,)
+        Angular frequencies of the fixed-interface modes [rad/s].
+    weight : ndarray, shape (6 k + n, 3)
+        Generalised forces of unit gravity along x, y and z.
+    """
+
+    K: Array
+    M: Array
+    D: Array
+    origins: Mapping[str, Array]
+    omega: Array
+    weight: Array
+
+    @property
+    def frequencies_hz(self) -> Array:
+        """Natural frequencies of the superelement, its rigid motions among them [Hz], shape (6 k + n,)."""
+        from scipy.linalg import eigh
+
+        omega2 = eigh(self.K, self.M, eigvals_only=True)
+        return np.asarray(np.sqrt(np.maximum(omega2, 0.0)) / (2 * np.pi))
+
+
+def make_superelement(
+    fe: FEModel,
+    solver: FreeBodySolver,
+    markers: Mapping[str, Marker],
+    count: int,
+    damping: Callable[[Array], Array] = np.zeros_like,
+) -> Superelement:
+    """Reduce a body to its interface by Hurty, Craig & Bampton's method.
+
+    Parameters
+    ----------
+    fe : FEModel
+        The finite element model.
+    solver : FreeBodySolver
+        Solves for the body, which may be supported.
+    markers : mapping of str to Marker
+        The interface.
+    count : int
+        Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
+    damping : callable
+        Damping ratios of the superelement's elastic modes by their angular frequencies [rad/s], ascending; its rigid
+        motions have none.
+
+    Raises
+    ------
+    TooManyModesError
+        The mesh has fewer modes.
+    AccuracyError
+        The markers can't move apart from one another.
+    """
+    B = interface_columns(fe, list(markers.values()))
+    Psi = constraint_modes(fe, solver, B)
+    fixed = complete_pairs(solver, count, B)
+    V = np.concatenate([Psi, fixed.shapes.reshape(len(Psi), -1)], axis=1)
+    K, M = (np.asarray(V.T @ (A @ V)) for A in (fe.K, fe.M))
+    K, M, k = 0.5 * (K + K.T), 0.5 * (M + M.T), Psi.shape[1]
+    # Both are so by theory, up to the solver's round-off.
+    K[:k, k:], K[k:, :k] = 0.0, 0.0
+    K[k:, k:], M[k:, k:] = np.diag(fixed.omega**2), np.eye(len(fixed.omega))
+    gravity = np.zeros((len(fe.x), 3, 3))
+    gravity[:, np.arange(3), np.arange(3)] = (fe.m @ np.ones(len(fe.x)))[:, None]
+    weight = np.asarray(V.T @ gravity.reshape(len(V), 3))
+    origins = {name: marker.position for name, marker in markers.items()}
+    return Superelement(K, M, modal_damping(K, M, damping), origins, fixed.omega, weight)
+
+
+def modal_damping(K: Array, M: Array, damping: Callable[[Array], Array]) -> Array:
+    """Damping matrix by which the elastic modes of K and M have damping ratios, shape (n, n)."""
+    from scipy.linalg import eigh
+
+    omega2, V = eigh(K, M)
+    omega = np.sqrt(np.maximum(omega2, 0.0))
+    elastic = omega >= ELASTIC_FREQUENCY * omega[-1]
+    MV = M @ V[:, elastic]
+    return np.asarray((MV * (2 * damping(omega[elastic]) * omega[elastic])) @ MV.T)

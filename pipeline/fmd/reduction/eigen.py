@@ -24,11 +24,10 @@ from fmd.core.limits.modes import (
     ZERO_EIGENVALUE,
 )
 from fmd.reduction.factor.factor import Factor, factorise
-from fmd.reduction.inertia_relief import solve_balanced
+from fmd.reduction.inertia_relief import THIN, rounded_defect, solve_balanced
 from fmd.reduction.missed_modes import missed_eigenvalue
 from fmd.reduction.modes import EigenPairs
-from fmd.reduction.round_off import THIN, rounded_defect
-from fmd.reduction.supports import remaining_rigid_motions, remove_held_unknowns, tie_rigid_faces
+from fmd.reduction.supports import remaining_rigid_motions, remove_fixed_unknowns, tie_rigid_faces
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
@@ -50,9 +49,9 @@ class FreeBodySolver:
     fe : FEModel
         A body in one piece.
     rigid : sequence of Marker
-        Markers whose faces are held rigid; they have no node in common.
+        Markers whose faces are rigid; they have no node in common.
     fixed : ndarray of int, optional
-        Unknowns that supports hold; ``3 i + a`` is node i along axis a.
+        Unknowns that supports fix; ``3 i + a`` is node i along axis a.
     factorise : callable
         Makes a `Factor` of a symmetric positive definite matrix.
 
@@ -91,7 +90,7 @@ class FreeBodySolver:
         self.rigid_modes, self._supported = fe.rigid_modes, fixed is not None
         if fixed is not None:
             T = sp.eye_array(fe.K.shape[0], format="csr") if self._T is None else self._T
-            self._T = remove_held_unknowns(T, fixed, len(rigid))
+            self._T = remove_fixed_unknowns(T, fixed, len(rigid))
             self.rigid_modes = remaining_rigid_motions(fe, fixed)
         self._K, self._M, self._R = fe.K, fe.M, self.rigid_modes
         if self._T is not None:
@@ -100,13 +99,13 @@ class FreeBodySolver:
         self.shift, self._factor = self._shifted_factor()
         self._inverse = self._factor.solve
 
-    def modes(self, count: int, held: Array | None = None) -> EigenPairs:
+    def modes(self, count: int, constraints: Array | None = None) -> EigenPairs:
         """Return the ``count`` lowest elastic modes, or all that a small mesh has.
 
         Parameters
         ----------
-        held : ndarray, shape (n_nodes, 3, k), optional
-            Columns B that hold the body, ``Bᵀ φ = 0``: ``K φ = ω² M φ + B μ``; without, the body is free.
+        constraints : ndarray, shape (n_nodes, 3, k), optional
+            Columns B of the constraints ``Bᵀ φ = 0``: ``K φ = ω² M φ + B μ``; without, the body is free.
 
         Raises
         ------
@@ -114,7 +113,7 @@ class FreeBodySolver:
             Residual or M-orthonormality exceed their limits, or there are not as many rigid-body modes as the holding
             leaves, six of a free body; the message gives the figure.
         """
-        n, B = self._K.shape[0], self._holding(held)
+        n, B = self._K.shape[0], self._constraint_columns(constraints)
         inverse = constrained_inverse(self._inverse, B) if B.shape[1] else self._inverse
         Z = self._rigid_modes_left(B)
         count = min(count, n - B.shape[1] - Z.shape[1])
@@ -131,17 +130,17 @@ class FreeBodySolver:
         order = np.argsort(eigenvalues)
         return self._verified_pairs(eigenvalues[order], Phi[:, order], Z.shape[1], inverse)
 
-    def most_modes(self, held: Array | None = None) -> int:
+    def most_modes(self, constraints: Array | None = None) -> int:
         """Return how many elastic modes `modes` can compute: all of a small mesh, not quite half of a large one's.
 
         More than that takes a dense solver, whose time grows with the third power of the number of unknowns.
 
         Parameters
         ----------
-        held : ndarray, shape (n_nodes, 3, k), optional
-            Columns that hold the body.
+        constraints : ndarray, shape (n_nodes, 3, k), optional
+            Columns of its constraints.
         """
-        n, B = self._K.shape[0], self._holding(held)
+        n, B = self._K.shape[0], self._constraint_columns(constraints)
         n_elastic: int = n - B.shape[1] - self._rigid_modes_left(B).shape[1]
         return n_elastic if n <= MOST_DENSE else (n_elastic - 1) // 2
 
@@ -188,9 +187,9 @@ class FreeBodySolver:
         flat = f.reshape(-1, f.shape[-1])
         return flat if self._T is None or not flat.shape[1] else np.asarray(self._T.T @ flat)
 
-    def _holding(self, held: Array | None) -> Array:
-        """Columns B (n, k) on the unknowns that hold the body; none if it is free."""
-        return np.zeros((self._K.shape[0], 0)) if held is None else self._loads(held)
+    def _constraint_columns(self, constraints: Array | None) -> Array:
+        """Columns B (n, k) of the constraints on the unknowns; none if the body is free."""
+        return np.zeros((self._K.shape[0], 0)) if constraints is None else self._loads(constraints)
 
     def _nodal(self, u: Array) -> Array:
         """Nodal fields (n_nodes, 3, k) of unknowns u (n, k)."""
@@ -210,7 +209,7 @@ class FreeBodySolver:
         return float(eigh(V.T @ (K @ V), V.T @ (M @ V), eigvals_only=True)[6])
 
     def _rigid_modes_left(self, B: Array) -> Array:
-        """Rigid-body modes that a holding B leaves, ``Zᵀ M Z = 1``."""
+        """Rigid-body modes that constraints B leave, ``Zᵀ M Z = 1``."""
         R = self._R @ null_space(B.T @ self._R) if B.shape[1] and self._R.shape[1] else self._R
         Z = np.linalg.qr(R)[0]
         return np.linalg.solve(np.linalg.cholesky(Z.T @ (self._M @ Z)), Z.T).T
@@ -261,7 +260,7 @@ class FreeBodySolver:
             n_rigid = int(np.count_nonzero(eigenvalues < min(OF_ROUND_OFF * rounded, ROUNDED_RESIDUAL * -self.shift)))
         if n_rigid != expected:
             lowest = ", ".join(f"{value:.1e}" for value in eigenvalues[:8])
-            whole = "a free body" if expected == 6 else "the body as it is held"
+            whole = "a free body" if expected == 6 else "the body with its constraints"
             raise AccuracyError(
                 f"found {n_rigid} rigid-body modes, {whole} has {expected}; the lowest eigenvalues are {lowest} "
                 f"rad²/s², of which those below {ZERO_EIGENVALUE * -self.shift:.1e} count as zero"
@@ -281,7 +280,7 @@ class FreeBodySolver:
         """Largest residual of the elastic pairs, in the energy norm: that of the eigenvalue is about its square.
 
         ``r = K φ − λ M φ`` is weighed by the inverse of ``K − σ M``, in which round-off of the stiffest element motions
-        counts little and what holds the body may answer with any force.
+        counts little and the reactions of constraints may be of any size.
         """
         MPhi = self._M @ Phi
         error = float(np.abs(Phi.T @ MPhi - np.eye(len(eigenvalues))).max())

@@ -210,10 +210,10 @@ def _stiffened(data: ModalData, body: FlexibleBody, turn: Array, markers: Mappin
     stiffening = stiffening + 0.5 * (arm + arm.transpose(1, 0, 2, 3))
     G = body.integrals.G.copy()
     G[:, :, 1:, 1:] -= stiffening
-    bowed = {}
+    stiffened = {}
     for name, labels in markers.items():
         forms = [data.nodes[label].displacement2 for label in labels]
         known = len(labels) == 1 and forms[0].size
-        bowed[name] = replace(body.markers[name], displacement2=turned(forms[0])) if known else body.markers[name]
+        stiffened[name] = replace(body.markers[name], displacement2=turned(forms[0])) if known else body.markers[name]
     second = {"stiffening": stiffening, "displacement2": displacement2, "rotation2": rotation2}
-    return replace(body, integrals=replace(body.integrals, G=G, **second), markers=bowed)
+    return replace(body, integrals=replace(body.integrals, G=G, **second), markers=stiffened)

@@ -10,8 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, read_only, require_shape
 from fmd.core.errors import AccuracyError
-from fmd.reduction.second_order_fields import SecondOrderFields, second_order_fields
-from fmd.reduction.second_order_mass import SecondOrderMass, second_order_mass
+from fmd.reduction.second_order import SecondOrderFields, SecondOrderMass, second_order_fields, second_order_mass
 
 # Axes across each axis; the last, number -1, has all three.
 _ACROSS = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))

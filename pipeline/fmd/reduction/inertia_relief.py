@@ -1,4 +1,8 @@
-"""Static responses of bodies that may move freely: their own inertia balances the loads (inertia relief)."""
+"""Static responses of bodies that may move freely, and the round-off that is left of equilibrium.
+
+Their own inertia balances the loads (inertia relief). Much round-off is left where elements are far stiffer than the
+part that they make up.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,27 @@ from fmd.core.limits.modes import (
     STATIC_RESIDUAL,
 )
 from fmd.core.limits.round_off import SUMMED
-from fmd.reduction.round_off import THIN, rounded_defect
+
+THIN = "since elements are so thin: shorter elements, or a thicker part, have less of it"
+
+
+def rounded_defect(K: Any, u: Array) -> Array:
+    """Return a defect as round-off may leave it of ``K u``, of random signs.
+
+    Parameters
+    ----------
+    K : sparse array, shape (n, n)
+        Stiffness matrix.
+    u : ndarray, shape (n,) or (n, k)
+        Displacements [m].
+
+    Returns
+    -------
+    ndarray, shape of ``u``
+        Forces [N]: each is the machine epsilon times what the terms of its row add up to without their signs.
+    """
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], u.shape)
+    return np.asarray(np.finfo(float).eps * signs * (abs(K) @ np.abs(u)))
 
 
 def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], f: Array) -> Array:

@@ -27,7 +27,7 @@ _FAMILY_OF_PARITY = {
 _MAIN_DIRECTION = {"axial": 0, "in-plane bending": 1, "out-of-plane bending": 2}
 
 
-def lowest_modes(solver: FreeBodySolver, count: int, held: Array | None = None) -> Modes:
+def lowest_modes(solver: FreeBodySolver, count: int, constraints: Array | None = None) -> Modes:
     """Return the lowest elastic modes of any family, the last group of equal frequency complete.
 
     Parameters
@@ -36,15 +36,15 @@ def lowest_modes(solver: FreeBodySolver, count: int, held: Array | None = None) 
         Solves for the body.
     count : int
         Number of modes; what completes the group of the highest comes on top.
-    held : ndarray, shape (n_nodes, 3, k), optional
-        Columns that hold the body; without, it is free.
+    constraints : ndarray, shape (n_nodes, 3, k), optional
+        Columns of its constraints; without, it is free.
 
     Raises
     ------
     TooManyModesError
         The mesh has fewer.
     """
-    pairs = complete_pairs(solver, count, held)
+    pairs = complete_pairs(solver, count, constraints)
     n = len(pairs.omega)
     numbers = tuple(range(1, n + 1))
     return Modes(
@@ -52,18 +52,18 @@ def lowest_modes(solver: FreeBodySolver, count: int, held: Array | None = None) 
     )
 
 
-def complete_pairs(solver: FreeBodySolver, count: int, held: Array | None = None) -> EigenPairs:
+def complete_pairs(solver: FreeBodySolver, count: int, constraints: Array | None = None) -> EigenPairs:
     """Return the lowest eigenpairs, ``count`` of them and those of about the frequency of the highest.
 
     One of a pair alone is an arbitrary direction in the plane of both: a square bar would bend askew to its load.
     The arguments and errors are those of `lowest_modes`.
     """
-    most = solver.most_modes(held)
+    most = solver.most_modes(constraints)
     if count > most:
         raise TooManyModesError(f"at most {most} modes can be computed of this mesh; take fewer, or refine it")
     wanted = count + 1
     while True:
-        pairs = solver.modes(min(wanted, most), held)
+        pairs = solver.modes(min(wanted, most), constraints)
         n = int(np.count_nonzero(pairs.omega <= pairs.omega[count - 1] * (1 + PAIR)))
         if n < len(pairs.omega) or len(pairs.omega) < wanted:
             return pairs.lowest(n)
@@ -71,7 +71,7 @@ def complete_pairs(solver: FreeBodySolver, count: int, held: Array | None = None
 
 
 def modes_of_family(
-    solver: FreeBodySolver, fe: FEModel, count: int, family: str, normal: Array, held: Array | None = None
+    solver: FreeBodySolver, fe: FEModel, count: int, family: str, normal: Array, constraints: Array | None = None
 ) -> Modes:
     """Return the ``count`` lowest modes of one family.
 
@@ -83,8 +83,8 @@ def modes_of_family(
         ``in-plane bending``, ``out-of-plane bending``, ``torsion`` or ``axial``.
     normal : ndarray, shape (3,)
         Normal of the plane of motion.
-    held : ndarray, shape (n_nodes, 3, k), optional
-        Columns that hold the body, as symmetric as it is.
+    constraints : ndarray, shape (n_nodes, 3, k), optional
+        Columns of its constraints, as symmetric as it is.
 
     Raises
     ------
@@ -93,12 +93,12 @@ def modes_of_family(
     TooManyModesError
         It has too few modes of the family.
     """
-    most = solver.most_modes(held)
+    most = solver.most_modes(constraints)
     if count > most:
         raise TooManyModesError(f"at most {most} modes of all families can be computed of this mesh")
     n_all = 4 * count + 4
     while True:
-        pairs = solver.modes(min(n_all, most), held)
+        pairs = solver.modes(min(n_all, most), constraints)
         families, shapes = classify_modes(fe, pairs, normal)
         # The twin of the highest may be missing, without which its plane is not known.
         all_there = len(pairs.omega) < n_all

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, short_repr
 from fmd.core.html import table
-from fmd.core.short_repr import short_repr
 from fmd.reduction.factor.figures import FactorFigures
 
 

@@ -36,7 +36,7 @@ def stiffen_body(
     body: FlexibleBody,
     fe: FEModel,
     solver: FreeBodySolver,
-    held: Array | None,
+    constraints: Array | None,
     axis: Array | None = None,
     linear: bool = True,
     moving: Mapping[str, Marker] | None = None,
@@ -52,7 +52,7 @@ def stiffen_body(
         The finite element model.
     solver : FreeBodySolver
         Solves with the stiffness of ``fe``.
-    held : ndarray, shape (n_nodes, 3, k), optional
+    constraints : ndarray, shape (n_nodes, 3, k), optional
         Columns of the reactions of its joint, as `Marker.columns` gives them; without, the body moves freely.
     axis : ndarray, shape (3,), optional
         Axis of a plane motion, with one product of rates and one angular acceleration; without, six and three.
@@ -74,7 +74,7 @@ def stiffen_body(
     fields = centrifugal_fields(x, axis), pushes, [np.cross(e, x) for e in turns]
     inertia = inertia_of(fe, [field for group in fields for field in group])
     columns = [marker.columns(len(x), np.eye(3)) for marker in moving.values()]
-    support = _Support(body, fe, solver, held, np.zeros((0, 3)) if free is None else free)
+    support = _Support(body, fe, solver, constraints, np.zeros((0, 3)) if free is None else free)
     K_G = support.geometric_stiffness(np.concatenate([inertia, *columns], axis=2))  # one solution for all loads
     ends = np.cumsum([*(len(group) for group in fields), *(6 for _ in moving)])
     spin, push, turn, *unit = np.split(K_G, ends[:-1])
@@ -96,22 +96,23 @@ def stiffen_body(
         displacement2=read_only(displacement2),
         rotation2=read_only(rotation2),
     )
-    bowed = {
-        name: _bowed(x, body.markers[name], marker, K) for (name, marker), K in zip(moving.items(), unit, strict=True)
+    stiffened = {
+        name: _with_displacement2(x, body.markers[name], marker, K)
+        for (name, marker), K in zip(moving.items(), unit, strict=True)
     }
-    return replace(body, integrals=integrals, markers={**body.markers, **bowed})
+    return replace(body, integrals=integrals, markers={**body.markers, **stiffened})
 
 
 class _Support:
     """Forces that balance loads on a body: the reactions of its joint, and its inertia where the joint lets it move."""
 
     def __init__(
-        self, body: FlexibleBody, fe: FEModel, solver: FreeBodySolver, held: Array | None, free: Array
+        self, body: FlexibleBody, fe: FEModel, solver: FreeBodySolver, constraints: Array | None, free: Array
     ) -> None:
         self._fe, self._solver, self._shapes = fe, solver, body.shapes
         R = solver.rigid_modes
         if R.size:
-            B = np.zeros((len(R), 0)) if held is None else held.reshape(len(R), -1)
+            B = np.zeros((len(R), 0)) if constraints is None else constraints.reshape(len(R), -1)
             moves = R @ np.linalg.svd(B.T @ R)[2][np.linalg.matrix_rank(B.T @ R) if B.shape[1] else 0 :].T
             self._tests, self._balance = R, np.concatenate([B, fe.M @ moves], axis=1)
         else:  # supports answer to any load, and the frame floats about the joint
@@ -133,12 +134,12 @@ class _Support:
         return out
 
 
-def _bowed(x: Array, shapes: MarkerShapes, marker: Marker, K_G: Array) -> MarkerShapes:
+def _with_displacement2(x: Array, shapes: MarkerShapes, marker: Marker, K_G: Array) -> MarkerShapes:
     """Add its displacement and rotation of second order to a marker, from K_G of unit forces and torques there.
 
     Forces f at places r of a face that turns by θ do the work ``½ f·θ̃²r`` beside that of its rotation of second order.
     """
-    if not K_G.any():  # held by the joint
+    if not K_G.any():  # fixed by the joint
         return shapes
     displacement2, r = -K_G, x[marker.nodes] - shapes.position
     weights = [marker.rotation_weights]  # those of one number for each node have no moment about the middle

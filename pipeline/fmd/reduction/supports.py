@@ -1,4 +1,4 @@
-"""Constraints on a body's unknowns: supports that hold some of them, and faces that move as rigid pieces."""
+"""Constraints on a body's unknowns: supports that fix some of them, and faces that move as rigid pieces."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
 
 def remaining_rigid_motions(fe: FEModel, fixed: IntArray) -> Array:
-    """Rigid motions of a supported body, to first order, in which none of the held unknowns moves.
+    """Rigid motions of a supported body, to first order, in which none of the fixed unknowns moves.
 
-    There are six less the rank of the rigid motions' rows at the held unknowns: by statics alone the number of modes
+    There are six less the rank of the rigid motions' rows at the fixed unknowns: by statics alone the number of modes
     that must come out with zero frequency.
 
     Parameters
     ----------
     fixed : ndarray of int
-        Held unknowns; ``3 i + a`` is node i along axis a.
+        Fixed unknowns; ``3 i + a`` is node i along axis a.
 
     Returns
     -------
     ndarray, shape (3 n_nodes, k)
-        Zero at the held unknowns.
+        Zero at the fixed unknowns.
     """
     x = fe.x - fe.x.mean(axis=0)
     R = rigid_motions(x).reshape(-1, 6)
@@ -76,22 +76,22 @@ def tie_rigid_faces(fe: FEModel, markers: Sequence[Marker]) -> sp.csr_array:
     return sp.csr_array(sp.hstack(blocks))
 
 
-def remove_held_unknowns(T: Any, fixed: IntArray, n_rigid_faces: int) -> sp.csr_array:
-    """Take the held unknowns out of a transformation ``u = T u_r``, whose last columns move rigid faces.
+def remove_fixed_unknowns(T: Any, fixed: IntArray, n_rigid_faces: int) -> sp.csr_array:
+    """Take the fixed unknowns out of a transformation ``u = T u_r``, whose last columns move rigid faces.
 
     Parameters
     ----------
     T : sparse array, shape (3 n_nodes, n)
         Transformation as `tie_rigid_faces` makes it, or the identity.
     fixed : ndarray of int
-        Held unknowns; ``3 i + a`` is node i along axis a.
+        Fixed unknowns; ``3 i + a`` is node i along axis a.
     n_rigid_faces : int
         Number of faces that move as rigid pieces.
 
     Raises
     ------
     ValueError
-        A rigid face is held at a node: its other nodes would be held too.
+        A rigid face is fixed at a node: its other nodes would be fixed too.
     """
     columns = np.unique(T[fixed].indices)
     if columns.size and columns[-1] >= T.shape[1] - 6 * n_rigid_faces:

@@ -151,7 +151,7 @@ class Solid(Deformable):
         Elements whose stress is wanted over time, by name.
     pieces : int or str
         Number of pieces that the body is cut into for large deflections. Each has a frame of its own, ``modes.count``
-        modes held at its cuts, and static deflections by these. ``"auto"`` doubles it until deflections within the
+        modes fixed at its cuts, and static deflections by these. ``"auto"`` doubles it until deflections within the
         pieces are small enough for the scene's accuracy, or 1 % without one.
     sections : str
         How pieces are welded at a cut: by the motion on which the tractions of the part's own static deflections do
@@ -213,7 +213,7 @@ class Solid(Deformable):
                 raise FaultError("belongs to a body in pieces, e.g. pieces = 6", "sections")
             return self
         if self.modes.boundary == "joint":
-            raise FaultError("is that of a body in one piece; pieces are held at their cuts", "modes", "boundary")
+            raise FaultError("is that of a body in one piece; pieces are fixed at their cuts", "modes", "boundary")
         damping = self.modes.damping
         if damping and not (isinstance(damping, RayleighDamping) and not damping.alpha):
             problem = (

@@ -19,10 +19,9 @@ from fmd.reduction.body import FlexibleBody, floating_body, free_frame_body, red
 from fmd.reduction.craig_bampton import craig_bampton_modes, craig_bampton_modes_of_family, rayleigh_ritz
 from fmd.reduction.cyclic import CyclicSolver
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.reduction.enrichment import enrich_modes
 from fmd.reduction.factor.factor import Factor, MissingSolverError, TooLargeError, factorise
 from fmd.reduction.factor.slepc import factorise_over_ranks
-from fmd.reduction.loads import acceleration_loads, motion_loads
+from fmd.reduction.loads import acceleration_loads, enrich_modes, motion_loads
 from fmd.reduction.mode_families import lowest_modes, modes_of_family
 from fmd.reduction.modes import Modes, TooManyModesError
 from fmd.reduction.stiffening import stiffen_body

@@ -102,7 +102,7 @@ def _iterate_loaded(scene: Scene) -> Iterator[str]:
 
 
 def _piece(body: Flexible, name: str, k: int, cut: CutPart, elements: Mapping[str, int], loaded: set[str]) -> Flexible:
-    """Return the table of one piece: its markers on its own mesh, modes held at its interface."""
+    """Return the table of one piece: its markers on its own mesh, modes fixed at its interface."""
     piece = cut.pieces[k]
     assert isinstance(body, Solid)
     attachment: Literal["averaged", "rigid"] = "rigid" if body.sections == "rigid" else "averaged"

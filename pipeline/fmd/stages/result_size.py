@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from fmd.core.errors import InputError
 from fmd.core.limits.memory import ALWAYS_FIT, FINE_RUNS, NUMBERS_OF_BODY, NUMBERS_OF_COORDINATE
-from fmd.reduction.factor.memory import available_memory
+from fmd.reduction.factor.figures import available_memory
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism

@@ -11,8 +11,8 @@ from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
 from fmd.core.errors import InputError
 from fmd.recovery.stress import modal_stress
+from fmd.reduction.craig_bampton import Superelement, make_superelement
 from fmd.reduction.modes import TooManyModesError
-from fmd.reduction.superelement import Superelement, make_superelement
 from fmd.scene.damping import damping_ratios
 from fmd.stages.basis import reduce_body
 from fmd.stages.part import FlexiblePart
@@ -72,7 +72,7 @@ def _held_anywhere(part: FlexiblePart) -> HeldModel:
     model = part.model
     if not model.markers:
         key = f"body.{part.name}.marker"
-        raise InputError(part.file, key, None, "is missing: a body is held at its markers; give one, e.g. at a face")
+        raise InputError(part.file, key, None, "is missing: a body is fixed at its markers; give one, e.g. at a face")
     if part.joint.marker:
         return model
     return replace(model, joint=replace(part.joint, marker=next(iter(model.markers))))

@@ -21,7 +21,7 @@ from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor import factor
 from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, factorise
 from fmd.reduction.factor.factor_size import factor_nonzeros
-from fmd.reduction.factor.memory import available_memory
+from fmd.reduction.factor.figures import available_memory
 
 pytestmark = pytest.mark.slow
 

@@ -12,9 +12,9 @@ from scipy.linalg import eigh
 from fmd.core.arrays import Array
 from fmd.fem.markers import face_marker
 from fmd.fem.model import FEModel
+from fmd.reduction.craig_bampton import Superelement, make_superelement
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.formats.nastran_file import write_dmig
-from fmd.reduction.superelement import Superelement, make_superelement
 
 
 @pytest.fixture(scope="module")

@@ -38,7 +38,7 @@ MOST_OF_EIGENVALUE = 0.75  # part of an eigenvalue, or of a stiffness, that an e
 SHORT_SECONDS = 0.5  # seconds of a march that may be taken again with half of its step
 COARSE_SHARE = 0.25  # of the time that mesh and modes took, for those of half as many elements each way
 ACROSS_SHARE = 2.0  # of that time, for more elements from side to side
-OF_TOLERANCE = 0.01  # less of an adaptive method's tolerance isn't believed
+OF_TOLERANCE = 0.01  # less of an adaptive method's tolerance isn't accepted
 FINER_WORK = 2.0  # work of a march that is finer in time, over the run's
 FINER_TOLERANCE = 0.1  # tolerance of the finer march over the run's
 COMPARED_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
@@ -67,7 +67,7 @@ WORTH_NAMING = 1e-4  # relative error
 # Bending alone has up to 0.81 θ² with the largest rotation θ: 0.46 of a cantilever under a force at its end, 0.8 of
 # one that bends evenly. That is an error by large rotation, which has a row of its own.
 OF_BENDING = 0.85
-# Rotation of a body that isn't held all around, below which even a plate of 1/300 of its length hardly stretches.
+# Rotation of a body that isn't clamped all around, below which even a plate of 1/300 of its length hardly stretches.
 HARDLY_TURNED = 0.003
 OF_VIBRATION = 0.75  # Of harmonic motion, whose mean stiffness is ¾ of the stiffening at its largest deflection.
 

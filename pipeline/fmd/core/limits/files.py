@@ -12,7 +12,7 @@ MOST_MATRIX_BYTES = 4_000_000_000  # of a matrix's file: more doesn't fit into t
 # Free bodies' matrices.
 RIGID_FORCE = 1e-5  # force of a rigid motion over the sum of its terms
 # Stiffness of a rigid motion over that of the smoothest deformation: a frequency is off by half of it.
-HELD_STIFFNESS = 2e-3
+SUPPORT_STIFFNESS = 2e-3
 FASTEST_WAVE = 100e3  # m/s as nodes tell it, which is up to five times too much; diamond has 18e3
 DENSEST = 30e3  # kg/m³; osmium has 22.6
 DEPENDENT_SHAPES = 1e-6  # of the largest of some shapes, each of length 1

@@ -43,7 +43,7 @@ GRADIENT_ROUNDS = 6  # rounds of conjugate gradients, each of which gains four d
 ROUND_GAIN = 1e-4  # by which a round has to make the residual smaller
 GRADIENT_STEPS = 100  # in a round: a factor of K that is nearly exact needs few
 # Residuals beyond their limit count as round-off up to this many times what round-off of one product leaves. Free
-# bodies were found to have twice that, thin bars that are held at a face ten times.
+# bodies were found to have twice that, thin bars that are clamped at a face ten times.
 OF_ROUND_OFF = 100.0
 RITZ_GENERATIONS = 4  # of static responses, each to the inertia of the one before
 

@@ -24,7 +24,7 @@ RELINEARISED = 1e-7  # residual from which on the constraints are linearised ane
 
 # Rest under the loads of the start.
 AT_REST = 1e-11  # last correction [rad, m or modal coordinate], also beside the largest position
-REST_CORRECTIONS = 200  # long ways down from an unstable start
+REST_CORRECTIONS = 200  # long paths down from an unstable start
 LOAD_STEP_CORRECTIONS = 14  # in a load step, which is halved then
 SHORTEST_LOAD_STEP = 1 / 64  # of the forces of the start: no shorter step is tried
 LONGEST_SLIDE = 1e6  # of a slide in one correction [m]

@@ -1,9 +1,9 @@
 """Check that the mass matrix of a stiffened mechanism is positive definite at the deflections of a motion.
 
 Displacements of second order change what a stiffened body's frame has of inertia, and by their rigid part the modal
-masses (see `fmd.reduction.second_order_mass`). What is left out can still take the inertia of a motion in which
+masses (see `fmd.reduction.second_order`). What is left out can still take the inertia of a motion in which
 frame and modes nearly cancel, such as that of a light end. A kinetic energy can then be negative, and a motion has no
-meaning. With the whole kinetic energy of second order (see `fmd.reduction.second_order_fields`) it never is; this
+meaning. With the whole kinetic energy of second order (see `fmd.reduction.second_order`) it never is; this
 takes up to twice the time and is for motions that need it.
 """
 

@@ -1,7 +1,7 @@
 """Modal mass that displacements of second order add to a body's, in its graph.
 
 With the rows ``R = (g, f)``, g constant and ``f = F q``, it is ``Rᵀ C R``: of low rank, as what a body carries adds.
-See `fmd.reduction.second_order_mass`.
+See `fmd.reduction.second_order`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.algebra import Matrix, constants, times
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector
-from fmd.reduction.second_order_mass import SecondOrderMass
+from fmd.reduction.second_order import SecondOrderMass
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ bring about. With the inertia forms I_ab and A_a, and p = (1, q):
 Displacements of second order add ``½ qᵀ displacement2_a q`` to the first moments and ``qᵀ rotation2_a q̇`` to the
 angular momentum. So S_a has displacement2_a q beside it, z_a has −rotation2_a q, and ``q̇ᵀ displacement2_a q̇`` and
 ``q̇ᵀ rotation2_a q̇`` act on the frame. The modal mass is then no longer the identity: see
-`fmd.reduction.second_order_mass`. Where their whole energy counts, they are further modal coordinates s that follow
+`fmd.reduction.second_order`. Where their whole energy counts, they are further modal coordinates s that follow
 from q, ``ṡ = f q̇``: all of the above holds for (q, s), and its terms of s act on the modes by fᵀ (see
-`fmd.reduction.second_order_fields`).
+`fmd.reduction.second_order`).
 """
 
 from __future__ import annotations

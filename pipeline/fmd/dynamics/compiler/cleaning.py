@@ -16,7 +16,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.round_off import SOLVED, SUMMED
 from fmd.dynamics.links import Link
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.second_order_mass import SecondOrderMass, second_order_mass
+from fmd.reduction.second_order import SecondOrderMass, second_order_mass
 
 
 @dataclass(frozen=True)

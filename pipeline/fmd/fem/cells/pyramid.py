@@ -25,8 +25,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.fem.cells.cell import SolidCell
-from fmd.fem.cells.own_element import OwnElement
-from fmd.fem.cells.shape import CellShape
+from fmd.fem.cells.shape import CellShape, OwnElement
 from fmd.fem.elements import ElementKind
 
 _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))  # ξ and η of the base's corners

@@ -1,9 +1,11 @@
-"""The shape of a solid cell: corners, edges and faces, and what follows from them alone."""
+"""The shape of a solid cell, and the shape functions and quadrature that scikit-fem has for it or lacks."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from collections.abc import Callable
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -74,3 +76,53 @@ class CellShape(ABC):
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             scaled = np.linalg.det(edges / lengths[..., None]) / cls.ideal
         return np.asarray(np.nan_to_num(scaled, nan=0.0).min(axis=1))
+
+
+def skfem_element(name: str) -> Callable[[], Any]:
+    """Return a function that makes an element of scikit-fem, e.g. ``ElementTetP1``."""
+    return partial(_make_element, name)
+
+
+def _make_element(name: str) -> Any:
+    import skfem
+
+    return getattr(skfem, name)()
+
+
+def skfem_quadrature(cell: str, order: int) -> tuple[Array, Array]:
+    """Return points (n_dim, n_q) and weights (n_q,) on a reference cell of scikit-fem, e.g. ``RefTet``.
+
+    They are exact to a polynomial degree, on lines, squares and cubes along each axis.
+    """
+    from skfem import quadrature, refdom
+
+    X, w = quadrature.get_quadrature(getattr(refdom, cell), order)
+    return X, w
+
+
+class ReferenceDomain(NamedTuple):
+    """Faces and edges of a reference cell by their corners."""
+
+    facets: tuple[tuple[int, ...], ...]
+    edges: tuple[tuple[int, int], ...]
+
+
+class OwnElement(ABC):
+    """Shape functions at the corners of a cell and, for order 2, in the middles of its edges.
+
+    Parameters
+    ----------
+    order : int
+        1 or 2.
+    """
+
+    shape: ClassVar[type[CellShape]]
+
+    def __init__(self, order: int) -> None:
+        self.edge_dofs = order - 1
+        self.doflocs = self.shape.nodes(order)
+        self.refdom = ReferenceDomain(self.shape.faces, self.shape.edges)
+
+    @abstractmethod
+    def lbasis(self, X: Array, i: int) -> tuple[Array, Array]:
+        """Return value (n_q,) and gradient (3, n_q) of shape function i at points X (3, n_q)."""

@@ -6,8 +6,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.fem.cells.cell import SolidCell
-from fmd.fem.cells.scikit_fem import skfem_element, skfem_quadrature
-from fmd.fem.cells.shape import CellShape
+from fmd.fem.cells.shape import CellShape, skfem_element, skfem_quadrature
 from fmd.fem.elements import ElementKind
 
 

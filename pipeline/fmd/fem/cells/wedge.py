@@ -16,9 +16,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.fem.cells.cell import SolidCell
-from fmd.fem.cells.own_element import OwnElement
-from fmd.fem.cells.scikit_fem import skfem_quadrature
-from fmd.fem.cells.shape import CellShape
+from fmd.fem.cells.shape import CellShape, OwnElement, skfem_quadrature
 from fmd.fem.elements import ElementKind
 
 _CORNERS = ((0, -1), (1, -1), (2, -1), (0, 1), (1, 1), (2, 1))  # corner of the triangle, and ζ

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.files import DENSEST, DEPENDENT_SHAPES, FASTEST_WAVE, HELD_STIFFNESS, RIGID_FORCE
+from fmd.core.limits.files import DENSEST, DEPENDENT_SHAPES, FASTEST_WAVE, RIGID_FORCE, SUPPORT_STIFFNESS
 from fmd.core.rotations import rigid_motions
 
 if TYPE_CHECKING:
@@ -52,14 +52,14 @@ def require_free_body(path: Path, model: FEModel) -> None:
     smooth = _smooth_deformations(model, x, R)
     stiffness, mass = (smooth.T @ (A @ smooth) for A in (model.K, model.M))
     softest = float(la.eigvalsh(stiffness, mass)[0])
-    of_rigid, ways = la.eigh(R.T @ (model.K @ R), R.T @ (model.M @ R))
-    held = float(np.abs(of_rigid).max()) / softest if softest > 0.0 else np.inf
-    if not held < HELD_STIFFNESS:
-        worst = ways[:, np.abs(of_rigid).argmax()] * np.sqrt((R.T @ (model.M @ R)).diagonal())
+    of_rigid, vectors = la.eigh(R.T @ (model.K @ R), R.T @ (model.M @ R))
+    support = float(np.abs(of_rigid).max()) / softest if softest > 0.0 else np.inf
+    if not support < SUPPORT_STIFFNESS:
+        worst = vectors[:, np.abs(of_rigid).argmax()] * np.sqrt((R.T @ (model.M @ R)).diagonal())
         raise AccuracyError(
             f"{path}: the body isn't free: {_MOTIONS[int(np.abs(worst).argmax())]} as a whole it has "
-            f"{100 * held:.2g} % of the stiffness of its softest even bending, and its frequencies are off by about "
-            f"half of that (at most {100 * HELD_STIFFNESS:g} %); write the matrices without supports "
+            f"{100 * support:.2g} % of the stiffness of its softest even bending, and its frequencies are off by about "
+            f"half of that (at most {100 * SUPPORT_STIFFNESS:g} %); write the matrices without supports "
             "and springs, and all digits"
         )
     _require_matter(path, model, size)

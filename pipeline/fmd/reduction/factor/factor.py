@@ -20,8 +20,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import BYTES_OF_NONZERO, SMALL_SYSTEM
 from fmd.reduction.factor.factor_size import factor_nonzeros, node_graph
-from fmd.reduction.factor.figures import FactorFigures
-from fmd.reduction.factor.memory import available_memory
+from fmd.reduction.factor.figures import FactorFigures, available_memory
 
 Solver = Literal["auto", "cholesky", "superlu"]
 

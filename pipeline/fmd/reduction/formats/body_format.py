@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from fmd.fem.model import FEModel
     from fmd.fem.surface import SurfaceTopology
     from fmd.reduction.body import FlexibleBody
+    from fmd.reduction.craig_bampton import Superelement
     from fmd.reduction.modal_data import ModalData
     from fmd.reduction.modes import Modes
-    from fmd.reduction.superelement import Superelement
 
 
 class DrawnBody(NamedTuple):

@@ -55,9 +55,9 @@ def inertia_points(data: ModalData) -> tuple[float, Array, Array]:
     mean = products[0, 1:] / mass
     size = np.sqrt(np.maximum(products.diagonal()[1:] / mass, np.finfo(float).tiny))
     covariance = (products[1:, 1:] / mass - np.outer(mean, mean)) / np.outer(size, size)
-    values, ways = np.linalg.eigh(covariance)
+    values, vectors = np.linalg.eigh(covariance)
     kept = values > INDEPENDENT_FUNCTIONS * values[-1]
-    spread = (ways[:, kept] * np.sqrt(values[kept] * kept.sum())).T * size
+    spread = (vectors[:, kept] * np.sqrt(values[kept] * kept.sum())).T * size
     points = np.concatenate([mean + spread, mean - spread])
     n = data.n
     return mass / len(points), points[:, :3], points[:, 3:].reshape(-1, n, 3).transpose(0, 2, 1)
@@ -198,7 +198,7 @@ class _Records:
         return ModalData(integrals, K, D, nodes, notes)
 
     def _integrals(self, nodes: Mapping[str, MarkerShapes], M: Array) -> tuple[InertiaIntegrals, tuple[str, ...]]:
-        """Sum inertia over the nodes, with the rigid body's own where it is told."""
+        """Sum inertia over the nodes, with the rigid body's own where the file gives it."""
         n, notes = len(M), []
         if 11 not in self._lines and 12 not in self._lines:
             mend = "has neither record group 11 nor 12: without inertia the body can't move; write one of them"

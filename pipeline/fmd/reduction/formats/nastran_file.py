@@ -13,8 +13,8 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.files import whole_file
+from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
-from fmd.reduction.superelement import Superelement
 
 _Unknown = tuple[int, int]  # number of the point, and its component: 1 to 6, of a scalar point 0
 

@@ -12,8 +12,8 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
 from fmd.core.limits.files import LONGEST_LINE, MOST_COORDINATES
+from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
-from fmd.reduction.superelement import Superelement
 
 _KEYS = {"!mass matrix": "M", "!stiffness matrix": "K", "!damping matrix": "D"}
 _INTERFACE = 6

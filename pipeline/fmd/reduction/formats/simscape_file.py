@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.files import whole_file
+from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
-from fmd.reduction.superelement import Superelement
 
 
 def write_simscape(path: Path, element: Superelement) -> None:
