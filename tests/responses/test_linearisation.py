@@ -113,14 +113,14 @@ def test_loops_are_linearised_as_by_differences_along_their_constraints(tmp_path
         at = move_positions(p, q, step)
         for _ in range(8):
             gap, _ = system.compiled.residuals(0.0, at, v)
-            J = system.compiled.constraint_matrix(0.0, at)[:, dependent]
+            J = system.compiled.constraint_jacobian(0.0, at)[:, dependent]
             back = np.zeros(n)
             back[dependent] = -np.linalg.lstsq(J, gap, rcond=1e-9)[0]
             at = move_positions(p, at, back)
         rates = v.copy()
         rates[independent] += change[k:]
         _, opening = system.compiled.residuals(0.0, at, rates)
-        J = system.compiled.constraint_matrix(0.0, at)[:, dependent]
+        J = system.compiled.constraint_jacobian(0.0, at)[:, dependent]
         rates[dependent] -= np.linalg.lstsq(J, opening, rcond=1e-9)[0]
         return at, rates
 

@@ -104,7 +104,7 @@ def started(make: Callable[[], tuple[Mechanism, Array]]) -> tuple[CompiledSystem
     for _ in range(30):  # joints alone
         g, _ = system.compiled.residuals(0.0, q, v)
         joints = np.arange(mechanism.n_slow)
-        J = system.compiled.constraint_matrix(0.0, q)[:, joints]
+        J = system.compiled.constraint_jacobian(0.0, q)[:, joints]
         q[joints] -= np.linalg.lstsq(J, g, rcond=1e-9)[0]
     v[0] = rate[1]
     evaluate_projection(system.parameters, 0.0, q, v)

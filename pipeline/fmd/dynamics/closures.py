@@ -79,7 +79,7 @@ class Closure:
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The links that it holds together; the ground is none."""
+        """The links that it constrains; the ground is none."""
         return tuple(place.body for place in (self.first, self.second) if place.body != GROUND)
 
     @property
@@ -102,7 +102,7 @@ class Closure:
         if self.first.body == self.second.body:
             raise ValueError(f"joint {self.name} closes a loop from a body to itself")
         if not self.n_rows:
-            raise ValueError(f"joint {self.name} holds nothing")
+            raise ValueError(f"joint {self.name} constrains nothing")
         if self.distance < 0.0:
             raise ValueError(f"the distance of {self.name} is {self.distance:g} m, expected one above 0")
 
@@ -182,15 +182,15 @@ def close_joint(
     if not all(np.linalg.norm(given) > 0.0 for given in (axis, axis if other is None else other)):
         raise ValueError(f"the axis of {name} has no direction")
 
-    def of_parent(way: str) -> Array:
-        direction = find_direction(way, axis)
+    def of_parent(along: str) -> Array:
+        direction = find_direction(along, axis)
         return direction if of_first is None else np.asarray(of_first @ direction)
 
-    def of_child(way: str) -> Array:
-        direction = find_direction(way, axis if other is None else other)
+    def of_child(along: str) -> Array:
+        direction = find_direction(along, axis if other is None else other)
         return direction if of_second is None else np.asarray(of_second @ direction)
 
     everywhere = kind.points == SPACE
-    along = np.eye(3) if everywhere else np.array([of_parent(way) for way in kind.points])
+    along = np.eye(3) if everywhere else np.array([of_parent(name) for name in kind.points])
     square = [np.array([[of_parent(one), of_child(two)] for one, two in row]) for row in kind.squares]
     return Closure(name, first, second, along, square)

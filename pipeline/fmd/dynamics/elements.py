@@ -17,7 +17,7 @@ from fmd.dynamics.force_laws import ForceLaw
 
 @dataclass(frozen=True)
 class Attachment(Place):
-    """A place that a force element holds on to, with axes of its own.
+    """A place that a force element acts on, with axes of its own.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class PointSpring(_Pair):
         Parameters
         ----------
         J, swing : ndarray, shapes (1, n) and (3, n)
-            Rates of the elongation and of the way between the places for unit rates of the mechanism.
+            Rates of the elongation and of the vector between the places for unit rates of the mechanism.
         strain : ndarray, shape (1,)
             Elongation [m].
         """

@@ -96,7 +96,7 @@ def smooth_curve(x: Sequence[float], y: Sequence[float]) -> ForceCurve:
 
 @dataclass(frozen=True)
 class Stop:
-    """An end stop: a spring and a damper on one side of a place, which come in over a short way.
+    """An end stop: a spring and a damper on one side of a place, which come in over a short distance.
 
     Beyond its place by p it pushes back with ``stiffness ψ(p) + damping ψ'(p) ṗ`` where the slope of ψ grows from 0 to
     1 over the width: ``ψ = (max(0, p)² − max(0, p − width)²)/(2 width)``.
@@ -110,7 +110,7 @@ class Stop:
     stiffness, damping : float
         Of full contact [N/m and N s/m, or N m/rad and N m s/rad].
     width : float
-        Way over which they come in [m or rad].
+        Distance over which they come in [m or rad].
     """
 
     at: float

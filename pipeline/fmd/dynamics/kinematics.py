@@ -119,7 +119,7 @@ class Kinematics:
         return kinetic, potential
 
     def strain(self, element: Element) -> tuple[Array, Array, Array]:
-        """Strain of a force element, its rate, and that of the way from its first place to its second in space.
+        """Strain of a force element, its rate, and that of the vector from its first place to its second in space.
 
         Shapes are (n_times, n), twice, and (n_times, 3): of a spring the strain is its elongation [m], of a bushing
         displacement [m] and, if it counts, rotation [rad] of its second place.

@@ -171,7 +171,7 @@ class Link:
 def _require_smooth(name: str, motion: Signal, unit: str) -> None:
     """Raise ``ValueError`` if a motion's position or rate jumps: no impulse would pass to the other coordinates."""
     for time in motion.breakpoints:
-        before, after = (motion.value(np.nextafter(time, way)) for way in (-np.inf, np.inf))
+        before, after = (motion.value(np.nextafter(time, side)) for side in (-np.inf, np.inf))
         if not np.allclose(before[:2], after[:2], rtol=PIECES_APART, atol=PIECES_APART):
             raise ValueError(
                 f"the motion of {name} jumps at {time:g} s, from {before[0]:.6g} {unit} at {before[1]:.6g} {unit}/s to "

@@ -175,7 +175,7 @@ class Mechanism:
         return tuple(closure for closure in self.closures if isinstance(closure, Closure))
 
     def closed_places(self, body: str) -> list[MarkerShapes]:
-        """Places of a body that joints which close loops hold."""
+        """Places of a body that joints which close loops constrain."""
         ends = [place for joint in self.closing_joints for place in (joint.first, joint.second)]
         return [place.marker for place in ends if place.body == body]
 

@@ -48,7 +48,7 @@ State = Mapping[tuple[str, int], Array]
 
 
 def open_loads(rigid: Mechanism, times: Array, q: Array) -> list[Array]:
-    """Tell which components of the loads on each body are left open by the motion of rigid bodies.
+    """Return which components of the loads on each body are left open by the motion of rigid bodies.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def _of_couplers(rigid: Mechanism) -> Array:
 
 
 def _loose(rigid: Mechanism) -> IntArray:
-    """Rates of the joints that no spring holds."""
+    """Rates of the joints without springs."""
     parts = [
         np.arange(at, at + link.n_rates)
         for link, at in zip(rigid.links, rigid.layout.rate, strict=True)
@@ -197,7 +197,7 @@ def _hand_on(motion: Kinematics, state: State, compliance: float) -> SelfStress:
     loads: dict[int, Array] = {}
     for body in reversed(range(len(mechanism.links))):
         frame, pulls = frames[body], [np.zeros((0, 6))]
-        held = np.zeros(6)
+        load = np.zeros(6)
         for key, place in _places_on(mechanism, body):
             if isinstance(key, int):
                 pull = -joints[key]
@@ -205,23 +205,23 @@ def _hand_on(motion: Kinematics, state: State, compliance: float) -> SelfStress:
             else:
                 pull = np.asarray(state.get(key, np.zeros(6)))
             pulls.append(np.concatenate([frame.rotation[0].T @ pull[:3], frame.rotation[0].T @ pull[3:]])[None])
-            held -= pull
-            held[3:] -= np.cross(frame.rotation[0] @ place, pull[:3])
-        joints[body], loads[body] = held, np.concatenate(pulls)
+            load -= pull
+            load[3:] -= np.cross(frame.rotation[0] @ place, pull[:3])
+        joints[body], loads[body] = load, np.concatenate(pulls)
     largest = max(max((np.abs(own).max(initial=0.0) for own in loads.values()), default=0.0), 1e-300)
     bodies = range(len(mechanism.links))
-    held_by = [np.ravel(joints[k].reshape(2, 3) @ frames[k].rotation[0]) for k in bodies]
+    by_joints = [np.ravel(joints[k].reshape(2, 3) @ frames[k].rotation[0]) for k in bodies]
     return SelfStress(
-        tuple(loads[k] / largest for k in bodies), tuple(each / largest for each in held_by), compliance / largest**2
+        tuple(loads[k] / largest for k in bodies), tuple(each / largest for each in by_joints), compliance / largest**2
     )
 
 
 def _places_on(mechanism: Mechanism, body: int) -> list[tuple[int | tuple[str, int], Array]]:
     """Places of loads on a body, in the order of `BodyLoads.wrenches`: of a carried body its number is the key."""
-    carried, points, held = loaded_places(mechanism, body)
+    carried, points, joined = loaded_places(mechanism, body)
     places: list[tuple[int | tuple[str, int], Array]] = [(k, mechanism.links[k].place) for k in carried]
     places += [(_KNOWN, load.place) for load in points]
-    return places + [((name, side), at.position) for name, side, at in held]
+    return places + [((name, side), at.position) for name, side, at in joined]
 
 
 def _frame_of(motion: Kinematics, place: Place) -> BodyFrame:

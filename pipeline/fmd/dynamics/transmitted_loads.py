@@ -67,13 +67,13 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
         into_body = frame.rotation.swapaxes(1, 2)
         spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
         acceleration = _rate(motion, velocity) + np.cross(spin, velocity) - into_body @ mechanism.gravity
-        carried, loads, held = loaded_places(mechanism, body)
+        carried, loads, joined = loaded_places(mechanism, body)
         pulls = [_on_carrier(motion, k, *joints[k]) for k in carried] + [_of_load(motion, body, at) for at in loads]
-        pulls += [(reactions[name][:, side, :3], reactions[name][:, side, 3:]) for name, side, _ in held]
+        pulls += [(reactions[name][:, side, :3], reactions[name][:, side, 3:]) for name, side, _ in joined]
         wrenches = np.array([np.concatenate([turned(into_body, part) for part in pull], axis=1) for pull in pulls])
         wrenches = wrenches.reshape(len(pulls), len(motion.times), 6)
         places = [mechanism.links[k].place for k in carried] + [at.place for at in loads]
-        places += [at.position for _, _, at in held]
+        places += [at.position for _, _, at in joined]
         force, moment = _joint_load(motion, body, places, wrenches)
         found[body] = BodyLoads(
             spin,
@@ -91,12 +91,12 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
     """Return what loads add to the modal stiffness of a body, shape (n_times, n, n) [1/s²]."""
     link = mechanism.links[body]
     integrals, n = link.integrals, len(link.omega)
-    carried, points, held = loaded_places(mechanism, body)
+    carried, points, joined = loaded_places(mechanism, body)
     K = np.zeros((len(loads.spin), n, n))
     displacements2 = (
         [mechanism.links[k].place_displacement2 for k in carried]
         + [at.displacement2 for at in points]
-        + [at.displacement2 for *_, at in held]
+        + [at.displacement2 for *_, at in joined]
     )
     for wrench, displacement2 in zip(loads.wrenches, displacements2, strict=True):
         if displacement2.size:
@@ -210,17 +210,17 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
 def loaded_places(
     mechanism: Mechanism, body: int
 ) -> tuple[list[int], list[PointLoad], list[tuple[str, int, MarkerShapes]]]:
-    """Return the numbers of the bodies that a body carries, the point loads on it, and what else holds it.
+    """Return the numbers of the bodies that a body carries, the point loads on it, and what else acts on it.
 
     Of a joint that closes a loop, and of a force element, there are its name, the number of its place, and the marker.
     """
     carried, name = [k for k, other in enumerate(mechanism.links) if other.parent == body], mechanism.links[body].name
     pairs = [(joint.name, (joint.first, joint.second)) for joint in mechanism.closing_joints]
     pairs += [(f"{ELEMENT}{element.name}", element.ends) for element in mechanism.elements]
-    held = [
+    joined = [
         (key, side, place.marker) for key, places in pairs for side, place in enumerate(places) if place.body == name
     ]
-    return carried, [load for load in mechanism.loads if load.body == name], held
+    return carried, [load for load in mechanism.loads if load.body == name], joined
 
 
 def _element_reactions(motion: Kinematics) -> dict[str, Array]:

@@ -1,7 +1,7 @@
 """Loop and step control of the methods whose step follows the error.
 
 A coordinate's error counts relative to the largest value that its group, coordinates of like kind, has had so far.
-No step passes a force's narrow feature over the elongation unseen.
+No step misses a narrow feature of a force over the elongation.
 The steps depend neither on the output times nor on how the march is cut into pieces; the last one may pass the last
 output time, so that a march which starts from the end state continues bit for bit.
 """
@@ -36,8 +36,8 @@ from fmd.core.limits.stepping import (
 )
 from fmd.dynamics.jit.compiled import aligned, inner, kernel
 from fmd.dynamics.jit.table import Table
+from fmd.dynamics.step_bounds import StepBounds, allowed_part, predicted_part, record_step_start, step_bounds_of
 from fmd.dynamics.system import System, advance, project
-from fmd.dynamics.watch import Watch, begin_watch, foreseen_part, passed_part, watch_of
 from fmd.integrators.endless import StepsLeft
 from fmd.integrators.protocol import Progress, State, Trajectory, require_times, start_state
 
@@ -188,8 +188,8 @@ class AdaptiveMarch(Table):
     fresh : ndarray, shape (1,)
         1 where the accelerations ``a`` are not those of the present state: loads jump there, none are known yet, or
         the state has settled since.
-    watch : Watch
-        Over force laws that a step may pass unseen.
+    bounds : StepBounds
+        Of a step by force laws with short pieces.
     spare : ndarray, shape (1,)
         How many more of the smallest steps may be taken before the next breakpoint although their error is too large:
         where a load's rate is infinite, it is always the same part of what has moved since rest.
@@ -218,7 +218,7 @@ class AdaptiveMarch(Table):
     evaluations: Array
     fresh: Array
     spare: Array
-    watch: Watch
+    bounds: StepBounds
 
 
 def begin_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
@@ -259,8 +259,8 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             s.begin[i] = s.q[i]
         for i in range(n):
             s.begin[n_positions + i] = s.v[i]
-        begin_watch(s.watch, just_after(t), s.q, s.v)
-        h = step_within(max(clock[1] * foreseen_part(s.watch, clock[1]), smallest), stop - t)
+        record_step_start(s.bounds, just_after(t), s.q, s.v)
+        h = step_within(max(clock[1] * predicted_part(s.bounds, clock[1]), smallest), stop - t)
         planned, reached = h >= clock[1], t
         begin_step(m, p, s, t, h)
         while True:
@@ -268,7 +268,7 @@ def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
             size = try_step(m, p, s, t, h, reached)
             factor = step_factor(size, s.tolerance, s.order)
             if size <= s.tolerance or (h < short and size * h <= _JITTER * t):
-                part = passed_part(s.watch, just_before(reached), h, s.new[:n_positions], s.new[n_positions:])
+                part = allowed_part(s.bounds, just_before(reached), h, s.new[:n_positions], s.new[n_positions:])
                 if part == 1.0 or h <= smallest:
                     if size > s.tolerance:
                         factor = max(factor, 1.0)  # shorter ones would be no better
@@ -362,7 +362,7 @@ def march_adaptive_steps(
         evaluations,
         fresh,
         np.full(1, SPARE_STEPS),
-        watch_of(system),
+        step_bounds_of(system),
     )
     march = AdaptiveMarch(tolerance, order, longest, settles, *present, trial, begin, new, out, *output)
     p, chunk = system.parameters, FIRST_CHUNK

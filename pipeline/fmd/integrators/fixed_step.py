@@ -190,7 +190,7 @@ def march_fixed_steps(
     _march(method, p, frozen, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
     while state.step < last:
         wanted = min(chunk, last - state.step, check.most_steps)
-        cycle = wanted if isinstance(method, SingleSteps) and not check.watches else substeps
+        cycle = wanted if isinstance(method, SingleSteps) and not check.follows_laws else substeps
         tick = time.perf_counter()
         done = int(_march(method, p, frozen, samples, check.log, cycle, state.step, wanted // cycle))
         spent = time.perf_counter() - tick

@@ -26,8 +26,8 @@ from fmd.core.limits.stepping import (
 )
 from fmd.dynamics.jit.compiled import inlined
 from fmd.dynamics.jit.table import Table
-from fmd.dynamics.watch import Watch, begin_watch, begin_watch_of, no_watch, watch_of
-from fmd.dynamics.watched_laws import WatchedLaw
+from fmd.dynamics.law_pieces import PiecewiseLaw
+from fmd.dynamics.step_bounds import StepBounds, no_bounds, record_step_start, record_step_start_of, step_bounds_of
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ElongationLog(Table):
 
     Attributes
     ----------
-    watch : Watch
+    bounds : StepBounds
         Over the laws.
     origin, h : float
         Time of step number 0, and the step [s].
@@ -46,7 +46,7 @@ class ElongationLog(Table):
         How many cycles are known.
     """
 
-    watch: Watch
+    bounds: StepBounds
     origin: float
     h: float
     x: Array
@@ -56,21 +56,21 @@ class ElongationLog(Table):
 @inlined
 def note_elongations(log: ElongationLog, step: int, q: Array, v: Array) -> None:
     """Note the elongations where a cycle ends, before a step of a number."""
-    if log.watch.elongations != 0:
-        begin_watch(log.watch, log.origin + step * log.h, q, v)
+    if log.bounds.elongations != 0:
+        record_step_start(log.bounds, log.origin + step * log.h, q, v)
         for k in range(log.x.shape[1]):
-            log.x[log.cursor[0], k] = log.watch.x[k]
+            log.x[log.cursor[0], k] = log.bounds.x[k]
         log.cursor[0] += 1
 
 
-def _log(watch: Watch, origin: float, step: float, cycles: int) -> ElongationLog:
-    return ElongationLog(watch, origin, step, np.zeros((cycles, watch.n_laws)), np.zeros(1, dtype=np.int64))
+def _log(bounds: StepBounds, origin: float, step: float, cycles: int) -> ElongationLog:
+    return ElongationLog(bounds, origin, step, np.zeros((cycles, bounds.n_laws)), np.zeros(1, dtype=np.int64))
 
 
 @cache
 def _no_log() -> ElongationLog:
     """Return the log of nothing, in which no march writes."""
-    return _log(no_watch(), 0.0, 1.0, 0)
+    return _log(no_bounds(), 0.0, 1.0, 0)
 
 
 class WorkCheck:
@@ -79,7 +79,7 @@ class WorkCheck:
     Parameters
     ----------
     system : System
-        Its force laws with short pieces are watched; without any, nothing is done.
+        Its force laws with short pieces are followed; without any, nothing is done.
     origin, step : float
         Time of step number 0, and the step [s].
     cycle : int
@@ -87,22 +87,22 @@ class WorkCheck:
     """
 
     def __init__(self, system: Any, origin: float, step: float, cycle: int) -> None:
-        watch = watch_of(system)
+        bounds = step_bounds_of(system)
         self._step, self._cycle = step, cycle
-        self.most_steps = CYCLES_BETWEEN_CHECKS * cycle if watch.n_laws else np.iinfo(np.int64).max
-        self.log = _log(watch, origin, step, CYCLES_BETWEEN_CHECKS) if watch.n_laws else _no_log()
-        self._passes = [_Passes(law) for law in getattr(system, "watched_laws", ())]
+        self.most_steps = CYCLES_BETWEEN_CHECKS * cycle if bounds.n_laws else np.iinfo(np.int64).max
+        self.log = _log(bounds, origin, step, CYCLES_BETWEEN_CHECKS) if bounds.n_laws else _no_log()
+        self._passes = [_Passes(law) for law in getattr(system, "piecewise_laws", ())]
 
     @property
-    def watches(self) -> bool:
+    def follows_laws(self) -> bool:
         """True if there is anything to check."""
         return bool(self._passes)
 
     def begin(self, number: int, q: Array, v: Array) -> None:
         """Note the elongations where a march begins, before a step of a number."""
         if self._passes:
-            begin_watch_of(self.log.watch, self.log.origin + number * self._step, q, v)
-            self._last = self.log.watch.x.copy()
+            record_step_start_of(self.log.bounds, self.log.origin + number * self._step, q, v)
+            self._last = self.log.bounds.x.copy()
 
     def add(self) -> None:
         """Take in the cycles that have been noted."""
@@ -144,9 +144,9 @@ def round_down(step: float) -> float:
 class _Passes:
     """Passes of one elongation, and the worst of them."""
 
-    def __init__(self, watched: WatchedLaw) -> None:
-        self.name, self.unit = watched.name, watched.unit
-        self._law, self._edges = watched.law, watched.pieces.edges
+    def __init__(self, law: PiecewiseLaw) -> None:
+        self.name, self.unit = law.name, law.unit
+        self._law, self._edges = law.law, law.pieces.edges
         self._low, self._high, self._worst, self._about = math.inf, -math.inf, 0.0, np.zeros(0)
 
     def add(self, x: Array) -> None:

@@ -13,8 +13,8 @@ from scipy.integrate import DOP853, LSODA, Radau
 from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import FAR_OFF, MOST_SCIPY_STEPS, SCIPY_WINDOW, SHORTEST_STEP
+from fmd.dynamics.step_bounds import StepBounds, allowed_part_of, record_step_start_of, step_bounds_of
 from fmd.dynamics.system import System
-from fmd.dynamics.watch import Watch, begin_watch_of, passed_part_of, watch_of
 from fmd.integrators.endless import StepsLeft
 from fmd.integrators.protocol import (
     Integrator,
@@ -93,7 +93,7 @@ class ScipyIvp(Integrator):
         samples = np.full((len(times), n_positions + n), np.nan)
         y, now, end, n_steps = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1]), 0
         samples[times == now] = y
-        watch = watch_of(system)
+        bounds = step_bounds_of(system)
         stops = [point for point in system.breakpoints if point > now]
         left = StepsLeft(self.name, end, MOST_SCIPY_STEPS, SCIPY_WINDOW)
         slope = rates(now, y)  # compiles, or reads kernels: not part of the run time
@@ -108,7 +108,7 @@ class ScipyIvp(Integrator):
                 message = solver.step()
                 if solver.status == "failed" or not np.isfinite(solver.y).all():
                     raise StabilityError(f"{self.name} stopped at t = {solver.t:.6g} s: {message or 'not finite'}")
-                if (part := self._passed_part(watch, n_positions, before, solver)) < 1.0:
+                if (part := self._allowed_part(bounds, n_positions, before, solver)) < 1.0:
                     solver = self._solver(rates, *before, stop, part * (solver.t - before[0]))
                     continue
                 n_steps += 1
@@ -134,13 +134,13 @@ class ScipyIvp(Integrator):
         return _METHODS[self.name](rates, now, y, stop, first_step=first_step, **settings)
 
     @staticmethod
-    def _passed_part(watch: Watch, n_positions: int, before: tuple[float, Array], solver: Any) -> float:
-        """Return the part of the solver's last step to be tried instead, 1 if it passed no force unseen."""
+    def _allowed_part(bounds: StepBounds, n_positions: int, before: tuple[float, Array], solver: Any) -> float:
+        """Return the part of the solver's last step to be tried instead, 1 if it missed no force."""
         (begin, old), new, h = before, solver.y, solver.t - before[0]
-        if not watch.n_laws or h <= SHORTEST_STEP * solver.t:
+        if not bounds.n_laws or h <= SHORTEST_STEP * solver.t:
             return 1.0
-        begin_watch_of(watch, begin, old[:n_positions].copy(), old[n_positions:].copy())
-        return passed_part_of(watch, solver.t, h, new[:n_positions].copy(), new[n_positions:].copy())
+        record_step_start_of(bounds, begin, old[:n_positions].copy(), old[n_positions:].copy())
+        return allowed_part_of(bounds, solver.t, h, new[:n_positions].copy(), new[n_positions:].copy())
 
 
 def _sample(solver: Any, times: Array, samples: Array) -> None:

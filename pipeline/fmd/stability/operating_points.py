@@ -192,7 +192,7 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
     try:
         motion = CentralDifference(step).march(system, start.q, start.v, times)
     except StabilityError:
-        if not system.watched_laws:
+        if not system.piecewise_laws:
             raise
         motion = RungeKutta(RIGID_TOLERANCE).march(system, start.q, start.v, times)  # its steps pass no force unseen
     return motion.q, motion.v

@@ -125,7 +125,7 @@ def following_joints(scene: Scene, mechanism: Mechanism) -> list[IntArray]:
 
 def free_directions(system: CompiledSystem, q: Array) -> Array:
     """Return an orthonormal basis of the rates that keep all loops closed, shape (n, n_free)."""
-    _, _, ways = np.linalg.svd(system.compiled.constraint_matrix(0.0, q))
+    _, _, ways = np.linalg.svd(system.compiled.constraint_jacobian(0.0, q))
     return np.asarray(ways[constraint_rank(system, q) :].T)
 
 
@@ -161,7 +161,7 @@ def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Arra
     """Move some coordinates by Newton's method, the least motion first, in halved steps where a residual would grow."""
 
     def correction(q: Array, left: Array) -> Array:
-        J = system.compiled.constraint_matrix(0.0, q)[:, columns] * weights[columns]
+        J = system.compiled.constraint_jacobian(0.0, q)[:, columns] * weights[columns]
         change = np.zeros(system.n)
         change[columns] = -weights[columns] * np.linalg.lstsq(J, left, rcond=limits.DEPENDENT_DIRECTION)[0]
         return change
@@ -178,7 +178,7 @@ def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Arra
 
 def _allow(system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray]) -> Array:
     """Change the rates of the first group that can let all residuals stay closed."""
-    J, weights = system.compiled.constraint_matrix(0.0, q), _flexibility(system)
+    J, weights = system.compiled.constraint_jacobian(0.0, q), _flexibility(system)
     for columns in groups:
         changed = v.copy()
         for _ in range(2):

@@ -120,7 +120,7 @@ def _work_of_turning(mechanism: Mechanism, body: int, loads: BodyLoads, turns: A
 def _elastic_ways(system: CompiledSystem, t: float, q: Array) -> Array:
     """Return a basis (n, k) of the motions that keep loops closed, less those in which joints alone move."""
     n = system.n
-    J = system.compiled.constraint_matrix(t, q) if system.compiled.rows else np.zeros((0, n))
+    J = system.compiled.constraint_jacobian(t, q) if system.compiled.rows else np.zeros((0, n))
     joints = np.setdiff1d(
         np.arange(n), np.concatenate([system.mechanism.modes_of(k) for k in range(len(system.mechanism.links))])
     )

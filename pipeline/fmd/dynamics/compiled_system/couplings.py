@@ -78,7 +78,7 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
 
 
 def _exceed(A: Array, limit: Array | float) -> bool:
-    """Tell if a matrix has entries off its diagonal beyond a limit."""
+    """Return whether a matrix has entries off its diagonal beyond a limit."""
     return bool((np.abs(A - np.diag(A.diagonal())) > limit).any())
 
 

@@ -68,7 +68,7 @@ class Equations:
         """Return the constraint Jacobian J of closed loops at positions q, shape (n_constraints, n)."""
         if not self.compiled.rows:
             return np.zeros((0, self.n))
-        return self.compiled.constraint_matrix(t, q)
+        return self.compiled.constraint_jacobian(t, q)
 
     def joint_jacobian(self, joint: str, q: Array, t: float = 0.0) -> Array:
         """Return the rate of a joint's angle or displacement for unit rates, shape (n,).

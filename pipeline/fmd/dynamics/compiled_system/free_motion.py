@@ -43,6 +43,6 @@ def _null_space(A: Array) -> Array:
     """Return an orthonormal basis (n, k) of what a matrix (m, n) takes to zero."""
     if not A.size:
         return np.eye(A.shape[1])
-    _, sizes, ways = np.linalg.svd(A)
+    _, sizes, directions = np.linalg.svd(A)
     rank = int((sizes > DEPENDENT_CONSTRAINT * max(1.0, float(sizes.max()))).sum())
-    return np.asarray(ways[rank:].T)
+    return np.asarray(directions[rank:].T)

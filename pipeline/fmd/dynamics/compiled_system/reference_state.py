@@ -40,7 +40,7 @@ class ReferenceState(Equations):
 
     @property
     def linear_matrices(self) -> tuple[Array, Array, Array]:
-        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each; what loops hold moves, too."""
+        """Mass, stiffness and damping of the undeformed mechanism, (n, n) each, without its loops."""
         return self._reference_mass, self.linear_forces.K, self.linear_forces.C
 
     @cached_property
@@ -65,7 +65,7 @@ class ReferenceState(Equations):
 
     @property
     def frequencies_hz(self) -> Array:
-        """Of each mode and of each joint by itself, undeformed [Hz], shape (n,); 0 where nothing holds it."""
+        """Of each mode and of each joint by itself, undeformed [Hz], shape (n,); 0 where it has no stiffness."""
         mechanism = self.mechanism
         own = np.sqrt(self.linear_forces.K.diagonal() / self._reference_mass.diagonal())
         for k, link in enumerate(mechanism.links):

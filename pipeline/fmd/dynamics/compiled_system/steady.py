@@ -29,8 +29,8 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
     at, inputs = modes + mechanism.n_positions - mechanism.n, compiled.signal_values(t)
     State = tuple[Array, Array]  # positions, and accelerations, which are 0 in the modes
 
-    # The forces that are left where the modes don't accelerate are smoother than accelerations: light combinations of
-    # modes make these steep.
+    # The forces that are left where the modes don't accelerate are smoother than accelerations: massless
+    # combinations of modes make these steep.
     def residual(state: State) -> Array:
         return state[1] - compiled.accelerations(t, state[0], v)
 

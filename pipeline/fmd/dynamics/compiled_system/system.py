@@ -33,10 +33,10 @@ from fmd.dynamics.compiler.closures import scale_rows
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.jit.compiled import aligned
+from fmd.dynamics.law_pieces import PiecewiseLaw, find_piecewise_laws
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.resolution import shortest_missed
-from fmd.dynamics.watch import Watch, make_watch
-from fmd.dynamics.watched_laws import WatchedLaw, find_watched
+from fmd.dynamics.step_bounds import StepBounds, make_step_bounds
 
 _ROOM = ("v_now", "d", "rising")  # vectors of `FrozenCycle` that hold no coefficients
 
@@ -175,13 +175,13 @@ class CompiledSystem(ReferenceState):
         return scale_rows(self.mechanism, self.compiled.rows)
 
     @property
-    def watch(self) -> Watch | None:
-        """Watch over force laws that a step may pass unseen, with room of its own; none if there are no such laws."""
-        laws, n_signals = self.watched_laws, len(self.compiled.signals)
+    def step_bounds(self) -> StepBounds | None:
+        """Bounds of a step by force laws with short pieces, with room of its own; none if there are no such laws."""
+        laws, n_signals = self.piecewise_laws, len(self.compiled.signals)
         if not laws:
             return None
         rests = [law.holder.rest if isinstance(law.holder, PointSpring) else np.nan for law in laws]
-        return make_watch(
+        return make_step_bounds(
             self.compiled.address("elongations"),
             self.compiled.address("signals") if n_signals else 0,
             n_signals,
@@ -191,9 +191,9 @@ class CompiledSystem(ReferenceState):
         )
 
     @cached_property
-    def watched_laws(self) -> tuple[WatchedLaw, ...]:
-        """Force laws that a step may pass unseen."""
-        return find_watched(self.mechanism)
+    def piecewise_laws(self) -> tuple[PiecewiseLaw, ...]:
+        """Force laws with pieces so short that a step may miss them."""
+        return find_piecewise_laws(self.mechanism)
 
     @cached_property
     def couplings(self) -> Couplings:

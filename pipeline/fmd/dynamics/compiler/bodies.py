@@ -105,11 +105,11 @@ def trace_inertia(graph: Graph, frame: MovingFrame) -> Inertia:
     S, c, z, z_rate = list[Vector](), list[Scalar](), list[Vector](), list[Vector]()
     for a in AXES:
         row = graph.array(forms.S[a, 1:])
-        bowed = row + q.multiplied_by(forms.displacement2[a]) if forms.displacement2.size else row
-        S.append(bowed)
-        c.append(combine([(0.5, row), (0.5, bowed)]).dot(q) + frame.rigid.S[a])
-        curled = forms.A_a[a, 1:, 1:] - forms.rotation2[a] if forms.rotation2.size else forms.A_a[a, 1:, 1:]
-        z.append(graph.array(forms.A_a[a, 1:, 0]) + q.multiplied_by(curled))
+        bent = row + q.multiplied_by(forms.displacement2[a]) if forms.displacement2.size else row
+        S.append(bent)
+        c.append(combine([(0.5, row), (0.5, bent)]).dot(q) + frame.rigid.S[a])
+        antisymmetric = forms.A_a[a, 1:, 1:] - forms.rotation2[a] if forms.rotation2.size else forms.A_a[a, 1:, 1:]
+        z.append(graph.array(forms.A_a[a, 1:, 0]) + q.multiplied_by(antisymmetric))
         z_rate.append(v.multiplied_by(forms.A_a[a, 1:, 1:]))
     y: list[list[Vector]] = [[], [], []]
     J: Matrix = [[], [], []]

@@ -1,6 +1,6 @@
 """Constraints of a mechanism with loops, as parts of its graph: residuals with their derivatives, and forces.
 
-Each scalar constraint g = 0 has a rate that is linear in the motions of the places that it holds,
+Each scalar constraint g = 0 has a rate that is linear in the motions of the places that it constrains,
 
     ġ = Σ f · v + m · ω + Σ c ṡ
 

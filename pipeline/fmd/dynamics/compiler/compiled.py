@@ -192,7 +192,7 @@ class CompiledMechanism:
         both = _in_blocks(along, np.eye(len(self.rows)), n + len(self.rows))
         return both[:n], both[n:]
 
-    def constraint_matrix(self, t: float, q: Array) -> Array:
+    def constraint_jacobian(self, t: float, q: Array) -> Array:
         """Return J of the constraints' rates ``J v + …``, shape (n_rows, n)."""
         X, _ = self.multipliers(t, q)
         return np.asarray(X.T @ self.mass_matrix(self.signal_values(t), q))

@@ -59,7 +59,7 @@ def trace_pair(inputs: Coordinates, frames: list[MovingFrame], element: Element)
 def trace_strain(
     inputs: Coordinates, frames: list[MovingFrame], element: Element
 ) -> tuple[list[Scalar], list[Scalar], Vector3]:
-    """Trace the strain of a force element, its rate, and the rate of the way from its first place to its second one.
+    """Trace the strain of a force element, its rate, and the rate of the vector from its first place to its second one.
 
     Of a spring the strain is its elongation [m], of a bushing displacement [m] and, if it counts, rotation [rad].
     """
@@ -81,9 +81,9 @@ def trace_end(inputs: Coordinates, frames: list[MovingFrame], end: Attachment) -
 def trace_elongation(
     inputs: Coordinates, frames: list[MovingFrame], element: PointSpring
 ) -> tuple[Scalar, Scalar, Vector3]:
-    """Trace the elongation of a spring, its rate, and the way from its first place to its second one in space."""
+    """Trace the elongation of a spring, its rate, and the vector from its first place to its second one in space."""
     motion = _SpringMotion(element, *(trace_end(inputs, frames, end) for end in element.ends))
-    return *motion.stretch, motion.way
+    return *motion.stretch, motion.apart
 
 
 def _trace_motion(inputs: Coordinates, frames: list[MovingFrame], element: Element) -> _SpringMotion | _BushingMotion:
@@ -102,13 +102,13 @@ class _SpringMotion:
     second: PlaceMotion
 
     def __post_init__(self) -> None:
-        self.way = subtract(self.second.x, self.first.x)  # in space, from the first place to the second
-        self.length = (dot(self.way, self.way) + SHORTEST_SPRING**2).apply("sqrt")
+        self.apart = subtract(self.second.x, self.first.x)  # in space, from the first place to the second
+        self.length = (dot(self.apart, self.apart) + SHORTEST_SPRING**2).apply("sqrt")
 
     @property
     def stretch(self) -> tuple[Scalar, Scalar]:
         """Elongation and its rate."""
-        rate = dot(self.way, subtract(self.second.v, self.first.v)) * self.length.inverse()
+        rate = dot(self.apart, subtract(self.second.v, self.first.v)) * self.length.inverse()
         return self.length - self.element.rest, rate
 
     def strains(self) -> tuple[list[Scalar], list[Scalar]]:
@@ -122,7 +122,7 @@ class _SpringMotion:
 
     def actions(self) -> list[Action]:
         """Return the pulls on both places."""
-        pull = scale(trace_law(self.element.law, *self.stretch) * self.length.inverse(), self.way)
+        pull = scale(trace_law(self.element.law, *self.stretch) * self.length.inverse(), self.apart)
         none = scale(0.0, pull)
         return [Action(self.second, scale(-1.0, pull), none), Action(self.first, pull, none)]
 
@@ -139,13 +139,13 @@ class _BushingMotion:
         """Trace displacement and rotation of the second place, along the first one's axes, and their rates."""
         first, second = self.first, self.second
         into = transpose(first.A)
-        self.way = subtract(second.x, first.x)  # in space
-        swept = subtract(subtract(second.v, first.v), cross(first.w, self.way))
+        self.apart = subtract(second.x, first.x)  # in space
+        swept = subtract(subtract(second.v, first.v), cross(first.w, self.apart))
         R = product(into, second.A)
         self.y = (3.0 - R[0][0] - R[1][1] - R[2][2]) * 0.25  # sin² of half the angle
         self.s = scale(0.5, [R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]])  # its sine, along its axis
         self.w = times(into, subtract(second.w, first.w))
-        self.d = subtract(times(into, self.way), constants(self.y.graph, self.element.position))
+        self.d = subtract(times(into, self.apart), constants(self.y.graph, self.element.position))
         self.d_rate = times(into, swept)
 
     @property
@@ -177,5 +177,5 @@ class _BushingMotion:
         f = [-total([e[j] * float(K[i, j]) + rates[j] * float(C[i, j]) for j in n]) for i in n]
         force = times(self.first.A, f[:3])
         moment = times(self.first.A, self.through(1.0, f[3:])) if f[3:] else scale(0.0, force)
-        back = scale(-1.0, add(moment, cross(self.way, force)))
+        back = scale(-1.0, add(moment, cross(self.apart, force)))
         return [Action(self.second, force, moment), Action(self.first, scale(-1.0, force), back)]

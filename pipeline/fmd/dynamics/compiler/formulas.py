@@ -87,8 +87,8 @@ def trace_table(knots: Sequence[float], cubics: Sequence[Sequence[float]], x: Sc
     columns = np.array([(first, 0.0, 0.0, 0.0), *cubics]).T
     starts = np.array([knots[0], *knots])
     piece = x.piece(starts)
-    way = x - piece.pick(starts)
+    beyond = x - piece.pick(starts)
     value, *coefficients = (piece.pick(column) for column in columns[::-1])
     for coefficient in coefficients:
-        value = value * way + coefficient
+        value = value * beyond + coefficient
     return value

@@ -68,10 +68,10 @@ def _trace_formula_integral(formula: Formula, x: Scalar) -> Scalar:
             begin = begin + passed * float(edges[k] - edges[before])
             value = value + passed * float(sums[k] - sums[before])
     points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    way = x - begin
-    places = (begin + way * float(0.5 * (point + 1.0)) for point in points)
+    length = x - begin
+    places = (begin + length * float(0.5 * (point + 1.0)) for point in points)
     inside = (trace_formula(formula.codes, formula.constants, place) for place in places)
-    return value + total(f * float(w) for f, w in zip(inside, weights, strict=True)) * way * 0.5
+    return value + total(f * float(w) for f, w in zip(inside, weights, strict=True)) * length * 0.5
 
 
 def _contact(x: Scalar, at: float, side: float, width: float) -> tuple[Scalar, Scalar]:

@@ -28,8 +28,8 @@ are filled:
 - ``positions`` (n_markers, 3) and ``rotations`` (n_markers, 3, 3): the bodies' named markers, body by body;
 - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
 - ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
-- ``x`` and ``rates`` (n_laws,), ``ways`` (n_laws, 3): elongations that force laws with short pieces depend on, their
-  rates, and for springs the ways from place to place in space.
+- ``x`` and ``rates`` (n_laws,), ``vectors`` (n_laws, 3): elongations that force laws with short pieces depend on, their
+  rates, and for springs the vectors from place to place in space.
 
 Arrays must not overlap. Functions keep no state, so threads may call them at once.
 """
@@ -244,7 +244,7 @@ def _momenta(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
 
 
 def _elongations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    names = ("x", "rates", "ways")
+    names = ("x", "rates", "vectors")
     both = zip(names, trace_elongations(inputs, frames), strict=True)
     return [output for name, values in both for output in _in_row(name, 0, values)]
 
@@ -296,6 +296,6 @@ DEFINITIONS = {
     "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
     "energies": Definition((*_STATE, "energies"), _energies),
     "momenta": Definition((*_STATE, "momenta"), _momenta),
-    "elongations": Definition((*_STATE, "x", "rates", "ways"), _elongations),
+    "elongations": Definition((*_STATE, "x", "rates", "vectors"), _elongations),
 }
 """Functions of a mechanism by their names."""

@@ -1,4 +1,4 @@
-"""All that reversible sub-cycling holds at a major cycle's middle, as one part of a graph.
+"""All that reversible sub-cycling freezes at a major cycle's middle, as one part of a graph.
 
 For each of eight directions ``T = (−D, 1)`` in which a fast coordinate moves and the slow ones react: D = M_LL⁻¹ M_LS
 itself, what the tangents of Q̂ along T do to the fast accelerations, and what they do to that of ``y = q_L + D q_S``.

@@ -70,7 +70,7 @@ class RecordedMechanism:
         return evaluate_scalars([*joint_elongation(self.inputs, self.frames[body])])
 
     def of_strain(self, element: Element) -> Evaluation:
-        """Strain of a force element, its rate, and that of the way from its first place to its second one."""
+        """Strain of a force element, its rate, and that of the vector from its first place to its second one."""
         return evaluate_scalars([x for part in trace_strain(self.inputs, self.frames, element) for x in part])
 
     def of_wrenches(self, element: Element) -> Evaluation:

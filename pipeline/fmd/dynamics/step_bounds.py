@@ -1,4 +1,4 @@
-"""Watch over force laws with short pieces: how far a step may go so that it passes none of them unseen.
+"""Step bounds by force laws with short pieces: how far a step may go so that it misses none of them.
 
 A step may enter a piece by half of the piece's length. So it ends in it, its stages feel the force, and a method whose
 step follows the error takes over.
@@ -21,7 +21,7 @@ from fmd.dynamics.jit.table import Table
 
 
 @dataclass(frozen=True)
-class Watch(Table):
+class StepBounds(Table):
     """Force laws with short pieces, and the elongations that they depend on.
 
     Attributes
@@ -40,9 +40,9 @@ class Watch(Table):
         Length of the pieces beyond a law's first and last edge [m or rad].
     rest : ndarray, shape (n_laws,)
         Length of each spring without elongation [m]; NaN for joints.
-    x, rates, ways : ndarray, shapes (n_laws,), (n_laws,) and (n_laws, 3)
-        Elongations, their rates, and ways from place to place at a step's begin.
-    new_x, new_rates, new_ways : ndarray
+    x, rates, vectors : ndarray, shapes (n_laws,), (n_laws,) and (n_laws, 3)
+        Elongations, their rates, and vectors from place to place at a step's begin.
+    new_x, new_rates, new_vectors : ndarray
         The same at its end.
     """
 
@@ -56,53 +56,55 @@ class Watch(Table):
     rest: Array
     x: Array
     rates: Array
-    ways: Array
+    vectors: Array
     new_x: Array
     new_rates: Array
-    new_ways: Array
+    new_vectors: Array
 
     @property
     def n_laws(self) -> int:
-        """Number of laws that are watched."""
+        """Number of laws that bound a step."""
         return len(self.beyond)
 
 
 @cache
-def no_watch() -> Watch:
-    """Return the watch over nothing, in which no march writes."""
-    return make_watch(0, 0, 0, [], np.zeros(0), np.zeros(0))
+def no_bounds() -> StepBounds:
+    """Return the bounds by no law at all, in which no march writes."""
+    return make_step_bounds(0, 0, 0, [], np.zeros(0), np.zeros(0))
 
 
-def make_watch(elongations: int, signals: int, n_signals: int, edges: list[Array], beyond: Array, rest: Array) -> Watch:
-    """Make a watch, with room of its own; parameters are its members."""
+def make_step_bounds(
+    elongations: int, signals: int, n_signals: int, edges: list[Array], beyond: Array, rest: Array
+) -> StepBounds:
+    """Make step bounds, with room of their own; parameters are their members."""
     n = len(edges)
     first = np.concatenate([[0], np.cumsum([len(each) for each in edges])]).astype(np.int64)
     room = (np.zeros(n), np.zeros(n), np.zeros((n, 3)))
     copies = (x.copy() for x in room)
     together = np.concatenate([np.zeros(0), *edges])
-    return Watch(
+    return StepBounds(
         elongations, signals, np.zeros(3 * n_signals), np.zeros(1), together, first, beyond, rest, *room, *copies
     )
 
 
 @inner
-def _elongate(w: Watch, t: float, q: Array, v: Array, x: Array, rates: Array, ways: Array) -> None:
+def _elongate(w: StepBounds, t: float, q: Array, v: Array, x: Array, rates: Array, vectors: Array) -> None:
     w.clock[0] = t
     if w.signals != 0:
         call_native(w.signals, (w.clock, w.inputs))
-    call_native(w.elongations, (w.inputs, q, v, x, rates, ways))
+    call_native(w.elongations, (w.inputs, q, v, x, rates, vectors))
 
 
 @inner
-def begin_watch(w: Watch, t: float, q: Array, v: Array) -> None:
+def record_step_start(w: StepBounds, t: float, q: Array, v: Array) -> None:
     """Note the elongations at a time t [s], at which a step begins."""
     if w.elongations != 0:
-        _elongate(w, t, q, v, w.x, w.rates, w.ways)
+        _elongate(w, t, q, v, w.x, w.rates, w.vectors)
 
 
 @inner
-def foreseen_part(w: Watch, h: float) -> float:
-    """Return the part of a step h [s] that passes no piece unseen if the elongations go on at their rates."""
+def predicted_part(w: StepBounds, h: float) -> float:
+    """Return the part of a step h [s] that misses no piece if the elongations go on at their rates."""
     part = 1.0
     if w.elongations != 0:
         for k in range(w.beyond.size):
@@ -112,7 +114,7 @@ def foreseen_part(w: Watch, h: float) -> float:
 
 
 @inner
-def passed_part(w: Watch, t: float, h: float, q: Array, v: Array) -> float:
+def allowed_part(w: StepBounds, t: float, h: float, q: Array, v: Array) -> float:
     """Return the part that may be tried next of a step h [s] which would end with q and v at a time t; 1 if it's fine.
 
     Between its ends an elongation is within the control polygon of the cubic through both with their rates, and beyond
@@ -120,13 +122,13 @@ def passed_part(w: Watch, t: float, h: float, q: Array, v: Array) -> float:
     """
     part = 1.0
     if w.elongations != 0:
-        _elongate(w, t, q, v, w.new_x, w.new_rates, w.new_ways)
+        _elongate(w, t, q, v, w.new_x, w.new_rates, w.new_vectors)
         for k in range(w.beyond.size):
             x, new = w.x[k], w.new_x[k]
             one, other = x + h / 3.0 * w.rates[k], new - h / 3.0 * w.new_rates[k]
             low, high = min(x, new, one, other), max(x, new, one, other)
             if w.rest[k] >= 0.0:
-                low = min(low, _closest(w.ways[k], w.new_ways[k]) - w.rest[k])
+                low = min(low, _closest(w.vectors[k], w.new_vectors[k]) - w.rest[k])
             part = min(part, _part_within(w, k, low, high))
     return part if part >= 1.0 else min(max(part, LEAST_PART), MOST_PART)
 
@@ -146,7 +148,7 @@ def _closest(a: Array, b: Array) -> float:
 
 
 @inner
-def _part_within(w: Watch, k: int, low: float, high: float) -> float:
+def _part_within(w: StepBounds, k: int, low: float, high: float) -> float:
     """Return the part of the way from ``w.x[k]`` to a lowest and to a highest elongation that passes no piece."""
     x, first, last = w.x[k], w.first[k], w.first[k + 1]
     before, after = first - 1, last  # edges next to x on both sides
@@ -178,17 +180,17 @@ def _part_within(w: Watch, k: int, low: float, high: float) -> float:
 
 
 @kernel
-def begin_watch_of(w: Watch, t: float, q: Array, v: Array) -> None:
+def record_step_start_of(w: StepBounds, t: float, q: Array, v: Array) -> None:
     """Note the elongations at a step's begin, for a loop in Python."""
-    begin_watch(w, t, q, v)
+    record_step_start(w, t, q, v)
 
 
 @kernel
-def passed_part_of(w: Watch, t: float, h: float, q: Array, v: Array) -> float:
+def allowed_part_of(w: StepBounds, t: float, h: float, q: Array, v: Array) -> float:
     """Return the part of a step to be tried next, for a loop in Python."""
-    return passed_part(w, t, h, q, v)
+    return allowed_part(w, t, h, q, v)
 
 
-def watch_of(system: Any) -> Watch:
-    """Return a watch over the force laws of a system, with room of its own; that over nothing if it has none."""
-    return getattr(system, "watch", None) or no_watch()
+def step_bounds_of(system: Any) -> StepBounds:
+    """Return the step bounds by a system's force laws, with room of their own; those by no law if it has none."""
+    return getattr(system, "step_bounds", None) or no_bounds()
