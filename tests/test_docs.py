@@ -6,6 +6,7 @@ import re
 import runpy
 from itertools import chain
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import pytest
@@ -59,6 +60,44 @@ def test_files_that_a_page_names_exist(path: Path) -> None:
         if not any(place.exists() for place in places) and not any(last in source.read_text() for source in sources):
             missing.append(name)
     assert not missing
+
+
+def test_every_page_is_reached_from_the_index_and_is_in_the_menu() -> None:
+    menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    reached, new = set[Path](), [DOCS / "index.md"]
+    while new:
+        page = new.pop()
+        reached.add(page)
+        links = re.findall(r"\]\(([^)\s#]+\.(?:md|ipynb))(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+        linked = {(page.parent / target).resolve() for target in links if "://" not in target}
+        new += [path for path in linked if path.suffix == ".md" and path.is_relative_to(DOCS) and path not in reached]
+        reached |= linked
+    pages = [*DOCS.glob("*.md"), *DOCS.glob("api/*.md"), *DOCS.glob("*.ipynb")]
+    assert not [path.name for path in pages if path not in reached]
+    assert not [path.name for path in pages if path.suffix == ".md" and f": {path.relative_to(DOCS)}\n" not in menu]
+
+
+def test_the_names_of_the_glossary_are_in_the_code() -> None:
+    page = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[3] for line in page.splitlines() if line.startswith("| ")]
+    names = [name for place in rows for name in re.findall(r"`([\w.]+)`", place)]
+    assert len(names) > 60
+    assert not [name for name in names if not _is_there(f"fmd.{name}")]
+
+
+def _is_there(name: str) -> bool:
+    """Return true if a dotted name is a module, or what one defines; a field of a class counts."""
+    owner, _, last = name.rpartition(".")
+    try:
+        found = resolve_name(owner)
+    except (AttributeError, ImportError):
+        return False
+    return hasattr(found, last) or last in getattr(found, "__annotations__", {}) or _has_module(name)
+
+
+def _has_module(name: str) -> bool:
+    """Return true if a package has a module of a dotted name."""
+    return (ROOT / "pipeline" / f"{name.replace('.', '/')}.py").exists()
 
 
 def test_every_room_has_its_page_of_reference() -> None:

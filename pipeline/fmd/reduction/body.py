@@ -111,7 +111,7 @@ def reduced_body(
     """Refer a basis to a joint, whose marker moves with the frame but for the rotations that the joint leaves free.
 
     About those the frame floats so that rotation and modes don't couple in the reference state,
-    ``∫ρ e·(x × φ) = 0`` (mean axes about the joint; Canavan & Likins, Journal of Spacecraft 14, 1977).
+    ``∫ρ e·(x × φ) = 0`` (mean axes about the joint; Canavin & Likins, Journal of Spacecraft 14, 1977).
 
     Parameters
     ----------
