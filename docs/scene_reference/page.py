@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from textwrap import fill
-from typing import Any, get_args
+from typing import Any
 
 from pydantic.fields import FieldInfo
 
 from docs.scene_reference.sections import INTRODUCTION, SECTIONS
 from docs.scene_reference.values import describe_values
-from fmd.scene.bodies import Bar
+from fmd.scene.bar import Bar
 from fmd.scene.constraints import Gear
-from fmd.scene.histories import HISTORY_QUANTITIES, HistoryQuantity, Quantities
+from fmd.scene.curves import TimeFunction
+from fmd.scene.histories import HISTORY_QUANTITIES, Quantities
 from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.loads import PulseDrive
 from fmd.scene.outputs import CHART_QUANTITIES, Chart
 from fmd.scene.reading import SceneTable
 from fmd.scene.runs import RUNS
 from fmd.scene.schema import KNOWN_BY_FILES, is_kind, read_docstring, read_meanings
-from fmd.scene.time_functions import TimeFunction
 from fmd.scene.toml_files import list_ready_scenes
 
 # Meanings of the key that says a table's kind, by the part of the page.
@@ -30,6 +30,7 @@ _KINDS = {
     "Drives": "Kind of drive.",
     "Runs": "Method of integration.",
     "Outputs": "Kind of output.",
+    "Shapes of rigid bodies in pictures": "Kind of shape.",
 }
 _NO_KEYS = {(TimeFunction, "constant")}  # a constant is written as the quantity itself
 _LINKED: dict[tuple[type[SceneTable], str], str] = {
@@ -44,7 +45,7 @@ def write_page() -> str:
     Raises
     ------
     ValueError
-        A key or a chart's quantity has no meaning.
+        A key has no meaning.
     """
     anchors: dict[type, str] = {section.table: section.anchor for section in SECTIONS if section.table}
     # Where a table may be of several kinds, a link leads to the part of the page about all of them.
@@ -54,16 +55,15 @@ def write_page() -> str:
     blocks, kind = [INTRODUCTION.format(ready=ready).strip()], ""
     for section in SECTIONS:
         blocks.append(section.heading)
-        if section.heading.startswith("## "):
-            kind = _KINDS.get(section.title, "")
+        kind = _KINDS.get(section.title, "" if section.heading.startswith("## ") else kind)
         if section.table is not None:
             blocks += describe_table(section.table, kind, anchors)
         if section.text:
             blocks.append(section.text.strip())
         if section.table is Chart:
-            blocks += _describe_quantities("chart", Chart.model_fields["quantity"].annotation, CHART_QUANTITIES)
+            blocks += _describe_quantities("chart", CHART_QUANTITIES)
         if section.table is Quantities:
-            blocks += _describe_quantities("history", HistoryQuantity, HISTORY_QUANTITIES)
+            blocks += _describe_quantities("history", HISTORY_QUANTITIES)
     return "\n\n".join(blocks) + "\n"
 
 
@@ -88,7 +88,9 @@ def list_keys(table: type[SceneTable]) -> list[tuple[str, FieldInfo]]:
     """
     bases = [base for base in table.__mro__[1:] if any(section.table is base for section in SECTIONS)]
     inherited = {name for base in bases for name in base.model_fields} - {*table.__annotations__}
-    own = [(name, field) for name, field in table.model_fields.items() if name not in inherited]
+    # The kind comes first, then the table's own keys.
+    fields = sorted(table.model_fields.items(), key=lambda x: (not is_kind(*x), x[0] not in table.__annotations__))
+    own = [(name, field) for name, field in fields if name not in inherited]
     return [(name, field) for name, field in own if (table, name) not in _NO_KEYS]
 
 
@@ -125,12 +127,8 @@ def _write_value(value: Any, unit: str) -> str:
     return f'"{value:g} {unit}"' if unit else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _describe_quantities(output: str, choice: Any, meanings: dict[str, str]) -> Iterator[str]:
+def _describe_quantities(output: str, meanings: dict[str, str]) -> Iterator[str]:
     """Write the quantities of charts or histories with their meanings."""
-    names = get_args(choice)
-    unknown = sorted(set(names) - set(meanings))
-    if unknown:
-        raise ValueError(f"quantities of a {output} have no meaning: {', '.join(unknown)}")
     yield f"### Quantities of a {output}"
-    rows = [f"| `{name}` | {meaning} |" for name, meaning in meanings.items() if name in names]
+    rows = [f"| `{name}` | {meaning} |" for name, meaning in meanings.items()]
     yield "\n".join(["| quantity | meaning |", "|---|---|", *rows])

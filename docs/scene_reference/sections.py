@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmd.scene.bodies import Bar, BarMesh, ModeSettings, Solid
+from fmd.scene.bar import Bar, BarMesh
+from fmd.scene.bodies import Solid
 from fmd.scene.constraints import Gear, Rack
-from fmd.scene.damping import RayleighDamping
-from fmd.scene.force_curves import ForceByElongation
+from fmd.scene.curves import ForceByElongation, TimeFunction
 from fmd.scene.force_elements import (
     AngleStop,
     Bearing,
@@ -15,24 +15,27 @@ from fmd.scene.force_elements import (
     LengthStop,
     Spring,
 )
-from fmd.scene.ground import GroundPlace
 from fmd.scene.histories import ExtremesTable, History, Quantities
 from fmd.scene.imported_bodies import (
+    BodyFile,
     CadFile,
     CadPart,
+    FileNode,
     Imported,
     MatrixFiles,
     MatrixPart,
     MeshedPart,
     MeshFile,
+    ReducedPart,
     Substance,
 )
 from fmd.scene.joints.angles import OneAngleJoint, TwoAngleJoint
 from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.joints.joint import CarryingJoint
 from fmd.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
+from fmd.scene.modes import ModeSettings, RayleighDamping, ReducedModes
 from fmd.scene.orientation import AxisDirections, Orientation
-from fmd.scene.outputs import Chart, Export
+from fmd.scene.outputs import Chart, Export, FrequencyResponseChart
 from fmd.scene.pictures import (
     BodyPicture,
     Film,
@@ -44,17 +47,14 @@ from fmd.scene.pictures import (
     PictureSettings,
     StressPicture,
 )
-from fmd.scene.places import MarkerPlace, NamedElement, Support
+from fmd.scene.places import GroundPlace, MarkerPlace, NamedElement, Support
 from fmd.scene.propeller import Propeller, PropellerMesh
 from fmd.scene.reading import SceneTable
-from fmd.scene.reduced_bodies import BodyFile, FileNode, ReducedModes, ReducedPart
-from fmd.scene.responses import FrequencyResponseChart
 from fmd.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from fmd.scene.runs import RUNS
 from fmd.scene.scene import PublishedResults, Scene
 from fmd.scene.simulation import Simulation
 from fmd.scene.stress_outputs import Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
-from fmd.scene.time_functions import TimeFunction
 from fmd.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
 INTRODUCTION = """\
@@ -268,7 +268,6 @@ SECTIONS = (
     Section("### Every picture and film", PictureSettings),
     Section("### Every picture of a body", BodyPicture),
     Section("### Frequency response", FrequencyResponseChart),
-    Section("### Every picture and film", BodyPicture),
     Section("### Picture of the mesh", MeshPicture),
     Section("### Pictures of modes", ModePictures),
     Section("### Sheet of modes", ModeSheet),

@@ -12,8 +12,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 
 from fmd.core.units import NonNegative, Positive, QuantityReader, read_share, si_unit
+from fmd.scene.curves import TimeFunction
 from fmd.scene.schema import to_markdown
-from fmd.scene.time_functions import TimeFunction
 
 _PLAIN = {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}
 _PLURALS = {"frequency": "frequencies", "moment of inertia": "moments of inertia", "stress": "stresses"}
@@ -71,7 +71,7 @@ def describe_values(annotation: Any, metadata: Sequence[Any], anchors: Mapping[t
     if origin is dict:
         return ValueWords(f"{_make_plural(describe_values(inner[1], (), anchors).noun)} by name")
     if issubclass(annotation, TimeFunction):
-        return ValueWords(f"[{annotation.kind} over time]({anchors[TimeFunction]})", unit=annotation.si)
+        return ValueWords(f"[{annotation.kind} over time]({anchors[TimeFunction]})", unit=si_unit(annotation.kind))
     if issubclass(annotation, BaseModel):
         return ValueWords(f"[table]({anchors[annotation]})")
     return ValueWords(_PLAIN[annotation], limits)

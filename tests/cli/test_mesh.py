@@ -64,7 +64,7 @@ def test_a_cad_file_is_meshed_without_a_scene_and_its_mesh_read_again(fmd, tube,
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["{}", "--size", "0 mm"], "--size = '0 mm': must be greater than zero"),
+        (["{}", "--size", "0 mm"], "--size = '0 mm': must be above zero"),
         (["{}", "--size", "3"], "--size = '3': needs a unit"),
         (["{}", "--unit", "mm"], "--unit = 'mm': belongs to a mesh file"),
         (["{}", "--set", "body.x.E=1"], "--set = 'body.x.E=1': belongs to a scene"),

@@ -11,17 +11,16 @@ import pytest
 
 from fmd.core.errors import InputError
 from fmd.scene.any_body import Body
-from fmd.scene.bodies import Bar, BarMesh, ModeSettings
+from fmd.scene.bar import Bar, BarMesh
 from fmd.scene.constraints import AnyCoupler
-from fmd.scene.damping import RayleighDamping
 from fmd.scene.joints.any_joint import Joint
 from fmd.scene.joints.prismatic import Prismatic
 from fmd.scene.joints.revolute import Revolute
 from fmd.scene.loads import Drive, TorqueDrive
-from fmd.scene.outputs import Chart, Output
+from fmd.scene.modes import ModeSettings, RayleighDamping
+from fmd.scene.outputs import Chart, FrequencyResponseChart, Output
 from fmd.scene.places import MarkerPlace
 from fmd.scene.reading import SceneTable
-from fmd.scene.responses import FrequencyResponseChart
 from fmd.scene.rigid_bodies import PointMarker, PointMass, Rod
 from fmd.scene.runs import AutoRun, CentralDifferenceRun, Run
 from fmd.scene.scene import Scene, load_scene

@@ -2,8 +2,7 @@
 
 import pytest
 
-from fmd.scene.runs import RUNS, name_methods
-from fmd.scene.sub_cycled_runs import ReversibleSubCyclingRun
+from fmd.scene.runs import RUNS, ReversibleSubCyclingRun, name_methods
 
 KINDS = [(run, name) for run in RUNS for name in run.names()]
 

@@ -6,13 +6,12 @@ from fmd.scene.runs import AutoRun
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.variants import (
     change_modes,
+    change_simulation,
     coarsen_meshes,
     compare_element_sizes,
     enrich_bases,
     refine_meshes,
-    replace_error,
     replace_order,
-    replace_runs,
 )
 
 TETRAHEDRA = 'body.beam.mesh={element="tetrahedron", size="6 mm"}'
@@ -27,7 +26,7 @@ OF_MATRICES = Scene.model_validate({"title": "From matrices", "body": {"part": M
 
 def test_other_runs_take_the_place_of_the_scenes():
     scene = load_scene("beam")
-    other = replace_runs(scene, AutoRun(integrator="auto"))
+    other = change_simulation(scene, run=(AutoRun(integrator="auto"),))
     assert [run.integrator for run in other.simulation.run] == ["auto"]
     assert other.simulation.duration == scene.simulation.duration
     assert other.file == scene.file
@@ -35,7 +34,7 @@ def test_other_runs_take_the_place_of_the_scenes():
 
 def test_another_error_changes_nothing_else():
     scene = load_scene("beam")
-    assert replace_error(scene, 1e-5).simulation == scene.simulation.model_copy(update={"error": 1e-5})
+    assert change_simulation(scene, error=1e-5).simulation == scene.simulation.model_copy(update={"error": 1e-5})
 
 
 def test_modes_are_changed_body_by_body():

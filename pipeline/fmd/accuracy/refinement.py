@@ -22,17 +22,15 @@ from fmd.core.limits.refinement import (
     STALLED_ERROR,
     TIME_SHARE,
 )
-from fmd.scene.imported_bodies import MatrixPart
-from fmd.scene.reduced_bodies import ReducedPart
+from fmd.scene.imported_bodies import MatrixPart, ReducedPart
 from fmd.scene.runs import AutoRun
 from fmd.scene.scene import Scene
 from fmd.scene.variants import (
     change_modes,
+    change_simulation,
     coarsen_meshes,
     refine_meshes,
-    replace_error,
     replace_order,
-    replace_runs,
 )
 from fmd.stages.pipeline import Pipeline
 
@@ -177,7 +175,8 @@ def meet_accuracy(run: Pipeline) -> Refinement:
 
 
 def _start(scene: Scene, wanted: float) -> Scene:
-    scene = replace_error(replace_runs(scene, AutoRun(integrator="auto")), max(TIME_SHARE * wanted, LEAST_ERROR))
+    error = max(TIME_SHARE * wanted, LEAST_ERROR)
+    scene = change_simulation(scene, run=(AutoRun(integrator="auto"),), error=error)
     scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
     return replace_order(coarsen_meshes(scene) or scene, 2)
 
@@ -225,7 +224,7 @@ def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
             ),
         )
     if too_much["time"] > 1:
-        scene = replace_error(scene, max(scene.simulation.error / (2 * too_much["time"]), LEAST_ERROR))
+        scene = change_simulation(scene, error=max(scene.simulation.error / (2 * too_much["time"]), LEAST_ERROR))
     return scene
 
 

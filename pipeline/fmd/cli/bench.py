@@ -7,9 +7,9 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fmd.cli.inputs import solve_scene
+from fmd.cli.inputs import Options
 from fmd.cli.options import Flag, Json, Set, print_json
-from fmd.cli.tables import new_table, open_console, print_files
+from fmd.cli.tables import print_files, print_table
 
 if TYPE_CHECKING:
     from fmd.output.work_precision import WorkPrecision
@@ -33,7 +33,7 @@ def bench(
 
     rows: list[dict[str, Any]] = []
     for scene in scenes:
-        name, run = Path(scene).stem, solve_scene(scene, set_)
+        name, run = Path(scene).stem, Options(set_).solve(scene)
         result = compare_on_scene(run)
         if peer:
             result = replace(result, rows=(*result.rows, *peer_rows(name)))
@@ -47,11 +47,9 @@ def bench(
 
 
 def _print_comparison(title: str, result: WorkPrecision) -> None:
+    columns = {"method": "{}", "step": "{:.3g}", "seconds": "{:.3g}", "error": "{:.2e}"}
     title = f"{title} (two references differ by {result.reference_error:.0e})"
-    table = new_table(title, "method", "step", "seconds", "error")
-    for row in result.rows:
-        table.add_row(row.integrator, f"{row.step_s:.3g}", f"{row.seconds:.3g}", f"{row.error:.2e}")
-    open_console().print(table)
+    print_table(title, columns, ((r.integrator, r.step_s, r.seconds, r.error) for r in result.rows))
 
 
 def _finite(row: Any) -> dict[str, Any]:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import solve_scene
-from fmd.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
-from fmd.cli.tables import new_table, open_console
+from fmd.cli.inputs import DEFAULTS, Options
+from fmd.cli.options import Flag, SceneName, print_json
+from fmd.cli.tables import open_console, print_table
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
 
@@ -48,9 +48,7 @@ def compile(
     *,
     show: Flag = False,
     c: _C = None,
-    set_: Set = None,
-    no_cache: NoCache = False,
-    json: Json = False,
+    options: Options = DEFAULTS,
 ) -> None:
     """Equations of motion as machine code: operations, size, and the structure that saves arithmetic.
 
@@ -61,26 +59,24 @@ def compile(
     """
     from fmd.dynamics.compiler.compiled import compile_mechanism
 
-    run = solve_scene(scene, set_, no_cache)
+    run = options.solve(scene)
     mechanism = run.mechanism
     rows: list[dict[str, Any]] = []
     tick = time.perf_counter()
     compiled = compile_mechanism(mechanism)
     if c is not None:
         _write_c(compiled, run.scene.name, c)
-    for name in _FUNCTIONS if show or json else _FUNCTIONS[:1]:
+    for name in _FUNCTIONS if show or options.json else _FUNCTIONS[:1]:
         size = compiled.n_bytes(name)
         seconds, tick = time.perf_counter() - tick, time.perf_counter()
         rows.append({"function": name, "flops": compiled.flops(name), "bytes": size, "seconds": seconds})
-    if json:
+    if options.json:
         first = {key: rows[0][key] for key in ("flops", "bytes", "seconds")}
         structure = compiled.structure
         print_json({"scene": run.scene.name, **first, "structure": structure, "functions": rows})
         return
-    table = new_table(f"{run.scene.title}: {mechanism.n} coordinates", "function", "operations", "bytes", "ready after")
-    for row in rows:
-        table.add_row(row["function"], str(row["flops"]), str(row["bytes"]), f"{1e3 * row['seconds']:.0f} ms")
-    console = open_console()
-    console.print(table)
+    title = f"{run.scene.title}: {mechanism.n} coordinates"
+    columns = {"function": "{}", "operations": "{}", "bytes": "{}", "ready after": "{:.0f} ms"}
+    print_table(title, columns, ((r["function"], r["flops"], r["bytes"], 1e3 * r["seconds"]) for r in rows))
     for line in compiled.structure or ["no structure that saves arithmetic"]:
-        console.print(line)
+        open_console().print(line)

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import open_scene, settle
-from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
+from fmd.cli.inputs import DEFAULTS, Options, settle
+from fmd.cli.options import SceneName, print_json
 from fmd.cli.tables import print_files
 from fmd.core.errors import InputError
 from fmd.output.formats import write_format
@@ -24,9 +24,7 @@ def export(
     to: _Format,
     body: str | None = None,
     out: Path | None = None,
-    set_: Set = None,
-    no_cache: NoCache = False,
-    json: Json = False,
+    options: Options = DEFAULTS,
 ) -> None:
     """Write a flexible body, or the whole mechanism, in the format of another program.
 
@@ -39,7 +37,7 @@ def export(
     """
     if to not in EXPORT_FORMATS:
         raise InputError("--to", "", to, f"no such format; there are {', '.join(EXPORT_FORMATS)}")
-    solved = open_scene(scene, set_, no_cache)
+    solved = options.open(scene)
     chosen = _choose_body(solved.scene, to, body)
     suffixes = EXPORT_FORMATS[to]
     path = out or Path("out") / solved.scene.name / f"{chosen or solved.scene.name}{suffixes[0]}"
@@ -51,7 +49,7 @@ def export(
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
     platforms = _platforms(files) if to == "fmu" else {}
-    if json:
+    if options.json:
         print_json({"format": to, "files": [str(file) for file in files]} | platforms)
         return
     print_files(path.parent, [file.name for file in files])

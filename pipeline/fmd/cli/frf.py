@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import solve_scene
-from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
-from fmd.cli.tables import new_table, open_console, print_files
+from fmd.cli.inputs import DEFAULTS, Options, read_quantity
+from fmd.cli.options import Folder, Names, SceneName, print_json
+from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import TABLE_POLES
-from fmd.core.units import to_si
 
 if TYPE_CHECKING:
     from fmd.output.responses import FrequencyResponse
@@ -21,17 +20,15 @@ if TYPE_CHECKING:
 def frf(
     scene: SceneName,
     *,
-    in_: Annotated[list[str], Parameter(name="--in", negative=())],
-    out: Annotated[list[str], Parameter(name="--out", negative=())],
+    in_: Annotated[Names, Parameter(name="--in")],
+    out: Annotated[Names, Parameter(name="--out")],
     to: str,
     from_: Annotated[str | None, Parameter(name="--from")] = None,
     points: int = 1000,
     about: str = "start",
     psd: str | None = None,
-    folder: Path | None = None,
-    set_: Set = None,
-    no_cache: NoCache = False,
-    json: Json = False,
+    folder: Folder = None,
+    options: Options = DEFAULTS,
 ) -> None:
     """Frequency response of outputs to inputs: a chart, a table, a NetCDF file; poles, damping and zeros.
 
@@ -54,34 +51,25 @@ def frf(
     psd
         Spectral density of a random input, in its SI unit squared per Hz: a number, a formula of f in Hz, or a .csv
         file of frequencies and densities. Root mean squares of the outputs are printed.
-    folder
-        Folder for the files; out/SCENE by default.
     """
-    highest = _read_frequency("--to", to)
-    lowest = None if from_ is None else _read_frequency("--from", from_)
+    highest = read_quantity("--to", to, "frequency")
+    lowest = None if from_ is None else read_quantity("--from", from_, "frequency")
     if not highest > 0 or not (lowest is None or 0 <= lowest < highest):
         raise InputError("--to", "", to, "must be above zero and above the lowest frequency")
     if not 2 <= points <= 100_000:
         raise InputError("--points", "", points, "must be 2 … 100000")
     from fmd.output.responses import compute_response, write_response
 
-    run = solve_scene(scene, set_, no_cache)
+    run = options.solve(scene)
     density = None if psd is None else (psd, Path(), ("--psd", ""))
     found = compute_response(run, in_, out, highest, lowest, points, about, density)
     where = folder or Path("out") / run.scene.name
     files = write_response(found, where / "frf.png", f"{run.scene.title}: frequency response")
-    if json:
+    if options.json:
         print_json(_as_data(found, files))
     else:
         _print(found)
         print_files(where, files)
-
-
-def _read_frequency(option: str, text: str) -> float:
-    try:
-        return to_si(text, "frequency")
-    except ValueError as error:
-        raise InputError(option, "", text, str(error)) from None
 
 
 def _as_data(found: FrequencyResponse, files: list[str]) -> dict[str, Any]:
@@ -106,11 +94,9 @@ def _as_data(found: FrequencyResponse, files: list[str]) -> dict[str, Any]:
 
 def _print(found: FrequencyResponse) -> None:
     console, summary = open_console(), found.summary()
-    table = new_table(f"Poles about {summary['about']}", "pole", "Hz", "damping ratio")
     pairs = list(zip(summary["poles_hz"], summary["damping"], strict=True))
-    for k, (frequency, damping) in enumerate(pairs[:TABLE_POLES]):
-        table.add_row(str(k + 1), f"{frequency:.4f}", f"{damping:.4g}")
-    console.print(table)
+    rows = [(k, *pair) for k, pair in enumerate(pairs[:TABLE_POLES], start=1)]
+    print_table(f"Poles about {summary['about']}", {"pole": "{}", "Hz": "{:.4f}", "damping ratio": "{:.4g}"}, rows)
     if len(pairs) > TABLE_POLES:
         console.print(f"and {len(pairs) - TABLE_POLES} more, up to {pairs[-1][0]:.4g} Hz")
     for pair, zeros in summary["zeros_hz"].items():
@@ -118,5 +104,4 @@ def _print(found: FrequencyResponse) -> None:
     for row in summary.get("random", ()):
         rate = f"{row['crossings_hz']:.4g} upward crossings of zero a second"
         console.print(f"RMS of {row['output']}: {row['rms']:.4g} {row['unit']}, {rate}")
-    for warning in summary["warnings"]:
-        console.print(f"warning: {warning['text']}")
+    print_warnings(summary["warnings"])

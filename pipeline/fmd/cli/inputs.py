@@ -1,12 +1,16 @@
-"""Values given to commands: a scene with its overrides, an angular rate."""
+"""What commands make of their options: a scene that is opened or solved, a quantity."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
+
+from cyclopts import Parameter
 
 from fmd.accuracy.solved_scene import SolvedScene
+from fmd.cli.options import Json, NoCache, Set
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.progress import bars
@@ -16,64 +20,69 @@ from fmd.scene.source_files import load_repaired
 from fmd.stages.pipeline import Pipeline
 
 
-def open_scene(
-    scene: str, overrides: list[str] | None, no_cache: bool = False, repair: bool = False, keep_all: bool = False
-) -> SolvedScene:
-    """Load a scene with a command's options, to be solved with progress bars on the terminal."""
-    loaded = load_repaired(scene, overrides or ()) if repair else load_scene(scene, overrides or ())
-    return SolvedScene(loaded, Cache(None) if no_cache else None, bars, keep_all)
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Options:
+    """Options of every command that computes a scene."""
+
+    set_: Set = None
+    no_cache: NoCache = False
+    json: Json = False
+
+    def open(
+        self, scene: str, *, repair: bool = False, keep_all: bool = False, without: Sequence[str] = ()
+    ) -> SolvedScene:
+        """Load a scene, to be solved with progress bars on the terminal; tables ``without`` are left out unread."""
+        given = self.set_ or ()
+        loaded = load_repaired(scene, given) if repair else load_scene(scene, given, without)
+        return SolvedScene(loaded, Cache(None) if self.no_cache else None, bars, keep_all)
+
+    def solve(self, scene: str, *, repair: bool = False, spare: Sequence[Sequence[str]] = ()) -> Pipeline:
+        """Return the stages of a scene as it is computed.
+
+        Parameters
+        ----------
+        repair : bool
+            Mend meshes from files.
+        spare : sequence of sequence of str
+            Tables of the first level that the command doesn't need: where the whole scene has a fault they are left
+            out, one set after the other, until the rest is sound.
+        """
+        try:
+            solved = self.open(scene, repair=repair)
+        except InputError as fault:
+            for tables in () if repair else spare:
+                with suppress(InputError):
+                    solved = self.open(scene, without=tables)
+                    print(f"fmd: left out, since this doesn't need it: {fault}", file=sys.stderr)
+                    break
+            else:
+                raise
+        return settle(solved)
 
 
-def solve_scene(scene: str, overrides: list[str] | None, no_cache: bool = False) -> Pipeline:
-    """Return the stages of a scene as it is computed; an accuracy that isn't met is told on standard error."""
-    return settle(open_scene(scene, overrides, no_cache))
+DEFAULTS = Options()
 
 
 def settle(solved: SolvedScene) -> Pipeline:
-    """Return the stages of a solved, for commands that print no summary; tells of an accuracy that isn't met."""
+    """Return the stages of a solved scene, for commands that print no summary; warns of an accuracy that isn't met."""
     if solved.settings.unmet:
         print(f"warning: {solved.settings.unmet}", file=sys.stderr)
     return solved.run
 
 
-def solve_as_far_as_sound(
-    scene: str, overrides: list[str] | None, no_cache: bool, repair: bool, spare: Sequence[Sequence[str]]
-) -> Pipeline:
-    """Solve a scene as `solve_scene` does; a fault in tables that a command can spare is told, and is no obstacle.
-
-    Parameters
-    ----------
-    spare : sequence of sequence of str
-        Tables of the first level to leave out, one set after the other until the rest is sound.
+def read_quantity(option: str, text: str, kind: str, *, above_zero: bool = False) -> float:
+    """Read a quantity from the command line, in SI units.
 
     Raises
     ------
     InputError
-        Something that the command needs is wrong, too.
+        The text is no quantity of this kind, or isn't above zero.
     """
     try:
-        solved = open_scene(scene, overrides, no_cache, repair)
-    except InputError as fault:
-        for tables in () if repair else spare:
-            with suppress(InputError):
-                loaded = load_scene(scene, overrides or (), tables)
-                print(f"fmd: left out, since this doesn't need it: {fault}", file=sys.stderr)
-                solved = SolvedScene(loaded, Cache(None) if no_cache else None, bars)
-                break
-        else:
-            raise
-    return settle(solved)
-
-
-def read_rate(option: str, text: str) -> float:
-    """Read an angular rate from the command line [rad/s].
-
-    Raises
-    ------
-    InputError
-        The text isn't an angular rate.
-    """
-    try:
-        return to_si(text, "angular rate")
+        value = to_si(text, kind)
     except ValueError as error:
         raise InputError(option, "", text, str(error)) from None
+    if above_zero and not value > 0:
+        raise InputError(option, "", text, "must be above zero")
+    return value

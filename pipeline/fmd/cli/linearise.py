@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import solve_scene
-from fmd.cli.options import Json, NoCache, SceneName, Set, print_json
-from fmd.cli.tables import new_table, open_console, print_files
+from fmd.cli.inputs import DEFAULTS, Options
+from fmd.cli.options import Folder, Names, SceneName, print_json
+from fmd.cli.tables import print_files, print_table, print_warnings
 
 _FORMATS = (".npz", ".mat")
 
@@ -17,14 +17,12 @@ _FORMATS = (".npz", ".mat")
 def linearise(
     scene: SceneName,
     *,
-    in_: Annotated[list[str] | None, Parameter(name="--in", negative=())] = None,
-    out: Annotated[list[str] | None, Parameter(name="--out", negative=())] = None,
+    in_: Annotated[Names | None, Parameter(name="--in")] = None,
+    out: Annotated[Names | None, Parameter(name="--out")] = None,
     about: str = "start",
     format_: Annotated[Literal["npz", "mat"] | None, Parameter(name="--format")] = None,
-    folder: Path | None = None,
-    set_: Set = None,
-    no_cache: NoCache = False,
-    json: Json = False,
+    folder: Folder = None,
+    options: Options = DEFAULTS,
 ) -> None:
     """State-space model A, B, C, D of a scene, with names and units, as .npz and .mat.
 
@@ -38,19 +36,17 @@ def linearise(
         State of linearisation: start, equilibrium, steady, or a time of the first run in seconds.
     format_
         Write this format alone.
-    folder
-        Folder for the files; out/SCENE by default.
     """
     from fmd.output.responses import write_model
     from fmd.stages.linear_model import default_inputs, default_outputs, linearise_scene
 
-    run = solve_scene(scene, set_, no_cache)
+    run = options.solve(scene)
     inputs, outputs = in_ or default_inputs(run.scene), out or default_outputs(run.scene)
     linear = linearise_scene(run, inputs, outputs, about)
     where = folder or Path("out") / run.scene.name
     files = write_model(linear, where, _FORMATS if format_ is None else (f".{format_}",))
     model = linear.model
-    if json:
+    if options.json:
         channels = {
             kind: [{"name": channel.name, "unit": channel.unit} for channel in getattr(model, kind)]
             for kind in ("states", "inputs", "outputs")
@@ -58,12 +54,8 @@ def linearise(
         poles = {"poles_hz": model.poles_hz.tolist(), "damping": model.damping.tolist()}
         print_json({**channels, "about": linear.about, **poles, "warnings": linear.warnings, "files": files})
         return
-    console = open_console()
     for kind in ("inputs", "outputs", "states"):
-        table = new_table(f"{kind.capitalize()} about {linear.about}", "number", "name", "unit")
-        for k, channel in enumerate(getattr(model, kind), start=1):
-            table.add_row(str(k), channel.name, channel.unit)
-        console.print(table)
-    for warning in linear.warnings:
-        console.print(f"warning: {warning['text']}")
+        rows = [(k, channel.name, channel.unit) for k, channel in enumerate(getattr(model, kind), start=1)]
+        print_table(f"{kind.capitalize()} about {linear.about}", {"number": "{}", "name": "{}", "unit": "{}"}, rows)
+    print_warnings(linear.warnings)
     print_files(where, files)

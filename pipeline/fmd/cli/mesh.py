@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import solve_as_far_as_sound
-from fmd.cli.options import Json, NoCache, Repair, Set, print_json
+from fmd.cli.inputs import DEFAULTS, Options, read_quantity
+from fmd.cli.options import Repair, print_json
 from fmd.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,10 +26,8 @@ def mesh(
     out: Path | None = None,
     size: str | None = None,
     unit: str | None = None,
-    set_: Set = None,
     repair: Repair = False,
-    no_cache: NoCache = False,
-    json: Json = False,
+    options: Options = DEFAULTS,
 ) -> None:
     """Mesh alone: counts, volume, mass, names of faces and the smallest scaled Jacobian.
 
@@ -44,21 +42,20 @@ def mesh(
     """
     path = Path(scene)
     if path.suffix and path.suffix != ".toml":
-        found, figures = _read_file(path, size, unit, set_, repair)
+        found, figures = _read_file(path, size, unit, options.set_, repair)
     else:
         for option, value in (("--size", size), ("--unit", unit)):
             if value is not None:
-                raise InputError(
-                    option, "", value, "belongs to a CAD or mesh file alone; a scene has it in body.NAME.mesh"
-                )
-        pipeline = solve_as_far_as_sound(scene, set_, no_cache, repair, _SPARE)
+                mend = "belongs to a CAD or mesh file alone; a scene has it in body.NAME.mesh"
+                raise InputError(option, "", value, mend)
+        pipeline = options.solve(scene, repair=repair, spare=_SPARE)
         found, part = pipeline.mesh, pipeline.part
         figures = _figures(found, part.order, {"mass_kg": part.mass})
     if out is not None:
         from fmd.fem.formats.export import write_mesh
 
         write_mesh(found, out)
-    if json:
+    if options.json:
         print_json(figures)
         return
     for key, value in figures.items():
@@ -69,7 +66,7 @@ def _read_file(
     path: Path, size: str | None, unit: str | None, overrides: list[str] | None, repair: bool
 ) -> tuple[SolidMesh, dict[str, Any]]:
     """Mesh a CAD file, or read a mesh file, without a scene."""
-    from fmd.core.units import to_si, unit_ratio
+    from fmd.core.units import unit_ratio
     from fmd.stages.meshing.cad_files import choose_element_size, describe_cad_file, is_cad_file, mesh_cad_file
 
     if overrides:
@@ -78,12 +75,10 @@ def _read_file(
         if unit is not None or repair:
             option, value = ("--unit", unit) if unit is not None else ("--repair", None)
             raise InputError(option, "", value, "belongs to a mesh file; a CAD file says its unit itself")
-        try:
-            edge = choose_element_size(describe_cad_file(path)) if size is None else to_si(size, "length")
-        except ValueError as error:
-            raise InputError("--size", "", size, str(error)) from None
-        if not edge > 0:
-            raise InputError("--size", "", size, "must be greater than zero")
+        if size is None:
+            edge = choose_element_size(describe_cad_file(path))
+        else:
+            edge = read_quantity("--size", size, "length", above_zero=True)
         found = mesh_cad_file(path, edge, 2)
         return found, _figures(found, found.order, {"size_m": edge})
     from fmd.fem.formats.import_mesh import read_mesh
@@ -93,9 +88,8 @@ def _read_file(
     if not path.is_file():
         raise InputError(str(path), "", None, "no such file")
     if unit is None:
-        raise InputError(
-            "--unit", "", None, f"is missing: {path.name} has lengths without one; --unit mm, for instance"
-        )
+        mend = f"is missing: {path.name} has lengths without one; --unit mm, for instance"
+        raise InputError("--unit", "", None, mend)
     try:
         ratio = unit_ratio(unit, "m")
     except ValueError:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json as json_format
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 SceneName = Annotated[str, Parameter(help="Name of a ready scene, or path of a TOML file.")]
+Folder = Annotated[Path | None, Parameter(help="Folder for the results; out/SCENE by default.")]
+Names = Annotated[list[str], Parameter(negative=())]
 Set = Annotated[
     list[str] | None,
     Parameter(name="--set", negative=(), help="Override a value: key=value, e.g. body.beam.length=300mm."),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fmd.cli.inputs import open_scene, settle
-from fmd.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
+from fmd.cli.inputs import DEFAULTS, Options, settle
+from fmd.cli.options import Flag, SceneName, print_json
 from fmd.cli.tables import open_console
 from fmd.output.report.page import write_report
 
@@ -14,10 +14,8 @@ def report(
     scene: SceneName,
     *,
     out: Path | None = None,
-    set_: Set = None,
     no_budget: Flag = False,
-    no_cache: NoCache = False,
-    json: Json = False,
+    options: Options = DEFAULTS,
 ) -> None:
     """One web page of all results: frequencies, modes, a part that turns, charts, run times and errors, versions.
 
@@ -28,12 +26,12 @@ def report(
     no_budget
         Don't estimate the errors of the results.
     """
-    solved = open_scene(scene, set_, no_cache)
+    solved = options.open(scene)
     path = out or Path("out") / solved.scene.name / "report.html"
-    write_report(solved, path, set_ or (), budget=not no_budget)
+    write_report(solved, path, options.set_ or (), budget=not no_budget)
     settle(solved)  # computed by now
     size = path.stat().st_size
-    if json:
+    if options.json:
         print_json({"scene": solved.scene.name, "file": str(path), "bytes": size})
     else:
         open_console().print(f"{path}: {size / 1e6:.2f} MB; open it in a browser", soft_wrap=True)

@@ -6,12 +6,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 from fmd.accuracy.error_estimates import percent
-from fmd.cli.inputs import open_scene
-from fmd.cli.options import Flag, Json, NoCache, Repair, SceneName, Set, print_json
-from fmd.cli.tables import frequency_tables, new_table, open_console
+from fmd.cli.inputs import DEFAULTS, Options
+from fmd.cli.options import Flag, Folder, Repair, SceneName, print_json
+from fmd.cli.tables import open_console, print_frequencies, print_table, print_warnings
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.html import scaled
 from fmd.core.limits.shown import BRIEF, LINE_POLES
@@ -28,8 +26,7 @@ _FATES = {"run": "run", "cached": "be read", "skipped": "be skipped", "open": "r
 def run(
     scene: SceneName,
     *,
-    out: Path | None = None,
-    set_: Set = None,
+    out: Folder = None,
     no_pictures: Flag = False,
     no_budget: Flag = False,
     budget_seconds: float | None = None,
@@ -37,15 +34,12 @@ def run(
     dry_run: Flag = False,
     keep_all: Flag = False,
     repair: Repair = False,
-    no_cache: NoCache = False,
-    json: Json = False,
+    options: Options = DEFAULTS,
 ) -> None:
     """Do everything that a scene lists: mesh, modes, motion, stress, pictures, an error budget.
 
     Parameters
     ----------
-    out
-        Folder for the results; out/SCENE by default.
     no_pictures
         Draw nothing.
     no_budget
@@ -53,33 +47,33 @@ def run(
     budget_seconds
         Time that their estimates may take [s]; three times that of the run by default, less for long runs.
     explain
-        Print first which stages will run, come from the cache or are skipped, why, and what each took last.
+        Print first which stages will run, come from the cache or are skipped, why, and what each took last; then all
+        warnings and notes.
     dry_run
         Print that and do nothing else.
     keep_all
         Integrate modes that neither loads nor motion can excite, too.
     """
     if budget_seconds is not None and not budget_seconds > 0:
-        raise InputError(
-            "--budget-seconds", "", budget_seconds, "must be a time above 0; --no-budget estimates nothing"
-        )
-    solved = open_scene(scene, set_, no_cache, repair, keep_all)
+        mend = "must be a time above 0; --no-budget estimates nothing"
+        raise InputError("--budget-seconds", "", budget_seconds, mend)
+    solved = options.open(scene, repair=repair, keep_all=keep_all)
     folder = out or Path("out") / solved.scene.name
     every_step = explain or dry_run
     # At a terminal a forecast is worth the time that looking through the cache takes.
-    wanted = every_step or (not json and sys.stdout.isatty() and solved.is_settled)
+    wanted = every_step or (not options.json and sys.stdout.isatty() and solved.is_settled)
     forecast = forecast_run(solved, not no_pictures, not no_budget) if wanted else None
-    if forecast and not json:
+    if forecast and not options.json:
         _print_forecast(forecast, every_step)
     if dry_run:
-        if forecast and json:
+        if forecast and options.json:
             print_json({"plan": forecast.summary()})
         return
     summary = write_results(solved, folder, not no_pictures, not no_budget, budget_seconds)
-    if json:
+    if options.json:
         print_json({"plan": forecast.summary(), **summary} if forecast else summary)
     else:
-        _print_run(summary, folder)
+        _print_run(summary, folder, explain)
     _require_sound(summary, folder)
 
 
@@ -93,35 +87,35 @@ def _require_sound(summary: dict[str, Any], folder: Path) -> None:
 
 def _print_forecast(forecast: Forecast, every_step: bool) -> None:
     """Print how long a run will take, and stage by stage what it will do if every step is wanted."""
-    console = open_console()
     if every_step:
-        table = new_table("Plan", "stage", "body", "will", "last time", "why", wide=4)
-        for step in forecast.steps:
-            last = "" if step.seconds is None else f"{step.seconds:.3g} s"
-            table.add_row(step.stage, step.body, _FATES[step.fate], last, step.why)
-        console.print(table)
-    console.print(f"forecast: {forecast.line}")
+        columns = {"stage": "{}", "body": "{}", "will": "{}", "last time": "{:.3g} s", "why": "{}"}
+        rows = [(step.stage, step.body, _FATES[step.fate], step.seconds, step.why) for step in forecast.steps]
+        print_table("Plan", columns, rows, wide=4)
+    open_console().print(f"forecast: {forecast.line}")
 
 
-def _print_run(summary: dict[str, Any], folder: Path) -> None:
-    """Print the tables and notes of a run."""
+def _print_run(summary: dict[str, Any], folder: Path, explain: bool) -> None:
+    """Print what a run has found, its first warnings and its tables; stages, notes and all warnings if explained."""
     console = open_console()
-    console.print(_stages(summary))
-    if "frequencies_hz" in summary:
-        for table in frequency_tables(summary):
-            console.print(table)
-    console.print(_integrations(summary))
-    if "error_budget" in summary:
-        console.print(_budget(summary["error_budget"]))
-    if "accuracy" in summary:
-        console.print(_rounds(summary["accuracy"]))
-    for line in _notes(summary):
+    for line in _answers(summary):
         console.print(line)
+    if explain:
+        for line in (*(f"warning: {warning['text']}" for warning in summary["warnings"]), *_notes(summary)):
+            console.print(line)
+        _print_stages(summary)
+    else:
+        print_warnings(summary["warnings"], "summary.json, --explain")
+    if "frequencies_hz" in summary:
+        print_frequencies(summary)
+    _print_integrations(summary)
+    if "error_budget" in summary:
+        _print_budget(summary["error_budget"])
+    if "accuracy" in summary:
+        _print_rounds(summary["accuracy"])
     console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
 
 
-def _stages(summary: dict[str, Any]) -> Table:
-    table = new_table("Stages", "stage", "seconds", "result", wide=2)
+def _print_stages(summary: dict[str, Any]) -> None:
     results = {
         "motion": f"{len(summary['integrations'])} runs to t = {summary['final']['time_s']:g} s",
         "pictures": f"{len(summary['files']) - 1} files",
@@ -139,53 +133,52 @@ def _stages(summary: dict[str, Any]) -> Table:
         }
     if "worst_stress" in summary:
         results["stress"] = f"{summary['worst_stress']['von_mises_pa'] / 1e6:.4g} MPa at worst"
+    rows = []
     for stage, seconds in summary["seconds"].items():
         if seconds < BRIEF and stage not in results:
             continue
         partly = "partly " if stage in summary["stages_run"] else ""
         cached = f"{partly}from the cache; " if stage in summary["stages_cached"] else ""
-        table.add_row(stage, f"{seconds:.3f}", (cached + results.get(stage, "")).rstrip("; "))
-    for stage in summary["stages_skipped"]:
-        table.add_row(stage, "", "not needed")
-    return table
+        rows.append((stage, seconds, (cached + results.get(stage, "")).rstrip("; ")))
+    rows += [(stage, None, "not needed") for stage in summary["stages_skipped"]]
+    print_table("Stages", {"stage": "{}", "seconds": "{:.3f}", "result": "{}"}, rows, wide=2)
 
 
-def _integrations(summary: dict[str, Any]) -> Table:
-    title = "Integration: run times are of time integration alone"
-    table = new_table(title, "method", "step", "run time", "ratio", "solutions + fast", "tip differs by")
-    for row in summary["integrations"]:
-        table.add_row(
+def _print_integrations(summary: dict[str, Any]) -> None:
+    rows = [
+        (
             row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
             scaled(row["step_s"], "s", 3),
             scaled(row["seconds"], "s", 3),
-            f"{row['ratio_to_plain']:.2f}",
+            row["ratio_to_plain"],
             f"{row['evaluations']} + {row['fast_evaluations']}",
             scaled(row["tip_difference_m"], "m", 3),
         )
-    return table
+        for row in summary["integrations"]
+    ]
+    columns = {"method": "{}", "step": "{}", "run time": "{}", "ratio": "{:.2f}", "solutions + fast": "{}"}
+    columns["tip differs by"] = "{}"
+    print_table("Integration: run times are of time integration alone", columns, rows)
 
 
-def _budget(budget: dict[str, Any]) -> Table:
-    """Make the table of relative errors by source; of a body's frequencies it holds only the worst."""
+def _print_budget(budget: dict[str, Any]) -> None:
+    """Print the table of relative errors by source; of a body's frequencies it holds only the worst."""
     title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of their squares"
-    table = new_table(title, "quantity", *ERROR_COLUMNS)
     worst: dict[str, dict[str, Any]] = {}
     for row in budget["rows"]:
         group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]
         if group not in worst or row["total"] > worst[group]["total"]:
             worst[group] = row
-    for row in worst.values():
-        table.add_row(row["quantity"], *error_cells(row))
-    return table
+    rows = [(row["quantity"], *error_cells(row)) for row in worst.values()]
+    print_table(title, dict.fromkeys(("quantity", *ERROR_COLUMNS), "{}"), rows)
 
 
-def _rounds(accuracy: dict[str, Any]) -> Table:
-    """Make the table of refinements for a wanted accuracy: settings and worst quantity of each round."""
+def _print_rounds(accuracy: dict[str, Any]) -> None:
+    """Print the table of refinements for a target accuracy: settings and worst quantity of each round."""
     met = "met" if accuracy["met"] else "met but for the quantities named below"
     if accuracy["ended_by"]:
         met = f"not met; the results are those of round {accuracy['chosen_round']}"
-    title = f"Accuracy: {percent(accuracy['wanted'])} % wanted, {met}"
-    table = new_table(title, "round", "chosen", "stated [%]", "worst in", "most from", wide=1)
+    rows = []
     for k, settings in enumerate(accuracy["rounds"]):
         chosen = [
             f"{name}: {body['mesh'].get('divisions') or body['mesh'].get('size') or body['mesh'].get('blade')}, "
@@ -194,28 +187,14 @@ def _rounds(accuracy: dict[str, Any]) -> Table:
         ]
         worst = settings["worst"]
         text = "; ".join([*chosen, f"time {settings['integration_error']:.1g}"])
-        table.add_row(str(k + 1), text, percent(worst["stated"]), worst["quantity"], worst["dominant"])
-    return table
+        rows.append((k + 1, text, percent(worst["stated"]), worst["quantity"], worst["dominant"]))
+    columns = dict.fromkeys(("round", "chosen", "stated [%]", "worst in", "most from"), "{}")
+    print_table(f"Accuracy: {percent(accuracy['wanted'])} % requested, {met}", columns, rows, wide=1)
 
 
-def _notes(summary: dict[str, Any]) -> list[str]:
-    """Collect what a user should know beside the tables, a line each."""
-    lines = [f"warning: {warning['text']}" for warning in summary["warnings"]]
-    lines += [
-        f"note: {row['integrator']} {row['substeps']}:1 by itself makes small vibrations grow by "
-        f"{100 * (row['growth'] - 1):.2g} % over the scene"
-        for row in summary["integrations"]
-        if row["growth"] > 1 + GROWING
-    ]
-    lines += [
-        f"model: {each['text']}"
-        + f" ({percent(each['error'])} % of '{each['quantity']}'{'' if each['counted'] else ', not counted'})"
-        * bool(each["quantity"])
-        for each in summary.get("error_budget", {}).get("model", ())
-    ]
-    sub_cycled = any(row["substeps"] > 1 and row["integrator"] == "sub-cycling" for row in summary["integrations"])
-    for name, body in summary.get("bodies", {}).items():
-        lines += _notes_on_body(name, body, sub_cycled)
+def _answers(summary: dict[str, Any]) -> list[str]:
+    """Write what a run has found, a line each: stress, deflection, joints, responses, lives."""
+    lines = []
     if "worst_stress" in summary:
         stress = summary["worst_stress"]
         where = f" in {stress['body']}" if len(summary.get("bodies", ())) > 1 else ""
@@ -232,14 +211,34 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         repeats, place = life["repeats_to_failure"], f"node {life['node']} of {life['body']}"
         lasts = "nothing is damaged" if repeats is None else f"{place} lasts {repeats:.3g} repeats of the motion"
         lines.append(f"{file}: {lasts}")
-    for name, modes in summary["left_out_modes"].items():
-        numbers = ", ".join(str(k) for k in modes)
-        lines.append(f"left out: modal coordinates {numbers} of {name}, which nothing excites (--keep-all)")
     for joint, position in summary["final"].get("joint_positions", {}).items():
         unit = summary["joint_units"][joint]
         differences = [f"{row['joint_differences'][joint]:.3g}" for row in summary["integrations"][1:]]
         apart = f"; the runs differ by {', '.join(differences)} {unit}" if differences else ""
         lines.append(f"{joint}: {position:.6g} {unit} at the end{apart}")
+    return lines
+
+
+def _notes(summary: dict[str, Any]) -> list[str]:
+    """Write what lies behind a run's results, a line each: growth, model errors, bodies, modes that are left out."""
+    lines = [
+        f"note: {row['integrator']} {row['substeps']}:1 by itself makes small vibrations grow by "
+        f"{100 * (row['growth'] - 1):.2g} % over the scene"
+        for row in summary["integrations"]
+        if row["growth"] > 1 + GROWING
+    ]
+    lines += [
+        f"model: {each['text']}"
+        + f" ({percent(each['error'])} % of '{each['quantity']}'{'' if each['counted'] else ', not counted'})"
+        * bool(each["quantity"])
+        for each in summary.get("error_budget", {}).get("model", ())
+    ]
+    sub_cycled = any(row["substeps"] > 1 and row["integrator"] == "sub-cycling" for row in summary["integrations"])
+    for name, body in summary.get("bodies", {}).items():
+        lines += _notes_on_body(name, body, sub_cycled)
+    for name, modes in summary["left_out_modes"].items():
+        numbers = ", ".join(str(k) for k in modes)
+        lines.append(f"left out: modal coordinates {numbers} of {name}, which nothing excites (--keep-all)")
     return lines
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import solve_scene
-from fmd.cli.options import Flag, Json, NoCache, SceneName, Set, print_json
-from fmd.cli.tables import new_table, open_console, print_files
+from fmd.cli.inputs import DEFAULTS, Options
+from fmd.cli.options import Flag, SceneName, print_json
+from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,9 +30,7 @@ def stability(
     resolution: int = 400,
     along: Flag = False,
     out: Path | None = None,
-    set_: Set = None,
-    no_cache: NoCache = False,
-    json: Json = False,
+    options: Options = DEFAULTS,
 ) -> None:
     """Largest safe step: of a scene's mechanism, or as a map for the two-degree-of-freedom system.
 
@@ -61,18 +59,18 @@ def stability(
         substeps, couplings = substeps or 2, coupling or [0.0]
         _require_map(substeps, couplings, scheme, resolution)
         if law:
-            _fit_laws(json)
+            _fit_laws(options.json)
         else:
-            _draw_maps(substeps, couplings, scheme, resolution, out or Path("out") / "stability", json)
+            _draw_maps(substeps, couplings, scheme, resolution, out or Path("out") / "stability", options.json)
         return
     if not 0 <= substeps <= 1000:
         raise InputError("--substeps", "", substeps, "must be 1 … 1000")
     from fmd.output.stability_results import summarise_limits
     from fmd.stages.stability_limits import find_scene_limits
 
-    run = solve_scene(scene, set_, no_cache)
+    run = options.solve(scene)
     result = find_scene_limits(run, [1, substeps] if substeps else list(_RATIOS), along)
-    if json:
+    if options.json:
         print_json(summarise_limits(result))
     else:
         _print_limits(run.scene.title, result)
@@ -98,11 +96,9 @@ def _draw_maps(substeps: int, couplings: list[float], scheme: str, resolution: i
     if json:
         print_json(summary if len(summary["maps"]) > 1 else summary | summary["maps"][0])
         return
-    table = new_table("Two degrees of freedom", "β", "m", "stable share", "largest ρ")
-    for row in summary["maps"]:
-        share, radius = f"{100 * row['stable_share']:.2f} %", f"{row['spectral_radius']:.4g}"
-        table.add_row(f"{row['coupling']:g}", str(row["substeps"]), share, radius)
-    open_console().print(table)
+    columns = {"β": "{:g}", "m": "{}", "stable share": "{:.2f} %", "largest ρ": "{:.4g}"}
+    rows = [(r["coupling"], r["substeps"], 100 * r["stable_share"], r["spectral_radius"]) for r in summary["maps"]]
+    print_table("Two degrees of freedom", columns, rows)
     print_files(folder, summary["files"])
 
 
@@ -114,25 +110,26 @@ def _fit_laws(json: bool) -> None:
     if json:
         print_json({"rows": rows})
         return
-    title = "ρ − 1 = c β² Ω_S²/(1 − β²)"
-    table = new_table(title, "m", "c", "m(m − 1)/4", "power of β", "power of Ω_S", "misfit")
-    for row in rows:
-        m, b, s = int(row["substeps"]), row["coupling_power"], row["courant_power"]
-        expected, misfit = f"{m * (m - 1) / 4:g}", f"{100 * row['misfit']:.2g} %"
-        table.add_row(str(m), f"{row['factor']:.4g}", expected, f"{b:.4f}", f"{s:.4f}", misfit)
-    open_console().print(table)
+    columns = {"m": "{}", "c": "{:.4g}", "m(m − 1)/4": "{:g}", "power of β": "{:.4f}", "power of Ω_S": "{:.4f}"}
+    cells = [
+        (m, row["factor"], m * (m - 1) / 4, row["coupling_power"], row["courant_power"], 100 * row["misfit"])
+        for row in rows
+        for m in [int(row["substeps"])]
+    ]
+    print_table("ρ − 1 = c β² Ω_S²/(1 − β²)", columns | {"misfit": "{:.2g} %"}, cells)
 
 
 def _print_limits(title: str, result: MechanismLimits) -> None:
     """Print the largest stable step of each ratio, and the step for the scene's error."""
-    columns = ["m", "largest stable fast step", "sudden beyond", "growth at half of that"]
-    table = new_table(title, *columns, *(["worst at"] if result.along else []))
+    columns = {"m": "{}", "largest stable fast step": "{:.4g} s", "sudden beyond": "{:.4g} s"}
+    columns |= {"growth at half of that": "{}"} | ({"worst at": "{}"} if result.along else {})
+    rows = []
     for row in result.limits:
         grows = f"{row.growth_rate:.3g} 1/s" if row.growth_rate else "none"
         when = [f"{row.worst_time:.3g} s" if row.worst_time else "rest"] if result.along else []
-        table.add_row(str(row.substeps), f"{row.critical_step:.4g} s", f"{row.sudden_step:.4g} s", grows, *when)
+        rows.append((row.substeps, row.critical_step, row.sudden_step, grows, *when))
+    print_table(title, columns, rows)
     console = open_console()
-    console.print(table)
     step, substeps = result.recommended
     console.print(
         f"stable: by the method itself small vibrations grow less than tenfold in the scene's {result.duration:g} s, "

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from fmd.cli.options import Json, SceneName, Set, print_json
-from fmd.cli.tables import new_table, open_console, print_files
+from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
 from fmd.core.html import scaled
 from fmd.core.limits.shown import SWEPT_JOINTS
@@ -96,11 +96,16 @@ def _print_points(result: Sweep, rows: Sequence[dict[str, Any]]) -> None:
     figures = _FIGURES | {name: (name.removeprefix(_JOINT), "") for name in joints}
     figures = {name: words for name, words in figures.items() if any(row.get(name) is not None for row in rows)}
     keys = [variation.key.rpartition(".")[2] for variation in result.variations]
-    table = new_table("Points", "", *keys, "status", *(column for column, _ in figures.values()))
-    for number, (point, row) in enumerate(zip(result.points, rows, strict=True), start=1):
-        cells = ["" if row[name] is None else scaled(row[name], unit) for name, (_, unit) in figures.items()]
-        table.add_row(str(number), *point.values, str(row["status"]), *cells)
-    open_console().print(table)
+    columns = dict.fromkeys(("", *keys, "status", *(column for column, _ in figures.values())), "{}")
+    cells = [
+        (k, *point.values, row["status"], *(_write(row[name], unit) for name, (_, unit) in figures.items()))
+        for k, (point, row) in enumerate(zip(result.points, rows, strict=True), start=1)
+    ]
+    print_table("Points", columns, cells)
+
+
+def _write(value: float | None, unit: str) -> str:
+    return "" if value is None else scaled(value, unit)
 
 
 def print_messages(result: Sweep) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
-from fmd.core.limits.shown import UNCUT
+from fmd.core.limits.shown import MOST_WARNINGS, UNCUT
 
 
 def new_table(title: str, *columns: str, wide: int = 0) -> Table:
@@ -21,20 +21,49 @@ def new_table(title: str, *columns: str, wide: int = 0) -> Table:
     return table
 
 
-def frequency_tables(summary: dict[str, Any]) -> list[Table]:
-    """Make a table of each flexible body's frequencies; those of the first stand beside the scene's reference."""
+def print_table(title: str, columns: Mapping[str, str], rows: Iterable[Sequence[Any]], wide: int = 0) -> None:
+    """Print a table whose columns are those of `new_table`.
+
+    Parameters
+    ----------
+    title : str
+        Heading.
+    columns : mapping of str to str
+        Format of the values of each column, e.g. ``"{:.3g} s"``, by the column's heading.
+    rows : iterable of sequence
+        Values, ``None`` for an empty cell.
+    wide : int
+        Number of a column that stands to the left.
+    """
+    table = new_table(title, *columns, wide=wide)
+    for row in rows:
+        table.add_row(*("" if x is None else form.format(x) for x, form in zip(row, columns.values(), strict=True)))
+    open_console().print(table)
+
+
+def print_frequencies(summary: dict[str, Any]) -> None:
+    """Print a table of each flexible body's frequencies; those of the first stand beside the scene's reference."""
     beside = [
         (f"{hertz:.1f}", f"{100 * error:+.2f} %")
         for hertz, error in zip(summary["reference_hz"], summary["relative_error"], strict=True)
     ]
-    tables = []
     for name, body in summary["bodies"].items():
-        table = new_table(f"Frequencies of {name}", "mode", "Hz", *(("reference Hz", "difference") if beside else ()))
-        for k, frequency in enumerate(body["frequencies_hz"]):
-            table.add_row(str(k + 1), f"{frequency:.2f}", *(beside[k] if k < len(beside) else ()))
-        tables.append(table)
+        more = {"reference Hz": "{}", "difference": "{}"} if beside else {}
+        rows = [
+            (k, hertz, *(beside[k - 1] if k <= len(beside) else (None,) * len(more)))
+            for k, hertz in enumerate(body["frequencies_hz"], start=1)
+        ]
+        print_table(f"Frequencies of {name}", {"mode": "{}", "Hz": "{:.2f}", **more}, rows)
         beside = []
-    return tables
+
+
+def print_warnings(warnings: Sequence[Mapping[str, Any]], where: str = "--json") -> None:
+    """Print the first few warnings, and where the others are."""
+    console = open_console()
+    for warning in warnings[:MOST_WARNINGS]:
+        console.print(f"warning: {warning['text']}")
+    if (more := len(warnings) - MOST_WARNINGS) > 0:
+        console.print(f"and {more} more {'warning' if more == 1 else 'warnings'}: {where}")
 
 
 def open_console() -> Console:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmd.cli.options import Json, NoCache, print_json
-from fmd.cli.tables import new_table, open_console
+from fmd.cli.tables import open_console, print_table
 from fmd.core.cache import Cache
 
 if TYPE_CHECKING:
@@ -53,13 +53,12 @@ def _print_outcomes(outcomes: Sequence[Outcome]) -> None:
         if outcome.skipped:
             console.print(f"{case.name} skipped: {outcome.skipped}")
             continue
-        columns = ("quantity", "ours", "published", "difference", "allowed")
-        table = new_table(f"{case.name}: {case.title} ({case.source})", *columns)
+        columns = {"quantity": "{}", "ours": "{:.6g}", "published": "{:.6g}", "difference": "{}", "allowed": "{:.2g} %"}
+        rows = []
         for figure in outcome.figures:
             difference = f"{100 * figure.difference:+.2g} %" + ("" if figure.holds else " OUT")
-            numbers = (f"{figure.ours:.6g}", f"{figure.published:.6g}", difference, f"{100 * figure.tolerance:.2g} %")
-            table.add_row(figure.quantity, *numbers)
-        console.print(table)
+            rows.append((figure.quantity, figure.ours, figure.published, difference, 100 * figure.tolerance))
+        print_table(f"{case.name}: {case.title} ({case.source})", columns, rows)
     n_skipped = sum(bool(one.skipped) for one in outcomes)
     n_figures, n_wrong = sum(len(one.figures) for one in outcomes), sum(not one.holds for one in outcomes)
     console.print(

@@ -11,7 +11,7 @@ from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import DrawnBody, ExportedBody
 from fmd.reduction.modal_data import ModalData, modal_data, without_stiffening
 from fmd.reduction.modes import Modes
-from fmd.scene.damping import damping_ratios
+from fmd.scene.modes import damping_ratios
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.spatial_body import spatial_body, superelement, surface_stress
 

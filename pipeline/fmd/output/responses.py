@@ -17,7 +17,7 @@ from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RES
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
 from fmd.responses.frequencies import choose_frequencies
 from fmd.responses.random_vibration import RandomResponse, random_response
-from fmd.scene.responses import FrequencyResponseChart
+from fmd.scene.outputs import FrequencyResponseChart
 from fmd.stages.linear_model import LinearModel, linearise_scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.spectral_density import read_density

@@ -15,8 +15,7 @@ from fmd.output.exports import write_file
 from fmd.output.picture_files import Pictures
 from fmd.output.summary import summarise_solved
 from fmd.recovery.motion_file import write_motions
-from fmd.scene.outputs import is_drawn
-from fmd.scene.responses import FrequencyResponseChart
+from fmd.scene.outputs import FrequencyResponseChart, is_drawn
 from fmd.stages.pipeline import Pipeline
 
 if TYPE_CHECKING:

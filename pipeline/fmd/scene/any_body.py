@@ -7,10 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from fmd.scene.bodies import Bar
-from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from fmd.scene.bar import Bar
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
 from fmd.scene.propeller import Propeller
-from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.rigid_bodies import PointMass, RigidBody, Rod
 
 

@@ -1,17 +1,17 @@
-"""Flexible bodies in a scene file: material, modes and places of each, and the shape of a bar."""
+"""Flexible bodies in a scene file: material, modes and places of each."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from fmd.core.limits.scene import MOST_CUT_PIECES
-from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
-from fmd.scene.damping import Damping, RayleighDamping
+from fmd.core.units import PositiveDensity, PositiveStress
+from fmd.scene.modes import ModeSettings, RayleighDamping
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
-from fmd.scene.values import Count, Formulation, Name, Number, Order, Text, Words
+from fmd.scene.values import Formulation, Name, Number, Words
 
 
 def _check_poisson(nu: float) -> float:
@@ -36,76 +36,18 @@ Pieces = Annotated[
 ]
 
 
-class ModeSettings(SceneTable):
-    """The shapes that describe a flexible body's deformation, and how they are computed.
-
-    Parameters
-    ----------
-    count : int
-        Number of modes, above those of rigid motion. If the highest is one of a pair of equal frequency, the other is
-        taken, too.
-    family : str
-        Kind of motion that the modes are chosen from; the lowest ``count`` of that kind are taken.
-    boundary : str
-        How the body is held while it vibrates: only by its supports (``"free"``), also at the marker of the joint that
-        carries it (``"joint"``), or at its interface, whose static deflections are then added to the modes
-        (``"interface"``; Craig & Bampton).
-    interface : tuple of str
-        Markers that make up the interface; all of the body's markers, if none is named.
-    enrich : str
-        Shapes that are added to the modes: none, the static responses to inertia loads and joint forces
-        (``"inertia"``), which stress needs, or four generations of load-dependent vectors (``"ritz"``), each the
-        responses to the inertia of the one before. ``"residual"`` are all static responses, however little of them lies
-        outside the modes, as linear answers take them; so stiff shapes need short steps.
-    damping : float, tuple of float or RayleighDamping
-        Damping ratio of every mode, 1 being critical; or a list of ratios, of the modes of the body on its joint, the
-        lowest first, whose last holds for all further ones; or factors of mass and stiffness.
-    solver : str
-        Program that factorises the stiffness: the fastest that is installed (``"auto"``), CHOLMOD, SciPy's SuperLU, or
-        PETSc and SLEPc over several processes.
-    ranks : int, optional
-        Number of processes for ``solver = "slepc"``; 2 if it is left out.
-
-    Examples
-    --------
-    ::
-
-        [body.beam.modes]
-        count = 5
-        family = "in-plane bending"
-        enrich = "inertia"
-        damping = 0.01
-    """
-
-    count: Count
-    family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
-    boundary: Literal["free", "joint", "interface"] = "free"
-    interface: tuple[Annotated[Text, Words("name of a marker")], ...] = ()
-    enrich: Literal["none", "inertia", "ritz", "residual"] = "none"
-    damping: Damping = 0.0
-    solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
-    ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
-
-    @model_validator(mode="after")
-    def _ranks_of_slepc(self) -> ModeSettings:
-        if self.ranks is not None and self.solver != "slepc":
-            raise FaultError("belongs to solver = 'slepc'; the others are one process", "ranks")
-        return self
-
-    @model_validator(mode="after")
-    def _of_an_interface(self) -> ModeSettings:
-        if self.boundary != "interface" and self.interface:
-            raise FaultError('belongs to boundary = "interface"', "interface")
-        if self.boundary == "interface" and self.family != "any":
-            raise FaultError("can't be chosen: deflections by an interface are of every kind", "family")
-        return self
-
-
 class Deformable(SceneTable):
     """Every flexible body: how its mesh can be changed, which is not at all where a file holds the mesh.
 
     Changes are values of the table's keys.
+
+    Attributes
+    ----------
+    file_keys : tuple of str
+        Table that names the files that the body comes from, and the keys there; empty if it comes from none.
     """
+
+    file_keys: ClassVar[tuple[str, ...]] = ()
 
     def of_order(self, order: int) -> dict[str, Any]:
         """Return the changes for elements of another order."""
@@ -194,9 +136,7 @@ class Solid(Deformable):
             self._check_faces(marker.edge_faces, "marker", name, "edge")
         for number, support in enumerate(self.support):
             self._check_faces(support.faces, "support", number, "face")
-        for number, name in enumerate(self.modes.interface):
-            if name not in self.marker:
-                raise UnknownNameError("marker", name, self.marker, "the markers", "modes", "interface", number)
+        require_interface(self)
         if self.modes.boundary == "interface" and not self.marker:
             raise FaultError("has no marker to be an interface; give the body one", "modes", "boundary")
         if self.modes.boundary == "joint" and self.support:
@@ -231,135 +171,28 @@ class Solid(Deformable):
                 raise UnknownNameError("face", face, known, "the faces", *path)
 
 
-def check_formulation(formulation: Formulation, order: int | None, element: str = "hexahedron") -> None:
-    """Raise the fault of a formulation that elements of this order and shape don't have."""
-    if formulation == "plain" and (order == 2 or element != "hexahedron"):
-        raise FaultError("belongs to hexahedra of order 1; other elements have no such choice", "formulation")
+def require_interface(body: Any) -> None:
+    """Raise ``UnknownNameError`` if a body's modes name a marker that it doesn't have."""
+    for number, name in enumerate(body.modes.interface):
+        if name not in body.marker:
+            raise UnknownNameError("marker", name, body.marker, "the markers", "modes", "interface", number)
 
 
-class BarMesh(SceneTable):
-    """Division of a bar into elements: hexahedra by their numbers, tetrahedra by their size.
+class DividedMesh(SceneTable):
+    """Keys of meshes that may have hexahedra.
 
     Parameters
     ----------
-    element : str
-        Shape of the elements.
-    order : int
-        Polynomial order of the displacement in an element; linear tetrahedra are too stiff in bending.
     formulation : str
         Strain of linear hexahedra: enhanced by terms that let them bend (``"enhanced"``), or that of the displacement
         alone (``"plain"``), which is too stiff in bending.
-    divisions : tuple of int, optional
-        Numbers of hexahedra along x, y and z; required for hexahedra.
-    size : float, optional
-        Edge length of a tetrahedron [m]; required for tetrahedra.
-
-    Examples
-    --------
-    ::
-
-        [body.beam.mesh]
-        element = "hexahedron"
-        divisions = [30, 3, 1]
     """
 
-    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
-    order: Order = 2
     formulation: Formulation = "enhanced"
-    divisions: tuple[Count, Count, Count] | None = None
-    size: PositiveLength | None = None
 
     @model_validator(mode="after")
-    def _divided_one_way(self) -> BarMesh:
-        if self.element == "hexahedron":
-            if self.size is not None:
-                raise FaultError("belongs to tetrahedra; hexahedra take divisions, e.g. [48, 4, 2]", "size")
-            if self.divisions is None:
-                raise FaultError("is missing: hexahedra along x, y and z, e.g. [48, 4, 2]", "divisions")
-        else:
-            if self.divisions is not None:
-                raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
-            if self.size is None:
-                raise FaultError("is missing: the edge length of a tetrahedron, e.g. '5 mm'", "size")
+    def _plain_if_linear(self) -> Self:
+        other = getattr(self, "order", None) == 2 or getattr(self, "element", "hexahedron") != "hexahedron"
+        if self.formulation == "plain" and other:
+            raise FaultError("belongs to hexahedra of order 1; other elements have no such choice", "formulation")
         return self
-
-    @model_validator(mode="after")
-    def _plain_if_linear(self) -> BarMesh:
-        check_formulation(self.formulation, self.order, self.element)
-        return self
-
-
-class Bar(Solid):
-    """A straight bar with a rectangular section, along x, centred on the x axis.
-
-    Its faces are ``x-`` (where x is least), ``x+``, ``y-``, ``y+``, ``z-`` and ``z+``; its one part is ``bar``.
-
-    Parameters
-    ----------
-    length : float
-        Extent along x [m].
-    depth : float
-        Extent along y [m].
-    width : float
-        Extent along z [m].
-    mesh : BarMesh
-        Division into elements.
-
-    Examples
-    --------
-    ::
-
-        [body.beam]
-        shape = "bar"
-        length = "340 mm"
-        depth = "25 mm"
-        width = "10 mm"
-        E = "722 MPa"
-        nu = 0.34
-        rho = "2000 kg/m^3"
-        mesh = { divisions = [30, 3, 1] }
-        modes = { count = 5 }
-        marker = { root = { face = "x-" }, tip = { face = "x+" } }
-    """
-
-    shape: Literal["bar"]
-    length: PositiveLength
-    depth: PositiveLength
-    width: PositiveLength
-    mesh: BarMesh
-
-    @property
-    def faces(self) -> tuple[str, ...]:
-        """Names of the six faces; ``"x-"`` is where x is least."""
-        return ("x-", "x+", "y-", "y+", "z-", "z+")
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """Name of the one part that the mesh of a bar has."""
-        return ("bar",)
-
-    def of_order(self, order: int) -> dict[str, Any]:
-        """Return the changes for elements of another order."""
-        return {"mesh": self.mesh.model_copy(update={"order": order})}
-
-    def resized(self, factor: float) -> dict[str, Any]:
-        """Return the changes for a mesh with about ``factor`` times the elements each way."""
-        if self.mesh.divisions is None:
-            assert self.mesh.size is not None
-            return {"mesh": self.mesh.model_copy(update={"size": self.mesh.size / factor})}
-        return self._divided(tuple(scale_count(count, factor) for count in self.mesh.divisions))
-
-    def divided_more(self) -> dict[str, Any]:
-        """Return the changes for two elements in place of one quadratic, or of two linear ones, which bend alike."""
-        order = self.mesh.order
-        if self.mesh.divisions is None:
-            return {}
-        return self._divided(tuple(4 // order if count * order <= 2 else count for count in self.mesh.divisions))
-
-    @property
-    def divided_directions(self) -> int:
-        """Number of directions with more than one element."""
-        return 3 if self.mesh.divisions is None else max(1, sum(count > 1 for count in self.mesh.divisions))
-
-    def _divided(self, divisions: tuple[int, ...]) -> dict[str, Any]:
-        return {"mesh": self.mesh.model_copy(update={"divisions": divisions})}

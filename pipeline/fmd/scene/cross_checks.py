@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.units import unit_ratio
-from fmd.scene.any_body import Body, Flexible, wanted_pieces
-from fmd.scene.constraints import AnyCoupler
-from fmd.scene.force_elements import ForceElement
-from fmd.scene.ground import GroundPlace
 from fmd.scene.histories import Quantities
-from fmd.scene.joints.any_joint import Joint, closing_joints, kinds_that
+from fmd.scene.joints.any_joint import Joint, kinds_that
 from fmd.scene.joints.joint import RATE_KEYS, CarryingJoint
-from fmd.scene.loads import Drive, MotionDrive, PointForce, PointTorque
-from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export, Output
+from fmd.scene.loads import MarkerLoad, MotionDrive
+from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export, FrequencyResponseChart
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
-from fmd.scene.responses import FrequencyResponseChart
 from fmd.scene.runs import name_methods
-from fmd.scene.simulation import Simulation
+from fmd.scene.scene_tables import SceneTables
 
 _SINGLE = kinds_that(lambda kind: bool(kind.unit))
 _ALONG = kinds_that(lambda kind: kind.unit == "m")
@@ -32,30 +27,9 @@ _HINGES = kinds_that(lambda kind: kind.is_hinge)
 
 @dataclass(frozen=True, slots=True)
 class CrossCheck:
-    """The tables of a scene that name one another, each already checked by itself.
+    """Checks between the tables of a scene."""
 
-    Parameters
-    ----------
-    body, ground, joint, drive : mapping
-        Bodies, places on the ground, joints and drives by name.
-    elements : mapping
-        Force elements by table and name.
-    coupler : mapping
-        Gears and racks by name.
-    simulation : Simulation, optional
-        The integration over time, if the scene has one.
-    output : sequence
-        Charts, pictures, films and exports.
-    """
-
-    body: Mapping[str, Body]
-    ground: Mapping[str, GroundPlace]
-    joint: Mapping[str, Joint]
-    drive: Mapping[str, Drive]
-    elements: Mapping[str, Mapping[str, ForceElement]]
-    coupler: Mapping[str, AnyCoupler]
-    simulation: Simulation | None
-    output: Sequence[Output]
+    scene: SceneTables
 
     def find_faults(self) -> list[FaultError]:
         """List all faults; the tree of bodies is checked once the names in it are right."""
@@ -76,18 +50,14 @@ class CrossCheck:
             *self._check_outputs(),
         ]
 
-    @property
-    def _flexible(self) -> dict[str, Flexible]:
-        return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
-
     def _check_joints(self) -> Iterator[FaultError]:
-        for name, joint in self.joint.items():
+        for name, joint in self.scene.joint.items():
             yield from self._check_place(joint.parent, "joint", name, "parent")
             yield from self._check_place(joint.child, "joint", name, "child")
             if joint.parent.partition(".")[0] == (body := joint.child.partition(".")[0]):
                 yield FaultError(f"holds {body} to itself", "joint", name, "child")
-            elif joint.measured_across and body in self.body:
-                marker = self.body[body].marker.get(joint.child.partition(".")[2])
+            elif joint.measured_across and body in self.scene.body:
+                marker = self.scene.body[body].marker.get(joint.child.partition(".")[2])
                 if marker is not None and marker.is_turned:
                     mend = "turn the joint instead, by its rotate or axes"
                     yield FaultError(
@@ -95,8 +65,8 @@ class CrossCheck:
                     )
 
     def _check_drives(self) -> Iterator[FaultError]:
-        for name, drive in self.drive.items():
-            if isinstance(drive, PointForce | PointTorque):
+        for name, drive in self.scene.drive.items():
+            if isinstance(drive, MarkerLoad):
                 yield from self._check_marker(drive.marker, "drive", name, "marker")
                 continue
             fitting = {"force": _ALONG, "motion": _SINGLE}.get(drive.type, _ABOUT)
@@ -106,7 +76,7 @@ class CrossCheck:
                 yield from self._check_motion(name, drive)
 
     def _check_couplers(self) -> Iterator[FaultError]:
-        for name, coupler in self.coupler.items():
+        for name, coupler in self.scene.coupler.items():
             for key, unit in coupler.ends:
                 fitting = _ALONG if unit == "m" else _HINGES
                 yield from self._check_joint(getattr(coupler, key), fitting, f"a {coupler.type}", "coupler", name, key)
@@ -114,7 +84,7 @@ class CrossCheck:
                 yield FaultError("couples a joint with itself", "coupler", name, coupler.ends[1][0])
 
     def _check_elements(self) -> Iterator[FaultError]:
-        for table, elements in self.elements.items():
+        for table, elements in self.scene.elements.items():
             for name, element in elements.items():
                 for number, place in enumerate(element.between):
                     yield from self._check_place(place, table, name, "between", number)
@@ -124,8 +94,8 @@ class CrossCheck:
 
     def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
         """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
-        joint = self.joint[drive.joint]
-        alike = (other for other, d in self.drive.items() if isinstance(d, MotionDrive) and d.joint == drive.joint)
+        joint, drives = self.scene.joint[drive.joint], self.scene.drive
+        alike = (other for other, d in drives.items() if isinstance(d, MotionDrive) and d.joint == drive.joint)
         if next(alike) != name:  # the first one says that others have no effect
             return
         wanted = joint.position_key
@@ -135,36 +105,36 @@ class CrossCheck:
             return
         if getattr(drive, wanted) is None:
             yield FaultError(f"is missing: a {joint.type} joint moves by its {wanted}", "drive", name, wanted)
-        for other_name, also in self.drive.items():
+        for other_name, also in self.scene.drive.items():
             if other_name != name and getattr(also, "joint", None) == drive.joint:
                 yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "drive", other_name, "joint")
         for key in (wanted, "rate", "spring", "damper", "stop", "friction"):
             if getattr(joint, key):
                 yield FaultError(f"has no effect: '{name}' prescribes the joint's motion", "joint", drive.joint, key)
-        if self.simulation is not None and drive.joint in self.simulation.fast:
-            number = self.simulation.fast.index(drive.joint)
+        if self.scene.simulation_table is not None and drive.joint in self.scene.simulation_table.fast:
+            number = self.scene.simulation_table.fast.index(drive.joint)
             yield FaultError(f"has no coordinate: '{name}' prescribes its motion", "simulation", "fast", number)
 
     def _check_simulation(self) -> Iterator[FaultError]:
-        if self.simulation is None:
+        if self.scene.simulation_table is None:
             return
-        yield from self._check_marker(self.simulation.tip, "simulation", "tip")
-        if self.simulation.start == "equilibrium":
-            for name, joint in self.joint.items():
+        yield from self._check_marker(self.scene.simulation_table.tip, "simulation", "tip")
+        if self.scene.simulation_table.start == "equilibrium":
+            for name, joint in self.scene.joint.items():
                 for key in RATE_KEYS:
                     if np.any(getattr(joint, key, 0.0)):
                         yield FaultError(
                             "has no effect: simulation.start is 'equilibrium', at rest", "joint", name, key
                         )
-        for number, run in enumerate(self.simulation.run):
-            if not run.keeps_loops and closing_joints(self.joint):
+        for number, run in enumerate(self.scene.simulation_table.run):
+            if not run.keeps_loops and self.scene.closing:
                 mend = f"{name_methods('chooses_steps', 'keeps_loops')} do"
                 yield FaultError(f"doesn't keep loops closed; {mend}", "simulation", "run", number, "integrator")
-        for number, name in enumerate(self.simulation.fast):
+        for number, name in enumerate(self.scene.simulation_table.fast):
             yield from self._check_joint(name, _SINGLE, "the fast list", "simulation", "fast", number)
 
     def _check_outputs(self) -> Iterator[FaultError]:
-        for number, output in enumerate(self.output):
+        for number, output in enumerate(self.scene.output):
             if isinstance(output, Chart):
                 yield from self._check_chart(output, "output", number)
             elif isinstance(output, Quantities):
@@ -178,12 +148,14 @@ class CrossCheck:
             yield from self._check_element(chart.element, *path, "element")
         if chart.marker is not None:
             yield from self._check_marker(chart.marker, *path, "marker")
-        if chart.body is not None and chart.body not in self._flexible:
-            yield UnknownNameError("flexible body", chart.body, self._flexible, "the flexible bodies", *path, "body")
-        if chart.quantity == "modal_coordinates" and not self._flexible:
+        if chart.body is not None and chart.body not in self.scene.flexible:
+            yield UnknownNameError(
+                "flexible body", chart.body, self.scene.flexible, "the flexible bodies", *path, "body"
+            )
+        if chart.quantity == "modal_coordinates" and not self.scene.flexible:
             yield FaultError("needs a flexible body; this scene has none", *path, "quantity")
         if chart.joint is None:
-            single = [name for name, joint in self.joint.items() if joint.type in _SINGLE]
+            single = [name for name, joint in self.scene.joint.items() if joint.type in _SINGLE]
             if chart.quantity in JOINT_QUANTITIES and len(single) != 1:
                 known = f"; the revolute and prismatic joints: {', '.join(single) or 'none'}"
                 yield FaultError(f"is missing: the name of the joint whose motion is drawn{known}", *path, "joint")
@@ -192,7 +164,7 @@ class CrossCheck:
         yield from faults
         if not faults and chart.unit is not None:
             try:
-                unit = self.joint[chart.joint].kind.unit
+                unit = self.scene.joint[chart.joint].kind.unit
                 unit_ratio(f"{unit}/s" if chart.quantity == "joint_rate" else unit, chart.unit)
             except ValueError as error:
                 yield FaultError(str(error), *path, "unit")
@@ -200,16 +172,16 @@ class CrossCheck:
     def _check_quantities(self, output: Quantities, *path: str | int) -> Iterator[FaultError]:
         """Names of a history or a table exist, and what it takes by default isn't empty."""
         for number, name in enumerate(output.joints):
-            if name not in self.joint:
-                yield UnknownNameError("joint", name, self.joint, "the joints", *path, "joints", number)
-            elif name in closing_joints(self.joint) and "joint_reaction" not in output.quantities:
+            if name not in self.scene.joint:
+                yield UnknownNameError("joint", name, self.scene.joint, "the joints", *path, "joints", number)
+            elif name in self.scene.closing and "joint_reaction" not in output.quantities:
                 fault = "closes a loop, so it has a reaction, but no coordinate"
                 yield FaultError(fault, *path, "joints", number)
         for number, name in enumerate(output.markers):
             yield from self._check_marker(name, *path, "markers", number)
         for number, name in enumerate(output.elements):
             yield from self._check_element(name, *path, "elements", number)
-        meshed = {name: body for name, body in self._flexible.items() if body.shape != "matrices"}
+        meshed = {name: body for name, body in self.scene.flexible.items() if body.shape != "matrices"}
         for number, name in enumerate(output.nodes):
             if (body := name.partition(".")[0]) not in meshed:
                 known = "the flexible bodies with a mesh"
@@ -218,11 +190,11 @@ class CrossCheck:
             yield FaultError("element_stress needs a named element, [body.NAME.element]", *path, "quantities")
 
     def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
-        flexible = self._flexible
+        flexible = self.scene.flexible
         of_body_alone = isinstance(picture, Export) and (
             picture.file.endswith(".nc") or picture.format not in (None, *MECHANISM_FORMATS)
         )
-        divided = [*wanted_pieces(flexible)]
+        divided = [*self.scene.pieces]
         if of_body_alone and (divided if picture.body is None else picture.body in divided):
             name = picture.body or divided[0]
             yield FaultError(
@@ -232,8 +204,8 @@ class CrossCheck:
             if isinstance(picture, StressPicture) and all(body.shape == "matrices" for body in flexible.values()):
                 yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
             return
-        if picture.body not in self.body:
-            yield UnknownNameError("body", picture.body, self.body, "the bodies", *path, "body")
+        if picture.body not in self.scene.body:
+            yield UnknownNameError("body", picture.body, self.scene.body, "the bodies", *path, "body")
         elif picture.body not in flexible:
             names = suggest_name(picture.body, flexible, "the flexible bodies")
             yield FaultError(f"is rigid, without modes or stress; {names}", *path, "body")
@@ -247,7 +219,7 @@ class CrossCheck:
     def _check_files(self) -> Iterator[FaultError]:
         """No output may write over another's file; some file systems don't distinguish upper from lower case."""
         taken: list[tuple[str, str]] = []
-        for number, output in enumerate(self.output):
+        for number, output in enumerate(self.scene.output):
             file = output.file.casefold()
             pattern = re.escape(file).replace(r"\{mode\}", r"(\d+|\{mode\})")
             if any(re.fullmatch(pattern, other) or re.fullmatch(its, file) for other, its in taken):
@@ -257,8 +229,8 @@ class CrossCheck:
     def _check_tree(self) -> Iterator[FaultError]:
         """Every body hangs on one joint, and through it on the ground."""
         parents: dict[str, str] = {}
-        closing = closing_joints(self.joint)
-        for name, joint in self.joint.items():
+        closing = self.scene.closing
+        for name, joint in self.scene.joint.items():
             child = joint.child.partition(".")[0]
             if name in closing:
                 yield from self._check_closing(name, joint)
@@ -267,15 +239,15 @@ class CrossCheck:
                 if getattr(joint, key) is not None:
                     yield FaultError("has no effect: the joint carries its child, along axis", "joint", name, key)
             parents[child] = joint.parent.partition(".")[0]
-            if joint.kind.is_free and child in self._flexible and self._flexible[child].support:
+            if joint.kind.is_free and child in self.scene.flexible and self.scene.flexible[child].support:
                 yield FaultError("holds nothing that a support could hold on to; take a fixed joint", "joint", name)
-        for name in self.body:
+        for name in self.scene.body:
             if name in parents:
                 if _leads_round(name, parents):
                     yield FaultError("its joints lead round in a circle; one must lead to ground", "body", name)
-            elif self.simulation is not None:
+            elif self.scene.simulation_table is not None:
                 yield FaultError(f"hangs on no joint; give it one with child = '{name}.…'", "body", name)
-            elif name in self._flexible and self._flexible[name].modes.boundary == "joint":
+            elif name in self.scene.flexible and self.scene.flexible[name].modes.boundary == "joint":
                 yield FaultError("hangs on no joint to be held at", "body", name, "modes", "boundary")
 
     def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
@@ -290,33 +262,33 @@ class CrossCheck:
             yield FaultError(f"closes a loop, so it has no coordinate for this; {mend}", "joint", name, key)
 
     def _check_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
-        if name not in self.joint:
-            yield UnknownNameError("joint", name, self.joint, "the joints", *path)
-        elif name in closing_joints(self.joint):
+        if name not in self.scene.joint:
+            yield UnknownNameError("joint", name, self.scene.joint, "the joints", *path)
+        elif name in self.scene.closing:
             mend = "write it before the joint that now carries its child"
             yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
-        elif self.joint[name].type not in fitting:
+        elif self.scene.joint[name].type not in fitting:
             wanted = " or ".join([", ".join(fitting[:-1]), fitting[-1]] if len(fitting) > 1 else fitting)
-            yield FaultError(f"is a {self.joint[name].type} joint; {user} needs a {wanted} one", *path)
+            yield FaultError(f"is a {self.scene.joint[name].type} joint; {user} needs a {wanted} one", *path)
 
     def _check_place(self, place: str, *path: str | int) -> Iterator[FaultError]:
         """Check a marker of a body, or a place on the ground."""
         if place.partition(".")[0] != "ground":
             yield from self._check_marker(place, *path)
-        elif place != "ground" and place not in (known := [f"ground.{name}" for name in self.ground]):
+        elif place != "ground" and place not in (known := [f"ground.{name}" for name in self.scene.ground]):
             yield UnknownNameError("place", place, known, "the places on the ground", *path)
 
     def _check_marker(self, place: str, *path: str | int) -> Iterator[FaultError]:
         body = place.partition(".")[0]
-        if body not in self.body:
-            yield UnknownNameError("body", body, self.body, "the bodies", *path)
+        if body not in self.scene.body:
+            yield UnknownNameError("body", body, self.scene.body, "the bodies", *path)
             return
-        markers = [f"{body}.{marker}" for marker in self.body[body].marker]
+        markers = [f"{body}.{marker}" for marker in self.scene.body[body].marker]
         if place not in markers:
             yield UnknownNameError("marker", place, markers, "the markers", *path)
 
     def _check_element(self, place: str, *path: str | int) -> Iterator[FaultError]:
-        elements = [f"{name}.{element}" for name, body in self._flexible.items() for element in body.element]
+        elements = [f"{name}.{element}" for name, body in self.scene.flexible.items() for element in body.element]
         if place not in elements:
             yield UnknownNameError("element", place, elements, "the named elements", *path)
 

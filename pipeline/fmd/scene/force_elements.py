@@ -19,7 +19,7 @@ from fmd.core.units import (
     TranslationalStiffness,
     Velocity,
 )
-from fmd.scene.force_curves import ForceByElongation
+from fmd.scene.curves import ForceByElongation
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Axis, Number, PlaceName, Point, Turn, Words
 

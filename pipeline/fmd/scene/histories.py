@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from fmd.scene.pictures import Component
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import ElementName, FileCheck, JointName, MarkerName, Words
+from fmd.scene.values import ElementName, FileCheck, JointName, MarkerName, OneOf, Words
 
 # Meanings of the quantities that a history can hold.
 HISTORY_QUANTITIES = {
@@ -27,18 +27,7 @@ HISTORY_QUANTITIES = {
     "energy": "kinetic and potential energy of all bodies",
 }
 
-HistoryQuantity = Literal[
-    "joint_position",
-    "joint_rate",
-    "joint_reaction",
-    "marker_position",
-    "marker_displacement",
-    "marker_velocity",
-    "marker_acceleration",
-    "element_stress",
-    "node_stress",
-    "energy",
-]
+HistoryQuantity = Annotated[str, OneOf((*HISTORY_QUANTITIES,))]
 
 
 def _check_node(name: str) -> str:
@@ -56,6 +45,8 @@ class Quantities(SceneTable):
 
     Parameters
     ----------
+    file : str
+        File that is written.
     quantities : tuple of str
         Quantities; the table of quantities of a history explains each.
     joints : tuple of str
@@ -72,6 +63,7 @@ class Quantities(SceneTable):
         Axes of vectors at joints and markers: those of ``space``, or those of the marker's or the child's ``body``.
     """
 
+    file: str
     quantities: Annotated[tuple[HistoryQuantity, ...], Field(min_length=1)]
     joints: tuple[JointName, ...] = ()
     markers: tuple[MarkerName, ...] = ()
@@ -103,11 +95,6 @@ class History(Quantities):
     A ``.csv`` has a column for each number, named with its unit, over the first run; a ``.nc`` has a variable for each
     quantity, over all runs.
 
-    Parameters
-    ----------
-    file : str
-        File that is written.
-
     Examples
     --------
     ::
@@ -129,11 +116,6 @@ class ExtremesTable(Quantities):
 
     Vectors have a row for each component and one for their size. The table stands in the summary, too, under
     ``tables``.
-
-    Parameters
-    ----------
-    file : str
-        File that is written.
 
     Examples
     --------

@@ -1,19 +1,23 @@
-"""Flexible bodies that come from files: their mesh from another program, from CAD, or their matrices."""
+"""Flexible bodies that come from files: their mesh, their shape from CAD, their matrices, or all of them reduced."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
-from fmd.scene.bodies import Deformable, ModeSettings, Poisson, Solid, check_formulation
+from fmd.scene.bodies import Deformable, DividedMesh, Poisson, Solid, require_interface
+from fmd.scene.modes import ModeSettings, ReducedModes
+from fmd.scene.orientation import Orientation
 from fmd.scene.places import MarkerPlace, NamedElement, Support
-from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
-from fmd.scene.values import Formulation, LengthUnit, Name, Order, PartName, SourceFile, UnitCheck
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import LengthUnit, Name, Order, PartName, SourceFile, Text, UnitCheck
 
 
-class MeshFile(SceneTable):
+class MeshFile(DividedMesh):
     """A mesh that another program made: Abaqus, Nastran, Gmsh, MED, VTK and more.
 
     Parameters
@@ -25,9 +29,6 @@ class MeshFile(SceneTable):
     order : int, optional
         Polynomial order of the displacement in an element; the file's own by default. 2 on a file of order 1 adds nodes
         in the middle of straight edges.
-    formulation : str
-        Strain of linear hexahedra: enhanced by terms that let them bend (``"enhanced"``), or that of the displacement
-        alone (``"plain"``), which is too stiff in bending.
     repair : bool
         True to mend faults of the mesh where that is safe; else they are listed and refused.
 
@@ -43,13 +44,7 @@ class MeshFile(SceneTable):
     file: SourceFile
     unit: LengthUnit
     order: Order | None = None
-    formulation: Formulation = "enhanced"
     repair: bool = False
-
-    @model_validator(mode="after")
-    def _plain_if_linear(self) -> MeshFile:
-        check_formulation(self.formulation, self.order)
-        return self
 
 
 class CadFile(SceneTable):
@@ -150,6 +145,8 @@ class MeshedPart(Imported):
         marker = { bore = { face = "bore" } }
     """
 
+    file_keys = ("mesh", "file")
+
     shape: Literal["mesh"]
     mesh: MeshFile
 
@@ -180,6 +177,8 @@ class CadPart(Imported):
         marker = { bore = { near = ["31 mm", "20 mm", "4 mm"] } }
     """
 
+    file_keys = ("mesh", "cad")
+
     shape: Literal["cad"]
     mesh: CadFile
 
@@ -190,6 +189,13 @@ class CadPart(Imported):
     def resized(self, factor: float) -> dict[str, Any]:
         """Return the changes for a mesh with about ``factor`` times the elements each way."""
         return {"mesh": self.mesh.model_copy(update={"size": self.mesh.size / factor})}
+
+
+class Meshless(Deformable):
+    """A body without a mesh of its own, which has no elements and no supports."""
+
+    element: ClassVar[Mapping[str, NamedElement]] = MappingProxyType({})
+    support: ClassVar[tuple[Support, ...]] = ()
 
 
 class MatrixFiles(SceneTable):
@@ -230,7 +236,7 @@ class MatrixFiles(SceneTable):
     mass_unit: Annotated[str, UnitCheck("kg")] = "kg"
 
 
-class MatrixPart(Deformable):
+class MatrixPart(Meshless):
     """A body without a mesh, given by its matrices: it has modes and motion, but no stress and no picture.
 
     Parameters
@@ -254,30 +260,103 @@ class MatrixPart(Deformable):
         marker = { root = { nodes = [17, 18, 19, 25] }, tip = { plane = "x = 340 mm" } }
     """
 
+    file_keys = ("matrices", "stiffness", "mass", "nodes")
+
     shape: Literal["matrices"]
     matrices: MatrixFiles
     modes: ModeSettings
     marker: dict[Name, MarkerPlace]
-
-    @property
-    def element(self) -> dict[str, NamedElement]:
-        """Empty, since there is no mesh."""
-        return {}
-
-    @property
-    def support(self) -> tuple[Support, ...]:
-        """Empty, since there is no mesh."""
-        return ()
 
     @model_validator(mode="after")
     def _on_nodes(self) -> MatrixPart:
         for name, marker in self.marker.items():
             if marker.nodes is None and marker.plane is None:
                 wrong = next(iter(marker.where))
-                raise FaultError(
-                    "needs a mesh; give nodes, their numbers, or plane, e.g. 'x = 0'", "marker", name, wrong
-                )
-        for number, name in enumerate(self.modes.interface):
-            if name not in self.marker:
-                raise UnknownNameError("marker", name, self.marker, "the markers", "modes", "interface", number)
+                message = "needs a mesh; give nodes, their numbers, or plane, e.g. 'x = 0'"
+                raise FaultError(message, "marker", name, wrong)
+        require_interface(self)
         return self
+
+
+class BodyFile(SceneTable):
+    """A file that holds a reduced body of another program, in SI units.
+
+    Parameters
+    ----------
+    file : str
+        Standard input data (``.SID_FEM``), modal data of MBDyn (``.fem``) or of Exudyn's
+        ``ObjectFFRFreducedOrderInterface`` (``.npz``), or our own NetCDF (``.nc``), relative to the scene's file.
+
+    Examples
+    --------
+    ::
+
+        [body.arm.body]
+        file = "arm.SID_FEM"
+    """
+
+    file: SourceFile
+
+
+class FileNode(Orientation):
+    """A named place on a reduced body, where joints and loads act and motion is recorded, with axes of its own.
+
+    Parameters
+    ----------
+    node : str or tuple of str
+        Label of the file's node, or labels of three or more whose mean motion is meant.
+
+    Examples
+    --------
+    ::
+
+        [body.arm.marker]
+        root = { node = "1" }
+        tip = { node = ["17", "18", "19"] }
+    """
+
+    attachment: ClassVar[str] = "averaged"
+    face: ClassVar[None] = None
+
+    node: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=10_000)]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Labels of the nodes."""
+        return (self.node,) if isinstance(self.node, str) else self.node
+
+    @property
+    def where(self) -> dict[str, object]:
+        """Place of the marker as plain data, for hashing."""
+        return {"node": self.labels}
+
+
+class ReducedPart(Meshless):
+    """A body that another program has reduced: it has motion and, if its file has it, stress, but no mesh.
+
+    Parameters
+    ----------
+    shape : str
+        Kind of body; ``body`` alone says it, too.
+    body : BodyFile
+        The file.
+    modes : ReducedModes
+        Damping, where it isn't the file's.
+    marker : dict of str to FileNode
+        Places for joints and loads, by name.
+
+    Examples
+    --------
+    ::
+
+        [body.arm]
+        body = { file = "arm.SID_FEM" }
+        marker = { root = { node = "1" }, tip = { node = "2" } }
+    """
+
+    file_keys = ("body", "file")
+
+    shape: Literal["reduced"]
+    body: BodyFile
+    modes: ReducedModes = ReducedModes()
+    marker: dict[Name, FileNode]

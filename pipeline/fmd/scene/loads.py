@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from fmd.core.units import AngularRate, NonNegativeTime, PositiveTime, Torque
+from fmd.scene.curves import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.time_functions import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
 from fmd.scene.values import Axis, JointName, MarkerName
 
 
@@ -133,19 +133,31 @@ class MotionDrive(SceneTable):
     position: PositionOverTime | None = None
 
 
-class PointForce(SceneTable):
-    """A force on a marker of a body, in a direction that is fixed in space or turns with the marker.
+class MarkerLoad(SceneTable):
+    """A load on a marker of a body.
 
     Parameters
     ----------
     marker : str
         Marker that it acts on.
     direction : tuple of float
-        Direction of the force; its length doesn't count.
-    force : ForceOverTime
-        Size of the force [N].
+        Direction of the force or axis of the torque; its length doesn't count.
     following : bool
         True if the direction is in the marker's axes and turns with them, false if it is fixed in space.
+    """
+
+    marker: MarkerName
+    direction: Axis
+    following: bool = False
+
+
+class PointForce(MarkerLoad):
+    """A force on a marker of a body, in a direction that is fixed in space or turns with the marker.
+
+    Parameters
+    ----------
+    force : ForceOverTime
+        Size of the force [N].
 
     Examples
     --------
@@ -159,25 +171,16 @@ class PointForce(SceneTable):
     """
 
     type: Literal["point force"]
-    marker: MarkerName
-    direction: Axis
     force: ForceOverTime
-    following: bool = False
 
 
-class PointTorque(SceneTable):
+class PointTorque(MarkerLoad):
     """A torque on a marker of a body, about a direction that is fixed in space or turns with the marker.
 
     Parameters
     ----------
-    marker : str
-        Marker that it acts on.
-    direction : tuple of float
-        Axis of the torque; its length doesn't count.
     torque : TorqueOverTime
         Size of the torque [N m].
-    following : bool
-        True if the direction is in the marker's axes and turns with them, false if it is fixed in space.
 
     Examples
     --------
@@ -192,10 +195,7 @@ class PointTorque(SceneTable):
     """
 
     type: Literal["point torque"]
-    marker: MarkerName
-    direction: Axis
     torque: TorqueOverTime
-    following: bool = False
 
 
 Drive = Annotated[

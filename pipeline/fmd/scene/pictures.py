@@ -35,6 +35,8 @@ class PictureSettings(SceneTable):
 
     Parameters
     ----------
+    file : str
+        File that is written.
     size : tuple of int, optional
         Width and height in pixels.
     camera : tuple of float, optional
@@ -51,6 +53,7 @@ class PictureSettings(SceneTable):
         Text above; by default it is made from the scene's title.
     """
 
+    file: PictureFile
     size: tuple[Pixels, Pixels] | None = None
     camera: tuple[Angle, Annotated[Angle, Field(ge=-1.58, le=1.58)]] | None = None
     zoom: Annotated[Number, Field(ge=0.01, le=1000.0)] = 1.0
@@ -75,11 +78,6 @@ class BodyPicture(PictureSettings):
 class MeshPicture(BodyPicture):
     """A picture of a body's mesh with its parts in different colours.
 
-    Parameters
-    ----------
-    file : str
-        File of the picture.
-
     Examples
     --------
     ::
@@ -92,7 +90,6 @@ class MeshPicture(BodyPicture):
     """
 
     type: Literal["mesh"]
-    file: PictureFile
 
 
 class ModePictures(BodyPicture):
@@ -125,8 +122,6 @@ class ModeSheet(BodyPicture):
 
     Parameters
     ----------
-    file : str
-        File of the picture.
     count : int
         Number of modes.
     scale : float
@@ -144,7 +139,6 @@ class ModeSheet(BodyPicture):
     """
 
     type: Literal["mode sheet"]
-    file: PictureFile
     count: Annotated[int, Field(strict=True, ge=1, le=30)] = 6
     scale: Annotated[Number, Positive] = 1.0
 
@@ -184,11 +178,6 @@ class StressPicture(MechanismView):
 
     In a scene with a single body, or with ``alone``, it is drawn in its own frame over its undeformed shape.
 
-    Parameters
-    ----------
-    file : str
-        File of the picture.
-
     Examples
     --------
     ::
@@ -201,7 +190,6 @@ class StressPicture(MechanismView):
     """
 
     type: Literal["stress"]
-    file: PictureFile
 
 
 class MechanismPicture(MechanismView):
@@ -209,8 +197,6 @@ class MechanismPicture(MechanismView):
 
     Parameters
     ----------
-    file : str
-        File of the picture.
     time : float
         Time, of which the nearest output time is shown [s].
 
@@ -225,7 +211,6 @@ class MechanismPicture(MechanismView):
     """
 
     type: Literal["mechanism"]
-    file: PictureFile
     time: NonNegativeTime = 0.0
 
 
@@ -236,8 +221,6 @@ class Film(MechanismView):
 
     Parameters
     ----------
-    file : str
-        File of the film.
     frames : int
         Number of pictures, spread over the duration.
     rate : float

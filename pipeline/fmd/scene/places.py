@@ -1,15 +1,15 @@
-"""Places on a flexible body: its markers, its supports and the elements that are named for their stress."""
+"""Places in a scene file: markers, supports and named elements of a flexible body, and places on the ground."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from fmd.core.units import QuantityReader
 from fmd.scene.orientation import Orientation
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import FaceName, PartName, Plane, Point, Words
+from fmd.scene.values import FaceName, PartName, Plane, Point, Turn, Words
 
 MARKER_WAYS = ("face", "near", "plane", "edge", "at", "node", "nodes")
 
@@ -180,3 +180,36 @@ class NamedElement(SceneTable):
 
     at: Point
     part: PartName | None = None
+
+
+class GroundPlace(Orientation):
+    """A named place on the ground, which stands still; joints hang on it as on a marker, ``"ground.NAME"``.
+
+    Its axes are those of space, or turned against them; a joint's axis, and the body that it carries, are in them.
+
+    Parameters
+    ----------
+    at : tuple of float
+        Position in space [m].
+    rotation : tuple of float, optional
+        Older name of ``rotate`` [rad].
+
+    Examples
+    --------
+    ::
+
+        [ground.bearing]
+        at = ["1 m", "0 m", "0 m"]
+        rotate = ["0 deg", "0 deg", "90 deg"]
+    """
+
+    at: Point
+    rotation: Turn | None = None
+
+    @model_validator(mode="after")
+    def _read_the_older_name(self) -> Self:
+        if self.rotation is None:
+            return self
+        if self.is_turned:
+            raise FaultError("can't stand beside rotate or axes: give one of them", "rotation")
+        return self.model_copy(update={"rotate": self.rotation, "rotation": None})

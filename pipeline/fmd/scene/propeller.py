@@ -8,14 +8,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from fmd.core.units import Angle, PositiveLength
-from fmd.scene.bodies import Solid, check_formulation, scale_count
-from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import Count, Formulation, Number, Order
+from fmd.scene.bodies import DividedMesh, Solid, scale_count
+from fmd.scene.reading import FaultError
+from fmd.scene.values import Count, Number, Order
 
 Sections = Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=20)]
 
 
-class PropellerMesh(SceneTable):
+class PropellerMesh(DividedMesh):
     """Division of a propeller into elements that conform from sleeve to joint to blade.
 
     Parameters
@@ -24,9 +24,6 @@ class PropellerMesh(SceneTable):
         Shape of the elements; six tetrahedra take the place of each hexahedron.
     order : int
         Polynomial order of the displacement in an element; elements of order 2 have curved edges.
-    formulation : str
-        Strain of linear hexahedra: enhanced by terms that let them bend (``"enhanced"``), or that of the displacement
-        alone (``"plain"``), which is too stiff in bending.
     sleeve : tuple of int
         Elements of the sleeve around, along the axis and along the radius; the number around must be a multiple of the
         number of blades.
@@ -52,16 +49,10 @@ class PropellerMesh(SceneTable):
 
     element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
     order: Order = 2
-    formulation: Formulation = "enhanced"
     sleeve: tuple[Count, Count, Count] = (66, 10, 3)
     joint: tuple[Count, Count, Count] = (10, 8, 12)
     blade: tuple[Count, Count, Count] = (10, 8, 27)
     growth: Annotated[Number, Field(ge=0.05, le=20.0)] = 4.0
-
-    @model_validator(mode="after")
-    def _plain_if_linear(self) -> PropellerMesh:
-        check_formulation(self.formulation, self.order, self.element)
-        return self
 
 
 class Propeller(Solid):

@@ -110,6 +110,8 @@ class SceneTable(BaseModel):
                 place, name = find_caller(), type(self).__name__
                 faults = type(self)._list_faults(error, values, {})
                 if name != "Scene":
+                    order = [(), *((key,) for key in values)]
+                    faults.sort(key=lambda fault: order.index(fault.path[:1]) if fault.path[:1] in order else 0)
                     faults, values = [Fault((name, *path), mend) for path, mend in faults], {name: values}
                 raise join_errors(faults, values, lambda _: place) from None
 

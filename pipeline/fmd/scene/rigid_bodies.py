@@ -35,19 +35,32 @@ class PointMarker(Orientation):
     at: Point
 
 
-class Rod(SceneTable):
-    """A uniform slender rigid rod along x, from the origin of its frame.
+class Undeformable(SceneTable):
+    """Keys that rigid bodies have in common.
 
     Parameters
     ----------
     mass : float
         Mass of the body [kg].
-    length : float
-        Extent along x [m].
     marker : dict of str to PointMarker
         Points for joints, loads and results, by name.
     visual : tuple of Visual
-        Shapes in pictures and films; by default a rod of its length.
+        Shapes in pictures and films. By default a rod is one of its length, a point mass a ball, and any other body
+        rods or a plate through its markers, or the box that has its inertia.
+    """
+
+    mass: PositiveMass
+    marker: dict[Name, PointMarker]
+    visual: Visuals = ()
+
+
+class Rod(Undeformable):
+    """A uniform slender rigid rod along x, from the origin of its frame.
+
+    Parameters
+    ----------
+    length : float
+        Extent along x [m].
 
     Examples
     --------
@@ -61,23 +74,11 @@ class Rod(SceneTable):
     """
 
     shape: Literal["rod"]
-    mass: PositiveMass
     length: PositiveLength
-    marker: dict[Name, PointMarker]
-    visual: Visuals = ()
 
 
-class PointMass(SceneTable):
+class PointMass(Undeformable):
     """A rigid body without extent: a mass in the origin of its frame.
-
-    Parameters
-    ----------
-    mass : float
-        Mass of the body [kg].
-    marker : dict of str to PointMarker
-        Points for joints, loads and results, by name.
-    visual : tuple of Visual
-        Shapes in pictures and films; by default a ball.
 
     Examples
     --------
@@ -90,26 +91,17 @@ class PointMass(SceneTable):
     """
 
     shape: Literal["point"]
-    mass: PositiveMass
-    marker: dict[Name, PointMarker]
-    visual: Visuals = ()
 
 
-class RigidBody(SceneTable):
+class RigidBody(Undeformable):
     """A rigid body of any shape, given by its mass, centre of mass and moments of inertia.
 
     Parameters
     ----------
-    mass : float
-        Mass of the body [kg].
     centre : tuple of float
         Centre of mass in the body's frame [m].
     inertia : tuple of float
         Principal moments about the centre of mass, along the frame's x, y and z [kg m²].
-    marker : dict of str to PointMarker
-        Points for joints, loads and results, by name.
-    visual : tuple of Visual
-        Shapes in pictures and films; by default rods or a plate through its markers, or the box that has its inertia.
 
     Examples
     --------
@@ -124,11 +116,8 @@ class RigidBody(SceneTable):
     """
 
     shape: Literal["rigid"]
-    mass: PositiveMass
     centre: Point = (0.0, 0.0, 0.0)
     inertia: tuple[Moment, Moment, Moment]
-    marker: dict[Name, PointMarker]
-    visual: Visuals = ()
 
     @model_validator(mode="after")
     def _inertia_of_a_body(self) -> RigidBody:

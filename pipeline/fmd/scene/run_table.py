@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, get_args
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
+from pydantic import Field
+
+from fmd.core.units import PositiveTime
 from fmd.scene.reading import SceneTable
+from fmd.scene.values import Number
 
 if TYPE_CHECKING:
     from fmd.integrators.protocol import Integrator
+
+Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
 
 
 class RunTable(SceneTable):
@@ -18,6 +25,8 @@ class RunTable(SceneTable):
     ----------
     title : str
         The method's name in the reference of scene files.
+    method : str
+        Module in `fmd.integrators` and class of the integrator.
     chooses_steps : bool
         Its error sets the steps; any other method is given one, in the run or in the simulation.
     keeps_loops : bool
@@ -29,6 +38,7 @@ class RunTable(SceneTable):
     """
 
     title: ClassVar[str]
+    method: ClassVar[str]
     chooses_steps: ClassVar[bool] = False
     keeps_loops: ClassVar[bool] = True
     passes_over: ClassVar[bool] = False
@@ -61,10 +71,11 @@ class RunTable(SceneTable):
         """Yield families of the method for a comparison, as its integrator has them."""
         yield from cls._method().ladders(explicit, coarse)
 
-    @staticmethod
-    def _method() -> type[Any]:
+    @classmethod
+    def _method(cls) -> Any:
         """Return the integrator's class."""
-        raise NotImplementedError
+        module, _, name = cls.method.partition(".")
+        return getattr(import_module(f"fmd.integrators.{module}"), name)
 
     def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
         """Return the integrator's arguments."""
@@ -75,8 +86,47 @@ class RunTable(SceneTable):
         return self.integrator
 
 
+class SteppedRun(RunTable):
+    """A run whose step is given.
+
+    Parameters
+    ----------
+    step : float, optional
+        Time step [s]; by default that of the simulation. In sub-cycling it is the fast one.
+    """
+
+    step: PositiveTime | None = None
+
+
 class SteeredRun(RunTable):
     """A run whose error sets the steps."""
 
     chooses_steps: ClassVar[bool] = True
     step: ClassVar[None] = None
+
+
+class TolerantRun(SteeredRun):
+    """A run whose steps keep a tolerance.
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative tolerance of the error in a step.
+    """
+
+    tolerance: Tolerance = 1e-9
+
+
+class SubCycledRun(SteppedRun):
+    """A run with small steps for fast coordinates and large ones for slow coordinates."""
+
+    if TYPE_CHECKING:
+        substeps: int | Literal["auto"]
+        split: Literal["joints", "auto"] | float
+
+    def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
+        return step, self.substeps
+
+    def label(self, substeps: int = 0) -> str:
+        """Return the name of the motion by this run: with its ratio, or that of the integrator."""
+        return f"{self.integrator} {substeps or self.substeps}:1"

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fmd.core.units import PositiveTime
+from fmd.core.units import PositiveFrequency
 from fmd.scene.reading import FaultError
-from fmd.scene.run_table import RunTable, SteeredRun
-from fmd.scene.sub_cycled_runs import ReversibleSubCyclingRun, SubCyclingRun
-from fmd.scene.values import Number
+from fmd.scene.run_table import RunTable, SteeredRun, SteppedRun, SubCycledRun, Tolerance, TolerantRun
+from fmd.scene.values import Count, Number
 
-Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
+if TYPE_CHECKING:
+    from fmd.integrators.protocol import Integrator
 
 
-class CentralDifferenceRun(RunTable):
+class CentralDifferenceRun(SteppedRun):
     """Central differences in leapfrog form: explicit, order 2, stable for steps below 2 / ω of the highest mode.
-
-    Parameters
-    ----------
-    step : float, optional
-        Time step [s]; by default that of the simulation.
 
     Examples
     --------
@@ -33,26 +28,88 @@ class CentralDifferenceRun(RunTable):
     """
 
     title: ClassVar[str] = "Central differences"
+    method: ClassVar[str] = "central_difference.CentralDifference"
 
     integrator: Literal["central-difference"]
-    step: PositiveTime | None = None
-
-    @staticmethod
-    def _method() -> type[Any]:
-        from fmd.integrators.central_difference import CentralDifference
-
-        return CentralDifference
 
 
-class ExponentialRun(RunTable):
-    """Exponential Runge-Kutta method of order 4 (ETDRK4) that solves the modal oscillators exactly.
+class SubCyclingRun(SubCycledRun):
+    """Central differences with small steps for fast coordinates and large ones for slow coordinates.
 
-    It takes no joint with rotations in space: no spherical and no free joint.
+    Miao, Zhu, Shi & Chen, Comput Mech 41 (2008) 269-277, eqs. (8)-(11). Where slow and fast coordinates couple through
+    the mass matrix it is weakly unstable at any step; ``fmd stability`` computes what a scene stands.
 
     Parameters
     ----------
-    step : float, optional
-        Time step [s]; by default that of the simulation.
+    substeps : int or str
+        Number of fast steps in a slow one; ``"auto"`` chooses it together with the split.
+    split : float or str
+        Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), every coordinate below
+        a frequency [Hz], or the choice with the least work for the wanted error (``"auto"``).
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "sub-cycling"
+        substeps = 10
+        split = "1 kHz"
+    """
+
+    title: ClassVar[str] = "Sub-cycling"
+    method: ClassVar[str] = "subcycling.Subcycling"
+    growth_remedy: ClassVar[str] = ", and reversible-sub-cycling takes longer ones"
+
+    integrator: Literal["sub-cycling"]
+    substeps: Count | Literal["auto"]
+    split: Literal["joints", "auto"] | PositiveFrequency = "joints"
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> SubCyclingRun:
+        if (self.substeps == "auto") != (self.split == "auto"):
+            raise FaultError("is chosen together with the split: give both 'auto' or none", "substeps")
+        return self
+
+
+class ReversibleSubCyclingRun(SubCycledRun):
+    """Sub-cycling that stays stable with inertial coupling: slow coordinates react in every fast step; order 2.
+
+    Parameters
+    ----------
+    substeps : int
+        Number of fast steps in a slow one; with 1 it is central differences.
+    split : float or str
+        Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), or every coordinate
+        below a frequency [Hz].
+
+    Examples
+    --------
+    ::
+
+        [[simulation.run]]
+        integrator = "reversible-sub-cycling"
+        substeps = 10
+    """
+
+    title: ClassVar[str] = "Reversible sub-cycling"
+    method: ClassVar[str] = "reversible.ReversibleSubcycling"
+
+    integrator: Literal["reversible-sub-cycling"]
+    substeps: Count
+    split: Literal["joints"] | PositiveFrequency = "joints"
+
+    def make(self, step: float, error: float, duration: float) -> Integrator:
+        """Make the integrator; with a ratio of 1 it is central differences, whose limit is the same."""
+        if self.substeps == 1:
+            return CentralDifferenceRun(integrator="central-difference").make(step, error, duration)
+        return super().make(step, error, duration)
+
+
+class ExponentialRun(SteppedRun):
+    """Exponential Runge-Kutta method of order 4 (ETDRK4) that solves the modal oscillators exactly.
+
+    It takes no joint with rotations in space: no spherical and no free joint.
 
     Examples
     --------
@@ -64,25 +121,14 @@ class ExponentialRun(RunTable):
     """
 
     title: ClassVar[str] = "Exponential"
+    method: ClassVar[str] = "exponential.Exponential"
     limit_remedy: ClassVar[str] = "; exponential-rosenbrock does"
 
     integrator: Literal["exponential"]
-    step: PositiveTime | None = None
-
-    @staticmethod
-    def _method() -> type[Any]:
-        from fmd.integrators.exponential import Exponential
-
-        return Exponential
 
 
-class RosenbrockRun(SteeredRun):
+class RosenbrockRun(TolerantRun):
     """Exponential Rosenbrock method of order 4 that linearises anew in each step and chooses its steps.
-
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of the error in a step.
 
     Examples
     --------
@@ -94,24 +140,14 @@ class RosenbrockRun(SteeredRun):
     """
 
     title: ClassVar[str] = "Exponential Rosenbrock"
+    method: ClassVar[str] = "rosenbrock.ExponentialRosenbrock"
 
     integrator: Literal["exponential-rosenbrock"]
     tolerance: Tolerance = 1e-6
 
-    @staticmethod
-    def _method() -> type[Any]:
-        from fmd.integrators.rosenbrock import ExponentialRosenbrock
 
-        return ExponentialRosenbrock
-
-
-class RungeKuttaRun(SteeredRun):
+class RungeKuttaRun(TolerantRun):
     """Runge-Kutta method of order 8 by Dormand and Prince, explicit, that chooses its steps.
-
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of the error in a step.
 
     Examples
     --------
@@ -123,26 +159,18 @@ class RungeKuttaRun(SteeredRun):
     """
 
     title: ClassVar[str] = "Runge-Kutta"
+    method: ClassVar[str] = "runge_kutta.RungeKutta"
 
     integrator: Literal["runge-kutta"]
-    tolerance: Tolerance = 1e-9
-
-    @staticmethod
-    def _method() -> type[Any]:
-        from fmd.integrators.runge_kutta import RungeKutta
-
-        return RungeKutta
 
 
-class GeneralizedAlphaRun(RunTable):
+class GeneralizedAlphaRun(SteppedRun):
     """Generalised-α method: implicit, order 2, with damping of the high frequencies that its step can't resolve.
 
     Parameters
     ----------
     rho : float
         Spectral radius at infinite frequency: 1 damps nothing, 0 damps high frequencies at once.
-    step : float, optional
-        Time step [s]; by default that of the simulation.
 
     Examples
     --------
@@ -155,11 +183,11 @@ class GeneralizedAlphaRun(RunTable):
     """
 
     title: ClassVar[str] = "Generalised alpha"
+    method: ClassVar[str] = "generalized_alpha.GeneralizedAlpha"
     passes_over: ClassVar[bool] = True
 
     integrator: Literal["generalized-alpha"]
     rho: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.8
-    step: PositiveTime | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -169,23 +197,12 @@ class GeneralizedAlphaRun(RunTable):
             raise FaultError(message, "tolerance")
         return table
 
-    @staticmethod
-    def _method() -> type[Any]:
-        from fmd.integrators.generalized_alpha import GeneralizedAlpha
-
-        return GeneralizedAlpha
-
     def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
         return step, self.rho
 
 
-class ScipyRun(SteeredRun):
+class ScipyRun(TolerantRun):
     """Methods of SciPy that choose their steps, as references: Radau is implicit, LSODA switches by stiffness.
-
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of the error in a step.
 
     Examples
     --------
@@ -197,16 +214,10 @@ class ScipyRun(SteeredRun):
     """
 
     title: ClassVar[str] = "Methods of SciPy"
+    method: ClassVar[str] = "scipy_ivp.ScipyIvp"
     keeps_loops: ClassVar[bool] = False
 
     integrator: Literal["Radau", "LSODA"]
-    tolerance: Tolerance = 1e-9
-
-    @staticmethod
-    def _method() -> type[Any]:
-        from fmd.integrators.scipy_ivp import ScipyIvp
-
-        return ScipyIvp
 
     def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
         return self.integrator, self.tolerance
@@ -229,14 +240,9 @@ class AutoRun(SteeredRun):
     """
 
     title: ClassVar[str] = "Automatic"
+    method: ClassVar[str] = "automatic.Automatic"
 
     integrator: Literal["auto"]
-
-    @staticmethod
-    def _method() -> type[Any]:
-        from fmd.integrators.automatic import Automatic
-
-        return Automatic
 
     def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
         return error, duration

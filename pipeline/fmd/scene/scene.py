@@ -8,25 +8,18 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
+from pydantic import PrivateAttr, ValidationError, ValidationInfo, model_validator
 
 from fmd.core.errors import InputError
 from fmd.core.html import facts, scaled
 from fmd.core.units import PositiveFrequency, Share
-from fmd.scene.any_body import Body, Flexible, wanted_pieces
-from fmd.scene.constraints import AnyCoupler
 from fmd.scene.cross_checks import CrossCheck
-from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
-from fmd.scene.ground import GroundPlace
-from fmd.scene.joints.any_joint import Joint, closing_joints
-from fmd.scene.loads import Drive
-from fmd.scene.outputs import Output
 from fmd.scene.reading import Fault, FaultError, SceneTable, list_faults, raise_faults
 from fmd.scene.scene_files import read_source
+from fmd.scene.scene_tables import SceneTables
 from fmd.scene.simulation import Simulation
-from fmd.scene.values import Name
 
 _NAMED = ("body", "ground", "joint", "drive", "coupler", "spring", "bushing", "bearing")  # tables of tables by name
 
@@ -54,7 +47,7 @@ class PublishedResults(SceneTable):
     frequencies: tuple[PositiveFrequency, ...]
 
 
-class Scene(SceneTable):
+class Scene(SceneTables):
     """Bodies and joints, what drives them, how they are integrated over time, and the results that are written.
 
     Parameters
@@ -127,17 +120,7 @@ class Scene(SceneTable):
     title: str
     source: str = ""
     accuracy: Share | None = None
-    body: dict[Name, Body]
-    ground: dict[Name, GroundPlace] = Field(default_factory=dict)
-    joint: dict[Name, Joint] = Field(default_factory=dict)
-    drive: dict[Name, Drive] = Field(default_factory=dict)
-    coupler: dict[Name, AnyCoupler] = Field(default_factory=dict)
-    spring: dict[Name, Spring] = Field(default_factory=dict)
-    bushing: dict[Name, Bushing] = Field(default_factory=dict)
-    bearing: dict[Name, Bearing] = Field(default_factory=dict)
-    simulation_table: Simulation | None = Field(default=None, alias="simulation")
     reference: PublishedResults | None = None
-    output: tuple[Output, ...] = ()
     _file: str = PrivateAttr("")
 
     @property
@@ -170,32 +153,6 @@ class Scene(SceneTable):
             )
         return self.simulation_table
 
-    @property
-    def elements(self) -> dict[str, dict[str, ForceElement]]:
-        """The force elements by table and name."""
-        return {"spring": dict(self.spring), "bushing": dict(self.bushing), "bearing": dict(self.bearing)}
-
-    @property
-    def flexible(self) -> dict[str, Flexible]:
-        """The flexible bodies by name."""
-        return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
-
-    @property
-    def pieces(self) -> dict[str, int | Literal["auto"]]:
-        """Numbers of pieces of the flexible bodies that are to be cut, by name."""
-        return wanted_pieces(self.flexible)
-
-    @property
-    def closing(self) -> tuple[str, ...]:
-        """Names of the joints that close loops."""
-        return closing_joints(self.joint)
-
-    @property
-    def carrying(self) -> dict[str, str]:
-        """Name of the joint that carries each body, by the body's name."""
-        closing = self.closing
-        return {joint.child.partition(".")[0]: name for name, joint in self.joint.items() if name not in closing}
-
     @classmethod
     def _list_faults(cls, error: ValidationError, values: Mapping[str, Any], context: Mapping[str, Any]) -> list[Fault]:
         faults = list_faults(error)
@@ -209,16 +166,7 @@ class Scene(SceneTable):
 
     @model_validator(mode="after")
     def _fits_together(self, info: ValidationInfo) -> Scene:
-        check = CrossCheck(
-            self.body,
-            self.ground,
-            self.joint,
-            self.drive,
-            self.elements,
-            self.coupler,
-            self.simulation_table,
-            self.output,
-        )
+        check = CrossCheck(self)
         left_out = (info.context or {}).get("left_out")
         if left_out is not None:  # the rest would only tell what follows from the faults of these
             raise_faults(check.find_unknown_names(left_out))

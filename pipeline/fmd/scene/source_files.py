@@ -43,18 +43,10 @@ class SourceFiles:
         InputError
             A file isn't there or can't be read.
         """
-        match shape.shape:
-            case "mesh":
-                table, names = "mesh", {"file": shape.mesh.file}
-            case "cad":
-                table, names = "mesh", {"cad": shape.mesh.cad}
-            case "matrices":
-                given = shape.matrices
-                table, names = "matrices", {"stiffness": given.stiffness, "mass": given.mass, "nodes": given.nodes}
-            case "reduced":
-                table, names = "body", {"file": shape.body.file}
-            case _:
-                return None
+        if not shape.file_keys:
+            return None
+        table, *keys = shape.file_keys
+        names = {key: str(getattr(getattr(shape, table), key)) for key in keys}
         paths = {key: Path(scene_file).parent / name for key, name in names.items()}
         digests = {}
         for key, path in paths.items():

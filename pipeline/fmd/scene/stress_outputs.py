@@ -27,15 +27,15 @@ class SurfaceField(BodyPicture):
         Number of nodes in the table.
     """
 
+    file: FieldFile
     count: Count = 20
 
     @model_validator(mode="after")
     def _drawn_where_needed(self) -> SurfaceField:
-        file = str(getattr(self, "file", ""))
-        for key in BodyPicture.model_fields:
-            if key != "body" and key in self.model_fields_set and not file.endswith(".png"):
+        for key in {*BodyPicture.model_fields} - {"file", "body"}:
+            if key in self.model_fields_set and not self.file.endswith(".png"):
                 raise FaultError("has no effect: it belongs to a .png file", key)
-        if "count" in self.model_fields_set and not file.endswith(".csv"):
+        if "count" in self.model_fields_set and not self.file.endswith(".csv"):
             raise FaultError("has no effect: it belongs to a .csv file", "count")
         return self
 
@@ -45,8 +45,6 @@ class Envelope(SurfaceField):
 
     Parameters
     ----------
-    file : str
-        File that is written.
     component : str
         Extreme that a picture shows and that a table is sorted by: of ``principal 3`` the smallest, of the others the
         largest.
@@ -62,7 +60,6 @@ class Envelope(SurfaceField):
     """
 
     type: Literal["envelope"]
-    file: FieldFile
     component: Literal["von Mises", "principal 1", "principal 3"] = "von Mises"
 
 
@@ -130,8 +127,6 @@ class Fatigue(SurfaceField):
 
     Parameters
     ----------
-    file : str
-        File that is written.
     sn : SnCurve
         The material's S–N curve.
     stress : str
@@ -156,7 +151,6 @@ class Fatigue(SurfaceField):
     """
 
     type: Literal["fatigue"]
-    file: FieldFile
     sn: SnCurve
     stress: Literal["signed von Mises", "critical plane"] = "signed von Mises"
     planes: Annotated[int, Field(strict=True, ge=2, le=180)] = 18

@@ -7,14 +7,12 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
-from pydantic import BeforeValidator, ValidationInfo
+from pydantic import BeforeValidator
 
-from fmd.core.formula import parse_formula
 from fmd.core.limits.scene import FEWEST_ROWS, MOST_ROWS, MOST_TABLE_BYTES
-from fmd.core.units import si_unit, unit_ratio
-from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
+from fmd.scene.reading import FaultError, UnknownNameError
 from fmd.scene.values import Words
 
 
@@ -49,98 +47,6 @@ class _Row(NamedTuple):
 
     line: int
     cells: list[str]
-
-
-def scene_folder(info: ValidationInfo) -> Path:
-    """Return the folder of the scene that is being checked, which its files are relative to."""
-    return Path((info.context or {}).get("folder", "."))
-
-
-def read_table(table: SceneTable, argument: str, others: Sequence[str], folder: Path) -> TableColumns | None:
-    """Read the file of a quantity's table by its keys ``file``, ``column`` and that of the other column.
-
-    Parameters
-    ----------
-    table : SceneTable
-        The quantity's keys.
-    argument : str
-        Key of the column of times or elongations; ``argument_unit`` is that of its unit.
-    others : sequence of str
-        Keys that can't stand beside a file.
-    folder : Path
-        Folder of the scene.
-
-    Returns
-    -------
-    TableColumns or None
-        ``None`` if the quantity has no file.
-
-    Raises
-    ------
-    FaultError
-        As `read_columns`, or a key is missing or has no meaning beside another.
-    """
-    given = {key: getattr(table, key) for key in ("file", argument, "column")}
-    if given["file"] is None:
-        for key in (argument, "column", f"{argument}_unit"):
-            if key in table.model_fields_set:
-                raise FaultError("belongs to a table in a file: give file, too", key)
-        return None
-    for key in others:
-        if getattr(table, key) is not None:
-            raise FaultError("can't stand beside file, which holds the table", key)
-    for key, column in given.items():
-        if column is None:
-            raise FaultError("is missing: the column's name in the file's first row, or its number from 1", key)
-    return read_columns(folder, given["file"], (argument, given[argument]), ("column", given["column"]))
-
-
-def check_curve(curve: Any, variable: str, arguments: str, kind: str) -> None:
-    """Check a quantity that a formula or a table gives, once the table's file has been read.
-
-    Parameters
-    ----------
-    curve : SceneTable
-        The quantity's keys.
-    variable : str
-        Variable of its formula.
-    arguments : str
-        Key of the table's arguments, ``"times"`` or ``"elongations"``.
-    kind : str
-        Kind of quantity that the values are.
-
-    Raises
-    ------
-    FaultError
-        Not one of both is given, or it is wrong.
-    """
-    table, si = getattr(curve, arguments), si_unit(kind)
-    ways = f"a formula of {variable}, or a table: {arguments} and values, or a file of them"
-    if curve.formula is not None and table is not None:
-        raise FaultError(f"can't stand beside a table: give one of the two, {ways}", "formula")
-    if curve.formula is None and table is None:
-        raise FaultError(f"is missing: give {ways}", "formula")
-    if curve.unit is None:
-        raise FaultError(f"is missing: what the values are in, e.g. '{si}'", "unit")
-    try:
-        unit_ratio(curve.unit, si)
-    except ValueError:
-        raise FaultError(f"isn't a unit of {kind}; '{si}' works", "unit") from None
-    if curve.formula is not None:
-        for key in ("values", "between"):
-            if key in curve.model_fields_set and getattr(curve, key) is not None:
-                raise FaultError(f"belongs to a table of {arguments}; a formula takes none", key)
-        try:
-            parse_formula(curve.formula, variable)
-        except ValueError as error:
-            raise FaultError(str(error), "formula") from None
-        return
-    word = arguments.removesuffix("s")
-    if curve.values is None or len(curve.values) != len(table):
-        raise FaultError(f"must hold {len(table)} values, one for each {word}", "values")
-    for number, (before, after) in enumerate(pairwise(table), start=1):
-        if not after > before:
-            raise FaultError(f"must be above the {word} before it", arguments, number)
 
 
 def read_columns(

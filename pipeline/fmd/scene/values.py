@@ -142,6 +142,37 @@ class FileCheck(TextCheck):
         return {"pattern": f"({'|'.join(map(re.escape, self.suffixes))})$"}
 
 
+@dataclass(frozen=True)
+class OneOf(TextCheck):
+    """Check for one of several words.
+
+    Parameters
+    ----------
+    words : tuple of str
+        The words.
+    """
+
+    words: tuple[str, ...]
+
+    def __call__(self, word: str) -> str:
+        """Return the word, or raise ``ValueError``."""
+        if word not in self.words:
+            words = [f"'{known}'" for known in self.words]
+            raise ValueError(f"must be {', '.join(words[:-1])} or {words[-1]}")
+        return word
+
+    @property
+    def description(self) -> str:
+        """Words that pass the check."""
+        words = [f'``"{word}"``' for word in self.words]
+        return f"{', '.join(words[:-1])} or {words[-1]}"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        """List of the words."""
+        return {"enum": [*self.words]}
+
+
 Name = Annotated[str, AfterValidator(_check_name), WithJsonSchema({"type": "string", "pattern": f"^{_NAME}$"})]
 Text = Annotated[str, Field(max_length=100)]
 BodyName = Annotated[Text, Words("name of a body")]

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from fmd.scene.any_body import Flexible
-from fmd.scene.bodies import ModeSettings
 from fmd.scene.loads import Drive, PointForce
+from fmd.scene.modes import ModeSettings
 from fmd.scene.scene import Scene
 
 # Factors to coarsen a mesh by. The largest shows most of the error, but not every part can be meshed so coarsely.
@@ -20,14 +20,9 @@ COARSENING_FACTORS = (2.0, 1.5, 1.25)
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def replace_runs(scene: Scene, *runs: Any) -> Scene:
-    """Return the scene with other runs in its simulation."""
-    return _change_simulation(scene, {"run": runs})
-
-
-def replace_error(scene: Scene, error: float) -> Scene:
-    """Return the scene with another wanted error of automatic integration."""
-    return _change_simulation(scene, {"error": error})
+def change_simulation(scene: Scene, **values: Any) -> Scene:
+    """Return the scene with other values of its simulation's keys."""
+    return scene.model_copy(update={"simulation_table": scene.simulation.model_copy(update=values)})
 
 
 def change_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
@@ -43,16 +38,6 @@ def enrich_bases(scene: Scene) -> Scene:
         return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
 
     return change_modes(scene, change)
-
-
-def replace_start(scene: Scene, start: str) -> Scene:
-    """Return the scene with another state at the start."""
-    return _change_simulation(scene, {"start": start})
-
-
-def replace_gravity(scene: Scene, gravity: tuple[float, float, float]) -> Scene:
-    """Return the scene with another acceleration of free fall [m/s²]."""
-    return _change_simulation(scene, {"gravity": gravity})
 
 
 def correct_statically(scene: Scene, drives: Sequence[Drive]) -> Scene:
@@ -148,10 +133,6 @@ def compare_element_sizes(body: Flexible, elements: int, fewer: int) -> float:
     A direction with one element has no fewer and doesn't count.
     """
     return float((elements / fewer) ** (1 / body.divided_directions))
-
-
-def _change_simulation(scene: Scene, values: dict[str, Any]) -> Scene:
-    return scene.model_copy(update={"simulation_table": scene.simulation.model_copy(update=values)})
 
 
 def _change_bodies(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:

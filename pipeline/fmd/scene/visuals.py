@@ -56,8 +56,6 @@ class BoxVisual(VisualSettings):
 
     Parameters
     ----------
-    type : str
-        Kind of shape.
     size : tuple of float
         Extents along x, y and z [m].
     at : tuple of float
@@ -86,8 +84,6 @@ class CylinderVisual(VisualSettings):
 
     Parameters
     ----------
-    type : str
-        Kind of shape.
     start : tuple of float
         Middle of one end in the body's frame [m].
     end : tuple of float
@@ -123,8 +119,6 @@ class RodVisual(VisualSettings):
 
     Parameters
     ----------
-    type : str
-        Kind of shape.
     radius : float
         Radius [m].
 
@@ -146,8 +140,6 @@ class FileVisual(VisualSettings):
 
     Parameters
     ----------
-    type : str
-        Kind of shape.
     file : str
         The file, relative to the scene's.
     unit : str

@@ -25,7 +25,7 @@ from fmd.reduction.loads import acceleration_loads, enrich_modes, motion_loads
 from fmd.reduction.mode_families import lowest_modes, modes_of_family
 from fmd.reduction.modes import Modes, TooManyModesError
 from fmd.reduction.stiffening import stiffen_body
-from fmd.scene.reduced_bodies import AnyModes
+from fmd.scene.modes import AnyModes
 from fmd.stages.inboard_joint import InboardJoint
 
 

@@ -17,7 +17,7 @@ from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSprin
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
-from fmd.scene.force_curves import ForceByElongation
+from fmd.scene.curves import ForceByElongation
 from fmd.scene.force_elements import AngleStop, Bearing, Bushing, LengthStop, Spring
 from fmd.scene.joints.joint import JointTable
 
@@ -133,7 +133,7 @@ def _curve(given: ForceByElongation) -> ForceCurve:
     assert given.elongations is not None  # the scene's own check
     assert given.values is not None
     values = [given.factor * value for value in given.values]
-    return (smooth_curve if given.between == "smooth" else straight_curve)(given.elongations, values)
+    return (smooth_curve if given.smooth else straight_curve)(given.elongations, values)
 
 
 def _matrix(diagonal: Sequence[float] | None, full: Sequence[Sequence[float]] | None) -> Array:

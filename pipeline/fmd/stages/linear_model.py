@@ -15,7 +15,7 @@ from fmd.core.units import to_si
 from fmd.responses.linearisation import Linearisation
 from fmd.responses.ports import MotionPort
 from fmd.responses.state_space import StateSpace
-from fmd.scene.variants import correct_statically, open_to_space, replace_start
+from fmd.scene.variants import change_simulation, correct_statically, open_to_space
 from fmd.stability.tangent import OperatingPoint
 from fmd.stages.linear_ports import find_input, find_output
 
@@ -87,7 +87,7 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
     wanted = [find_input(run.scene, name) for name in inputs]
     scene = correct_statically(open_to_space(run.scene), [at.drive for at in wanted if at.drive is not None])
     if about in ("equilibrium", "steady"):
-        scene = replace_start(scene, about)
+        scene = change_simulation(scene, start=about)
     corrected = run.variant(scene, run.store.monitor)
     mechanism, state = _operating_state(corrected, time)
     ports_in = [at.port(mechanism) for at in wanted]

@@ -18,7 +18,7 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, half_sine, total
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
-from fmd.scene.damping import damping_ratios
+from fmd.scene.modes import damping_ratios
 from fmd.stages.assembly import assemble, close_start, following_joints, given_joints
 from fmd.stages.divided_scene import part_of
 from fmd.stages.equilibrium import find_equilibrium

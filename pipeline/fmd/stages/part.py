@@ -18,10 +18,9 @@ from fmd.recovery.stress import element_stress, modal_stress, point_stress
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals, add_normal_blocks, normal_blocks
 from fmd.scene.any_body import Flexible
-from fmd.scene.bodies import Bar
-from fmd.scene.imported_bodies import CadPart, MatrixPart
+from fmd.scene.bar import Bar
+from fmd.scene.imported_bodies import CadPart, MatrixPart, ReducedPart
 from fmd.scene.propeller import Propeller
-from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import SourceFiles
 from fmd.scene.values import Formulation

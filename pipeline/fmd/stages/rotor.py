@@ -10,7 +10,7 @@ import numpy as np
 from fmd.reduction.rotating import WhirlingModes, rotating_modes
 from fmd.responses.interpolated_models import interpolate_models, matrices_of
 from fmd.responses.whirl import hub_modes, whirling_modes
-from fmd.scene.damping import damping_ratios
+from fmd.scene.modes import damping_ratios
 from fmd.stages.turning import OnHub, TurningRotor, scene_in_space
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.excited_modes import Excited, excited_part
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import Integrator, Progress, Trajectory
-from fmd.scene.sub_cycled_runs import SubCycledRun
+from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.load_steps import (
     describe_fastest,

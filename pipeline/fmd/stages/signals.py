@@ -24,8 +24,8 @@ from fmd.core.limits.loads import (
 )
 from fmd.dynamics.signals.activity import find_activity
 from fmd.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
+from fmd.scene.curves import TimeFunction
 from fmd.scene.loads import PulseDrive
-from fmd.scene.time_functions import TimeFunction
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene

@@ -13,7 +13,7 @@ from fmd.core.errors import InputError
 from fmd.recovery.stress import modal_stress
 from fmd.reduction.craig_bampton import Superelement, make_superelement
 from fmd.reduction.modes import TooManyModesError
-from fmd.scene.damping import damping_ratios
+from fmd.scene.modes import damping_ratios
 from fmd.stages.basis import reduce_body
 from fmd.stages.part import FlexiblePart
 from fmd.stages.reduced_files import file_stress, reduce_file_body

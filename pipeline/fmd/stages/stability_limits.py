@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from fmd.core.progress import Advance
-from fmd.scene.sub_cycled_runs import SubCycledRun
+from fmd.scene.run_table import SubCycledRun
 from fmd.stability.limits import MechanismLimits, ReferenceMatrices, find_limits, inertial_coupling
 from fmd.stability.operating_points import find_operating_points
 from fmd.stages.runs import plan_sub_cycled

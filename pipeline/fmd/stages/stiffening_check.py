@@ -40,7 +40,7 @@ from fmd.dynamics.transmitted_loads import (
     transmitted_loads,
     without_negligible_terms,
 )
-from fmd.scene.damping import damping_ratios
+from fmd.scene.modes import damping_ratios
 from fmd.stages.assembly import movable_rigid
 from fmd.stages.divided_scene import part_of
 from fmd.stages.mass_check import require_inertia

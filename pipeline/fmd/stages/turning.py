@@ -17,7 +17,7 @@ from fmd.responses.linearisation import Linearisation
 from fmd.responses.ports import Direction, MarkerPort
 from fmd.responses.state_space import StateSpace
 from fmd.responses.steady_rotation import Rotation, SteadyRotation
-from fmd.scene.variants import correct_statically, open_to_space, replace_gravity
+from fmd.scene.variants import change_simulation, correct_statically, open_to_space
 from fmd.stability.tangent import OperatingPoint
 from fmd.stages.ground import ground_place
 from fmd.stages.mechanism import place_joints
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 def scene_in_space(scene: Scene) -> Scene:
     """Return a scene without gravity whose bodies have shapes for small motions of any direction."""
-    return replace_gravity(correct_statically(open_to_space(scene), []), (0.0, 0.0, 0.0))
+    return change_simulation(correct_statically(open_to_space(scene), []), gravity=(0.0, 0.0, 0.0))
 
 
 class InBearings:

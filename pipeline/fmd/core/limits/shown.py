@@ -26,6 +26,7 @@ TABLE_POLES = 20  # in the terminal's table; the files have all
 LINE_POLES = 5  # named in a line
 BRIEF = 5e-3  # seconds of a stage that the table of a run leaves out
 SWEPT_JOINTS = 2  # columns of joints' positions in a sweep's table
+MOST_WARNINGS = 3  # of a run; its summary and --explain have all
 UNCUT = 10_000  # width of a table that is piped on, in characters
 
 # Campbell diagram.

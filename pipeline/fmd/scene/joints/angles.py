@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
-from fmd.core.arrays import Array
 from fmd.core.units import Angle, AngularRate, NonNegative, Positive, Torque
 from fmd.scene.force_elements import AngleStop, TurningDamping, TurningStiffness
 from fmd.scene.joints.joint import Along, CarryingJoint, along_axis
@@ -37,6 +35,8 @@ class OneAngleJoint(CarryingJoint):
         Angular rate at which friction has reached 71 % of that [rad/s].
     """
 
+    start_keys = (("angle",), ("rate",))
+
     axis: Axis
     angle: Angle = 0.0
     rate: AngularRate = 0.0
@@ -51,10 +51,6 @@ class OneAngleJoint(CarryingJoint):
     def along(self) -> tuple[Along, ...]:
         """Spring, damper, stops and friction about the axis."""
         return along_axis(self)
-
-    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """Return the angle and its rate at the start."""
-        return [self.angle], [self.rate]
 
 
 class TwoAngleJoint(CarryingJoint):
@@ -74,6 +70,8 @@ class TwoAngleJoint(CarryingJoint):
         Coefficients of dampers against them [N m s/rad].
     """
 
+    start_keys = (("angles",), ("rates",))
+
     angles: tuple[Angle, Angle] = (0.0, 0.0)
     rates: tuple[AngularRate, AngularRate] = (0.0, 0.0)
     springs: tuple[TurningStiffness, TurningStiffness] = (0.0, 0.0)
@@ -84,7 +82,3 @@ class TwoAngleJoint(CarryingJoint):
     def along(self) -> tuple[Along, ...]:
         """Springs and dampers against both angles."""
         return tuple(Along(*at) for at in zip(self.springs, self.rests, self.dampers, strict=True))
-
-    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """Return both angles and their rates at the start."""
-        return self.angles, self.rates

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
-from fmd.core.arrays import Array
 from fmd.core.joint_kinds import ACROSS, ALIGNED, AXIS, ElementaryMotion, JointKind
 from fmd.core.units import Angle, AngularRate, Length, Velocity
 from fmd.scene.force_elements import Damping, Stiffness, TurningDamping, TurningStiffness
@@ -62,6 +60,7 @@ class Cylindrical(CarryingJoint):
     kind = CYLINDRICAL
     title = "Cylindrical joint"
     mark = Mark("pin", rail=True)
+    start_keys = (("position", "angle"), ("velocity", "rate"))
 
     type: Literal["cylindrical"]
     axis: Axis
@@ -81,7 +80,3 @@ class Cylindrical(CarryingJoint):
         """Springs and dampers along the axis and about it."""
         turning = Along(self.turning_spring, self.rest_angle, self.turning_damper)
         return Along(self.spring, self.rest, self.damper), turning
-
-    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """Return coordinates and rates at the start."""
-        return [self.position, self.angle], [self.velocity, self.rate]

@@ -70,6 +70,8 @@ class JointTable(SceneTable):
         In pictures.
     carries : bool
         True if a joint of this kind can carry a body; else it closes a loop wherever it is.
+    start_keys : tuple of tuple of str
+        Keys of the coordinates at the start, and of their rates.
     closing_keys : tuple of str
         Keys that have an effect only where the joint closes a loop.
     measured_across : bool
@@ -84,6 +86,7 @@ class JointTable(SceneTable):
     title: ClassVar[str]
     mark: ClassVar[Mark] = Mark()
     carries: ClassVar[bool] = True
+    start_keys: ClassVar[tuple[tuple[str, ...], tuple[str, ...]]] = ((), ())
     closing_keys: ClassVar[tuple[str, ...]] = ()
     measured_across: ClassVar[bool] = False
     starts_turned: ClassVar[bool] = False
@@ -122,7 +125,8 @@ class JointTable(SceneTable):
         into_child : ndarray, shape (3, 3)
             Rotation from the joint's axes into those of the child's body.
         """
-        return [], []
+        coordinates, rates = (np.hstack([getattr(self, key) for key in keys] or [[]]) for keys in self.start_keys)
+        return coordinates.tolist(), rates.tolist()
 
     def direction(self, *keys: str) -> Array:
         """Return the direction that the first given of some keys has, shape (3,); z where none has one."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
-from fmd.core.arrays import Array
 from fmd.core.joint_kinds import ACROSS, ALIGNED, AXIS, ElementaryMotion, JointKind
 from fmd.core.units import Angle, AngularRate, Length, Velocity
 from fmd.scene.joints.joint import CarryingJoint, Mark
@@ -57,6 +55,7 @@ class Planar(CarryingJoint):
     title = "Planar joint"
     mark = Mark("box", (3.2, 3.2, 1.0), stands=False)
     measured_across = True
+    start_keys = (("position", "angle"), ("velocity", "rate"))
 
     type: Literal["planar"]
     axis: Axis
@@ -64,7 +63,3 @@ class Planar(CarryingJoint):
     angle: Angle = 0.0
     velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
     rate: AngularRate = 0.0
-
-    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """Return coordinates and rates at the start."""
-        return [*self.position, self.angle], [*self.velocity, self.rate]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from fmd.core.arrays import Array
 from fmd.core.joint_kinds import ACROSS, AXIS, LOCKED, ElementaryMotion, JointKind
 from fmd.core.units import Force, Length, NonNegative, Positive, TranslationalDamping, TranslationalStiffness, Velocity
 from fmd.scene.force_elements import LengthStop
@@ -60,6 +58,7 @@ class Prismatic(CarryingJoint):
     title = "Prismatic joint"
     mark = Mark("box", (2.2, 2.2, 3.2), rail=True)
     closing_keys = ("child_axis",)
+    start_keys = (("position",), ("rate",))
 
     type: Literal["prismatic"]
     axis: Axis
@@ -77,7 +76,3 @@ class Prismatic(CarryingJoint):
     def along(self) -> tuple[Along, ...]:
         """Spring, damper, stops and friction along the axis."""
         return along_axis(self)
-
-    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """Return coordinates and rates at the start."""
-        return [self.position], [self.rate]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
-from fmd.core.arrays import Array
 from fmd.core.joint_kinds import SPACE, JointKind
 from fmd.scene.joints.joint import CarryingJoint, Mark
 from fmd.scene.values import Spin
@@ -35,10 +33,7 @@ class Spherical(CarryingJoint):
     kind = SPHERICAL
     title = "Spherical joint"
     mark = Mark("ball")
+    start_keys = ((), ("spin",))
 
     type: Literal["spherical"]
     spin: Spin = (0.0, 0.0, 0.0)
-
-    def start(self, into_child: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """Return coordinates and rates at the start."""
-        return [], self.spin

@@ -13,9 +13,8 @@ from fmd.core.errors import InputError
 from fmd.core.units import unit_ratio
 from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
-from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
 from fmd.scene.reading import suggest_name
-from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.source_files import SourceFiles
 from fmd.stages.meshing.cad_files import mesh_cad_file
 

@@ -1,0 +1,131 @@
+"""Bars in a scene file: their shape and how they are divided into elements."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import model_validator
+
+from fmd.core.units import PositiveLength
+from fmd.scene.bodies import DividedMesh, Solid, scale_count
+from fmd.scene.reading import FaultError
+from fmd.scene.values import Count, Order
+
+
+class BarMesh(DividedMesh):
+    """Division of a bar into elements: hexahedra by their numbers, tetrahedra by their size.
+
+    Parameters
+    ----------
+    element : str
+        Shape of the elements.
+    order : int
+        Polynomial order of the displacement in an element; linear tetrahedra are too stiff in bending.
+    divisions : tuple of int, optional
+        Numbers of hexahedra along x, y and z; required for hexahedra.
+    size : float, optional
+        Edge length of a tetrahedron [m]; required for tetrahedra.
+
+    Examples
+    --------
+    ::
+
+        [body.beam.mesh]
+        element = "hexahedron"
+        divisions = [30, 3, 1]
+    """
+
+    element: Literal["hexahedron", "tetrahedron"] = "hexahedron"
+    order: Order = 2
+    divisions: tuple[Count, Count, Count] | None = None
+    size: PositiveLength | None = None
+
+    @model_validator(mode="after")
+    def _divided_one_way(self) -> BarMesh:
+        if self.element == "hexahedron":
+            if self.size is not None:
+                raise FaultError("belongs to tetrahedra; hexahedra take divisions, e.g. [48, 4, 2]", "size")
+            if self.divisions is None:
+                raise FaultError("is missing: hexahedra along x, y and z, e.g. [48, 4, 2]", "divisions")
+        else:
+            if self.divisions is not None:
+                raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
+            if self.size is None:
+                raise FaultError("is missing: the edge length of a tetrahedron, e.g. '5 mm'", "size")
+        return self
+
+
+class Bar(Solid):
+    """A straight bar with a rectangular section, along x, centred on the x axis.
+
+    Its faces are ``x-`` (where x is least), ``x+``, ``y-``, ``y+``, ``z-`` and ``z+``; its one part is ``bar``.
+
+    Parameters
+    ----------
+    length : float
+        Extent along x [m].
+    depth : float
+        Extent along y [m].
+    width : float
+        Extent along z [m].
+    mesh : BarMesh
+        Division into elements.
+
+    Examples
+    --------
+    ::
+
+        [body.beam]
+        shape = "bar"
+        length = "340 mm"
+        depth = "25 mm"
+        width = "10 mm"
+        E = "722 MPa"
+        nu = 0.34
+        rho = "2000 kg/m^3"
+        mesh = { divisions = [30, 3, 1] }
+        modes = { count = 5 }
+        marker = { root = { face = "x-" }, tip = { face = "x+" } }
+    """
+
+    shape: Literal["bar"]
+    length: PositiveLength
+    depth: PositiveLength
+    width: PositiveLength
+    mesh: BarMesh
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of the six faces; ``"x-"`` is where x is least."""
+        return ("x-", "x+", "y-", "y+", "z-", "z+")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Name of the one part that the mesh of a bar has."""
+        return ("bar",)
+
+    def of_order(self, order: int) -> dict[str, Any]:
+        """Return the changes for elements of another order."""
+        return {"mesh": self.mesh.model_copy(update={"order": order})}
+
+    def resized(self, factor: float) -> dict[str, Any]:
+        """Return the changes for a mesh with about ``factor`` times the elements each way."""
+        if self.mesh.divisions is None:
+            assert self.mesh.size is not None
+            return {"mesh": self.mesh.model_copy(update={"size": self.mesh.size / factor})}
+        return self._divided(tuple(scale_count(count, factor) for count in self.mesh.divisions))
+
+    def divided_more(self) -> dict[str, Any]:
+        """Return the changes for two elements in place of one quadratic, or of two linear ones, which bend alike."""
+        order = self.mesh.order
+        if self.mesh.divisions is None:
+            return {}
+        return self._divided(tuple(4 // order if count * order <= 2 else count for count in self.mesh.divisions))
+
+    @property
+    def divided_directions(self) -> int:
+        """Number of directions with more than one element."""
+        return 3 if self.mesh.divisions is None else max(1, sum(count > 1 for count in self.mesh.divisions))
+
+    def _divided(self, divisions: tuple[int, ...]) -> dict[str, Any]:
+        return {"mesh": self.mesh.model_copy(update={"divisions": divisions})}

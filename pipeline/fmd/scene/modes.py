@@ -1,0 +1,185 @@
+"""Modes of a flexible body in a scene file: how they are computed, and how they are damped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, WithJsonSchema, model_validator
+
+from fmd.core.units import NonNegative, Time, is_si_number, to_si
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import Count, Number, Text, Words
+
+
+def _read_rate(value: object, info: ValidationInfo) -> float:
+    """Read a rate, "12 1/s" [1/s]; it has the unit of a frequency, but no factor 2π belongs to it."""
+    if is_si_number(value, info):
+        return float(value)
+    if isinstance(value, str) and value.rstrip().endswith("1/s"):
+        return to_si(f"{value.rstrip().removesuffix('1/s')} Hz", "frequency")
+    raise ValueError("needs a number and the unit 1/s, e.g. '12 1/s'")
+
+
+Rate = Annotated[
+    float,
+    BeforeValidator(_read_rate),
+    NonNegative,
+    Words("number with 1/s, at least 0"),
+    WithJsonSchema({"type": "string", "pattern": r"^.*\d.*1/s\s*$"}),
+]
+
+
+class RayleighDamping(SceneTable):
+    """Damping proportional to mass and stiffness, ``C = α M + β K``: a ratio of ``α/2ω + β ω/2`` for each mode.
+
+    Parameters
+    ----------
+    alpha : float
+        Factor of the mass [1/s].
+    beta : float
+        Factor of the stiffness [s].
+
+    Examples
+    --------
+    ::
+
+        [body.beam.modes.damping]
+        alpha = "12 1/s"
+        beta = "2 us"
+    """
+
+    alpha: Rate = 0.0
+    beta: Annotated[Time, NonNegative] = 0.0
+
+    @model_validator(mode="after")
+    def _damps(self) -> RayleighDamping:
+        if not (self.alpha or self.beta):
+            raise FaultError("is missing: give alpha, e.g. '12 1/s', or beta, e.g. '2 us', or both", "alpha")
+        return self
+
+
+Ratio = Annotated[Number, Field(ge=0.0, lt=1.0)]
+Ratios = Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=1000)]
+
+
+def _kind(value: Any) -> str:
+    """Return which of the three a value is meant to be."""
+    if isinstance(value, dict | RayleighDamping):
+        return "Rayleigh damping"
+    return "damping ratios" if isinstance(value, list | tuple) else "damping ratio"
+
+
+Damping = Annotated[
+    Annotated[Ratio, Tag("damping ratio")]
+    | Annotated[Ratios, Tag("damping ratios")]
+    | Annotated[RayleighDamping, Tag("Rayleigh damping")],
+    Discriminator(_kind),
+]
+
+
+def damping_ratios(damping: float | tuple[float, ...] | RayleighDamping, omega: Sequence[float]) -> list[float]:
+    """Return the damping ratio of each mode of angular frequencies [rad/s], ascending.
+
+    Of a list of ratios the last holds for all further modes.
+    """
+    if isinstance(damping, RayleighDamping):
+        return [damping.alpha / (2 * w) + damping.beta * w / 2 if w else 0.0 for w in omega]
+    ratios = damping if isinstance(damping, tuple) else (damping,)
+    return [ratios[min(k, len(ratios) - 1)] for k in range(len(omega))]
+
+
+class ModeSettings(SceneTable):
+    """The shapes that describe a flexible body's deformation, and how they are computed.
+
+    Parameters
+    ----------
+    count : int
+        Number of modes, above those of rigid motion. If the highest is one of a pair of equal frequency, the other is
+        taken, too.
+    family : str
+        Kind of motion that the modes are chosen from; the lowest ``count`` of that kind are taken.
+    boundary : str
+        How the body is held while it vibrates: only by its supports (``"free"``), also at the marker of the joint that
+        carries it (``"joint"``), or at its interface, whose static deflections are then added to the modes
+        (``"interface"``; Craig & Bampton).
+    interface : tuple of str
+        Markers that make up the interface; all of the body's markers, if none is named.
+    enrich : str
+        Shapes that are added to the modes: none, the static responses to inertia loads and joint forces
+        (``"inertia"``), which stress needs, or four generations of load-dependent vectors (``"ritz"``), each the
+        responses to the inertia of the one before. ``"residual"`` are all static responses, however little of them lies
+        outside the modes, as linear answers take them; so stiff shapes need short steps.
+    damping : float, tuple of float or RayleighDamping
+        Damping ratio of every mode, 1 being critical; or a list of ratios, of the modes of the body on its joint, the
+        lowest first, whose last holds for all further ones; or factors of mass and stiffness.
+    solver : str
+        Program that factorises the stiffness: the fastest that is installed (``"auto"``), CHOLMOD, SciPy's SuperLU, or
+        PETSc and SLEPc over several processes.
+    ranks : int, optional
+        Number of processes for ``solver = "slepc"``; 2 if it is left out.
+
+    Examples
+    --------
+    ::
+
+        [body.beam.modes]
+        count = 5
+        family = "in-plane bending"
+        enrich = "inertia"
+        damping = 0.01
+    """
+
+    count: Count
+    family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
+    boundary: Literal["free", "joint", "interface"] = "free"
+    interface: tuple[Annotated[Text, Words("name of a marker")], ...] = ()
+    enrich: Literal["none", "inertia", "ritz", "residual"] = "none"
+    damping: Damping = 0.0
+    solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
+    ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
+
+    @model_validator(mode="after")
+    def _ranks_of_slepc(self) -> ModeSettings:
+        if self.ranks is not None and self.solver != "slepc":
+            raise FaultError("belongs to solver = 'slepc'; the others are one process", "ranks")
+        return self
+
+    @model_validator(mode="after")
+    def _of_an_interface(self) -> ModeSettings:
+        if self.boundary != "interface" and self.interface:
+            raise FaultError('belongs to boundary = "interface"', "interface")
+        if self.boundary == "interface" and self.family != "any":
+            raise FaultError("can't be chosen: deflections by an interface are of every kind", "family")
+        return self
+
+
+class ReducedModes(SceneTable):
+    """Damping of a body that was reduced by another program; its shapes are those of its file.
+
+    Parameters
+    ----------
+    damping : float
+        Damping ratio of every mode in place of the file's own damping, which 0 keeps.
+
+    Examples
+    --------
+    ::
+
+        [body.arm.modes]
+        damping = 0.01
+    """
+
+    count: ClassVar[int] = 0
+    family: ClassVar[str] = "any"
+    boundary: ClassVar[str] = "free"
+    interface: ClassVar[tuple[str, ...]] = ()
+    enrich: ClassVar[str] = "none"
+    solver: ClassVar[Literal["auto"]] = "auto"
+    ranks: ClassVar[None] = None
+
+    damping: Ratio = 0.0
+
+
+AnyModes = ModeSettings | ReducedModes
+"""The shapes that describe a body's deformation, computed or of its file."""

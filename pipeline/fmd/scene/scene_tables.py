@@ -1,0 +1,59 @@
+"""The tables of a scene that name one another."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from fmd.scene.any_body import Body, Flexible, wanted_pieces
+from fmd.scene.constraints import AnyCoupler
+from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
+from fmd.scene.joints.any_joint import Joint, closing_joints
+from fmd.scene.loads import Drive
+from fmd.scene.outputs import Output
+from fmd.scene.places import GroundPlace
+from fmd.scene.reading import SceneTable
+from fmd.scene.simulation import Simulation
+from fmd.scene.values import Name
+
+
+class SceneTables(SceneTable):
+    """Bodies, joints and all that names them, each table checked by itself."""
+
+    body: dict[Name, Body]
+    ground: dict[Name, GroundPlace] = Field(default_factory=dict)
+    joint: dict[Name, Joint] = Field(default_factory=dict)
+    drive: dict[Name, Drive] = Field(default_factory=dict)
+    coupler: dict[Name, AnyCoupler] = Field(default_factory=dict)
+    spring: dict[Name, Spring] = Field(default_factory=dict)
+    bushing: dict[Name, Bushing] = Field(default_factory=dict)
+    bearing: dict[Name, Bearing] = Field(default_factory=dict)
+    simulation_table: Simulation | None = Field(default=None, alias="simulation")
+    output: tuple[Output, ...] = ()
+
+    @property
+    def elements(self) -> dict[str, dict[str, ForceElement]]:
+        """The force elements by table and name."""
+        return {"spring": dict(self.spring), "bushing": dict(self.bushing), "bearing": dict(self.bearing)}
+
+    @property
+    def flexible(self) -> dict[str, Flexible]:
+        """The flexible bodies by name."""
+        return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
+
+    @property
+    def pieces(self) -> dict[str, int | Literal["auto"]]:
+        """Numbers of pieces of the flexible bodies that are to be cut, by name."""
+        return wanted_pieces(self.flexible)
+
+    @property
+    def closing(self) -> tuple[str, ...]:
+        """Names of the joints that close loops."""
+        return closing_joints(self.joint)
+
+    @property
+    def carrying(self) -> dict[str, str]:
+        """Name of the joint that carries each body, by the body's name."""
+        closing = self.closing
+        return {joint.child.partition(".")[0]: name for name, joint in self.joint.items() if name not in closing}
