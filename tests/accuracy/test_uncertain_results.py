@@ -88,10 +88,10 @@ def test_stress_that_the_modes_leave_out_is_told_with_a_remedy_that_works(tmp_pa
     assert "uncertain-results" not in [each["code"] for each in enriched["warnings"]]
 
 
-def test_a_clamp_that_is_held_on_average_is_told_where_that_matters(tmp_path: Path) -> None:
+def test_a_clamp_that_is_fixed_on_average_is_told_where_that_matters(tmp_path: Path) -> None:
     file = tmp_path / "plate.toml"
     file.write_text(PLATE)
-    told = 'attachment = "rigid" of its marker holds every point of it'.replace('"', "'")
+    told = 'attachment = "rigid" of its marker fixes every point of it'.replace('"', "'")
     for changes, warned in (((), 1), (("body.plate.marker.root.attachment=rigid",), 0)):
         summary = summarise(Pipeline(load_scene(file, changes), Cache(None)), [], budget=True)
         texts = [each["text"] for each in summary["warnings"] if each["code"] == "uncertain-results"]

@@ -11,7 +11,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.recovery.motion import Motion
 from fmd.stages.ground import axes_in_space, ground_place
-from fmd.stages.inboard_joint import read_inboard_joint
+from fmd.stages.parent_joint import read_parent_joint
 from tests.stages.test_mechanism import CRANK
 
 PLACE = '\n[ground.B0]\nat = ["1 m", "-2 m", "0.5 m"]\nrotation = ["20 deg", "-35 deg", "50 deg"]\n'
@@ -69,7 +69,7 @@ def test_a_motion_is_plane_by_axes_in_space(turn: str, gravity: str, planar: boo
     g = gravity.strip("[]").split(", ")
     pull = f"simulation.gravity={[f'{x} m/s^2' for x in g]}"
     scene = load_scene("beam", [place, "joint.hub.parent=ground.p", pull])
-    assert read_inboard_joint(scene, "beam").in_plane is planar
+    assert read_parent_joint(scene, "beam").in_plane is planar
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError, InertiaError
 from fmd.core.progress import silent
-from fmd.stages import marching
+from fmd.stages import runs
 from fmd.stages.stage import Stage
 from fmd.stages.store import StageStore
 
@@ -42,12 +42,12 @@ class LossyRun:
 
 @pytest.fixture(autouse=True)
 def _room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(marching, "require_room", lambda scene, mechanism: None)
-    monkeypatch.setattr("fmd.stages.stiffening_check.require_unbuckled", lambda scene, changes: None)
+    monkeypatch.setattr(runs, "require_room", lambda scene, mechanism: None)
+    monkeypatch.setattr("fmd.stages.runs.require_unbuckled", lambda scene, changes: None)
 
 
 def find_motions(run: Any) -> Any:
-    return marching.find_motions(run)
+    return runs.find_motions(run)
 
 
 def test_a_motion_that_lost_its_inertia_is_found_anew_with_the_whole_energy() -> None:

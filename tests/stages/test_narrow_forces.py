@@ -72,7 +72,7 @@ def test_a_fixed_step_that_would_pass_a_hump_is_refused_with_one_that_works(
 
 def test_a_cycle_that_would_pass_a_hump_is_refused(tmp_path: Path) -> None:
     run = "{ integrator = 'sub-cycling', substeps = 4 }"
-    with pytest.raises(StabilityError, match=r"steps of 0\.0005 s, which hold forces over 4 steps, miss"):
+    with pytest.raises(StabilityError, match=r"steps of 0\.0005 s, which freeze forces over 4 steps, miss"):
         _ = block(tmp_path, HUMPS["a smooth one"], run, "simulation.step=0.5 ms").motion
 
 

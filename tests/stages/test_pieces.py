@@ -41,7 +41,7 @@ def refused(folder: Path, pieces: str, *overrides: str) -> str:
         ("2", "body.strip.modes.damping=0.01", "pieces take a factor of the stiffness"),
         ("1", "body.strip.sections='rigid'", "belongs to a body in pieces"),
         ('"auto"', "title='x'", "`fmd run` finds the number"),
-        ("2", "body.strip.support=[{face='z-'}]", "a support holds nodes of several pieces"),
+        ("2", "body.strip.support=[{face='z-'}]", "a support fixes nodes of several pieces"),
     ],
 )
 def test_what_pieces_cannot_be_is_refused(tmp_path: Path, pieces: str, override: str, message: str) -> None:

@@ -21,8 +21,8 @@ def test_too_many_output_times_are_wrong_input_and_no_memory_error(
 
 
 def test_the_step_in_the_message_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fmd.stages.result_size.ALWAYS_FIT", 0.0)
-    monkeypatch.setattr("fmd.stages.result_size.available_memory", lambda: 1e6)
+    monkeypatch.setattr("fmd.stages.run_checks.ALWAYS_FIT", 0.0)
+    monkeypatch.setattr("fmd.stages.run_checks.available_memory", lambda: 1e6)
     with pytest.raises(InputError, match=r"0\.001 GB are free: \S+ s or longer fits") as caught:
         _ = Pipeline(load_scene("rod-slider")).motions
     (step,) = re.findall(r"free: (\S+) s", str(caught.value))

@@ -100,7 +100,7 @@ def test_a_second_run_knows_loads_and_growth_and_a_changed_scene_or_body_does_no
 ) -> None:
     overrides = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", "simulation.step=auto"]
     first = Pipeline(load_scene("beam", overrides), Cache(tmp_path))
-    plans, rate = first.plans, first.spin["beam"].largest_rate
+    plans, rate = first.plans, first.stiffening_loads["beam"].largest_rate
     assert {plan.growth for plan in plans.values()} != {1.0}
 
     def refuse(*_: object) -> None:
@@ -109,7 +109,7 @@ def test_a_second_run_knows_loads_and_growth_and_a_changed_scene_or_body_does_no
     monkeypatch.setattr(runs, "_measure_growth", refuse)
     monkeypatch.setattr(stiffening_check, "rigid_motion", refuse)
     again = Pipeline(load_scene("beam", overrides), Cache(tmp_path))
-    assert again.spin["beam"].largest_rate == rate
+    assert again.stiffening_loads["beam"].largest_rate == rate
     assert {label: (plan.integrator, plan.growth) for label, plan in again.plans.items()} == {
         label: (plan.integrator, plan.growth) for label, plan in plans.items()
     }

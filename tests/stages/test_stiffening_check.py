@@ -6,7 +6,7 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.core.errors import InputError
 from fmd.stages.mechanism import build_mechanism, place_joints
-from fmd.stages.stiffening_check import check_spins, critical_rate, rigid_spins
+from fmd.stages.stiffening_check import check_stiffening_loads, critical_rate, rigid_spins
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]"]
 
@@ -17,7 +17,7 @@ def beam() -> Pipeline:
 
 
 def test_the_beams_pulse_brings_it_to_the_scenes_speed(beam: Pipeline) -> None:
-    check = beam.spin["beam"]
+    check = beam.stiffening_loads["beam"]
     assert check.largest_rate == pytest.approx(20.0, rel=1e-4)  # DOP853's tolerance
     assert check.first_frequency == beam.parts["beam"].body.omega[0]
     assert not check.stiffened
@@ -25,13 +25,13 @@ def test_the_beams_pulse_brings_it_to_the_scenes_speed(beam: Pipeline) -> None:
 
 def test_a_damper_hardly_slows_it(beam: Pipeline) -> None:
     damped = load_scene("beam", [*QUICK, "joint.hub.damper=1e-9 N m s"])
-    check = check_spins(damped, {"beam": beam.parts["beam"].body})["beam"]
+    check = check_stiffening_loads(damped, {"beam": beam.parts["beam"].body})["beam"]
     assert check.largest_rate == pytest.approx(20.0, rel=1e-3)
 
 
 def test_a_scene_that_ends_early_turns_as_fast_as_it_gets(beam: Pipeline) -> None:
     half = load_scene("beam", [*QUICK, "simulation.duration=50 ms"])
-    check = check_spins(half, {"beam": beam.parts["beam"].body})["beam"]
+    check = check_stiffening_loads(half, {"beam": beam.parts["beam"].body})["beam"]
     assert check.largest_rate == pytest.approx(10.0, rel=1e-4)  # 10 (1 − cos(π t/0.1 s))
 
 
@@ -47,8 +47,8 @@ def test_a_body_loses_its_stiffness_where_spin_takes_as_much_as_there_is(beam: P
 def test_without_stiffening_a_body_that_would_diverge_is_refused(beam: Pipeline) -> None:
     fast = load_scene("beam", [*QUICK, "drive.spin_up.speed=2000 rad/s", "simulation.stiffening='off'"])
     with pytest.raises(InputError, match="body 'beam' would diverge: it turns at up to 2000 rad/s"):
-        check_spins(fast, {"beam": beam.parts["beam"].body})
-    assert check_spins(fast, {}) == {}
+        check_stiffening_loads(fast, {"beam": beam.parts["beam"].body})
+    assert check_stiffening_loads(fast, {}) == {}
 
 
 def test_each_rigid_body_has_its_own_spin() -> None:
@@ -68,4 +68,4 @@ def test_a_run_with_its_own_bodies_is_the_same_mechanism() -> None:
     assert not run.mechanism.links[0].joint_displacement2.size  # no moment acts there that counts
     assert not other.mechanism.links[0].joint_displacement2.size
     assert np.array_equal(run.mechanism.links[0].integrals.stiffening, other.mechanism.links[0].integrals.stiffening)
-    assert run.with_bodies(run.bodies, spin={}).mechanism.links[0].joint_displacement2.any()
+    assert run.with_bodies(run.bodies, stiffening_loads={}).mechanism.links[0].joint_displacement2.any()

@@ -160,7 +160,7 @@ def test_a_supported_beam_on_a_free_hinge_rotates_without_coupling() -> None:
     ("overrides", "said"),
     [
         (['body.beam.support=[{face="x-", fixed=["y"]}]'], "body.beam.support: leave 4 rigid-body modes"),
-        (['body.beam.support=[{face="x+"}]'], "body.beam.support: must hold the whole face of the joint's marker"),
+        (['body.beam.support=[{face="x+"}]'], "body.beam.support: must fix the whole face of the joint's marker"),
     ],
 )
 def test_a_body_in_motion_must_be_held_whole_and_where_its_hinge_is(overrides: list[str], said: str) -> None:

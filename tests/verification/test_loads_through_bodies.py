@@ -99,7 +99,7 @@ def drooping_tip(mass: float) -> float:
 def test_a_turning_arm_with_a_tip_mass_droops_as_a_beam_under_tension(tmp_path: Path, mass: float) -> None:
     settings = ('body.bar.modes.boundary="joint"', "simulation.duration=1 s", "simulation.start=steady")
     run = bar(tmp_path, [*FLAT, *settings, WEIGHT], hub("revolute") + TURN + payload(mass))
-    assert run.spin["bar"].stiffened
+    assert run.stiffening_loads["bar"].stiffened
     mechanism = run.mechanism
     q, still = find_start(run.scene, share_system(mechanism))
     at = Kinematics(mechanism, np.zeros(1), q[None], still[None]).displacement(0, "tip")[0]
@@ -260,7 +260,7 @@ def test_a_heavy_pendulum_falls_as_a_chain_of_rigid_links(tmp_path: Path) -> Non
     rigid, _ = fall(chain(1, mass), times)
     weight = 'simulation.gravity=["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]'
     run = bar(tmp_path, [*UPRIGHT, IN_PLANE, weight, "simulation.duration=0.6 s"], hub("revolute") + payload(mass))
-    assert run.spin["bar"].stiffened
+    assert run.stiffening_loads["bar"].stiffened
     q, v = fall(run.mechanism, times)
     motion = Kinematics(run.mechanism, times, q, v)
     found = motion.along_joint(0)[0]

@@ -70,8 +70,8 @@ def test_without_stiffening_the_scene_is_refused_before_anything_is_integrated()
         _ = run.motions
     assert not tasks.began_a_run(scene)
     run = Pipeline(load_scene("spin-up", STEPS))
-    assert run.spin["beam"].critical_rate == pytest.approx(3.51602 * np.sqrt(EI / MU) / LENGTH**2, rel=1e-3)
-    assert run.spin["beam"].stiffened
+    assert run.stiffening_loads["beam"].critical_rate == pytest.approx(3.51602 * np.sqrt(EI / MU) / LENGTH**2, rel=1e-3)
+    assert run.stiffening_loads["beam"].stiffened
 
 
 def test_without_stiffening_the_tip_would_leave() -> None:

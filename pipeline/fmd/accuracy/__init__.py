@@ -1,1 +1,1 @@
-"""The error of a run's results, and how to meet a wanted accuracy."""
+"""The error of a run's results, and how to meet a required accuracy."""

@@ -90,7 +90,7 @@ def make_coarse_pair(run: Pipeline) -> Pair | str:
             break
         try:
             return _pair(run, scene)
-        except FAULTS as fault:  # the latter where it has fewer modes than wanted
+        except FAULTS as fault:  # the latter where it has fewer modes than required
             why = f"not estimated: on a coarser mesh, {fault}"
     return why
 
@@ -98,7 +98,7 @@ def make_coarse_pair(run: Pipeline) -> Pair | str:
 def make_pair_across(run: Pipeline) -> Pair | None:
     """Return a run and its scene with more elements where it has few from side to side; ``None`` if it has enough.
 
-    A coarser mesh tells nothing there, and stress that is recovered from these elements lacks what they lack: the
+    A coarser mesh shows nothing there, and stress that is recovered from these elements lacks what they lack: the
     warping of a section in torsion, for one. The gains are negative, since the other mesh is the finer one.
     """
     scene = divide_few_elements(run.scene)
@@ -118,7 +118,9 @@ def _matching_run(run: Pipeline, scene: Scene) -> Pipeline:
         other = base.parts[name]
         matched = match_modes(own, other)
         parts[name] = FlexiblePart(base.divided_scene, name, base.store, other, matched, other.piece)
-    return Pipeline(more, base.store.cache, division=base.division.with_parts(parts), spin=run.spin)
+    return Pipeline(
+        more, base.store.cache, division=base.division.with_parts(parts), stiffening_loads=run.stiffening_loads
+    )
 
 
 def _pair(run: Pipeline, scene: Scene) -> Pair:

@@ -15,12 +15,12 @@ from fmd.core.errors import StabilityError
 from fmd.core.limits.errors import COMPARED_FRAMES, HOT, HOTTEST_FRAMES
 from fmd.integrators.automatic import Automatic
 from fmd.recovery.stress import choose_frames
-from fmd.stages.runs import repeat_choice
+from fmd.stages.plan import repeat_choice
 
 if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
     from fmd.stages.pipeline import Pipeline
-    from fmd.stages.runs import Plan
+    from fmd.stages.plan import Plan
 
 
 class Comparison:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.core.limits.errors import OF_FOURTH, OF_SQUARE, PIECES_OF_ERROR, TOO_LARGE
 from fmd.core.limits.recovery import OF_LARGEST_STRAIN
-from fmd.stages.divided_scene import part_of
+from fmd.stages.division import part_of
 
 if TYPE_CHECKING:
     from fmd.accuracy.quantities import Quantities

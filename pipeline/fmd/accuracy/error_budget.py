@@ -13,7 +13,7 @@ from fmd.accuracy.model_errors import ModelError, summarise_causes
 from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
-from fmd.stages.divided_scene import part_of
+from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage
 
@@ -117,7 +117,7 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
 def _join_pieces(rows: list[Row]) -> list[Row]:
     """Return the rows with those of a part's pieces as one: of the piece with the largest value, masses added up.
 
-    Frequencies of pieces fixed at their cuts are no results, and have no rows.
+    Frequencies of pieces with fixed interfaces are no results, and have no rows.
     """
     joined: dict[str, Row] = {}
     for row in rows:

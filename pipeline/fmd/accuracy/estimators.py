@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     from fmd.reduction.body import FlexibleBody
     from fmd.stages.part import FlexiblePart
     from fmd.stages.pipeline import Pipeline
-    from fmd.stages.runs import Plan
+    from fmd.stages.plan import Plan
 
-# Multiples of the extrapolated change of frequencies; the first, SAFETY, tells most.
+# Multiples of the extrapolated change of frequencies; the first, SAFETY, matters most.
 _SHIFTS = (SAFETY, 1.0, 0.5, 1.5)
 
 
@@ -65,7 +65,7 @@ class Estimates(Comparison):
     model : ModelErrors
         Errors of what the model leaves out.
     mesh_left_out : str
-        Why another mesh that tells a part of the mesh's error was left out; empty if none was.
+        Why another mesh that gives a part of the mesh's error was left out; empty if none was.
     """
 
     def __init__(self, run: Pipeline, limit: TimeLimit | None = None) -> None:
@@ -130,7 +130,9 @@ class Estimates(Comparison):
     def _truncation(self) -> dict[str, float | str]:
         """Estimate modal truncation by a richer basis, both marched with a step that is stable for the richer one."""
         self.require_modes(1.0)
-        rich = self.run.variant(enrich_bases(self.run.scene), spin=self.run.spin)  # what is stiffened stays so
+        rich = self.run.variant(
+            enrich_bases(self.run.scene), stiffening_loads=self.run.stiffening_loads
+        )  # what is stiffened stays so
         try:
             plan, base = self._comparable(rich)
         except InputError as fault:  # the mesh has no more modes than the run's
@@ -177,11 +179,11 @@ class Estimates(Comparison):
         if self._across is None or not self._across.divides(name):
             return of_modes, excess
         changed, alike = self._across.excess_of_shapes(name)
-        wanted = np.diag(excess) + np.where(alike, changed, 0.0)
-        return of_modes + self._across.excess_of_modes(name), _with_diagonal(excess, wanted)
+        required = np.diag(excess) + np.where(alike, changed, 0.0)
+        return of_modes + self._across.excess_of_modes(name), _with_diagonal(excess, required)
 
     def _excess_along(self, name: str) -> tuple[Array, Array]:
-        """Return the excess of a body by stress that is recovered, and by a coarser mesh, which tell it along the body.
+        """Return the excess of a body by stress that is recovered, and by a coarser mesh, which give it along the body.
 
         Of what few elements from side to side lack both know nothing.
         """
@@ -193,8 +195,8 @@ class Estimates(Comparison):
         recovered = np.diag(excess)
         static = body.omega > part.modes.omega.max()
         most = np.where(static, MOST_OF_CHANGE * np.abs(changed), np.inf)
-        wanted = np.where(alike, _root_mean_square(np.minimum(recovered, most), changed), recovered)
-        return _root_mean_square(of_modes, pair.excess_of_modes(name)), _with_diagonal(excess, wanted)
+        required = np.where(alike, _root_mean_square(np.minimum(recovered, most), changed), recovered)
+        return _root_mean_square(of_modes, pair.excess_of_modes(name)), _with_diagonal(excess, required)
 
     def _coarse_pair(self) -> Pair | str:
         """Return the run and its scene on a coarser mesh, or the reason why there is none."""
@@ -312,13 +314,13 @@ def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array
     return np.asarray(of_modes), np.asarray(errors / np.outer(body.omega, body.omega))
 
 
-def _with_diagonal(excess: Array, wanted: Array) -> Array:
+def _with_diagonal(excess: Array, required: Array) -> Array:
     """Scale products of shapes to another diagonal; entries that aren't positive there stand alone."""
     given = np.diag(excess)
-    both = (given > 0.0) & (wanted > 0.0)
-    scale = np.sqrt(np.where(both, wanted, 0.0) / np.where(both, given, 1.0))
+    both = (given > 0.0) & (required > 0.0)
+    scale = np.sqrt(np.where(both, required, 0.0) / np.where(both, given, 1.0))
     scaled = excess * np.outer(scale, scale)
-    np.fill_diagonal(scaled, wanted)
+    np.fill_diagonal(scaled, required)
     return np.asarray(scaled)
 
 

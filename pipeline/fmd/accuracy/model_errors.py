@@ -33,7 +33,7 @@ from fmd.core.limits.errors import (
     WORTH_NAMING,
 )
 from fmd.scene.variants import attach_roots_rigidly, damp_bodies
-from fmd.stages.divided_scene import part_of
+from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.runs import plan_like
 
@@ -116,7 +116,7 @@ class ModelErrors:
             (
                 "attachment",
                 self._attachment,
-                "a clamped root is held on average; attachment = 'rigid' of its marker holds every point of it",
+                "a clamped root is fixed on average; attachment = 'rigid' of its marker fixes every point of it",
                 True,
             ),
             (
@@ -200,13 +200,13 @@ class ModelErrors:
 
     def _stiffening(self) -> dict[str, float] | None:
         """Return the change of the motion with every body stiffened, if one isn't."""
-        if all(check.stiffened for check in self._run.spin.values()):
+        if all(check.stiffened for check in self._run.stiffening_loads.values()):
             return None
-        stiff = {name: replace(check, stiffened=True) for name, check in self._run.spin.items()}
-        return self._changes(self._run.variant(self._run.scene, spin=stiff))
+        stiff = {name: replace(check, stiffened=True) for name, check in self._run.stiffening_loads.items()}
+        return self._changes(self._run.variant(self._run.scene, stiffening_loads=stiff))
 
     def _attachment(self) -> dict[str, float] | None:
-        """Return the change of the motion and the frequencies with rigidly held roots.
+        """Return the change of the motion and the frequencies with rigidly fixed roots.
 
         A rigid face also holds the contraction of the elements behind it, far more than of the body behind a real
         clamp if they are long. That part falls with the elements' size, and two meshes tell it from the rest. Of a
@@ -221,9 +221,13 @@ class ModelErrors:
         if scene is None:
             return None
         self._comparison.require_modes(1.0)
-        rigid, errors, excess = run.variant(scene, spin=run.spin), dict[str, float](), dict[str, Array]()
+        rigid, errors, excess = (
+            run.variant(scene, stiffening_loads=run.stiffening_loads),
+            dict[str, float](),
+            dict[str, Array](),
+        )
         coarse = None if not isinstance(pair, Pair) else attach_roots_rigidly(pair.coarse.scene, roots)
-        on_coarse = None if coarse is None else Pipeline(coarse, run.store.cache, spin=run.spin)
+        on_coarse = None if coarse is None else Pipeline(coarse, run.store.cache, stiffening_loads=run.stiffening_loads)
         for name in clamped:
             if not isinstance(pair, Pair) or on_coarse is None:
                 of_modes, of_shapes = _gain_by_rigid_root(run, rigid, name)
@@ -237,15 +241,19 @@ class ModelErrors:
                         OF_LIMIT * (2 * own_shapes - of_shapes),
                     )
             excess[name] = -np.diag(of_shapes)
-            held = run.parts[name].modes.n_rigid == 0  # a free part's own frequencies know of no root
-            for k, gain in enumerate(of_modes if held else ()):
+            fixed = run.parts[name].modes.n_rigid == 0  # a free part's own frequencies know of no root
+            for k, gain in enumerate(of_modes if fixed else ()):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(np.sqrt(max(1 + gain, 0.0)) - 1))
         return errors | self._softened(excess)
 
     def _damping(self) -> dict[str, float] | None:
         """Return the change of the motion with a little damping, if a body has none."""
         scene = damp_bodies(self._run.scene, BARE_METAL)
-        return None if scene is None else self._changes(self._run.variant(scene, spin=self._run.spin))
+        return (
+            None
+            if scene is None
+            else self._changes(self._run.variant(scene, stiffening_loads=self._run.stiffening_loads))
+        )
 
 
 def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Array, Array]:

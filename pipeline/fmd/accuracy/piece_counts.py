@@ -27,7 +27,7 @@ def choose_piece_counts(run: Pipeline) -> Pipeline:
     if not counts:
         return run
     accuracy = run.scene.accuracy
-    wanted = TOO_LARGE if accuracy is None else accuracy / SAFETY
+    required = TOO_LARGE if accuracy is None else accuracy / SAFETY
     while True:
         chosen = run.variant(set_pieces(run.scene, counts), run.store.monitor)
         try:
@@ -39,7 +39,7 @@ def choose_piece_counts(run: Pipeline) -> Pipeline:
         more = {
             name: 2 * counts[name]
             for name, error in errors.items()
-            if error > wanted and counts[name] < MOST_PIECES_TRIED
+            if error > required and counts[name] < MOST_PIECES_TRIED
         }
         if not more:
             return chosen

@@ -1,4 +1,4 @@
-"""A wanted accuracy, met by looking at the error budget and refining what it is made of."""
+"""A required accuracy, met by looking at the error budget and refining what it is made of."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Round:
     Attributes
     ----------
     settings : dict
-        Mesh and modes of each flexible body, and the wanted error of the time integration.
+        Mesh and modes of each flexible body, and the required error of the time integration.
     worst : Row
         Quantity with the largest stated error.
     shares : dict of str to float
@@ -67,7 +67,7 @@ class Round:
 
 @dataclass(frozen=True)
 class Refinement:
-    """Rounds of refinement for a wanted accuracy, and the run that states the smallest errors.
+    """Rounds of refinement for a required accuracy, and the run that states the smallest errors.
 
     Attributes
     ----------
@@ -93,17 +93,17 @@ class Refinement:
 
     @property
     def met(self) -> bool:
-        """True if every quantity is stated within the wanted accuracy."""
+        """True if every quantity is stated within the required accuracy."""
         return not (self.ended_by or self.rounds[self.chosen].given_up)
 
     @property
     def unmet(self) -> str:
-        """What the wanted accuracy lacks, and what ended the rounds; empty if it is met."""
-        best, wanted, reasons = self.rounds[self.chosen], self.run.scene.accuracy, []
+        """What the required accuracy lacks, and what ended the rounds; empty if it is met."""
+        best, required, reasons = self.rounds[self.chosen], self.run.scene.accuracy, []
         if self.ended_by:
-            assert wanted is not None
+            assert required is not None
             reasons.append(
-                f"{percent(wanted)} % was not met: refining ended at {self.ended_by}; the best, round "
+                f"{percent(required)} % was not met: refining ended at {self.ended_by}; the best, round "
                 f"{self.chosen + 1}, states {percent(best.worst.numerical)} % for '{best.worst.name}', most of it from "
                 f"{best.worst.dominant}"
             )
@@ -118,12 +118,12 @@ class Refinement:
     def summary(self) -> dict[str, Any]:
         """Return the refinement as plain numbers and texts."""
         rounds = [each.summary() for each in self.rounds]
-        wanted = {"wanted": self.run.scene.accuracy, "met": self.met}
-        return wanted | {"ended_by": self.ended_by, "chosen_round": self.chosen + 1, "rounds": rounds}
+        required = {"wanted": self.run.scene.accuracy, "met": self.met}
+        return required | {"ended_by": self.ended_by, "chosen_round": self.chosen + 1, "rounds": rounds}
 
 
 def meet_accuracy(run: Pipeline) -> Refinement:
-    """Find the first of a row of ever finer runs whose budget states the scene's wanted accuracy or better.
+    """Find the first of a row of ever finer runs whose budget states the scene's required accuracy or better.
 
     The first has half of the scene's elements each way, quadratic ones, its modes with the static responses to inertia
     loads, and the automatic integrator. The scene's number of modes is where that of the basis starts; of the
@@ -137,9 +137,9 @@ def meet_accuracy(run: Pipeline) -> Refinement:
     AccuracyError, InputError
         The first round can't be computed.
     """
-    wanted = run.scene.accuracy
-    assert wanted is not None
-    scene = _start(run.scene, wanted)
+    required = run.scene.accuracy
+    assert required is not None
+    scene = _start(run.scene, required)
     rounds: list[Round] = []
     stated: list[dict[str, float]] = []
     best, chosen = run, 0
@@ -156,26 +156,26 @@ def meet_accuracy(run: Pipeline) -> Refinement:
             break
         rows = _counting(budget, run.scene)
         stated.append({row.name: row.numerical for row in rows})
-        stalled = {name for name in stated[-1] if _is_stalled([past[name] for past in stated], wanted, left)}
-        stalled |= {row.name for row in rounds[-1].given_up if row.numerical > wanted} if rounds else set()
+        stalled = {name for name in stated[-1] if _is_stalled([past[name] for past in stated], required, left)}
+        stalled |= {row.name for row in rounds[-1].given_up if row.numerical > required} if rounds else set()
         hopeful = [row for row in rows if row.name not in stalled] or rows
         worst = max(hopeful, key=lambda row: row.numerical)
-        given_up = tuple(row for row in rows if row.name in stalled and row.numerical > wanted)
+        given_up = tuple(row for row in rows if row.name in stalled and row.numerical > required)
         this = Round(_settings(scene), worst, _shares(hopeful), given_up)
         if worst.numerical <= min((each.worst.numerical for each in rounds), default=math.inf):
             best, chosen = here, len(rounds)
         rounds.append(this)
-        if worst.numerical <= wanted:
+        if worst.numerical <= required:
             return Refinement(here, tuple(rounds), len(rounds) - 1)
-        scene = _refined(scene, this.shares, wanted)
+        scene = _refined(scene, this.shares, required)
         if any(part.has_mesh and len(part.mesh.cells) > MOST_ELEMENTS for part in here.parts.values()):
             ended_by = f"{MOST_ELEMENTS} elements"
             break
     return Refinement(best, tuple(rounds), chosen, ended_by)
 
 
-def _start(scene: Scene, wanted: float) -> Scene:
-    error = max(TIME_SHARE * wanted, LEAST_ERROR)
+def _start(scene: Scene, required: float) -> Scene:
+    error = max(TIME_SHARE * required, LEAST_ERROR)
     scene = change_simulation(scene, run=(AutoRun(integrator="auto"),), error=error)
     scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
     return replace_order(coarsen_meshes(scene) or scene, 2)
@@ -192,12 +192,12 @@ def _counting(budget: Budget, scene: Scene) -> list[Row]:
     return [row for row in budget.rows if counts(row.name)]
 
 
-def _is_stalled(stated: list[float], wanted: float, left: int) -> bool:
-    """True if the stated error, round by round, stays above the wanted one through the rounds left."""
-    if len(stated) < 3 or stated[-1] <= wanted:
+def _is_stalled(stated: list[float], required: float, left: int) -> bool:
+    """True if the stated error, round by round, stays above the required one through the rounds left."""
+    if len(stated) < 3 or stated[-1] <= required:
         return False
     rate: float = (stated[-1] / stated[-3]) ** 0.5
-    return rate > STALLED_ERROR and stated[-1] * rate**left > wanted
+    return rate > STALLED_ERROR and stated[-1] * rate**left > required
 
 
 def _shares(rows: list[Row]) -> dict[str, float]:
@@ -208,9 +208,9 @@ def _shares(rows: list[Row]) -> dict[str, float]:
     }
 
 
-def _refined(scene: Scene, shares: dict[str, float], wanted: float) -> Scene:
+def _refined(scene: Scene, shares: dict[str, float], required: float) -> Scene:
     """Return the next scene, refined in each source that takes more than its share."""
-    too_much = {source: share / (SHARE * wanted) for source, share in shares.items()}
+    too_much = {source: share / (SHARE * required) for source, share in shares.items()}
     mesh = max(too_much["discretisation"], too_much["recovery"]) ** MESH_POWER
     if mesh > 1:
         scene = refine_meshes(scene, min(max(mesh, GENTLEST), BOLDEST)) or scene

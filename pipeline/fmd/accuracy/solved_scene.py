@@ -30,9 +30,9 @@ class Settings:
     simulation : dict
         Changes of the simulation's table: integrator and error.
     refinement : dict
-        Rounds of refinement as ``summary.json`` has them; empty without a wanted accuracy.
+        Rounds of refinement as ``summary.json`` has them; empty without a required accuracy.
     unmet : str
-        What a wanted accuracy lacks; empty if it is met.
+        What a required accuracy lacks; empty if it is met.
     lasting : bool
         False if another machine, or more memory, may find other settings.
     """
@@ -51,7 +51,7 @@ class Settings:
 
 
 def _choose(given: Pipeline, keep: Callable[[Pipeline], None] = lambda run: None) -> Settings:
-    """Choose numbers of pieces, and refine for a wanted accuracy; ``keep`` takes the run that has these settings."""
+    """Choose numbers of pieces, and refine for a required accuracy; ``keep`` takes the run that has these settings."""
     from fmd.accuracy.refinement import meet_accuracy
 
     run = choose_piece_counts(given)
@@ -120,7 +120,7 @@ class SolvedScene:
 
     @cached_property
     def run(self) -> Pipeline:
-        """Stages of the scene as it is computed: with numbers of pieces, and refined to the wanted accuracy.
+        """Stages of the scene as it is computed: with numbers of pieces, and refined to the required accuracy.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Error of results by the stretch that a deflection causes: of what is held all around, and of plates that twist.
+"""Error of results by the stretch that a deflection causes: of what is fixed all around, and of plates that twist.
 
 A strip that is free to shorten bends without stretching. One between supports, or a plate that bends to a shape that no
 flat sheet can take, stretches already when it deflects by its thickness.
@@ -13,7 +13,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
 from fmd.core.limits.errors import HARDLY_TURNED, OF_BENDING
-from fmd.stages.divided_scene import part_of
+from fmd.stages.division import part_of
 
 if TYPE_CHECKING:
     from fmd.stages.part import FlexiblePart

@@ -15,7 +15,7 @@ from fmd.output.picture_files import picture_key
 from fmd.output.pictures import DRAWINGS
 from fmd.scene.outputs import Export, is_drawn
 from fmd.scene.pictures import MechanismView
-from fmd.stages.divided_scene import part_of
+from fmd.stages.division import part_of
 from fmd.stages.part import PART_STAGES, FlexiblePart
 from fmd.stages.pipeline import RUN_STAGES, Pipeline
 from fmd.stages.runs import MACHINE_CODE
@@ -252,10 +252,10 @@ class _Planner:
         wanted = self._run.scene.simulation.stiffening
         if wanted != "auto":
             return ("skipped", "simulation.stiffening is off") if wanted == "off" else None
-        self.want(Pipeline.spin.name)
-        if self._steps[Pipeline.spin.name, ""].fate != "cached":
+        self.want(Pipeline.stiffening_loads.name)
+        if self._steps[Pipeline.stiffening_loads.name, ""].fate != "cached":
             return "open", "the loads through the body will decide"
-        spin = self._run.spin[name]
+        spin = self._run.stiffening_loads[name]
         why = f"turns at up to {spin.largest_rate:.3g} rad/s, which hardly matters"
         return None if spin.stiffened else ("skipped", why)
 

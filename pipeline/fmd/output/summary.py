@@ -27,7 +27,7 @@ from fmd.output.spot_stress import spot_stress_warnings
 from fmd.output.stress_fields import summarise_fields
 from fmd.recovery.motion import Motion
 from fmd.scene.histories import ExtremesTable
-from fmd.stages.divided_scene import part_of
+from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.signals import find_idle_drives
 
@@ -161,7 +161,7 @@ def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
                 f"t = {change.buckles_at:.4g} s; what grows from there is right only while it is small"
             )
             found.append({"code": "buckling", "body": name, "text": text})
-    for name, spin in run.spin.items():
+    for name, spin in run.stiffening_loads.items():
         if not spin.stiffened and spin.change > run.scene.simulation.error:
             why = "simulation.stiffening is off" if run.parts[name].has_mesh else "without a mesh it has but its file's"
             text = (
@@ -259,7 +259,7 @@ def _body(run: Pipeline, name: str) -> dict[str, Any]:
     frequencies of the first.
     """
     pieces = [part.name for part in run.pieces_of(name)]
-    bodies, spins = [run.bodies[own] for own in pieces], [run.spin[own] for own in pieces]
+    bodies, spins = [run.bodies[own] for own in pieces], [run.stiffening_loads[own] for own in pieces]
     deformations = [run.deformations[own] for own in pieces if own in run.deformations]
     changes = [run.stiffness_changes[own] for own in pieces if own in run.stiffness_changes]
     critical = min(spin.critical_rate for spin in spins)

@@ -20,7 +20,7 @@ from fmd.dynamics.compiler.closures import ConstraintRow
 from fmd.integrators.protocol import move_positions
 from fmd.scene.joints.joint import POSITION_KEYS, RATE_KEYS
 from fmd.stages.ground import joint_axes
-from fmd.stages.mass_check import require_inertia
+from fmd.stages.run_checks import require_inertia
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
@@ -125,8 +125,8 @@ def following_joints(scene: Scene, mechanism: Mechanism) -> list[IntArray]:
 
 def free_directions(system: CompiledSystem, q: Array) -> Array:
     """Return an orthonormal basis of the rates that keep all loops closed, shape (n, n_free)."""
-    _, _, ways = np.linalg.svd(system.compiled.constraint_jacobian(0.0, q))
-    return np.asarray(ways[constraint_rank(system, q) :].T)
+    _, _, vectors = np.linalg.svd(system.compiled.constraint_jacobian(0.0, q))
+    return np.asarray(vectors[constraint_rank(system, q) :].T)
 
 
 def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray]) -> Array:
@@ -226,8 +226,10 @@ def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
     rank = constraint_rank(rigid, q)
     if _residual(rigid, q) > limits.OPEN or rank == rigid.n:
         return
-    for way in free_directions(rigid, q).T:
-        near = _close_by(rigid, move_positions(rigid.parameters, q, AWAY * way), np.arange(rigid.n), np.ones(rigid.n))
+    for direction in free_directions(rigid, q).T:
+        near = _close_by(
+            rigid, move_positions(rigid.parameters, q, AWAY * direction), np.arange(rigid.n), np.ones(rigid.n)
+        )
         if _residual(rigid, near) <= limits.OPEN and (others := constraint_rank(rigid, near)) > rank:
             raise InputError(
                 scene.file,
@@ -239,9 +241,9 @@ def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
 
 
 def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) -> Mechanism:
-    """Leave out scalar constraints that hold by themselves: neither joints, modes nor prescribed motions move them.
+    """Leave out idle scalar constraints: neither joints, modes nor prescribed motions move them.
 
-    They would take hold of a body as it bends, by motions of second order, and lock it.
+    They would constrain a body as it bends, by motions of second order, and lock it.
     """
     random, states = np.random.default_rng(0), [q]
     for _ in range(TRIED):
@@ -258,7 +260,7 @@ def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) ->
         _, rates = system.compiled.residuals(float(t), at_start, np.zeros(mechanism.n))
         driven = np.maximum(driven, np.abs(rates))
     still = (largest <= IDLE) & (driven <= IDLE * driven.max(initial=0.0))
-    idle = [row for row, holds in zip(system.compiled.rows, still, strict=True) if holds]
+    idle = [row for row, idles in zip(system.compiled.rows, still, strict=True) if idles]
     return _leave_out(mechanism, idle)
 
 
@@ -266,7 +268,7 @@ def movable_rigid(mechanism: Mechanism) -> Mechanism:
     """Return the mechanism with all bodies rigid; of constraints that would let nothing move, only those that suffice.
 
     Where bodies have to deform for a mechanism to move, as on hinges that aren't parallel, rigid ones follow the
-    constraints that hold the most.
+    constraints that resist the most.
     """
     rigid = mechanism.rigid
     system = CompiledSystem(rigid)

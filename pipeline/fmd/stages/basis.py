@@ -26,11 +26,11 @@ from fmd.reduction.mode_families import lowest_modes, modes_of_family
 from fmd.reduction.modes import Modes, TooManyModesError
 from fmd.reduction.stiffening import stiffen_body
 from fmd.scene.modes import AnyModes
-from fmd.stages.inboard_joint import InboardJoint
+from fmd.stages.parent_joint import ParentJoint
 
 
 @dataclass(frozen=True)
-class HeldModel:
+class ConstrainedModel:
     """A body's finite element model with its markers, its supports and the joint that carries it.
 
     Attributes
@@ -48,8 +48,8 @@ class HeldModel:
     markers : mapping of str to Marker
         Markers by name.
     fixed : ndarray of int, optional
-        Unknowns that the supports hold.
-    joint : InboardJoint
+        Unknowns that the supports fix.
+    joint : ParentJoint
         The joint.
     """
 
@@ -61,7 +61,7 @@ class HeldModel:
     sectors: int
     markers: Mapping[str, Marker]
     fixed: IntArray | None
-    joint: InboardJoint
+    joint: ParentJoint
 
     @cached_property
     def solver(self) -> FreeBodySolver:
@@ -70,7 +70,7 @@ class HeldModel:
         Raises
         ------
         InputError
-            Rigid faces share nodes, the factor doesn't fit into memory, or the wanted solver isn't installed.
+            Rigid faces share nodes, the factor doesn't fit into memory, or the chosen solver isn't installed.
         """
         rigid = [marker for marker in self.markers.values() if marker.rigid]
         key = f"body.{self.name}"
@@ -87,13 +87,13 @@ class HeldModel:
 
     @property
     def reaction(self) -> Array:
-        """Forces and torques by which the joint holds the body, shape (n_nodes, 3, 3 + k)."""
+        """Forces and torques by which the joint constrains the body, shape (n_nodes, 3, 3 + k)."""
         free = self.joint.free_directions
         across = np.linalg.svd(np.eye(3) - free.T @ free)[0][:, : 3 - len(free)].T
         return self.markers[self.joint.marker].columns(len(self.fe.x), across)
 
-    def reaction_if_held(self, settings: AnyModes) -> Array | None:
-        """Return the joint's reaction if the modes are to be those of the body held there; else ``None``."""
+    def reaction_if_fixed(self, settings: AnyModes) -> Array | None:
+        """Return the joint's reaction if the modes are to be those of the body fixed there; else ``None``."""
         return self.reaction if settings.boundary == "joint" and not self.joint.floating else None
 
 
@@ -104,7 +104,7 @@ def choose_factorisation(settings: AnyModes) -> Callable[[Any], Factor]:
     return partial(factorise, solver=settings.solver)
 
 
-def compute_modes(model: HeldModel, settings: AnyModes) -> Modes:
+def compute_modes(model: ConstrainedModel, settings: AnyModes) -> Modes:
     """Compute the modes that a scene chooses for a body.
 
     Raises
@@ -120,21 +120,21 @@ def compute_modes(model: HeldModel, settings: AnyModes) -> Modes:
                 return craig_bampton_modes(model.fe, solver, interface, count)
             normal = np.array(model.joint.axis)
             return craig_bampton_modes_of_family(model.fe, solver, interface, count, settings.family, normal)
-        held = model.reaction_if_held(settings)
+        reaction = model.reaction_if_fixed(settings)
         if settings.family == "any":
-            return lowest_modes(solver, count, held)
-        return modes_of_family(solver, model.fe, count, settings.family, np.array(model.joint.axis), held)
+            return lowest_modes(solver, count, reaction)
+        return modes_of_family(solver, model.fe, count, settings.family, np.array(model.joint.axis), reaction)
     except TooManyModesError as error:
         raise InputError(model.file, f"body.{model.name}.modes.count", count, str(error)) from error
 
 
-def reduce_body(model: HeldModel, modes: Modes, settings: AnyModes, frame: str) -> FlexibleBody:
+def reduce_body(model: ConstrainedModel, modes: Modes, settings: AnyModes, frame: str) -> FlexibleBody:
     """Reduce a body to its modes and static responses, with the frame that its joint asks for.
 
     Raises
     ------
     InputError
-        The body hangs on no joint, or its supports don't hold it.
+        The body hangs on no joint, or its supports don't fix it.
     """
     fe, markers, joint, fixed = model.fe, model.markers, model.joint, model.fixed
     if not joint.marker:
@@ -144,7 +144,7 @@ def reduce_body(model: HeldModel, modes: Modes, settings: AnyModes, frame: str) 
         omega, shapes = _enriched_shapes(model, modes, settings)
     common = (fe, omega, shapes, markers, joint.marker)
     if fixed is not None:
-        _require_held(model, modes, fixed)
+        _require_fixed(model, modes, fixed)
         return supported_body(*common, joint.free_directions, joint.normal)
     if joint.floating:
         return floating_body(*common)
@@ -153,7 +153,7 @@ def reduce_body(model: HeldModel, modes: Modes, settings: AnyModes, frame: str) 
     return reduced_body(*common, joint.free_directions, joint.normal)
 
 
-def stiffen_reduced(model: HeldModel, body: FlexibleBody) -> FlexibleBody:
+def stiffen_reduced(model: ConstrainedModel, body: FlexibleBody) -> FlexibleBody:
     """Stiffen a reduced body by the loads that a scene can put on it."""
     joint = model.joint
     reaction = None if joint.floating or model.fixed is not None else model.reaction
@@ -161,7 +161,7 @@ def stiffen_reduced(model: HeldModel, body: FlexibleBody) -> FlexibleBody:
     return stiffen_body(*common, model.markers, joint.free_directions if model.fixed is not None else None)
 
 
-def _enriched_shapes(model: HeldModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:
+def _enriched_shapes(model: ConstrainedModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:
     """Frequencies and shapes of the modes with static responses to inertia loads and joint forces beside them."""
     fe, markers, joint = model.fe, model.markers, model.joint
     outboard = [(markers[at], joint.plane if flat else None) for at, flat in joint.loaded if at != joint.marker]
@@ -170,20 +170,20 @@ def _enriched_shapes(model: HeldModel, modes: Modes, settings: AnyModes) -> tupl
         own = acceleration_loads(fe, markers[joint.marker].position, joint.plane)
         loads = np.concatenate([loads, own], axis=2)
     generations = RITZ_GENERATIONS if settings.enrich == "ritz" else 1
-    held = model.reaction_if_held(settings)
+    reaction = model.reaction_if_fixed(settings)
     least = NEW_RESIDUAL_VECTOR if settings.enrich == "residual" else NEW_RESPONSE
-    omega, shapes = enrich_modes(modes, fe, model.solver, loads, held, generations, least)
+    omega, shapes = enrich_modes(modes, fe, model.solver, loads, reaction, generations, least)
     if settings.boundary == "interface":  # no eigenvectors: the new shapes mix with them
         omega, shapes = rayleigh_ritz(fe, shapes.reshape(fe.K.shape[0], -1))
     return omega, shapes
 
 
-def _require_held(model: HeldModel, modes: Modes, fixed: IntArray) -> None:
+def _require_fixed(model: ConstrainedModel, modes: Modes, fixed: IntArray) -> None:
     """A supported body moves with the frame of its supports, on which its joint acts."""
     if modes.n_rigid:
-        message = f"leave {modes.n_rigid} rigid-body modes; to move on a joint, a body must be held whole"
+        message = f"leave {modes.n_rigid} rigid-body modes; to move on a joint, a body must be fixed whole"
         raise InputError(model.file, f"body.{model.name}.support", None, message)
     nodes = model.markers[model.joint.marker].nodes
     if model.joint.free and not np.isin(3 * nodes[:, None] + np.arange(3), fixed).all():
-        message = "must hold the whole face of the joint's marker, on which the joint turns freely"
+        message = "must fix the whole face of the joint's marker, on which the joint turns freely"
         raise InputError(model.file, f"body.{model.name}.support", None, message)

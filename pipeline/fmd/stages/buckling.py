@@ -1,4 +1,4 @@
-"""Buckling of bodies that loops or force elements hold: by the stiffness of the mechanism, not of each body alone.
+"""Buckling of bodies constrained by loops or force elements: by the stiffness of the mechanism, not of each body alone.
 
 A column whose end is guided bears many times what it does with a free end. Of all small motions that keep the loops
 closed, those count in which bodies deform, without what joints do alone. Their stiffness is that of modes, springs and
@@ -10,22 +10,53 @@ elements, with the geometric stiffness of each body under its loads, and the wor
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import eigh, null_space
 
 from fmd.core.arrays import Array
+from fmd.core.errors import InputError
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
+from fmd.core.limits.stiffening import GROWTH, MOMENTS, SUSPECT
+from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.transmitted_loads import ELEMENT, BodyLoads, geometric_stiffness_over, loaded_places
 from fmd.stages.assembly import undeformed_positions
+from fmd.stages.division import part_of
+
+if TYPE_CHECKING:
+    from fmd.scene.scene import Scene
+    from fmd.stages.stiffening_check import StiffeningLoads
 
 
 @dataclass(frozen=True)
-class HeldStiffness:
+class StiffnessChange:
+    """Change of a stiffened body's stiffness by the loads through it.
+
+    Attributes
+    ----------
+    largest : float
+        Largest change of the stiffness of a shape, as a part of it.
+    buckling : float
+        Largest load as a part of the buckling load; 0 if nothing is compressed.
+    buckles_at : float
+        Time at which it first passes the buckling load [s]; infinite if it never does.
+    growth : float
+        Logarithm of the factor by which a deflection grows while the load is beyond that.
+    """
+
+    largest: float
+    buckling: float
+    buckles_at: float
+    growth: float
+
+
+@dataclass(frozen=True)
+class ConstrainedStiffness:
     """Lowest stiffness of a mechanism's elastic motions under loads.
 
     Attributes
@@ -40,9 +71,64 @@ class HeldStiffness:
     buckling: float
 
 
-def held_stiffness(
+def find_changes(mechanism: Mechanism, checks: Mapping[str, StiffeningLoads]) -> dict[str, StiffnessChange]:
+    """Find the change of stiffness of each stiffened body of a mechanism by the loads through it."""
+    changes = {}
+    for name, check in checks.items():
+        body = mechanism.number_of(name)
+        omega = mechanism.links[body].omega
+        if check.stiffened and len(omega):
+            K = geometric_stiffness_over(mechanism, body, check.loads) / np.outer(omega, omega)
+            parts = np.linalg.eigvalsh(K)
+            lowest = np.linalg.eigvalsh(K * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
+            largest, buckling = float(np.abs(parts).max()), float(max(-parts[:, 0].min(), 0.0))
+            changes[name] = StiffnessChange(largest, buckling, *_instability(check.times, lowest))
+    suspects = [name for name, change in changes.items() if change.buckling > SUSPECT and not part_of(name)]
+    if suspects and (mechanism.closures or mechanism.elements):
+        loads = {mechanism.number_of(name): checks[name].loads for name in changes}
+        constrained = _find_constrained_change(mechanism, loads, checks[suspects[0]])
+        changes |= {name: replace(constrained, largest=changes[name].largest) for name in suspects}
+    return changes
+
+
+def _instability(times: Array, stiffness: Any) -> tuple[float, float]:
+    """Return when the lowest stiffness over mass is first below 0 [s], and the logarithm of what grows by that."""
+    lowest = np.asarray(stiffness, dtype=float)
+    beyond = np.flatnonzero(lowest < 0.0)
+    growth = float(np.trapezoid(np.sqrt(np.maximum(-lowest, 0.0)), times))
+    return float(times[beyond[0]]) if beyond.size else np.inf, growth
+
+
+def _find_constrained_change(
+    mechanism: Mechanism, loads: Mapping[int, BodyLoads], at: StiffeningLoads
+) -> StiffnessChange:
+    """Find how far bodies are from buckling that only loops or elements keep from it."""
+    system = share_system(mechanism)
+    moments = np.unique(np.linspace(0, len(at.times) - 1, MOMENTS).astype(int))
+    constrained = [constrained_stiffness(system, loads, k, float(at.times[k]), at.positions[k]) for k in moments]
+    buckling = max(each.buckling for each in constrained)
+    return StiffnessChange(buckling, buckling, *_instability(at.times[moments], [each.lowest for each in constrained]))
+
+
+def require_unbuckled(scene: Scene, changes: Mapping[str, StiffnessChange]) -> None:
+    """Raise ``InputError`` if a body would buckle for so long that its deflection grows beyond what is described.
+
+    Pieces of a part describe what follows buckling.
+    """
+    for name, change in changes.items():
+        if change.growth > GROWTH and not part_of(name):
+            raise InputError(
+                scene.file,
+                f"body.{name}",
+                None,
+                f"the body would buckle: from t = {change.buckles_at:.4g} s on the loads through it are up to "
+                f"{change.buckling:.3g} times what it bears; reduce them, or make it stiffer",
+            )
+
+
+def constrained_stiffness(
     system: CompiledSystem, loads: Mapping[int, BodyLoads], k: int, t: float, rigid_positions: Array
-) -> HeldStiffness:
+) -> ConstrainedStiffness:
     """Find the lowest stiffness of a mechanism with loops or force elements at a moment of its rigid motion.
 
     Parameters
@@ -66,12 +152,12 @@ def held_stiffness(
         if len(modes):
             geometric[np.ix_(modes, modes)] += geometric_stiffness_over(mechanism, body, now)[0]
         geometric += _work_of_turning(mechanism, body, now, turns[body])
-    ways = _elastic_ways(system, t, q)
-    if not ways.shape[1]:
-        return HeldStiffness(np.inf, 0.0)
-    K, K_G, M = (ways.T @ A @ ways for A in (elastic, geometric, system.mass_matrix(q, t)))
+    directions = _elastic_directions(system, t, q)
+    if not directions.shape[1]:
+        return ConstrainedStiffness(np.inf, 0.0)
+    K, K_G, M = (directions.T @ A @ directions for A in (elastic, geometric, system.mass_matrix(q, t)))
     parts = eigh(K_G, K, eigvals_only=True)
-    return HeldStiffness(float(eigh(K + K_G, M, eigvals_only=True)[0]), float(max(-parts[0], 0.0)))
+    return ConstrainedStiffness(float(eigh(K + K_G, M, eigvals_only=True)[0]), float(max(-parts[0], 0.0)))
 
 
 def _at(loads: BodyLoads, k: int) -> BodyLoads:
@@ -98,11 +184,11 @@ def _turns_at_unit_rates(mechanism: Mechanism, t: float, q: Array) -> list[Array
 def _work_of_turning(mechanism: Mechanism, body: int, loads: BodyLoads, turns: Array) -> Array:
     """Return the stiffness (n, n) by loads that keep their direction in space while the body turns."""
     link, modes = mechanism.links[body], mechanism.modes_of(body)
-    carried, points, held = loaded_places(mechanism, body)
+    carried, points, closures = loaded_places(mechanism, body)
     places = [(mechanism.links[k].place, mechanism.links[k].place_shapes, False) for k in carried]
     places += [(at.place, at.shapes, at.following) for at in points]
     # A joint pulls on in its direction as the body turns; a force element turns with it.
-    places += [(at.position, at.translation, key.startswith(ELEMENT)) for key, _, at in held]
+    places += [(at.position, at.translation, key.startswith(ELEMENT)) for key, _, at in closures]
     forces = [(wrench[0, :3], *at) for wrench, at in zip(loads.wrenches, places, strict=True)]
     forces.append((-loads.acceleration[0], link.integrals.S[:, 0], link.integrals.S[:, 1:], False))
     K = np.zeros((mechanism.n, mechanism.n))
@@ -117,18 +203,18 @@ def _work_of_turning(mechanism: Mechanism, body: int, loads: BodyLoads, turns: A
     return K
 
 
-def _elastic_ways(system: CompiledSystem, t: float, q: Array) -> Array:
+def _elastic_directions(system: CompiledSystem, t: float, q: Array) -> Array:
     """Return a basis (n, k) of the motions that keep loops closed, less those in which joints alone move."""
     n = system.n
     J = system.compiled.constraint_jacobian(t, q) if system.compiled.rows else np.zeros((0, n))
     joints = np.setdiff1d(
         np.arange(n), np.concatenate([system.mechanism.modes_of(k) for k in range(len(system.mechanism.links))])
     )
-    ways = null_space(J, rcond=DEPENDENT_CONSTRAINT) if len(J) else np.eye(n)
+    directions = null_space(J, rcond=DEPENDENT_CONSTRAINT) if len(J) else np.eye(n)
     alone = np.zeros((n, 0))
     if len(joints):
         of_joints = null_space(J[:, joints], rcond=DEPENDENT_CONSTRAINT) if len(J) else np.eye(len(joints))
         alone = np.zeros((n, of_joints.shape[1]))
         alone[joints] = of_joints
-    across = alone.T @ system.mass_matrix(q, t) @ ways
-    return np.asarray(ways @ null_space(across, rcond=DEPENDENT_CONSTRAINT)) if len(across) else ways
+    across = alone.T @ system.mass_matrix(q, t) @ directions
+    return np.asarray(directions @ null_space(across, rcond=DEPENDENT_CONSTRAINT)) if len(across) else directions

@@ -1,4 +1,4 @@
-"""From a scene to its linear model: names of inputs and outputs, static correction, and the state of linearisation."""
+"""From a scene to its linear model: names of inputs and outputs, static correction, and the operating point."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class LinearModel:
     model : StateSpace
         The model.
     about : str
-        State about which the scene is linearised.
+        Operating point about which the scene is linearised.
     motions : ndarray of bool, shape (n_inputs,)
         Inputs that are the acceleration of a prescribed motion.
     warnings : list of dict
@@ -84,13 +84,13 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
     """
     time = read_about(run, about)
     simulation = run.scene.simulation
-    wanted = [find_input(run.scene, name) for name in inputs]
-    scene = correct_statically(open_to_space(run.scene), [at.drive for at in wanted if at.drive is not None])
+    requested = [find_input(run.scene, name) for name in inputs]
+    scene = correct_statically(open_to_space(run.scene), [at.drive for at in requested if at.drive is not None])
     if about in ("equilibrium", "steady"):
         scene = change_simulation(scene, start=about)
     corrected = run.variant(scene, run.store.monitor)
     mechanism, state = _operating_state(corrected, time)
-    ports_in = [at.port(mechanism) for at in wanted]
+    ports_in = [at.port(mechanism) for at in requested]
     ports_out = [find_output(corrected, mechanism, name) for name in outputs]
     linearisation = Linearisation(mechanism, ports_in, ports_out)
     model = linearisation.at(state)
@@ -127,7 +127,7 @@ def default_outputs(scene: Scene) -> list[str]:
 
 
 def read_about(run: Pipeline, about: str) -> float | None:
-    """Return the time [s] of a state of linearisation, ``None`` for the start.
+    """Return the time [s] of a operating point, ``None`` for the start.
 
     Raises
     ------
@@ -173,11 +173,11 @@ def _find_warnings(
     shift = np.abs(a[modes]) / omega**2
     moves = np.abs(a[joints]).max(initial=0.0) > allowed
     if moves or shift.max(initial=0.0) > SETTLED_STATE * max(np.abs(deflections).max(initial=0.0), 1e-8):
-        text = f"the mechanism accelerates at the state of linearisation ({about}): the answers are of one instant"
+        text = f"the mechanism accelerates at the operating point ({about}): the answers are of one instant"
         text += "; --about equilibrium or --about steady take a state that lasts" if about == "start" else ""
         found.append({"code": "not-steady", "text": text})
     if model.growth:
-        text = f"from the state of linearisation ({about}) a small motion grows by {model.growth:.3g} 1/s"
+        text = f"from the operating point ({about}) a small motion grows by {model.growth:.3g} 1/s"
         found.append({"code": "unstable", "text": text})
     elif (undamped := model.poles_hz[model.damping < 1e-9]).size:
         text = f"no damping at {undamped[0]:.5g} Hz{' and others' if undamped.size > 1 else ''}: the response is "

@@ -144,12 +144,12 @@ def _marker_port(mechanism: Mechanism, name: str, place: str, way: str, unit: st
 
 def _find_joint_input(scene: Scene, name: str, joint: str, kind: str) -> NamedInput:
     given = scene.joint[joint]
-    wanted = "force" if given.kind.unit == "m" else "torque"
+    needed = "force" if given.kind.unit == "m" else "torque"
     if not given.kind.unit or joint in scene.closing:
         problem = f"is a {given.type} joint{' that closes a loop' if joint in scene.closing else ''}"
         raise InputError("--in", "", name, f"{problem}; a torque or force acts along a revolute or prismatic one")
-    if kind != wanted:
-        raise InputError("--in", "", name, f"is a {given.type} joint: '{joint}.{wanted}' works")
+    if kind != needed:
+        raise InputError("--in", "", name, f"is a {given.type} joint: '{joint}.{needed}' works")
     driver = next((k for k, d in scene.drive.items() if d.type == "motion" and d.joint == joint), None)
     if driver:
         raise InputError("--in", "", name, f"moves as prescribed: 'drive.{driver}' is its motion as an input")

@@ -95,12 +95,12 @@ def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str
 
 
 def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str) -> IntArray:
-    """Return the unknowns that a body's supports hold, shape (n_fixed,).
+    """Return the unknowns that a body's supports fix, shape (n_fixed,).
 
     Raises
     ------
     InputError
-        A face isn't there, or no node lies where a support is to hold.
+        A face isn't there, or no node lies where a support is to be.
     """
     fixed = []
     for number, support in enumerate(shape.support):

@@ -20,12 +20,11 @@ from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
 from fmd.scene.modes import damping_ratios
 from fmd.stages.assembly import assemble, close_start, following_joints, given_joints
-from fmd.stages.divided_scene import part_of
-from fmd.stages.equilibrium import find_equilibrium
+from fmd.stages.division import part_of
+from fmd.stages.equilibrium import find_closed_steady_state, find_equilibrium
 from fmd.stages.force_elements import add_elements, joint_laws
 from fmd.stages.ground import ground_place, joint_axes, place_axes
-from fmd.stages.inboard_joint import read_inboard_joint
-from fmd.stages.loop_steady import find_closed_steady_state
+from fmd.stages.parent_joint import read_parent_joint
 from fmd.stages.signals import require_sound_drives, signal_of
 
 if TYPE_CHECKING:
@@ -157,10 +156,10 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
     if body in places.bodies:
         reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
         integrals = reduced.integrals
-        told = reduced.damping.size and not damping  # by the file that holds the body
+        given = reduced.damping.size and not damping  # by the file that holds the body
         settings |= {
             "omega": reduced.omega,
-            "damping": reduced.damping if told else np.array(damping_ratios(damping, reduced.omega.tolist())),
+            "damping": reduced.damping if given else np.array(damping_ratios(damping, reduced.omega.tolist())),
         }
         settings["section"] = _section(scene, places, body)
     else:
@@ -209,11 +208,11 @@ def _couplers(scene: Scene) -> list[Coupler]:
 
 
 def _section(scene: Scene, places: _Places, body: str) -> str:
-    """Marker on the section from which a body's deflections are seen; none where supports hold the body in its frame.
+    """Marker on the section from which a body's deflections are seen; none where supports fix the body in its frame.
 
-    A supported body on a free hinge turns with the face there that its supports hold.
+    A supported body on a free hinge turns with the face there that its supports fix.
     """
-    supported = bool(scene.flexible[body].support) and not read_inboard_joint(scene, body).free
+    supported = bool(scene.flexible[body].support) and not read_parent_joint(scene, body).free
     return "" if supported else places.joint_marker(body)
 
 
@@ -246,7 +245,7 @@ def _load(scene: Scene, joint: str, integrals: InertiaIntegrals, axis: Array) ->
 
 
 def _peak(drive: Any, inertia: float) -> float:
-    """Largest torque of a pulse whose impulse gives an inertia [kg m²] the wanted rate [N m]."""
+    """Largest torque of a pulse whose impulse gives an inertia [kg m²] the requested rate [N m]."""
     return float(drive.torque) if drive.speed is None else np.pi / 2 * inertia * drive.speed / drive.duration
 
 

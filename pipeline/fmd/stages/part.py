@@ -24,8 +24,8 @@ from fmd.scene.propeller import Propeller
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import SourceFiles
 from fmd.scene.values import Formulation
-from fmd.stages.inboard_joint import read_inboard_joint
 from fmd.stages.meshing.bodies import find_material, find_name, make_mesh, read_body_matrices
+from fmd.stages.parent_joint import read_parent_joint
 from fmd.stages.part_inputs import (
     assembly_inputs,
     body_inputs,
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from fmd.fem.space import Discretisation
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.modes import Modes
-    from fmd.stages.basis import HeldModel
+    from fmd.stages.basis import ConstrainedModel
     from fmd.stages.piece_mesh import PieceMesh
 
 NO_MESH = "is given by its {}: without elements it has no mesh, no stress and no picture"
@@ -250,7 +250,7 @@ class FlexiblePart:
         self.name, self.file, self.piece, self.store = name, scene.file, piece, own
         self.shape: Flexible = scene.flexible[name]
         self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
-        self.joint = read_inboard_joint(scene, name)
+        self.joint = read_parent_joint(scene, name)
         self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
         self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
         self.results: dict[str, Any] = {} if piece is None else {"mesh": piece.mesh}
@@ -272,7 +272,7 @@ class FlexiblePart:
 
     @property
     def has_stress(self) -> bool:
-        """A surface with its stress: of a mesh, or of a file that tells it for a reduced body."""
+        """A surface with its stress: of a mesh, or of a file that gives it for a reduced body."""
         return self.has_mesh or (self.is_reduced and file_surface(self.fe) is not None)
 
     @property
@@ -293,7 +293,7 @@ class FlexiblePart:
 
     @property
     def is_supported(self) -> bool:
-        """True if supports hold the body in its frame, and not its joint's section alone, which may turn freely."""
+        """True if supports fix the body in its frame, and not its joint's section alone, which may turn freely."""
         return bool(self.shape.support) and not self.joint.free
 
     @property
@@ -339,17 +339,17 @@ class FlexiblePart:
 
     @cached_property
     def fixed(self) -> IntArray | None:
-        """Unknowns that the supports hold, shape (n_fixed,); ``None`` if there are none."""
+        """Unknowns that the supports fix, shape (n_fixed,); ``None`` if there are none."""
         from fmd.stages.markers import fixed_unknowns
 
         return fixed_unknowns(self.shape, self.space, self.file, self.name) if self.shape.support else None
 
     @cached_property
-    def model(self) -> HeldModel:
+    def model(self) -> ConstrainedModel:
         """The finite element model with its markers, supports and joint."""
-        from fmd.stages.basis import HeldModel, choose_factorisation
+        from fmd.stages.basis import ConstrainedModel, choose_factorisation
 
-        return HeldModel(
+        return ConstrainedModel(
             file=self.file,
             name=self.name,
             solver_name=self.shape.modes.solver,

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from fmd.scene.any_body import Flexible
 from fmd.scene.source_files import SourceFiles
-from fmd.stages.inboard_joint import InboardJoint
+from fmd.stages.parent_joint import ParentJoint
 from fmd.stages.piece_mesh import PieceMesh
 
 
@@ -16,7 +16,7 @@ class KeyedPart(Protocol):
     shape: Flexible
     source: SourceFiles | None
     piece: PieceMesh | None
-    joint: InboardJoint
+    joint: ParentJoint
     frame: str
     stiffening: str
 
@@ -53,18 +53,18 @@ def _identify(part: KeyedPart, without: dict[str, Any]) -> Any:
 
 
 def modes_inputs(part: KeyedPart) -> Any:
-    """Return what modes depend on: what holds them, and no damping or enrichment."""
-    shape, markers, held = part.shape, part.shape.marker, ""
+    """Return what modes depend on: what fixes them, and no damping or enrichment."""
+    shape, markers, fixed = part.shape, part.shape.marker, ""
     without: Any = {"modes": {"damping", "enrich"}, "marker": True, "element": True}
     if shape.modes.boundary == "joint":
-        held = repr((part.joint.floating, part.joint.free, markers[part.joint.marker].where))
+        fixed = repr((part.joint.floating, part.joint.free, markers[part.joint.marker].where))
     elif shape.modes.boundary == "interface":
-        held = repr({name: markers[name] for name in shape.modes.interface or markers})
+        fixed = repr({name: markers[name] for name in shape.modes.interface or markers})
     return {
         "part": _identify(part, without),
         "axis": part.joint.axis if shape.modes.family != "any" else "",
         "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
-        "held": held,
+        "fixed": fixed,
     }
 
 

@@ -19,8 +19,7 @@ from fmd.fem.mesh import SolidMesh
 from fmd.fem.partition import PartitionError, divide_mesh, interior_facets, join_fragments
 from fmd.fem.space import Discretisation
 from fmd.stages.markers import find_marker_facets, fixed_unknowns
-from fmd.stages.piece_cuts import INBOARD, join_pieces
-from fmd.stages.piece_mesh import Cut, CutPart, PieceMesh, face_of, round_to_grid
+from fmd.stages.piece_mesh import ROOT_CUT, Cut, CutPart, PieceMesh, face_of, join_pieces, round_to_grid
 
 if TYPE_CHECKING:
     from fmd.stages.part import FlexiblePart
@@ -95,13 +94,13 @@ def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[s
 def _require_supports_on_first(part: FlexiblePart, labels: IntArray) -> None:
     if not part.shape.support:
         return
-    held = np.unique(fixed_unknowns(part.shape, part.space, part.file, part.name) // 3)
-    touched = np.isin(part.space.element_nodes[labels == 0], held)
-    if np.isin(held, part.space.element_nodes[labels == 0][touched]).all():
+    fixed = np.unique(fixed_unknowns(part.shape, part.space, part.file, part.name) // 3)
+    touched = np.isin(part.space.element_nodes[labels == 0], fixed)
+    if np.isin(fixed, part.space.element_nodes[labels == 0][touched]).all():
         return
     problem = (
-        "a support holds nodes of several pieces; in a body with pieces it must be on the piece at the joint, whose "
-        "frame it holds nodes in; fewer pieces, or joints in place of the support"
+        "a support fixes nodes of several pieces; in a body with pieces it must be on the piece at the joint, whose "
+        "frame it fixes nodes in; fewer pieces, or joints in place of the support"
     )
     raise InputError(part.file, f"body.{part.name}.support", None, problem)
 
@@ -139,8 +138,8 @@ def _piece(
     if k == 0 and part.shape.support:
         found |= _faces_for_supports(space, mesh, labels)
     offset = np.zeros(3)
-    if INBOARD in at_cuts:
-        facets = zip(*found[face_of(INBOARD)], strict=True)
+    if ROOT_CUT in at_cuts:
+        facets = zip(*found[face_of(ROOT_CUT)], strict=True)
         offset = np.mean([space.x[space.element_nodes[e, corners[f]]].mean(axis=0) for e, f in facets], axis=0)
     # Numbered by place, so that equal pieces have equal meshes.
     used = np.unique(mesh.cells[mine])

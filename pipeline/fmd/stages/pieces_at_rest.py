@@ -28,14 +28,14 @@ _SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages/pieces_at_rest.py")
 class PiecesAtRest:
     """Mass and stiffness of pieces that are welded together, undeformed.
 
-    Coordinates are those of all pieces, then velocity and spin of the first one's frame unless supports hold it.
+    Coordinates are those of all pieces, then velocity and spin of the first one's frame unless supports fix it.
 
     Attributes
     ----------
     M, K : ndarray, shape (n, n)
         Mass and stiffness.
     closing : ndarray, shape (k, n)
-        Rows that the cuts which close rings hold at 0.
+        Rows that the cuts which close rings keep at 0.
     motions : mapping of str to ndarray, shape (6, n)
         Translation and rotation of the part's markers by their names.
     n_rigid : int
@@ -109,7 +109,7 @@ class PartAtRest:
         Lowest frequencies, free but for the supports [Hz].
     compliances : mapping of str to ndarray, shape (6, 6)
         Work of unit forces and torques at markers on the deflections by each other, balanced at the first marker
-        unless supports hold the part.
+        unless supports fix the part.
     """
 
     frequencies_hz: Array
@@ -137,7 +137,7 @@ def _measure(part: FlexiblePart, ports: Sequence[str]) -> PartAtRest:
 
 
 def balance(part: FlexiblePart, ports: Sequence[str], loads: Mapping[str, Array]) -> dict[str, Array]:
-    """Balance unit loads (…, 6) at each marker by those at the first one, unless supports hold the part."""
+    """Balance unit loads (…, 6) at each marker by those at the first one, unless supports fix the part."""
     if part.shape.support:
         return dict(loads)
     found = {}

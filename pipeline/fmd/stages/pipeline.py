@@ -22,7 +22,6 @@ from fmd.recovery.stress import StressHistory, stress_measure
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import collect_inputs
 from fmd.stages.division import Division, divide_parts
-from fmd.stages.marching import find_motions
 from fmd.stages.part import FlexiblePart
 from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage, stages_of
 from fmd.stages.store import Log, StageStore
@@ -38,8 +37,9 @@ if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.modes import Modes
-    from fmd.stages.runs import Growth, Plan
-    from fmd.stages.stiffening_check import SpinCheck, StiffnessChange
+    from fmd.stages.buckling import StiffnessChange
+    from fmd.stages.plan import Growth, Plan
+    from fmd.stages.stiffening_check import StiffeningLoads
 
 
 # Computations of the stages; what they need of heavy packages is loaded here.
@@ -53,40 +53,13 @@ def _divide(run: Pipeline) -> Division:
     return divide_parts(run.scene, run.wholes, run.like)
 
 
-def _check_loads(run: Pipeline) -> Mapping[str, SpinCheck]:
-    from fmd.stages.stiffening_check import check_spins
-
-    run.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
-    if not run.parts:
-        return {}
-    bodies = {name: part.body for name, part in run.parts.items()}
-    meshed = [name for name, part in run.parts.items() if part.has_mesh or part.body.integrals.stiffening.size]
-    return check_spins(run.divided_scene, bodies, meshed)
-
-
-def _stiffen(run: Pipeline) -> Mapping[str, FlexibleBody]:
-    from fmd.stages.stiffening_check import keep_inertia_of_pieces
-
-    simulation = run.scene.simulation
-    linear = {name: part.body for name, part in run.parts.items()}
-    stiff = {name: part.stiffened for name, part in run.parts.items() if run.spin[name].stiffened}
-    error = 0.0 if simulation.stiffening == "on" else simulation.error
-    return linear | stiff | keep_inertia_of_pieces(linear, stiff, run.spin, error)
-
-
 def _build_mechanism(run: Pipeline) -> Mechanism:
     from fmd.stages.mechanism import build_mechanism
     from fmd.stages.stiffening_check import keep_what_counts, with_whole_energy
 
     mechanism = build_mechanism(run.divided_scene, run.bodies)
-    mechanism = keep_what_counts(mechanism, run.spin, run.scene.simulation.error)
+    mechanism = keep_what_counts(mechanism, run.stiffening_loads, run.scene.simulation.error)
     return with_whole_energy(mechanism) if run.whole_energy else mechanism
-
-
-def _find_changes(run: Pipeline) -> Mapping[str, StiffnessChange]:
-    from fmd.stages.stiffening_check import find_changes
-
-    return {} if run.has_other_bodies else find_changes(run.mechanism, run.spin)
 
 
 def _make_system(run: Pipeline) -> CompiledSystem:
@@ -99,40 +72,6 @@ def _find_start(run: Pipeline) -> tuple[Array, Array]:
     from fmd.stages.mechanism import find_start
 
     return find_start(run.divided_scene, run.system)
-
-
-def _draft_plans(run: Pipeline) -> tuple[Plan, ...]:
-    from fmd.stages.runs import draft_plans
-
-    return draft_plans(run)
-
-
-def _measure_growths(run: Pipeline) -> tuple[Growth, ...]:
-    from fmd.stages.runs import measure_growths
-
-    return measure_growths(run)
-
-
-def _finish_plans(run: Pipeline) -> dict[str, Plan]:
-    from fmd.stages.runs import finish_plans
-
-    return finish_plans(run)
-
-
-def _compile(run: Pipeline) -> dict[str, Plan]:
-    for plan in run.plans.values():
-        plan.compile()
-    return run.plans
-
-
-def _march_finely(run: Pipeline) -> Motion:
-    from fmd.stages.runs import repeat_choice
-
-    times, _ = run.fine_times
-    if len(times) == len(run.output_times):  # nothing flexible is at the tip
-        return run.motion
-    plan = repeat_choice(next(iter(run.plans.values())), run.motion.trajectory)
-    return run.motion_by(plan, plan.march(times))
 
 
 def _measure_deformations(run: Pipeline) -> Mapping[str, Deformation]:
@@ -166,7 +105,7 @@ class Pipeline:
         Parts and pieces to use in place of the scene's own.
     bodies : mapping of str to FlexibleBody, optional
         Reduced bodies to use in place of those of the parts.
-    spin : mapping of str to SpinCheck, optional
+    stiffening_loads : mapping of str to StiffeningLoads, optional
         Checks of stiffening to use in place of this scene's own.
 
     Attributes
@@ -187,24 +126,26 @@ class Pipeline:
 
     # The table of stages, in their order; what they read are these, and stages of each flexible body.
     division: Stage[Division] = Stage("pieces", _divide, applies=_has_pieces)
-    spin: Stage[Mapping[str, SpinCheck]] = Stage(
-        "loads", _check_loads, ("body",), lambda run: run.inputs, ALL_SOURCES, ALL_PACKAGES
+    stiffening_loads: Stage[Mapping[str, StiffeningLoads]] = Stage(
+        "loads", "runs:check_loads", ("body",), lambda run: run.inputs, ALL_SOURCES, ALL_PACKAGES
     )
     bodies: Stage[Mapping[str, FlexibleBody]] = Stage(
-        "stiffened bodies", _stiffen, ("pieces", "body", "stiffening", "loads")
+        "stiffened bodies", "runs:stiffen_bodies", ("pieces", "body", "stiffening", "loads")
     )
     mechanism: Stage[Mechanism] = Stage("mechanism", _build_mechanism, ("stiffened bodies", "loads"))
-    stiffness_changes: Stage[Mapping[str, StiffnessChange]] = Stage("stiffness", _find_changes, ("mechanism", "loads"))
+    stiffness_changes: Stage[Mapping[str, StiffnessChange]] = Stage(
+        "stiffness", "runs:find_stiffness_changes", ("mechanism", "loads")
+    )
     system: Stage[CompiledSystem] = Stage("equations", _make_system, ("mechanism",))
     start: Stage[tuple[Array, Array]] = Stage("start", _find_start, ("equations",))
-    drafts: Stage[tuple[Plan, ...]] = Stage("steps", _draft_plans, ("equations", "start"))
+    drafts: Stage[tuple[Plan, ...]] = Stage("steps", "runs:draft_plans", ("equations", "start"))
     growths: Stage[tuple[Growth, ...]] = Stage(
-        "stability", _measure_growths, ("steps",), _own_inputs, ALL_SOURCES, ALL_PACKAGES
+        "stability", "runs:measure_growths", ("steps",), _own_inputs, ALL_SOURCES, ALL_PACKAGES
     )
-    plans: Stage[dict[str, Plan]] = Stage("plans", _finish_plans, ("steps", "stability"))
-    compiled_plans: Stage[dict[str, Plan]] = Stage("machine code", _compile, ("plans",))
-    motions: Stage[dict[str, Motion]] = Stage("motion", find_motions, ("stiffness", "machine code"))
-    fine_motion: Stage[Motion] = Stage("fine motion", _march_finely, ("plans", "motion"))
+    plans: Stage[dict[str, Plan]] = Stage("plans", "runs:finish_plans", ("steps", "stability"))
+    compiled_plans: Stage[dict[str, Plan]] = Stage("machine code", "runs:compile_plans", ("plans",))
+    motions: Stage[dict[str, Motion]] = Stage("motion", "runs:find_motions", ("stiffness", "machine code"))
+    fine_motion: Stage[Motion] = Stage("fine motion", "runs:march_finely", ("plans", "motion"))
     deformations: Stage[Mapping[str, Deformation]] = Stage("strain", _measure_deformations, ("deformation", "motion"))
 
     def __init__(
@@ -216,7 +157,7 @@ class Pipeline:
         *,
         division: Division | None = None,
         bodies: Mapping[str, FlexibleBody] | None = None,
-        spin: Mapping[str, SpinCheck] | None = None,
+        stiffening_loads: Mapping[str, StiffeningLoads] | None = None,
     ) -> None:
         self.scene, self.keep_all, self.whole_energy = scene, keep_all, False
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
@@ -228,28 +169,43 @@ class Pipeline:
         elif not _has_pieces(self):
             division = Division(scene, self.wholes)
         self.like: Division | None = None
-        self.has_other_bodies, self.has_other_loads = bodies is not None, spin is not None
-        given = {Pipeline.division.name: division, Pipeline.bodies.name: bodies, Pipeline.spin.name: spin}
+        self.has_other_bodies, self.has_other_loads = bodies is not None, stiffening_loads is not None
+        given = {
+            Pipeline.division.name: division,
+            Pipeline.bodies.name: bodies,
+            Pipeline.stiffening_loads.name: stiffening_loads,
+        }
         self.results: dict[str, Any] = {name: result for name, result in given.items() if result is not None}
         self._envelopes: dict[str, StressEnvelope] = {}
 
-    def variant(self, scene: Scene, monitor: Monitor = silent, spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
+    def variant(
+        self, scene: Scene, monitor: Monitor = silent, stiffening_loads: Mapping[str, StiffeningLoads] | None = None
+    ) -> Pipeline:
         """Return a pipeline for another scene that takes over all results that both have in common."""
-        other = Pipeline(scene, self.store.cache, monitor, self.keep_all, spin=spin)
+        other = Pipeline(scene, self.store.cache, monitor, self.keep_all, stiffening_loads=stiffening_loads)
         other.whole_energy = self.whole_energy
         for name, part in self.wholes.items():
             other.wholes[name] = FlexiblePart(scene, name, other.store, like=part)
         other.like = self.results.get(Pipeline.division.name)
         return other
 
-    def with_bodies(self, bodies: Mapping[str, FlexibleBody], spin: Mapping[str, SpinCheck] | None = None) -> Pipeline:
+    def with_bodies(
+        self, bodies: Mapping[str, FlexibleBody], stiffening_loads: Mapping[str, StiffeningLoads] | None = None
+    ) -> Pipeline:
         """Return a pipeline for this scene with other reduced bodies on the same meshes.
 
-        Of their terms of stiffening those stay that count by ``spin``, the run's own by default.
+        Of their terms of stiffening those stay that count by ``stiffening_loads``, the run's own by default.
         """
-        spin = self.spin if spin is None else spin
+        stiffening_loads = self.stiffening_loads if stiffening_loads is None else stiffening_loads
         keep_all, division = self.keep_all, self.division
-        other = Pipeline(self.scene, self.store.cache, keep_all=keep_all, division=division, bodies=bodies, spin=spin)
+        other = Pipeline(
+            self.scene,
+            self.store.cache,
+            keep_all=keep_all,
+            division=division,
+            bodies=bodies,
+            stiffening_loads=stiffening_loads,
+        )
         other.whole_energy = self.whole_energy
         return other
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fmd.reduction.modes import Modes
     from fmd.scene.any_body import Flexible
     from fmd.scene.source_files import SourceFiles
-    from fmd.stages.basis import HeldModel
+    from fmd.stages.basis import ConstrainedModel
 
 
 def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
@@ -106,7 +106,9 @@ def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> di
     return markers
 
 
-def reduce_file_body(model: HeldModel, modes: Modes, shape: Flexible, frame: str, stiffening: str) -> FlexibleBody:
+def reduce_file_body(
+    model: ConstrainedModel, modes: Modes, shape: Flexible, frame: str, stiffening: str
+) -> FlexibleBody:
     """Refer a file's body to the joint that carries it, without its geometric stiffening if that is ``"off"``.
 
     Raises

@@ -38,7 +38,7 @@ def find_vibrations(run: Pipeline, highest: float | None = None) -> Vibrations:
     Raises
     ------
     InputError
-        There is no flexible part; nothing tells the axis; the equations vary with the rotor's angle, since what holds
+        There is no flexible part; the axis isn't given; the equations vary with the rotor's angle, since what supports
         it isn't the same all around; or a load turns the rotor ever faster.
     """
     if _is_alone(run.scene):
@@ -62,8 +62,8 @@ def _is_alone(scene: Scene) -> bool:
     """Return True if a scene is one part on a revolute joint, or has parts alone."""
     if not scene.moves:
         return True
-    held = any(scene.elements.values())
-    return len(scene.body) == 1 and [joint.kind.is_hinge for joint in scene.joint.values()] == [True] and not held
+    coupled = any(scene.elements.values())
+    return len(scene.body) == 1 and [joint.kind.is_hinge for joint in scene.joint.values()] == [True] and not coupled
 
 
 def _part_on_hub(run: Pipeline) -> Vibrations:

@@ -2,203 +2,65 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
-from fmd.core.errors import InputError, StabilityError
+from fmd.core.errors import InertiaError, InputError, StabilityError
 from fmd.core.limits.mechanism import NO_FORCE
 from fmd.core.limits.stability import ALLOWED_GROWTH, SURELY_STABLE
-from fmd.dynamics.compiled_system.positive_mass import require_positive_over
 from fmd.dynamics.compiled_system.shared import share_system
-from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.excited_modes import Excited, excited_part
-from fmd.dynamics.mechanism import Mechanism
-from fmd.integrators.protocol import Integrator, Progress, Trajectory
+from fmd.dynamics.excited_modes import excited_part
+from fmd.integrators.protocol import Integrator, Trajectory
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
-from fmd.stages.load_steps import (
-    describe_fastest,
+from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
+from fmd.stages.mechanism import find_start, place_joints
+from fmd.stages.plan import BuiltScene, Growth, Plan, repeat_choice
+from fmd.stages.run_checks import (
     require_countable_steps,
+    require_inertia,
     require_known_phases,
     require_resolved_loads,
+    require_room,
 )
-from fmd.stages.mass_check import require_inertia
-from fmd.stages.mechanism import find_start, place_joints
+from fmd.stages.stage import forget
+from fmd.stages.stiffening_check import StiffeningLoads, check_stiffening_loads, keep_inertia_of_pieces, rigid_spins
 
 if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.scene.runs import Run
-    from fmd.scene.scene import Scene
     from fmd.stability.operating_points import OperatingPoints
-    from fmd.stages.stiffening_check import StiffnessChange
-    from fmd.stages.store import StageStore
 
 MACHINE_CODE = "machine code"
 """Name of the stage that compiles, or reads, all that marches call."""
 
 
-class BuiltScene(Protocol):
-    """A scene with its mechanism, as a `Pipeline` has it.
-
-    Attributes
-    ----------
-    scene : Scene
-        The scene.
-    keep_all : bool
-        Integrate modes that nothing can excite, too.
-    store : StageStore
-        Times what is compiled.
-    results : dict of str to object
-        Results of stages by their names.
-    while_timed : callable
-        Makes a context in which each run is timed.
-    whole_energy : bool
-        Displacements of second order count with their whole kinetic energy.
-    """
-
-    scene: Scene
-    keep_all: bool
-    store: StageStore
-    results: dict[str, Any]
-    while_timed: Callable[[], AbstractContextManager[None]]
-    whole_energy: bool
-
-    @property
-    def divided_scene(self) -> Scene:
-        """The scene with pieces as bodies of their own."""
-
-    @property
-    def bodies(self) -> Mapping[str, FlexibleBody]:
-        """Reduced flexible bodies."""
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """Mechanism with the scene's own slow joints."""
-
-    @property
-    def system(self) -> CompiledSystem:
-        """System that marches it."""
-
-    @property
-    def start(self) -> tuple[Array, Array]:
-        """Positions and rates at the start."""
-
-    @property
-    def reference_matrices(self) -> tuple[Array, Array]:
-        """Mass and stiffness of the undeformed mechanism."""
-
-    @property
-    def drafts(self) -> tuple[Plan, ...]:
-        """Runs whose stability isn't known yet."""
-
-    @property
-    def growths(self) -> tuple[Growth, ...]:
-        """Safe step of each run, and the growth of small vibrations by its method."""
-
-    @property
-    def compiled_plans(self) -> Mapping[str, Plan]:
-        """Runs, ready to be integrated, whose machine code is there."""
-
-    @property
-    def stiffness_changes(self) -> Mapping[str, StiffnessChange]:
-        """Change of each stiffened body's stiffness by the loads through it."""
-
-    @property
-    def output_times(self) -> Array:
-        """Times of the results [s]."""
-
-    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion:
-        """Return the motion that a trajectory describes."""
+def check_loads(run: BuiltScene) -> Mapping[str, StiffeningLoads]:
+    """Check the loads through each part and piece of a run; raises as `check_stiffening_loads`."""
+    run.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
+    if not run.parts:
+        return {}
+    bodies = {name: part.body for name, part in run.parts.items()}
+    meshed = [name for name, part in run.parts.items() if part.has_mesh or part.body.integrals.stiffening.size]
+    return check_stiffening_loads(run.divided_scene, bodies, meshed)
 
 
-@dataclass(frozen=True)
-class Plan:
-    """A run of a scene, ready to be integrated: an integrator, a mechanism and a start.
-
-    Attributes
-    ----------
-    key : str
-        The scene's key of its step.
-    mechanism : Mechanism
-        With the run's own split into slow and fast coordinates.
-    system : CompiledSystem
-        The mechanism as it is marched, whose steps are limited.
-    start : tuple of ndarray, shapes (n_positions,) and (n,)
-        Positions and rates.
-    excited : Excited, optional
-        The part of the mechanism that is integrated, if some modes can be left at rest.
-    excited_system : CompiledSystem, optional
-        That part as it is marched.
-    growth : float
-        Factor by which an explicit method itself makes small vibrations grow over the scene.
-    """
-
-    key: str
-    integrator: Integrator
-    mechanism: Mechanism
-    system: CompiledSystem
-    start: tuple[Array, Array]
-    excited: Excited | None = None
-    excited_system: CompiledSystem | None = None
-    growth: float = 1.0
-
-    def require_positive_mass(self, trajectory: Trajectory) -> None:
-        """Raise ``AccuracyError`` if the mass matrix isn't positive definite along a march of this plan."""
-        require_positive_over(self.system, trajectory.times, trajectory.q)
-
-    def compile(self) -> None:
-        """Compile all functions that a march calls, or read them where they are kept."""
-        self.march(np.zeros(1))
-
-    def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
-        (q0, v0), part = self.start, self.excited
-        if part is None or self.excited_system is None:
-            return self._march(self.system, q0, v0, times, progress)
-        march = self._march(self.excited_system, q0[part.positions], v0[part.rates], times, progress)
-        q, v = np.tile(q0, (len(times), 1)), np.zeros((len(times), len(v0)))
-        q[:, part.positions], v[:, part.rates] = march.q, march.v
-        return replace(march, q=q, v=v)
-
-    def _march(
-        self, system: CompiledSystem, q0: Array, v0: Array, times: Array, progress: Progress | None
-    ) -> Trajectory:
-        """Integrate a system; an error says if a motion has lost its inertia, or which part is too fast to follow."""
-        try:
-            return self.integrator.march(system, q0, v0, times, progress)
-        except StabilityError as failure:
-            system.explain_failure(failure)
-            duration = max(float(times[-1]), self.mechanism.horizon)
-            raise StabilityError(
-                f"{failure}{describe_fastest(system, duration)}", failure.time, failure.positions
-            ) from failure
+def stiffen_bodies(run: BuiltScene) -> Mapping[str, FlexibleBody]:
+    """Return the reduced bodies of a run, those stiffened whose loads count."""
+    simulation, loads = run.scene.simulation, run.stiffening_loads
+    linear = {name: part.body for name, part in run.parts.items()}
+    stiff = {name: part.stiffened for name, part in run.parts.items() if loads[name].stiffened}
+    error = 0.0 if simulation.stiffening == "on" else simulation.error
+    return linear | stiff | keep_inertia_of_pieces(linear, stiff, loads, error)
 
 
-def repeat_choice(plan: Plan, trajectory: Trajectory) -> Plan:
-    """Return a run's plan by the method and the step that an automatic choice ended with, which it made by marching."""
-    return replace(plan, integrator=trajectory.chosen or plan.integrator)
-
-
-@dataclass(frozen=True)
-class Growth:
-    """Step of a run that is safe to take, and the growth of small vibrations by the method itself.
-
-    Attributes
-    ----------
-    step : float, optional
-        Step in place of the plan's, which is too long [s].
-    factor : float
-        Factor by which small vibrations grow over the scene.
-    """
-
-    step: float | None = None
-    factor: float = 1.0
+def find_stiffness_changes(run: BuiltScene) -> Mapping[str, StiffnessChange]:
+    """Return the changes of stiffness of a run's bodies; none where bodies were given in place of the scene's own."""
+    return {} if run.has_other_bodies else find_changes(run.mechanism, run.stiffening_loads)
 
 
 def draft_plans(built: BuiltScene) -> tuple[Plan, ...]:
@@ -331,9 +193,9 @@ def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
 
 
 def _given_step(built: BuiltScene) -> float | None:
-    """Return the scene's step; "auto" is plain central difference's for the wanted error, about the reference state.
+    """Return the scene's step; "auto" is plain central difference's for the required error, about the reference state.
 
-    It is short enough for the loads, too, also where runs hold them over a cycle of steps.
+    It is short enough for the loads, too, also where runs freeze them over a cycle of steps.
     """
     simulation = built.scene.simulation
     if simulation.step != "auto":
@@ -354,7 +216,6 @@ def plan_sub_cycled(built: BuiltScene, run: SubCycledRun, key: str, given: float
         method = run.make(step, simulation.error, simulation.duration)
         return Plan(key, method, built.mechanism, built.system, built.start)
     from fmd.stability.splitting import choose_split, split_at
-    from fmd.stages.stiffening_check import rigid_spins
 
     whole, substeps = built.mechanism, run.substeps
     if run.split == "auto":
@@ -362,7 +223,7 @@ def plan_sub_cycled(built: BuiltScene, run: SubCycledRun, key: str, given: float
         spin = max(float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) for rates in spins.values())
         choice = choose_split(built.system, simulation.error, simulation.duration, spin, step or None)
         frequency, substeps, step = choice.frequency_hz, choice.substeps, choice.step
-        longest, _ = built.system.resolving_step(substeps * step)  # loads are held over a cycle
+        longest, _ = built.system.resolving_step(substeps * step)  # loads are frozen over a cycle
         substeps = max(1, int(longest / step * (1 + 1e-12)))
     else:
         frequency = run.split
@@ -371,3 +232,50 @@ def plan_sub_cycled(built: BuiltScene, run: SubCycledRun, key: str, given: float
     system = share_system(mechanism)
     method = run.model_copy(update={"substeps": substeps}).make(step, simulation.error, simulation.duration)
     return Plan(key, method, mechanism, system, find_start(built.divided_scene, system))
+
+
+def compile_plans(built: BuiltScene) -> dict[str, Plan]:
+    """Return a scene's runs, whose machine code is there."""
+    for plan in built.plans.values():
+        plan.compile()
+    return built.plans
+
+
+def find_motions(run: BuiltScene) -> dict[str, Motion]:
+    """Return the motion by each run; one that lost its inertia is found anew with the whole energy of second order.
+
+    The errors are those of `Pipeline.motions`.
+    """
+    try:
+        return _find_motions(run)
+    except InertiaError:
+        if run.whole_energy:
+            raise
+    run.whole_energy = True
+    forget(run, "mechanism")
+    return _find_motions(run)
+
+
+def _find_motions(run: BuiltScene) -> dict[str, Motion]:
+    require_room(run.scene, run.mechanism)
+    require_unbuckled(run.scene, run.stiffness_changes)
+    plans = run.compiled_plans  # refuses a step before anything is timed
+    trajectories = {label: _march(run, label, plan) for label, plan in plans.items()}
+    for label, plan in plans.items():
+        plan.require_positive_mass(trajectories[label])
+    return {label: run.motion_by(plan, trajectories[label]) for label, plan in plans.items()}
+
+
+def _march(run: BuiltScene, label: str, plan: Plan) -> Trajectory:
+    """Integrate a run of the scene."""
+    with run.store.monitor(label) as advance, run.while_timed():
+        return plan.march(run.output_times, advance)
+
+
+def march_finely(built: BuiltScene) -> Motion:
+    """Return the motion by the first run at the output times and many more around the tip's largest deflections."""
+    times, _ = built.fine_times
+    if len(times) == len(built.output_times):  # nothing flexible is at the tip
+        return built.motion
+    plan = repeat_choice(next(iter(built.plans.values())), built.motion.trajectory)
+    return built.motion_by(plan, plan.march(times))

@@ -87,7 +87,7 @@ def _formulas(scene: Scene) -> Iterator[tuple[str, TimeFunction]]:
 
 
 def _time_without_value(signal: Signal, duration: float, n_derivatives: int) -> float | None:
-    """Return a time at which a signal or a wanted derivative isn't finite, None if there is none [s]."""
+    """Return a time at which a signal or a needed derivative isn't finite, None if there is none [s]."""
     inside = [
         at for time in signal.breakpoints for at in (np.nextafter(time, -np.inf), time, np.nextafter(time, np.inf))
     ]

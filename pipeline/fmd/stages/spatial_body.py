@@ -21,7 +21,7 @@ from fmd.stages.reduced_files import file_stress, reduce_file_body
 if TYPE_CHECKING:
     from fmd.core.arrays import Array
     from fmd.reduction.body import FlexibleBody
-    from fmd.stages.basis import HeldModel
+    from fmd.stages.basis import ConstrainedModel
 
 _SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages")
 _PACKAGES = ("numpy", "scipy")
@@ -43,7 +43,7 @@ def spatial_body(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
 
 
 def _reduce(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
-    model = _held_anywhere(part)
+    model = _on_any_marker(part)
     if part.is_reduced:
         body = reduce_file_body(model, part.modes, part.shape, part.frame, "auto" if stiffened else "off")
     elif part.joint.marker:
@@ -67,7 +67,7 @@ def surface_stress(part: FlexiblePart, body: FlexibleBody) -> Array | None:
     return file_stress(part.fe, body) if part.has_stress else None
 
 
-def _held_anywhere(part: FlexiblePart) -> HeldModel:
+def _on_any_marker(part: FlexiblePart) -> ConstrainedModel:
     """Return the part's model, on its first marker if no joint carries it."""
     model = part.model
     if not model.markers:
@@ -89,7 +89,7 @@ def superelement(part: FlexiblePart) -> Superelement:
     if part.is_reduced:
         mend = "is a reduced body, without the matrices that a superelement is made of"
         raise InputError(part.file, f"body.{part.name}.body", None, mend)
-    model, settings = _held_anywhere(part), part.shape.modes
+    model, settings = _on_any_marker(part), part.shape.modes
     markers = {name: model.markers[name] for name in settings.interface or model.markers}
 
     def ratios(omega: Array) -> Array:

@@ -71,7 +71,7 @@ def _read_table(path: Path, text: str, at: tuple[str, str]) -> Density:
                 raise InputError(*at, text, f"line {k} isn't two numbers: {row!r}") from None
             continue  # a header
         if values and len(values) != 2:
-            raise InputError(*at, text, f"line {k} has {len(values)} numbers; frequency in Hz and density are wanted")
+            raise InputError(*at, text, f"line {k} has {len(values)} numbers; frequency in Hz and density are needed")
         numbers += [values] if values else []
     table = np.array(numbers).reshape(-1, 2)
     if len(table) < 2 or not (np.diff(table[:, 0]) > 0).all() or not (table > 0).all():

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from typing import Any, Generic, Protocol, TypeVar, overload
 
 from fmd.core.cache import stage_key
@@ -45,8 +46,9 @@ class Stage(Generic[T]):
     ----------
     name : str
         Name in the log, in forecasts and in the cache.
-    compute : callable
-        Makes the result for an object.
+    compute : callable or str
+        Makes the result for an object; ``"module:function"`` of this package is loaded when it is first called, since
+        it loads heavy packages.
     reads : tuple of str
         Stages that are needed to compute it: of the same object, or of each flexible body of the scene.
     inputs : callable, optional
@@ -59,13 +61,13 @@ class Stage(Generic[T]):
     shared_inputs : callable, optional
         As ``inputs``, for a result that is never kept but that bodies of one part have in common.
     applies : callable
-        Tells if an object has such a result: a body without a mesh has no stress.
+        Whether an object has such a result: a body without a mesh has no stress.
     lasts : callable
-        Tells of a result whether it may be kept: one that is not whole may not.
+        Whether a result may be kept: one that is not whole may not.
     """
 
     name: str
-    compute: Callable[[Any], T]
+    compute: Callable[[Any], T] | str
     reads: tuple[str, ...] = ()
     inputs: Callable[[Any], Any] | None = None
     sources: tuple[str, ...] = ()
@@ -83,9 +85,16 @@ class Stage(Generic[T]):
     def of(self, owner: Staged, compute: Callable[[Any], T] | None = None) -> T:
         """Return an object's result, computed or read on first use; ``compute`` is used in place of the stage's own."""
         if self.name not in owner.results:
-            owner.results[self.name] = self._find(owner, partial(compute or self.compute, owner))
+            owner.results[self.name] = self._find(owner, partial(compute or self._load(), owner))
         result: T = owner.results[self.name]
         return result
+
+    def _load(self) -> Callable[[Any], T]:
+        if not isinstance(self.compute, str):
+            return self.compute
+        module, _, function = self.compute.partition(":")
+        found: Callable[[Any], T] = getattr(import_module(f"fmd.stages.{module}"), function)
+        return found
 
     def _find(self, owner: Staged, compute: Callable[[], T]) -> T:
         """Compute a result, unless another body has it or it is kept."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +16,6 @@ from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.stiffening import (
     CLOSED_BY_DEFORMING,
-    GROWTH,
-    MOMENTS,
     MOST_RADIANS,
     NEGLIGIBLE_TERMS,
     OF_PIECES,
@@ -27,7 +25,6 @@ from fmd.core.limits.stiffening import (
     SAMPLED_TIMES,
     SHORT_MARCH,
     SLOPES,
-    SUSPECT,
 )
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
@@ -36,15 +33,14 @@ from fmd.dynamics.open_loads import largest_residual, open_loads
 from fmd.dynamics.transmitted_loads import (
     BodyLoads,
     change_by_inertia,
-    geometric_stiffness_over,
     transmitted_loads,
     without_negligible_terms,
 )
 from fmd.scene.modes import damping_ratios
 from fmd.stages.assembly import movable_rigid
-from fmd.stages.divided_scene import part_of
-from fmd.stages.mass_check import require_inertia
+from fmd.stages.division import part_of
 from fmd.stages.mechanism import build_mechanism, place_joints
+from fmd.stages.run_checks import require_inertia
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
@@ -54,7 +50,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class SpinCheck:
+class StiffeningLoads:
     """Loads through a body over a scene, and whether they count.
 
     Attributes
@@ -87,31 +83,9 @@ class SpinCheck:
     positions: Array = field(repr=False)
 
 
-@dataclass(frozen=True)
-class StiffnessChange:
-    """Change of a stiffened body's stiffness by the loads through it.
-
-    Attributes
-    ----------
-    largest : float
-        Largest change of the stiffness of a shape, as a part of it.
-    buckling : float
-        Largest load as a part of the buckling load; 0 if nothing is compressed.
-    buckles_at : float
-        Time at which it first passes the buckling load [s]; infinite if it never does.
-    growth : float
-        Logarithm of the factor by which a deflection grows while the load is beyond that.
-    """
-
-    largest: float
-    buckling: float
-    buckles_at: float
-    growth: float
-
-
-def check_spins(
+def check_stiffening_loads(
     scene: Scene, bodies: Mapping[str, FlexibleBody], meshed: Collection[str] | None = None
-) -> dict[str, SpinCheck]:
+) -> dict[str, StiffeningLoads]:
     """Check the loads through each flexible body of a scene, and if they count, before anything is integrated.
 
     Parameters
@@ -130,7 +104,7 @@ def check_spins(
     """
     if not bodies:
         return {}
-    wanted, error = scene.simulation.stiffening, scene.simulation.error
+    setting, error = scene.simulation.stiffening, scene.simulation.error
     mechanism = build_mechanism(scene, bodies)
     require_inertia(scene, CompiledSystem(mechanism.rigid))
     rigid = movable_rigid(mechanism)
@@ -147,7 +121,7 @@ def check_spins(
         rates = np.linalg.norm(loads.spin, axis=1)
         largest, first = float(rates.max()), float(body.omega[0])
         critical = critical_rate(body, loads.spin[rates.argmax()])
-        if wanted == "off" and largest >= critical:
+        if setting == "off" and largest >= critical:
             raise InputError(
                 scene.file,
                 "simulation.stiffening",
@@ -161,13 +135,13 @@ def check_spins(
         matters = change * (1.0 + 0.5 * RINGING * min(first * scene.simulation.duration, lasting)) > error
         # Displacements of second order in its pieces also make the rotations of a chain converge faster.
         counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
-        stiffened = wanted == "on" or (wanted == "auto" and counts)
-        checks[name] = SpinCheck(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
+        stiffened = setting == "on" or (setting == "auto" and counts)
+        checks[name] = StiffeningLoads(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
     opened = largest_residual(rigid, motion.times, motion.q) > CLOSED_BY_DEFORMING
-    if wanted == "auto" and (opened or any(check.stiffened for check in checks.values())):
+    if setting == "auto" and (opened or any(check.stiffened for check in checks.values())):
         for name, check in checks.items():  # stretched by a body that deflects, or by a motion that is prescribed
-            held = bool(check.loads.open.any()) and (meshed is None or name in meshed)
-            checks[name] = replace(check, stiffened=check.stiffened or held)
+            strained = bool(check.loads.open.any()) and (meshed is None or name in meshed)
+            checks[name] = replace(check, stiffened=check.stiffened or strained)
     return checks
 
 
@@ -183,8 +157,8 @@ def estimate_change(body: FlexibleBody, loads: BodyLoads) -> float:
     return float(SLOPES * (forces.sum(axis=0) + inertia).max() * (peaks / body.omega**2).max() / length)
 
 
-def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, SpinCheck], error: float) -> Mechanism:
-    """Leave out of a mechanism those terms of stiffening that don't count beside a wanted error.
+def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, StiffeningLoads], error: float) -> Mechanism:
+    """Leave out of a mechanism those terms of stiffening that don't count beside a required error.
 
     Pieces keep all: they count by their own deflection, not by the loads alone.
     """
@@ -199,7 +173,7 @@ def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, SpinCheck], erro
 def keep_inertia_of_pieces(
     linear: Mapping[str, FlexibleBody],
     stiffened: Mapping[str, FlexibleBody],
-    checks: Mapping[str, SpinCheck],
+    checks: Mapping[str, StiffeningLoads],
     error: float,
 ) -> dict[str, FlexibleBody]:
     """Return the pieces among stiffened bodies with their inertia of second order where it counts.
@@ -211,10 +185,10 @@ def keep_inertia_of_pieces(
     ----------
     linear, stiffened : mapping of str to FlexibleBody
         Bodies without and with displacements of second order, by name.
-    checks : mapping of str to SpinCheck
+    checks : mapping of str to StiffeningLoads
         Loads through them.
     error : float
-        Wanted relative error; 0 if it always counts.
+        Required relative error; 0 if it always counts.
     """
     pieces = {name: body for name, body in stiffened.items() if part_of(name)}
     counts = {
@@ -232,62 +206,6 @@ def with_whole_energy(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism in which displacements of second order count with their whole kinetic energy."""
     links = [replace(link, integrals=replace(link.integrals, whole=True)) for link in mechanism.links]
     return replace(mechanism, links=links)
-
-
-def find_changes(mechanism: Mechanism, checks: Mapping[str, SpinCheck]) -> dict[str, StiffnessChange]:
-    """Find the change of stiffness of each stiffened body of a mechanism by the loads through it."""
-    changes = {}
-    for name, check in checks.items():
-        body = mechanism.number_of(name)
-        omega = mechanism.links[body].omega
-        if check.stiffened and len(omega):
-            K = geometric_stiffness_over(mechanism, body, check.loads) / np.outer(omega, omega)
-            parts = np.linalg.eigvalsh(K)
-            lowest = np.linalg.eigvalsh(K * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
-            largest, buckling = float(np.abs(parts).max()), float(max(-parts[:, 0].min(), 0.0))
-            changes[name] = StiffnessChange(largest, buckling, *_instability(check.times, lowest))
-    suspects = [name for name, change in changes.items() if change.buckling > SUSPECT and not part_of(name)]
-    if suspects and (mechanism.closures or mechanism.elements):
-        loads = {mechanism.number_of(name): checks[name].loads for name in changes}
-        held = _find_held_change(mechanism, loads, checks[suspects[0]])
-        changes |= {name: replace(held, largest=changes[name].largest) for name in suspects}
-    return changes
-
-
-def _instability(times: Array, stiffness: Any) -> tuple[float, float]:
-    """Return when the lowest stiffness over mass is first below 0 [s], and the logarithm of what grows by that."""
-    lowest = np.asarray(stiffness, dtype=float)
-    beyond = np.flatnonzero(lowest < 0.0)
-    growth = float(np.trapezoid(np.sqrt(np.maximum(-lowest, 0.0)), times))
-    return float(times[beyond[0]]) if beyond.size else np.inf, growth
-
-
-def _find_held_change(mechanism: Mechanism, loads: Mapping[int, BodyLoads], at: SpinCheck) -> StiffnessChange:
-    """Find how far bodies are from buckling that wouldn't bear their loads alone, but loops or elements hold them."""
-    from fmd.dynamics.compiled_system.shared import share_system
-    from fmd.stages.buckling import held_stiffness
-
-    system = share_system(mechanism)
-    moments = np.unique(np.linspace(0, len(at.times) - 1, MOMENTS).astype(int))
-    held = [held_stiffness(system, loads, k, float(at.times[k]), at.positions[k]) for k in moments]
-    buckling = max(each.buckling for each in held)
-    return StiffnessChange(buckling, buckling, *_instability(at.times[moments], [each.lowest for each in held]))
-
-
-def require_unbuckled(scene: Scene, changes: Mapping[str, StiffnessChange]) -> None:
-    """Raise ``InputError`` if a body would buckle for so long that its deflection grows beyond what is described.
-
-    Pieces of a part describe what follows buckling.
-    """
-    for name, change in changes.items():
-        if change.growth > GROWTH and not part_of(name):
-            raise InputError(
-                scene.file,
-                f"body.{name}",
-                None,
-                f"the body would buckle: from t = {change.buckles_at:.4g} s on the loads through it are up to "
-                f"{change.buckling:.3g} times what it bears; reduce them, or make it stiffer",
-            )
 
 
 def critical_rate(body: FlexibleBody, spin: Array) -> float:

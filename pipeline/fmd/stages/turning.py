@@ -110,7 +110,7 @@ class TurningRotor:
     Raises
     ------
     InputError
-        Nothing tells its axis, or what holds it isn't the same all around.
+        Its axis isn't given, or what supports it isn't the same all around.
     """
 
     def __init__(self, run: Pipeline, in_bearings: bool) -> None:
@@ -118,7 +118,9 @@ class TurningRotor:
         self.scene = scene_in_space(run.scene)
         pipeline = run.variant(self.scene, run.store.monitor)
         # All terms of stiffening stay: they count by the rates of the diagram, not by those of the scene.
-        pipeline = pipeline.with_bodies({name: _stiffened(pipeline, name) for name in pipeline.parts}, spin={})
+        pipeline = pipeline.with_bodies(
+            {name: _stiffened(pipeline, name) for name in pipeline.parts}, stiffening_loads={}
+        )
         self.pipeline, self.mechanism = pipeline, pipeline.mechanism
         self.rest, _ = place_joints(pipeline.divided_scene, self.mechanism)
         way = InBearings(self.scene, self.mechanism) if in_bearings else _find_hub(pipeline, self.mechanism, self.rest)

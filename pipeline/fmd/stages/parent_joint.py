@@ -17,7 +17,7 @@ Direction = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class InboardJoint:
+class ParentJoint:
     """The joint that carries a body, as far as the body's reduction depends on it.
 
     Attributes
@@ -64,13 +64,13 @@ class InboardJoint:
         return np.array(self.axis) if self.in_plane else None
 
 
-def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
+def read_parent_joint(scene: Scene, body: str) -> ParentJoint:
     """Read from a scene how the joint that carries a flexible body holds it."""
     gravity = scene.moves and any(scene.simulation.gravity)
     if body not in scene.carrying:  # a scene of parts alone
         axis = (0.0, 0.0, 1.0)
         loaded = _loaded_markers(scene, body, axis)
-        return InboardJoint("", axis, (), floating=True, prescribed=False, in_plane=False, loaded=loaded)
+        return ParentJoint("", axis, (), floating=True, prescribed=False, in_plane=False, loaded=loaded)
     name = scene.carrying[body]
     joint = scene.joint[name]
     prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
@@ -95,7 +95,7 @@ def read_inboard_joint(scene: Scene, body: str) -> InboardJoint:
         free = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     on_ground = joint.parent.partition(".")[0] == "ground"
     about_an_axis = joint.kind.is_hinge and on_ground and np.count_nonzero(axis) == 1
-    return InboardJoint(
+    return ParentJoint(
         marker=joint.child.partition(".")[2],
         axis=axis,
         free=free,

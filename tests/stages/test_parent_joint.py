@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from fmd import load_scene
-from fmd.stages.inboard_joint import read_inboard_joint
+from fmd.stages.parent_joint import read_parent_joint
 
 
 def joint(*overrides: str, scene: str = "beam", body: str = "beam"):
-    return read_inboard_joint(load_scene(scene, overrides), body)
+    return read_parent_joint(load_scene(scene, overrides), body)
 
 
 def test_a_driven_hinge_on_the_ground_lets_the_body_turn_about_one_coordinate_axis():
@@ -76,6 +76,6 @@ def test_gravity_and_loads_out_of_the_plane_of_the_hinges_make_a_motion_in_space
 
 
 def test_a_scene_of_parts_alone_has_a_floating_body():
-    part = read_inboard_joint(load_scene("beam").model_copy(update={"joint": {}}), "beam")
+    part = read_parent_joint(load_scene("beam").model_copy(update={"joint": {}}), "beam")
     assert part.marker == ""
     assert part.floating

@@ -1,0 +1,176 @@
+"""What is refused before anything is integrated: steps, joints without inertia, results beyond the memory."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.limits.mechanism import NO_INERTIA
+from fmd.core.limits.memory import ALWAYS_FIT, FINE_RUNS, NUMBERS_OF_BODY, NUMBERS_OF_COORDINATE
+from fmd.core.limits.stepping import MANY_RADIANS, MOST_STEPS
+from fmd.dynamics.fastest_part import find_fastest_part
+from fmd.integrators.missed_work import round_down
+from fmd.reduction.factor.figures import available_memory
+from fmd.scene.runs import name_methods
+
+if TYPE_CHECKING:
+    from fmd.dynamics.compiled_system.system import CompiledSystem
+    from fmd.dynamics.mechanism import Mechanism
+    from fmd.integrators.protocol import Integrator
+    from fmd.scene.scene import Scene
+    from fmd.scene.simulation import Simulation
+
+
+def require_resolved_loads(file: str, key: str, method: Integrator, system: CompiledSystem) -> None:
+    """Check that a method with a fixed step doesn't step over a load.
+
+    Raises
+    ------
+    InputError
+        A load acts, rises and falls, or vibrates within too few steps; the message has a step that works.
+    """
+    if not method.step:
+        return
+    cycle = method.load_cycle(system)
+    longest, lasts = system.resolving_step(cycle * method.step)
+    if longest >= cycle * method.step:
+        return
+    frozen = f", which freezes loads over {cycle} steps," if cycle > 1 else ""
+    raise InputError(
+        file,
+        key,
+        f"{method.step:.6g} s",
+        f"a load acts for {lasts:.4g} s only, which {method.name}{frozen} would step over; "
+        f"a step of {round_down(longest / cycle):g} s or less works, and "
+        f"{name_methods('chooses_steps', 'keeps_loops')} find theirs",
+    )
+
+
+def require_countable_steps(file: str, key: str, step: float, duration: float) -> None:
+    """Check that a march by a fixed step [s] can come to an end.
+
+    Raises
+    ------
+    InputError
+        It takes more steps than a machine does in days.
+    """
+    if 0.0 < step * MOST_STEPS < duration:
+        shortest = duration / MOST_STEPS
+        raise InputError(
+            file,
+            key,
+            f"{step:.6g} s",
+            f"makes {duration / step:.3g} steps, which never come to an end; {1.1 * shortest:.2g} s or longer does",
+        )
+
+
+def require_known_phases(file: str, key: str, method: Integrator, system: CompiledSystem, run: Simulation) -> None:
+    """Check that double precision knows the phase of the fastest vibration to the required error up to the end.
+
+    Only the exponential method gives it for any step; others refuse such a step, or damp such vibrations.
+
+    Raises
+    ------
+    InputError
+        Vibrations are too many; the message names the part that makes them.
+    """
+    lost = method.lost_phase(system, run.duration)
+    if lost > run.error:
+        raise InputError(
+            file,
+            key,
+            f"{method.step:.6g} s",
+            f"round-off leaves the phase of the fastest vibration unknown by {lost:.1g} rad at the end"
+            f"{describe_fastest(system, run.duration)}",
+        )
+
+
+def describe_fastest(system: CompiledSystem, duration: float) -> str:
+    """Name the part whose vibration or decay is too fast for a duration [s], and a value that is not; else nothing."""
+    part = find_fastest_part(system)
+    if part is None or not part.rate * duration > MANY_RADIANS:
+        return ""
+    share, times = MANY_RADIANS / (part.rate * duration), part.rate * duration
+    if part.damps:
+        return (
+            f"; the damper of {part.name} stops what it moves in {1.0 / part.rate:.2g} s, {times:.1e} of which are in "
+            f"{duration:g} s: {share:.1g} times its value or less is quickly marched, and a joint in its place holds "
+            "without any"
+        )
+    hertz = part.rate / (2 * np.pi)
+    return (
+        f"; the stiffness of {part.name} makes vibrations of {hertz:.2g} Hz, {hertz * duration:.1e} in {duration:g} s: "
+        f"{share**2:.1g} times its value or less is quickly marched, a joint in its place holds without any, and "
+        f"{name_methods('passes_over')} passes over fast vibrations"
+    )
+
+
+def require_inertia(scene: Scene, system: CompiledSystem) -> None:
+    """Raise ``InputError`` if a joint has a motion that nothing resists: no mass moves in it.
+
+    A rod or a point mass on a ball joint, for one, turns about its own axis without any inertia.
+    """
+    M, _, _ = system.linear_matrices
+    if not len(M):
+        return
+    sizes = np.sqrt(np.maximum(M.diagonal(), 0.0))
+    sizes[sizes == 0.0] = 1.0
+    least, vectors = np.linalg.eigh(M / np.outer(sizes, sizes))
+    if least[0] > NO_INERTIA * len(M):
+        return
+    joint, motion = _describe_rate(system.mechanism, vectors[:, 0] / sizes)
+    raise InputError(
+        scene.file,
+        f"joint.{joint}",
+        None,
+        f"nothing has inertia against its {motion}; give what it carries an extent (shape 'rigid' with inertias above "
+        "0 or 'rod' across the axis), or take a joint without this motion",
+    )
+
+
+def _describe_rate(mechanism: Mechanism, vector: Array) -> tuple[str, str]:
+    """Return the joint that moves most in a combination of rates (n,), and its motion in words."""
+    parts = [vector[at : at + link.n_rates] for at, link in zip(mechanism.layout.rate, mechanism.links, strict=True)]
+    worst = int(np.argmax([np.abs(part).max(initial=0.0) for part in parts]))
+    link, part = mechanism.links[worst], parts[worst]
+    slides = link.n_slides
+    turns = int(np.abs(part).argmax()) >= slides
+    part = part[slides:] if turns else part[:slides]
+    if len(part) == 1:
+        return link.joint_name, "rotation" if turns else "displacement"
+    direction = part / part[np.abs(part).argmax()]
+    text = ", ".join(f"{x:.3g}" for x in np.where(np.abs(direction) < 1e-6, 0.0, direction) + 0.0)
+    return link.joint_name, f"{'rotation about' if turns else 'displacement along'} [{text}] in the child's axes"
+
+
+def result_bytes(mechanism: Mechanism, n_runs: int) -> float:
+    """Return the memory that each output time of a scene's motions takes [bytes]."""
+    numbers = NUMBERS_OF_BODY * len(mechanism.links) + NUMBERS_OF_COORDINATE * (mechanism.n_positions + mechanism.n)
+    fine = FINE_RUNS if any(len(link.omega) for link in mechanism.links) else 0
+    return 8.0 * numbers * (n_runs + fine)
+
+
+def require_room(scene: Scene, mechanism: Mechanism) -> None:
+    """Check that the results of a scene's runs at all output times fit into the memory.
+
+    Raises
+    ------
+    InputError
+        They don't; the message has the shortest output step that fits.
+    """
+    simulation = scene.simulation
+    assert simulation is not None
+    n_outputs, each = simulation.duration / simulation.output_step, result_bytes(mechanism, len(simulation.run))
+    if n_outputs * each <= ALWAYS_FIT or n_outputs * each <= (free := available_memory()):
+        return
+    shortest = simulation.duration * each / free
+    raise InputError(
+        scene.file,
+        "simulation.output_step",
+        f"{simulation.output_step:.6g} s",
+        f"makes {n_outputs:.3g} output times, whose results take about {n_outputs * each / 1e9:.3g} GB of memory; "
+        f"{free / 1e9:.3g} GB are free: {1.1 * shortest:.2g} s or longer fits",
+    )
