@@ -7,7 +7,7 @@ from fmd.fem.mesh import SolidMesh
 from fmd.fem.partition import PartitionError, interior_facets
 from fmd.fem.space import Discretisation
 from fmd.meshes.bar import hexahedral_bar
-from fmd.stages.piece_mesh import join_pieces
+from fmd.stages.pieces import join_pieces
 
 
 def test_two_pieces_have_a_cut_in_each_place_where_they_touch() -> None:

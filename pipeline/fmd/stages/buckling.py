@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import eigh, null_space
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
@@ -142,6 +141,8 @@ def constrained_stiffness(
     rigid_positions : ndarray
         Positions of the mechanism with all bodies rigid at that moment.
     """
+    from scipy.linalg import eigh
+
     mechanism = system.mechanism
     q = undeformed_positions(mechanism, mechanism.rigid, rigid_positions)
     elastic, geometric = system.linear_forces.K, np.zeros((mechanism.n, mechanism.n))
@@ -205,6 +206,8 @@ def _work_of_turning(mechanism: Mechanism, body: int, loads: BodyLoads, turns: A
 
 def _elastic_directions(system: CompiledSystem, t: float, q: Array) -> Array:
     """Return a basis (n, k) of the motions that keep loops closed, less those in which joints alone move."""
+    from scipy.linalg import null_space
+
     n = system.n
     J = system.compiled.constraint_jacobian(t, q) if system.compiled.rows else np.zeros((0, n))
     joints = np.setdiff1d(
