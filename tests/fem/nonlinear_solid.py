@@ -56,7 +56,7 @@ class NonlinearSolid:
         """Return the deformation gradient F and the second Piola–Kirchhoff stress S of a field u (n_nodes, 3)."""
         H = self._points[0].swapaxes(2, 3) @ u[self.fe.discretisation.element_nodes][:, None]  # [..., j, i]: ∂u_i/∂x_j
         F = H.swapaxes(2, 3) + np.eye(3)
-        E = 0.5 * (F.swapaxes(2, 3) @ F - np.eye(3))
+        E = 0.5 * (H + H.swapaxes(2, 3) + H @ H.swapaxes(2, 3))  # of H, as F would round small strains off
         lam, mu = self.fe.material.lame
         return F, lam * np.trace(E, axis1=2, axis2=3)[..., None, None] * np.eye(3) + 2 * mu * E
 
