@@ -149,6 +149,12 @@ class Row:
         return self._stated(NUMERICAL)
 
     @property
+    def is_lower_bound(self) -> bool:
+        """True if an estimate is missing, so that the stated error is a part of the whole."""
+        missing = (part for source in SOURCES if isinstance(part := self.parts.get(source, NO_PART), str))
+        return MORE_OF_MODEL in self.parts or MORE_OF_MESH in self.parts or any(part != NO_PART for part in missing)
+
+    @property
     def dominant(self) -> str:
         """Source with the largest estimate, of those that finer computations lower."""
         return max(NUMERICAL, key=self._estimate)

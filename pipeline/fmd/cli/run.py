@@ -210,6 +210,9 @@ def _answers(summary: dict[str, Any]) -> list[str]:
     for file, life in summary.get("fatigue", {}).items():
         repeats, place = life["repeats_to_failure"], f"node {life['node']} of {life['body']}"
         lasts = "nothing is damaged" if repeats is None else f"{place} lasts {repeats:.3g} repeats of the motion"
+        if repeats is not None and (interval := life["repeats_interval"]) is not None:
+            low, high = ("∞" if end is None else f"{end:.3g}" for end in interval)
+            lasts += f" ({low} to {high})"
         lines.append(f"{file}: {lasts}")
     for joint, position in summary["final"].get("joint_positions", {}).items():
         unit = summary["joint_units"][joint]

@@ -15,11 +15,19 @@ from fmd.fem.surface import surface_normals
 from fmd.output.csv_rows import write_rows
 from fmd.output.mechanism_view import body_surface
 from fmd.output.views import camera_of
-from fmd.recovery.fatigue import FatigueLaw, FatigueLife, fatigue_by_critical_plane, fatigue_by_signed_von_mises
+from fmd.recovery.fatigue import (
+    FatigueLaw,
+    FatigueLife,
+    fatigue_by_critical_plane,
+    fatigue_by_findley,
+    fatigue_by_signed_von_mises,
+)
+from fmd.recovery.stress import StressHistory
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.colours import stress_limits
 
 if TYPE_CHECKING:
+    from fmd.accuracy.error_budget import Budget
     from fmd.scene.stress_outputs import Envelope, Fatigue, SurfaceField
     from fmd.stages.pipeline import Pipeline
 
@@ -72,20 +80,38 @@ def find_fatigue(run: Pipeline, output: Fatigue) -> FatigueLife:
 
     Outputs that ask for the same share it.
     """
-    asked = output.model_dump_json(include={"body", "sn", "stress", "planes", "mean_stress", "count"})
+    asked = output.model_dump_json(include={"body", "sn", "stress", "findley", "planes", "mean_stress", "count"})
     key = f"fatigue {asked} {_share(output)}"
     if key not in run.results:
-        run.results[key] = _assess(run, output)
+        run.results[key] = _assess(run, output, run.stress_of(output.body), fatigue_law(output))
     found: FatigueLife = run.results[key]
     return found
 
 
-def _assess(run: Pipeline, output: Fatigue) -> FatigueLife:
-    stress, law = run.stress_of(output.body), fatigue_law(output)
-    if output.stress == "critical plane":
-        normals = surface_normals(run.node_positions(output.body), run.wholes[output.body].surface)
-        return fatigue_by_critical_plane(stress, normals, law, output.count, _share(output), output.planes)
-    return fatigue_by_signed_von_mises(stress, law, output.count, _share(output))
+def life_interval(run: Pipeline, output: Fatigue, error: float) -> list[float | None]:
+    """Return the repeats to failure of the worst node, at least and at most, if stress is off by a share of itself.
+
+    A stress that is off by less than a share e of the true one lies between ``1 − e`` and ``1 + e`` times that.
+    """
+    stress, worst = run.stress_of(output.body), find_fatigue(run, output).worst(1)
+    alone = StressHistory(stress.nodes[worst], stress.modal[worst], stress.times, stress.q)
+
+    def repeats(share: float) -> float | None:
+        if share <= 0.0:
+            return 0.0
+        found = float(_assess(run, output, alone, fatigue_law(output).stronger(share)).damage[0])
+        return 1.0 / found if found > 0.0 else None
+
+    return [repeats(1.0 - error), repeats(1.0 + error)]
+
+
+def _assess(run: Pipeline, output: Fatigue, stress: StressHistory, law: FatigueLaw) -> FatigueLife:
+    if output.stress == "signed von Mises":
+        return fatigue_by_signed_von_mises(stress, law, output.count, _share(output))
+    surface = run.wholes[output.body].surface
+    normals = surface_normals(run.node_positions(output.body), surface)[np.isin(surface.nodes, stress.nodes)]
+    assess = fatigue_by_findley if output.stress == "findley" else fatigue_by_critical_plane
+    return assess(stress, normals, law, output.count, _share(output), output.planes)
 
 
 def _share(output: Fatigue) -> float:
@@ -102,7 +128,7 @@ def fatigue_law(output: Fatigue) -> FatigueLaw:
         correction, constant = "goodman", mean.goodman
     elif mean is not None and mean.fkm is not None:
         correction, constant = "fkm", mean.fkm
-    return FatigueLaw(sn.amplitude, sn.cycles, sn.slope, float(beyond), correction, constant)
+    return FatigueLaw(sn.amplitude, sn.cycles, sn.slope, float(beyond), correction, constant, output.findley)
 
 
 def write_fatigue(run: Pipeline, output: Fatigue, folder: Path) -> list[str]:
@@ -167,12 +193,27 @@ def summarise_fields(run: Pipeline) -> dict[str, Any]:
                 "body": output.body,
                 "damage": float(life.damage[k]),
                 "repeats_to_failure": repeats,
+                "repeats_interval": None,
+                "why": "no error budget states the stress",
                 "life_s": None if repeats is None else repeats * float(np.ptp(run.motion.times)),
                 "nodes": len(life.nodes),
                 "assessed_nodes": int(life.assessed.sum()),
                 **_place(run, output.body, k),
             }
     return summary
+
+
+def state_lives(run: Pipeline, summary: dict[str, Any], budget: Budget) -> None:
+    """State between what the lives of a summary lie, by the errors of the largest stress."""
+    for output in run.scene.output:
+        if output.type == "fatigue":
+            row = next((row for row in budget.rows if row.name == f"{output.body}, largest von Mises stress"), None)
+            life = summary["fatigue"][output.file]
+            if row is None or row.is_lower_bound:
+                life["why"] = "the error of the largest stress is not whole"
+                continue
+            life["repeats_interval"] = life_interval(run, output, row.total)
+            del life["why"]
 
 
 def _place(run: Pipeline, body: str, k: int) -> dict[str, Any]:

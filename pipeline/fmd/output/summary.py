@@ -24,7 +24,7 @@ from fmd.output.histories import extremes
 from fmd.output.loops import loop_figures, loop_warnings
 from fmd.output.output_times import output_time_warnings
 from fmd.output.spot_stress import spot_stress_warnings
-from fmd.output.stress_fields import summarise_fields
+from fmd.output.stress_fields import state_lives, summarise_fields
 from fmd.recovery.motion import Motion
 from fmd.scene.histories import ExtremesTable
 from fmd.stages.division import part_of
@@ -111,6 +111,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     if budget and ERROR_BUDGET.applies(run):
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()
+        state_lives(run, summary, stated)
         summary["warnings"] += [*uncertain_warnings(run.scene, stated), *_budget_warnings(run, stated, budget_seconds)]
     return summary | {
         "files": files,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -39,6 +39,8 @@ class FatigueLaw:
         ``none``, ``goodman`` or ``fkm``.
     constant : float
         Tensile strength [Pa] for Goodman's line, sensitivity to mean stress M, 0 to 1, for the FKM guideline.
+    findley : float
+        Coefficient k of the normal stress in Findley's parameter.
     """
 
     amplitude: float
@@ -47,12 +49,24 @@ class FatigueLaw:
     slope_beyond: float
     correction: str = "none"
     constant: float = 0.0
+    findley: float = 0.25
 
     @property
     def numbers(self) -> Array:
-        """The law as the kernels take it, shape (6,)."""
-        correction = float(_CORRECTIONS.index(self.correction))
-        return np.array([correction, self.constant, self.amplitude, self.cycles, self.slope, self.slope_beyond])
+        """The law as the kernels take it, shape (7,)."""
+        knee = (self.amplitude, self.cycles, self.slope, self.slope_beyond)
+        return np.array([_CORRECTIONS.index(self.correction), self.constant, *knee, self.findley], dtype=float)
+
+    def stronger(self, share: float) -> FatigueLaw:
+        """Return the law of a material that bears stress so many times as large."""
+        return replace(
+            self, amplitude=share * self.amplitude, constant=self.constant * (share if self.is_goodman else 1)
+        )
+
+    @property
+    def is_goodman(self) -> bool:
+        """True if the correction's constant is a stress."""
+        return self.correction == "goodman"
 
 
 @dataclass(frozen=True)
@@ -91,12 +105,96 @@ class FatigueLife:
 
 
 @dataclass(frozen=True)
-class _Measure:
-    """A stress whose history is counted: rows of modal stress, bounds of its size, and histories to damage."""
+class _SignedVonMises:
+    """Von Mises stress with the sign of the principal stress that is the largest by size."""
 
-    rows: Array  # (n_nodes, k, n_modes)
-    sizes: Array  # (n_nodes, n_modes): a norm of each mode's stress that is no smaller than the stress counted
-    directions: Array  # (n_planes, 3); none for signed von Mises stress
+    rows: Array  # (n_nodes, 6, n_modes)
+
+    def bounds(self, peaks: Array, law: FatigueLaw) -> Array:
+        """Return what the stress is nowhere above in stretches of time, by the peaks of the coordinates there."""
+        return np.asarray(von_mises(self.rows) @ peaks)
+
+    def damage(self, tensors: Array, numbers: Array, damage: Array, planes: IntArray) -> None:
+        """Fill damage and numbers of planes of nodes by their stress, (n_nodes, k, n)."""
+        from fmd.recovery.kernels.node_damage import damage_of_histories, sign_von_mises
+
+        histories = np.empty((len(tensors), tensors.shape[2]))
+        sign_von_mises(tensors, histories)
+        damage_of_histories(histories, numbers, np.empty((5, tensors.shape[2])), damage)
+
+    def normal(self, planes: IntArray) -> Array:
+        """Return the critical planes' normals; there are none."""
+        return np.zeros((0, 3))
+
+
+@dataclass(frozen=True)
+class _NormalStress:
+    """Normal stress on planes that stand on the surface."""
+
+    rows: Array  # (n_nodes, 3, n_modes): along both axes of the surface, and the shear stress between them
+    axes: Array  # (n_nodes, 2, 3)
+    n_azimuths: int
+
+    @property
+    def azimuths(self) -> Array:
+        """Angles of the normals in the surface, shape (n_azimuths,)."""
+        return np.pi * np.arange(self.n_azimuths) / self.n_azimuths
+
+    @property
+    def directions(self) -> Array:
+        """What gives a plane's normal stress from the rows, shape (n_azimuths, 3)."""
+        c, s = np.cos(self.azimuths), np.sin(self.azimuths)
+        return np.stack([c * c, s * s, 2.0 * c * s], axis=1)
+
+    def bounds(self, peaks: Array, law: FatigueLaw) -> Array:
+        """Return what the stress is nowhere above in stretches of time, by the peaks of the coordinates there."""
+        sizes = np.sqrt(self.rows[:, 0] ** 2 + self.rows[:, 1] ** 2 + 2.0 * self.rows[:, 2] ** 2)
+        return np.asarray(sizes @ peaks)
+
+    def damage(self, tensors: Array, numbers: Array, damage: Array, planes: IntArray) -> None:
+        """Fill damage and numbers of planes of nodes by their stress, (n_nodes, k, n)."""
+        from fmd.recovery.kernels.node_damage import damage_of_planes
+
+        n = tensors.shape[2]
+        damage_of_planes(tensors, self.directions, numbers, np.empty(n), np.empty((5, n)), damage, planes)
+
+    def normal(self, planes: IntArray) -> Array:
+        """Return the critical planes' normals, shape (n_nodes, 3)."""
+        angle = self.azimuths[planes]
+        return np.cos(angle)[:, None] * self.axes[:, 0] + np.sin(angle)[:, None] * self.axes[:, 1]
+
+
+@dataclass(frozen=True)
+class _Findley(_NormalStress):
+    """Shear stress of each cycle on a plane, and its largest normal stress there."""
+
+    k: float = 0.25
+
+    def bounds(self, peaks: Array, law: FatigueLaw) -> Array:
+        """Return what the parameter is nowhere above in stretches of time, as a uniaxial stress about zero.
+
+        Half the difference of two principal stresses is at most 1/√2 of the tensor's norm; the normal stress of a cycle
+        may be that of another stretch.
+        """
+        norms = super().bounds(peaks, law)
+        worst = norms.max(axis=1, keepdims=True)
+        return np.asarray(2.0 * (np.sqrt(0.5) * norms + self.k * worst) / (self.k + np.hypot(1.0, self.k)))
+
+    def damage(self, tensors: Array, numbers: Array, damage: Array, planes: IntArray) -> None:
+        """Fill damage and numbers of planes of nodes by their stress, (n_nodes, k, n)."""
+        from fmd.recovery.kernels.node_damage import damage_by_findley
+
+        n = tensors.shape[2]
+        damage_by_findley(tensors, self.directions, numbers, np.empty((4, n)), np.empty((5, n)), damage, planes)
+
+    def normal(self, planes: IntArray) -> Array:
+        """Return the critical planes' normals, shape (n_nodes, 3)."""
+        lean = np.where(planes % 2 == 1, np.pi / 4 + 0.5 * np.arctan(self.k), np.pi / 2)[:, None]
+        flat = super().normal(planes // 2)
+        return np.asarray(np.sin(lean) * flat + np.cos(lean) * np.cross(self.axes[:, 0], self.axes[:, 1]))
+
+
+_Measure = _SignedVonMises | _NormalStress
 
 
 def fatigue_by_signed_von_mises(
@@ -116,9 +214,7 @@ def fatigue_by_signed_von_mises(
         Threads; all cores by default. It changes no number.
     """
     modal, q = _decorrelated(stress)
-    measure = _Measure(modal, von_mises(modal), np.zeros((0, 3)))
-    damage, _, assessed = _assess(measure, q, law, worst, share, workers)
-    return FatigueLife(stress.nodes, damage, assessed, _floor(damage, worst, share))
+    return _assess(_SignedVonMises(modal), stress.nodes, q, law, worst, share, workers)
 
 
 def fatigue_by_critical_plane(
@@ -141,25 +237,47 @@ def fatigue_by_critical_plane(
     planes : int
         Number of planes, evenly over half a turn about the surface's normal.
     """
+    rows, axes, q = _in_surface(stress, normals)
+    return _assess(_NormalStress(rows, axes, planes), stress.nodes, q, law, worst, share, workers)
+
+
+def fatigue_by_findley(
+    stress: StressHistory,
+    normals: Array,
+    law: FatigueLaw,
+    worst: int,
+    share: float,
+    planes: int = 18,
+    workers: int | None = None,
+) -> FatigueLife:
+    """Assess Findley's parameter ``τ_a + k σ_n`` on planes of all directions, and keep the plane with the most damage.
+
+    Parameters are those of `fatigue_by_critical_plane`; ``planes`` stand on the surface, and as many lean.
+
+    References
+    ----------
+    Findley, A theory for the effect of mean stress on fatigue of metals under combined torsion and axial load or
+    bending, J Eng Ind 81 (1959) 301-306.
+    """
+    rows, axes, q = _in_surface(stress, normals)
+    return _assess(_Findley(rows, axes, planes, law.findley), stress.nodes, q, law, worst, share, workers)
+
+
+def _in_surface(stress: StressHistory, normals: Array) -> tuple[Array, Array, Array]:
+    """Return modal stress in the surface (n_nodes, 3, n), the surface's axes there (n_nodes, 2, 3), and coordinates."""
     modal, q = _decorrelated(stress)
-    axes = _tangents(normals)  # (n_nodes, 2, 3)
+    axes = _tangents(normals)
     full = modal[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
     in_plane = np.einsum("nai,nijm,nbj->nabm", axes, full, axes, optimize=True)
-    rows = np.ascontiguousarray(np.stack([in_plane[:, 0, 0], in_plane[:, 1, 1], in_plane[:, 0, 1]], axis=1))
-    sizes = np.sqrt(rows[:, 0] ** 2 + rows[:, 1] ** 2 + 2.0 * rows[:, 2] ** 2)
-    angles = np.pi * np.arange(planes) / planes
-    c, s = np.cos(angles), np.sin(angles)
-    measure = _Measure(rows, sizes, np.stack([c * c, s * s, 2.0 * c * s], axis=1))
-    damage, numbers, assessed = _assess(measure, q, law, worst, share, workers)
-    normal = c[numbers, None] * axes[:, 0] + s[numbers, None] * axes[:, 1]
-    return FatigueLife(stress.nodes, damage, assessed, _floor(damage, worst, share), normal)
+    rows = np.stack([in_plane[:, 0, 0], in_plane[:, 1, 1], in_plane[:, 0, 1]], axis=1)
+    return np.ascontiguousarray(rows), axes, q
 
 
 def _decorrelated(stress: StressHistory) -> tuple[Array, Array]:
     """Return modal stress (n_nodes, 6, n) and coordinates (n, n_times) of which each is alone as large as it can be."""
-    _, sizes, ways = np.linalg.svd(stress.q, full_matrices=False)
-    ways = ways[sizes > 1e-13 * sizes.max(initial=0.0)]
-    return np.ascontiguousarray(stress.modal @ ways.T), np.ascontiguousarray(ways @ stress.q.T)
+    _, sizes, directions = np.linalg.svd(stress.q, full_matrices=False)
+    directions = directions[sizes >= 1e-13 * sizes.max(initial=0.0)]  # all of them at rest
+    return np.ascontiguousarray(stress.modal @ directions.T), np.ascontiguousarray(directions @ stress.q.T)
 
 
 def _tangents(normals: Array) -> Array:
@@ -179,33 +297,26 @@ def _floor(damage: Array, worst: int, share: float) -> float:
 
 
 def _assess(
-    measure: _Measure, q: Array, law: FatigueLaw, worst: int, share: float, workers: int | None
-) -> tuple[Array, IntArray, IntArray]:
-    """Return damage (n_nodes,), the numbers of the critical planes, and what was assessed."""
-    from fmd.recovery.kernels.node_damage import damage_of_histories, damage_of_planes, sign_von_mises
+    measure: _Measure, nodes: IntArray, q: Array, law: FatigueLaw, worst: int, share: float, workers: int | None
+) -> FatigueLife:
+    """Assess nodes in the order of the bounds of their damage, down to what is wanted."""
     from fmd.recovery.kernels.rainflow import bound_damage
 
-    n_nodes, (_, n_times), numbers = len(measure.rows), q.shape, law.numbers
+    n_nodes, n_times, numbers = len(measure.rows), q.shape[1], law.numbers
     bounds = np.zeros(n_nodes)
     starts = np.arange(0, n_times, max(1, n_times // FATIGUE_STRETCHES))
     peaks = np.maximum.reduceat(np.abs(q), starts, axis=1)  # of each coordinate in each stretch of time
-    bound_damage(measure.sizes @ peaks * (1.0 + 1e-9), np.diff(starts, append=n_times) * 1.0, numbers, bounds)
+    stresses = measure.bounds(peaks, law) * (1.0 + 1e-9)
+    bound_damage(stresses, np.diff(starts, append=n_times) * 1.0, numbers, bounds)
     order = np.argsort(-bounds, kind="stable")
     damage, planes = np.zeros(n_nodes), np.zeros(n_nodes, dtype=np.int64)
     assessed = np.zeros(n_nodes, dtype=bool)
 
-    def assess(nodes: IntArray) -> None:
-        rows, room, own = measure.rows[nodes], np.empty((5, n_times)), np.empty(len(nodes))
+    def assess(chosen: IntArray) -> None:
+        rows, own, numbered = measure.rows[chosen], np.empty(len(chosen)), np.zeros(len(chosen), dtype=np.int64)
         tensors = (rows.reshape(-1, rows.shape[2]) @ q).reshape(*rows.shape[:2], n_times)
-        if len(measure.directions):
-            numbered = np.zeros(len(nodes), dtype=np.int64)
-            damage_of_planes(tensors, measure.directions, numbers, np.empty(n_times), room, own, numbered)
-            planes[nodes] = numbered
-        else:
-            histories = np.empty((len(nodes), n_times))
-            sign_von_mises(tensors, histories)
-            damage_of_histories(histories, numbers, room, own)
-        damage[nodes] = own
+        measure.damage(tensors, numbers, own, numbered)
+        damage[chosen], planes[chosen] = own, numbered
 
     with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count()) as threads:
         for start in range(0, n_nodes, FATIGUE_ROUND):
@@ -214,4 +325,4 @@ def _assess(
             chosen = order[start : start + FATIGUE_ROUND]
             list(threads.map(assess, [chosen[k : k + FATIGUE_NODES] for k in range(0, len(chosen), FATIGUE_NODES)]))
             assessed[chosen] = True
-    return damage, planes, assessed
+    return FatigueLife(nodes, damage, assessed, _floor(damage, worst, share), measure.normal(planes))

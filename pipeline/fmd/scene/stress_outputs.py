@@ -130,12 +130,17 @@ class Fatigue(SurfaceField):
     sn : SnCurve
         The material's S–N curve.
     stress : str
-        Stress whose cycles are counted: von Mises stress with the sign of the principal stress that is the largest by
-        size, or normal stress on the worst of several planes across the surface.
+        Stress whose cycles are counted: shear with the largest normal stress of each cycle on the worst plane
+        (``"findley"``), normal stress on the worst plane (``"critical plane"``, for brittle materials), or von Mises
+        stress with the sign of the principal stress that is the largest by size (``"signed von Mises"``, for one
+        direction of stress).
+    findley : float
+        Coefficient k of the normal stress in Findley's ``τ_a + k σ_n``; with limits of torsion t and bending f about zero
+        ``t/f = (1 + k/√(1 + k²))/2``.
     planes : int
-        Number of these planes.
+        Number of directions of planes around the surface's normal.
     mean_stress : MeanStress, optional
-        Correction for mean stress; none by default.
+        Correction for mean stress, which Findley's parameter has in it; none by default.
 
     Examples
     --------
@@ -145,19 +150,23 @@ class Fatigue(SurfaceField):
         type = "fatigue"
         file = "life.png"
         body = "beam"
-        stress = "critical plane"
         sn = { amplitude = "90 MPa", cycles = 1e6, slope = 6, slope_beyond = 11 }
-        mean_stress = { goodman = "310 MPa" }
     """
 
     type: Literal["fatigue"]
     sn: SnCurve
-    stress: Literal["signed von Mises", "critical plane"] = "signed von Mises"
+    stress: Literal["findley", "critical plane", "signed von Mises"] = "findley"
+    findley: Annotated[Number, Field(ge=0.0, le=2.0)] = 0.25
     planes: Annotated[int, Field(strict=True, ge=2, le=180)] = 18
     mean_stress: MeanStress | None = None
 
     @model_validator(mode="after")
-    def _planes_where_needed(self) -> Fatigue:
-        if "planes" in self.model_fields_set and self.stress != "critical plane":
-            raise FaultError("has no effect: it belongs to stress = 'critical plane'", "planes")
+    def _keys_of_the_stress(self) -> Fatigue:
+        if "planes" in self.model_fields_set and self.stress == "signed von Mises":
+            raise FaultError("has no effect: it belongs to stress = 'findley' and 'critical plane'", "planes")
+        if "findley" in self.model_fields_set and self.stress != "findley":
+            raise FaultError("has no effect: it belongs to stress = 'findley'", "findley")
+        if self.mean_stress is not None and self.stress == "findley":
+            why = "can't be: stress = 'findley' has the mean stress in it, by its findley; leave it out, or take another"
+            raise FaultError(why, "mean_stress")
         return self

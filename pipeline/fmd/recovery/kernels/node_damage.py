@@ -1,4 +1,4 @@
-"""Damage of nodes by histories of their stress: signed von Mises, or normal stress on planes across the surface."""
+"""Damage of nodes by histories of their stress: signed von Mises, normal stress on planes, or Findley's parameter."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.jit.compiled import inner, kernel
 from fmd.recovery.kernels.principal import principal_stresses
-from fmd.recovery.kernels.rainflow import history_damage
+from fmd.recovery.kernels.rainflow import findley_damage, history_damage
 
 
 @inner
@@ -65,3 +65,46 @@ def damage_of_planes(
             own = history_damage(history, law, room)
             if own > damage[node]:
                 damage[node], planes[node] = own, plane
+
+
+@kernel
+def damage_by_findley(
+    tensors: Array, directions: Array, law: Array, work: Array, room: Array, damage: Array, planes: IntArray
+) -> None:
+    """Fill the largest damage (n_nodes,) by Findley's parameter on any plane, and the plane's number (n_nodes,).
+
+    Planes 2i stand on the surface, planes 2i + 1 lean by the angle at which a stress along i alone is worst; both have
+    the azimuth i. Of the shear stress of a leaning plane three directions are counted.
+
+    Parameters
+    ----------
+    tensors : ndarray, shape (n_nodes, 3, n)
+        Stress in the surface [Pa]: along its two axes, and the shear stress between them.
+    directions : ndarray, shape (n_azimuths, 3)
+        ``cos² α, sin² α, 2 sin α cos α``, which give a normal stress.
+    work, room : ndarray, shapes (4, n) and (5, n)
+        To work in.
+    """
+    n = tensors.shape[2]
+    along, shear, across, slipping = work[0], work[1], work[2], work[3]
+    lean = 0.25 * math.pi + 0.5 * math.atan(law[6])
+    s, c = math.sin(lean), math.cos(lean)
+    for node in range(tensors.shape[0]):
+        damage[node], planes[node] = -1.0, 0
+        xx, yy, xy = tensors[node, 0], tensors[node, 1], tensors[node, 2]
+        for azimuth in range(directions.shape[0]):
+            a, b, d = directions[azimuth, 0], directions[azimuth, 1], directions[azimuth, 2]
+            for k in range(n):
+                along[k] = a * xx[k] + b * yy[k] + d * xy[k]
+                shear[k] = 0.5 * d * (yy[k] - xx[k]) + (a - b) * xy[k]
+                across[k] = s * s * along[k]
+            own = findley_damage(shear, along, law, room)
+            if own > damage[node]:
+                damage[node], planes[node] = own, 2 * azimuth
+            for turn in range(-1, 2):  # in the surface's normal plane, and 45° to either side
+                share = math.sqrt(0.5) if turn else 1.0
+                for k in range(n):
+                    slipping[k] = s * share * (c * along[k] + turn * shear[k])
+                own = findley_damage(slipping, across, law, room)
+                if own > damage[node]:
+                    damage[node], planes[node] = own, 2 * azimuth + 1

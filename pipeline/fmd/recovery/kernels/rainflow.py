@@ -17,31 +17,31 @@ NO_MEAN, GOODMAN, FKM = range(3)
 
 @inner
 def keep_reversals(history: Array, reversals: Array) -> int:
-    """Fill an array of the same length with a history's turning points, its first and its last value; return how many.
+    """Fill an array of the same length with where a history turns, begins and ends; return how many places there are.
 
     Values that repeat count once.
     """
     n = history.size
     if n == 0:
         return 0
-    reversals[0] = history[0]
-    count, last, way = 1, history[0], 0.0
+    reversals[0] = 0.0
+    count, last, rise = 1, 0, 0.0
     for k in range(1, n):
-        step = history[k] - last
+        step = history[k] - history[last]
         if step == 0.0:
             continue
-        if step * way < 0.0:
+        if step * rise < 0.0:
             reversals[count] = last
             count += 1
-        way, last = step, history[k]
-    if way != 0.0:
+        rise, last = step, k
+    if rise != 0.0:
         reversals[count] = last
         count += 1
     return count
 
 
 @kernel
-def count_rainflow(history: Array, stack: Array, ranges: Array, means: Array, counts: Array) -> int:
+def count_rainflow(history: Array, stack: Array, cycles: Array) -> int:
     """Count the cycles of a history and return how many ranges there are.
 
     Parameters
@@ -49,27 +49,27 @@ def count_rainflow(history: Array, stack: Array, ranges: Array, means: Array, co
     history : ndarray, shape (n,)
     stack : ndarray, shape (2, n)
         Room to work in.
-    ranges, means, counts : ndarray, shape (n,)
-        Filled: range, mean, and 1 for a cycle or 0.5 for half of one.
+    cycles : ndarray, shape (3, n)
+        Filled: where each range begins and ends, and 1 for a cycle or 0.5 for half of one.
     """
-    return rainflow(history, stack, ranges, means, counts)
+    return rainflow(history, stack, cycles)
 
 
 @inner
-def rainflow(history: Array, stack: Array, ranges: Array, means: Array, counts: Array) -> int:
+def rainflow(history: Array, stack: Array, cycles: Array) -> int:
     """Count the cycles of a history, for other kernels; see `count_rainflow`."""
     reversals, open_ends = stack[0], stack[1]
+    starts, ends, counts = cycles[0], cycles[1], cycles[2]
     n_reversals = keep_reversals(history, reversals)
     depth, n = 0, 0
     for k in range(n_reversals):
         open_ends[depth] = reversals[k]
         depth += 1
         while depth >= 3:
-            newest = abs(open_ends[depth - 1] - open_ends[depth - 2])
-            before = abs(open_ends[depth - 2] - open_ends[depth - 3])
-            if newest < before:
+            first, middle = history[int(open_ends[depth - 3])], history[int(open_ends[depth - 2])]
+            if abs(history[int(open_ends[depth - 1])] - middle) < abs(middle - first):
                 break
-            ranges[n], means[n] = before, 0.5 * (open_ends[depth - 2] + open_ends[depth - 3])
+            starts[n], ends[n] = open_ends[depth - 3], open_ends[depth - 2]
             if depth == 3:
                 counts[n] = 0.5
                 open_ends[0], open_ends[1] = open_ends[1], open_ends[2]
@@ -80,10 +80,24 @@ def rainflow(history: Array, stack: Array, ranges: Array, means: Array, counts: 
                 depth -= 2
             n += 1
     for k in range(depth - 1):
-        ranges[n] = abs(open_ends[k + 1] - open_ends[k])
-        means[n], counts[n] = 0.5 * (open_ends[k] + open_ends[k + 1]), 0.5
+        starts[n], ends[n], counts[n] = open_ends[k], open_ends[k + 1], 0.5
         n += 1
     return n
+
+
+@inner
+def largest_within(history: Array, values: Array, start: int, end: int) -> float:
+    """Return the largest of some values while a history goes through a cycle: there, and back to where it began."""
+    level, rises = history[start], history[end] > history[start]
+    largest = values[start]
+    for k in range(start, history.size):
+        if k > end:
+            if rises and history[k] <= level:
+                break
+            if not rises and history[k] >= level:
+                break
+        largest = max(largest, values[k])
+    return largest
 
 
 @inner
@@ -140,7 +154,7 @@ def bound_damage(stresses: Array, points: Array, law: Array, damage: Array) -> N
         Bound of the stress by size in each stretch of time [Pa].
     points : ndarray, shape (n_stretches,)
         Number of output times in each.
-    law : ndarray, shape (6,)
+    law : ndarray, shape (7,)
         See `history_damage`.
     damage : ndarray, shape (n_nodes,)
     """
@@ -160,13 +174,42 @@ def history_damage(history: Array, law: Array, room: Array) -> float:
     ----------
     history : ndarray, shape (n,)
         Stress [Pa].
-    law : ndarray, shape (6,)
-        Correction for mean stress and its constant; amplitude [Pa] and cycles at the knee; slope above and below it.
+    law : ndarray, shape (7,)
+        Correction for mean stress and its constant; amplitude [Pa] and cycles at the knee; slope above and below it;
+        Findley's coefficient.
     room : ndarray, shape (5, n)
         To work in.
     """
-    ranges, means, counts = room[2], room[3], room[4]
-    n, total, correction = rainflow(history, room[:2], ranges, means, counts), 0.0, int(law[0])
+    cycles, total, correction = room[2:], 0.0, int(law[0])
+    n = rainflow(history, room[:2], cycles)
     for k in range(n):
-        total += counts[k] * cycle_damage(equivalent_amplitude(0.5 * ranges[k], means[k], correction, law[1]), law)
+        a, b = history[int(cycles[0, k])], history[int(cycles[1, k])]
+        amplitude = equivalent_amplitude(0.5 * abs(b - a), 0.5 * (a + b), correction, law[1])
+        total += cycles[2, k] * cycle_damage(amplitude, law)
+    return total
+
+
+@inner
+def findley_damage(shear: Array, normal: Array, law: Array, room: Array) -> float:
+    """Return Miner's sum of a plane by the cycles of its shear stress, each with its largest normal stress.
+
+    The amplitude of a cycle is that of uniaxial stress about zero with the same ``τ_a + k σ_n``, which on its worst
+    plane is ``σ (k + √(1 + k²))/2`` (Findley, J Eng Ind 81, 1959). Pressure on a plane does good, but no more than to
+    take all damage away.
+
+    Parameters
+    ----------
+    shear, normal : ndarray, shape (n,)
+        Stress along one direction of the plane and across it [Pa].
+    law, room
+        Those of `history_damage`.
+    """
+    cycles, total, k_normal = room[2:], 0.0, law[6]
+    uniaxial = 0.5 * (k_normal + math.sqrt(1.0 + k_normal * k_normal))
+    n = rainflow(shear, room[:2], cycles)
+    for k in range(n):
+        start, end = int(cycles[0, k]), int(cycles[1, k])
+        across = largest_within(shear, normal, start, end)
+        amplitude = (0.5 * abs(shear[end] - shear[start]) + k_normal * across) / uniaxial
+        total += cycles[2, k] * cycle_damage(max(0.0, amplitude), law)
     return total
