@@ -18,7 +18,7 @@ import rainflow
 from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
 from fmd.output.output_times import output_time_warnings
-from fmd.output.stress_fields import draw_envelope, draw_fatigue
+from fmd.output.stress_fields import draw_envelope, draw_fatigue, find_fatigue, life_interval
 from fmd.output.summary import summarise
 from fmd.recovery.stress import stress_measure
 from tests.output.test_histories import SCENE
@@ -50,11 +50,11 @@ type = "fatigue"
 file = "life.vtu"
 body = "bar"
 {SN}
-mean_stress = {{ goodman = "310 MPa" }}
 [[output]]
 type = "fatigue"
 file = "life.png"
 body = "bar"
+stress = "signed von Mises"
 {SN}
 mean_stress = {{ goodman = "310 MPa" }}
 """
@@ -135,6 +135,20 @@ def test_the_summary_has_the_worst_node_of_each(out: Path) -> None:
     assert life["node"] == int(read_rows(out / "life.csv")[0]["node"])
     assert life["repeats_to_failure"] == pytest.approx(1.0 / life["damage"])
     assert life["assessed_nodes"] <= life["nodes"]
+    assert life["repeats_interval"] is None
+    assert "no error budget" in life["why"]
+
+
+def test_a_life_lies_between_those_of_less_and_of_more_stress(run: Pipeline) -> None:
+    """Lives go with stress to the power of a slope between 5 and 9."""
+    for output in (output for output in run.scene.output if output.type == "fatigue" and output.mean_stress is None):
+        repeats = find_fatigue(run, output).repeats.min()
+        low, high = life_interval(run, output, 0.1)
+        assert low is not None
+        assert high is not None
+        assert 0.9**9.01 < low / repeats < 0.9**4.99
+        assert 1.1**4.99 < high / repeats < 1.1**9.01
+        assert life_interval(run, output, 1.2)[0] == 0.0
 
 
 def test_pictures_show_the_worst_of_all_times(run: Pipeline, tmp_path: Path) -> None:
@@ -195,7 +209,11 @@ def test_output_times_too_far_apart_are_warned_of(scene: Path) -> None:
         ('type = "envelope"\nfile = "a.csv"\nbody = "bar"\nzoom = 2.0', "belongs to a .png file"),
         ('type = "envelope"\nfile = "a.png"\nbody = "bar"\ncount = 3', "belongs to a .csv file"),
         ('type = "fatigue"\nfile = "a.png"\nbody = "bar"', "sn: is missing"),
-        (f'type = "fatigue"\nfile = "a.png"\nbody = "bar"\n{SN}\nplanes = 4', "belongs to stress = 'critical plane'"),
+        (
+            f'type = "fatigue"\nfile = "a.png"\nbody = "bar"\n{SN}\nstress = "signed von Mises"\nplanes = 4',
+            "'findley' and",
+        ),
+        (f'type = "fatigue"\nfile = "a.png"\nbody = "bar"\n{SN}\nmean_stress = {{ fkm = 0.3 }}', "mean stress in it"),
         (f'type = "fatigue"\nfile = "a.png"\nbody = "bar"\n{SN}\nmean_stress = {{}}', "needs one of goodman"),
         ('type = "fatigue"\nfile = "a.png"\nbody = "bar"\n' + SN.replace("5 MPa", "5 m"), "sn.amplitude"),
     ],

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from fmd.fem.gradients import gradients
 from scipy.sparse.linalg import splu
 
-from fmd.fem.gradients import gradients
 from fmd.fem.markers import Marker
 from tests.fem.nonlinear_solid import NonlinearSolid
 

@@ -135,8 +135,8 @@ class Fatigue(SurfaceField):
         stress with the sign of the principal stress that is the largest by size (``"signed von Mises"``, for one
         direction of stress).
     findley : float
-        Coefficient k of the normal stress in Findley's ``τ_a + k σ_n``; with limits of torsion t and bending f about zero
-        ``t/f = (1 + k/√(1 + k²))/2``.
+        Coefficient k of the normal stress in Findley's ``τ_a + k σ_n``; with limits of torsion t and bending f about
+        zero ``t/f = (1 + k/√(1 + k²))/2``.
     planes : int
         Number of directions of planes around the surface's normal.
     mean_stress : MeanStress, optional
@@ -167,6 +167,8 @@ class Fatigue(SurfaceField):
         if "findley" in self.model_fields_set and self.stress != "findley":
             raise FaultError("has no effect: it belongs to stress = 'findley'", "findley")
         if self.mean_stress is not None and self.stress == "findley":
-            why = "can't be: stress = 'findley' has the mean stress in it, by its findley; leave it out, or take another"
+            why = (
+                "can't be: stress = 'findley' has the mean stress in it, by its findley; leave it out, or take another"
+            )
             raise FaultError(why, "mean_stress")
         return self

@@ -89,7 +89,7 @@ def rainflow(history: Array, stack: Array, cycles: Array) -> int:
 def largest_within(history: Array, values: Array, start: int, end: int) -> float:
     """Return the largest of some values while a history goes through a cycle: there, and back to where it began."""
     level, rises = history[start], history[end] > history[start]
-    largest = values[start]
+    largest: float = values[start]
     for k in range(start, history.size):
         if k > end:
             if rises and history[k] <= level:
