@@ -2,6 +2,8 @@
 
 import errno
 import os
+import pickle
+import stat
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ import pytest
 
 from fmd.core.cache import Cache, stage_key
 from fmd.core.files import whole_file
+from fmd.core.paths import _private
 
 VALUE = {"numbers": np.arange(10.0), "names": ("a", "b"), "nothing": None}
 
@@ -171,3 +174,74 @@ def test_what_killed_processes_left_half_written_is_deleted_in_time(cache: Cache
     with whole_file(tmp_path / "summary.json") as part:
         part.write_text("whole")
     assert (abandoned.exists(), others.exists()) == (False, True)
+
+
+def test_an_entry_under_another_name_gives_nothing(cache: Cache, entry: Path) -> None:
+    (entry.parent / "other").write_bytes(entry.read_bytes())
+    assert cache.load("other") is None
+
+
+def test_entries_are_for_this_user_alone(entry: Path) -> None:
+    assert stat.S_IMODE(entry.stat().st_mode) == 0o600
+    assert stat.S_IMODE(entry.parent.stat().st_mode) == 0o700
+
+
+class Trap:
+    """What a pickle would run while it is loaded."""
+
+    def __reduce__(self) -> Any:
+        return os.mkdir, ("trapped",)
+
+
+@pytest.mark.parametrize("pickled", [VALUE, Trap()], ids=["a value", "a trap"])
+def test_a_pickle_in_the_place_of_an_entry_is_never_run(
+    cache: Cache, entry: Path, pickled: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    cache.save_bytes("key", pickle.dumps(pickled))
+    assert cache.load("key") is None
+    assert not (tmp_path / "trapped").exists()
+    assert entry.exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "fits"),
+    [
+        ("dict[str, Any]", True),
+        ("Mapping", True),
+        ("Array | dict", True),
+        ("Array", False),
+        ("tuple", False),
+        ("Mapping[str, Array]", False),
+    ],
+)
+def test_a_value_of_another_kind_than_expected_gives_nothing(cache: Cache, entry: Path, kind: str, fits: bool) -> None:
+    assert entry.exists()
+    assert (cache.load("key", kind) is not None) is fits
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])
+def test_a_folder_that_others_may_write_to_is_not_used_and_said(
+    tmp_path: Path, mode: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "shared"
+    folder.mkdir()
+    Cache(folder).save("key", VALUE)
+    folder.chmod(mode)
+    _private.clear()  # as a new run
+    cache = Cache(folder)
+    assert cache.load("key") is None
+    cache.save("other", VALUE)
+    assert [path.name for path in folder.iterdir()] == ["key"]
+    said = capsys.readouterr().err
+    assert said.count(f"cache folder {folder} may be written by others and isn't used") == 1
+
+
+def test_a_folder_of_another_user_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: own + 1)
+    Cache(tmp_path).save("key", VALUE)
+    assert list(tmp_path.iterdir()) == []
+    assert "belongs to another user" in capsys.readouterr().err

@@ -101,7 +101,7 @@ def test_an_interface_that_is_supported_is_a_failed_check(
 ) -> None:
     clamp = ["--set", 'body.plate.support=[{face="x-"}]']
     assert fmd("modes", plate, *clamp, "--set", "body.plate.modes.boundary=interface") == 3
-    assert "leave out one of them, or a support that holds it" in capsys.readouterr().err
+    assert "leave out one of them, or a support that fixes it" in capsys.readouterr().err
     only = ["--set", 'body.plate.modes={count=4, boundary="interface", interface=["right"]}']
     assert fmd("modes", plate, *clamp, *only, "--json") == 0
     result = json.loads(capsys.readouterr().out)

@@ -43,7 +43,7 @@ def stiffening_by_stretch(run: Pipeline, name: str) -> float:
     if not worst.any():
         return 0.0
     key = stage_key("stretch", [part.key("body"), worst.tolist()], _SOURCES, _PACKAGES)
-    ratio = part.store.read_or_keep(key, lambda: _ratio(part, run.bodies[name].shapes @ worst))
+    ratio = part.store.read_or_keep(key, lambda: _ratio(part, run.bodies[name].shapes @ worst), "float")
     return max(ratio - OF_BENDING * run.deformations[name].rotation ** 2, 0.0)
 
 

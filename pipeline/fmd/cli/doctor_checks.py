@@ -11,6 +11,7 @@ from pathlib import Path
 
 from joblib import cpu_count
 
+from fmd.core.paths import is_private
 from fmd.render import rendering_check
 
 # The libraries that Gmsh's wheel takes from the system, and the Debian packages that hold them.
@@ -92,7 +93,7 @@ def _drawing_problem() -> Problem | None:
 def _cache_problem(cache: Path) -> Problem | None:
     """Write a file into the cache folder: permissions alone don't show a full or read-only disk."""
     try:
-        cache.mkdir(parents=True, exist_ok=True)
+        is_private(cache, make=True)
         with tempfile.TemporaryFile(dir=cache):
             return None
     except OSError as error:

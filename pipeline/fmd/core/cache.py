@@ -1,24 +1,29 @@
-"""Results of stages kept between runs, each named by a digest of everything that it depends on."""
+"""The one store of what is kept between runs: results of stages, units, compiled code.
+
+Each entry is named by a digest of everything that it depends on, and begins with a digest of its name and its content:
+neither a damaged entry nor one under another's name is taken. Nothing is pickled. A folder that others may write to
+isn't used.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
-import pickle
 import tempfile
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from fmd.core.encoding import conforms, decode, encode
 from fmd.core.files import one_at_a_time, remove_abandoned
-from fmd.core.paths import source_digest
+from fmd.core.paths import is_private, source_digest
 
 _DIGEST_BYTES = 32
-_FORMAT = "pickle 5"  # of the files, and so a part of their names
+_FORMAT = "JSON and npy"  # of the files, and so a part of their names
 
 package_version = cache(metadata.version)
 
@@ -55,53 +60,63 @@ def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple
 
 @dataclass(frozen=True)
 class Cache:
-    """Folder of results, of which each file carries the digest of its content.
+    """Folder of entries, of which each carries the digest of its name and its content.
 
     Parameters
     ----------
     folder : Path or None
-        Place of the files; ``None`` keeps nothing.
+        Place of the files; ``None`` keeps nothing, and so does a folder that others may write to.
     """
 
     folder: Path | None
 
     def holds(self, key: str) -> bool:
-        """Return true if an undamaged result is saved under ``key``."""
-        return self._body(key) is not None
+        """Return true if an undamaged entry is saved under ``key``."""
+        return self.load_bytes(key) is not None
 
-    def _body(self, key: str) -> bytes | None:
-        """Read a file's content without its digest; ``None`` if it is missing or damaged."""
-        if self.folder is None:
+    def load(self, key: str, kind: str = "") -> Any:
+        """Return the value that was saved under ``key``; ``None`` if it is missing, damaged or of another kind.
+
+        Parameters
+        ----------
+        kind : str
+            Annotation of the value that is expected, such as ``Mapping[str, Array]``; empty for any.
+        """
+        content = self.load_bytes(key)
+        if content is None:
+            return None
+        try:
+            value = decode(content)
+        except ValueError:  # undamaged, but of another version of its classes
+            return None
+        return value if conforms(value, kind) else None
+
+    def save(self, key: str, value: Any) -> None:
+        """Save a value under ``key``, whole or not at all; one that can't be kept or written is left out."""
+        with suppress(TypeError):
+            self.save_bytes(key, encode(value))
+
+    def load_bytes(self, key: str) -> bytes | None:
+        """Return the bytes that were saved under ``key``; ``None`` if they are missing or damaged."""
+        if self.folder is None or not is_private(self.folder):
             return None
         try:
             content = (self.folder / key).read_bytes()
         except OSError:
             return None
         digest, body = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
-        return body if _digest(body) == digest else None
+        return body if _digest(key, body) == digest else None
 
-    def load(self, key: str) -> Any:
-        """Return the result that was saved under ``key``; ``None`` if it is missing or damaged."""
-        body = self._body(key)
-        if body is None:
-            return None
-        try:
-            return pickle.loads(body)
-        except Exception:  # undamaged, but of another version of its classes
-            return None
-
-    def save(self, key: str, value: Any) -> None:
-        """Save a result under ``key``, whole or not at all; a folder that can't be written is left alone."""
-        if self.folder is None:
+    def save_bytes(self, key: str, body: bytes) -> None:
+        """Save bytes under ``key`` for this user alone; a folder that can't be written is left alone."""
+        if self.folder is None or not is_private(self.folder, make=True):
             return
-        body = pickle.dumps(value, protocol=5)
         part = ""
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
             remove_abandoned(self.folder, ".part-*")
             handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
             with os.fdopen(handle, "wb") as file:
-                file.write(_digest(body))
+                file.write(_digest(key, body))
                 file.write(body)
             os.replace(part, self.folder / key)
         except OSError:
@@ -109,9 +124,14 @@ class Cache:
                 Path(part).unlink(missing_ok=True)
 
     def lock(self, key: str) -> AbstractContextManager[None]:
-        """Let one process at a time make the result of ``key``, while others wait."""
-        return nullcontext() if self.folder is None else one_at_a_time(self.folder / f".making-{key}")
+        """Let one process at a time make the entry of ``key``, while others wait."""
+        if self.folder is None or not is_private(self.folder, make=True):
+            return nullcontext()
+        return one_at_a_time(self.folder / f".making-{key}")
 
 
-def _digest(body: bytes) -> bytes:
-    return hashlib.blake2b(body, digest_size=_DIGEST_BYTES).digest()
+def _digest(key: str, body: bytes) -> bytes:
+    found = hashlib.blake2b(key.encode(), digest_size=_DIGEST_BYTES)
+    found.update(b"\0")
+    found.update(body)
+    return found.digest()

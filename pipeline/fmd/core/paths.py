@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import sys
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -16,18 +17,58 @@ _ROOT = Path(__file__).parents[2]
 # Modules of numbers, as sources import them: by their own name, or for the numbers in them.
 _NUMBERS, _WORDS = re.compile(rb"^from fmd\.core\.limits(?:\.\w+)? import (?:\([^)]*\)|.*)", re.M), re.compile(rb"\w+")
 
+_private: dict[Path, bool] = {}  # folders that were looked at in this run
+
 KERNEL_SOURCES = ("fmd/dynamics", "fmd/integrators", "fmd/recovery/kernels", "fmd/core/newton.py")
 """Folders and files whose sources kernels are compiled from."""
 
 
 def cache_folder() -> Path:
-    """Return the user's cache folder, which the environment variable ``FMD_CACHE`` overrides."""
-    if given := os.environ.get("FMD_CACHE"):
-        return Path(given)
+    """Return the user's cache folder, which the environment variable ``FMD_CACHE`` overrides.
+
+    One that others may write to isn't used: a temporary folder of the user's own takes its place, and a line on
+    standard error says so.
+    """
     try:
-        return platformdirs.user_cache_path("fmd")
+        wanted = Path(given) if (given := os.environ.get("FMD_CACHE")) else platformdirs.user_cache_path("fmd")
     except RuntimeError:  # a user without a home
         return own_temporary_folder()
+    return wanted if is_private(wanted) else own_temporary_folder()
+
+
+def is_private(folder: Path, make: bool = False) -> bool:
+    """Return True if a folder belongs to this user and nobody else may write to it, or if it isn't there.
+
+    It is looked at once a run; if it isn't private, a line on standard error says so.
+
+    Parameters
+    ----------
+    make : bool
+        True to make it if it is missing, for this user alone; False is returned if that fails.
+    """
+    if folder not in _private:
+        try:
+            if make:
+                for place in reversed([folder, *folder.parents]):
+                    if not place.exists():
+                        place.mkdir(mode=0o700, exist_ok=True)
+            fault = _fault_of(folder.stat())
+        except OSError:
+            return not make
+        _private[folder] = not fault
+        if fault:
+            mend = "make it yours alone (chmod go-w), or set FMD_CACHE to another"
+            sys.stderr.write(f"cache folder {folder} {fault} and isn't used: {mend}\n")
+    return _private[folder]
+
+
+def _fault_of(status: os.stat_result) -> str:
+    """Say why others may write to a folder, by its owner and its mode; empty if they may not."""
+    if not hasattr(os, "getuid"):  # on Windows a user's folders are his own
+        return ""
+    if status.st_uid != os.getuid():
+        return "belongs to another user"
+    return "may be written by others" if status.st_mode & 0o022 else ""
 
 
 @cache
@@ -38,7 +79,7 @@ def own_temporary_folder() -> Path:
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         status = folder.lstat()
-        if S_ISDIR(status.st_mode) and status.st_uid == user and not status.st_mode & 0o022:
+        if S_ISDIR(status.st_mode) and not _fault_of(status):
             return folder
     except OSError:
         pass
@@ -75,10 +116,6 @@ def kernel_folder() -> Path:
     """Make the folder of kernels compiled from this very source; a temporary one if the cache can't be written."""
     for place in (cache_folder, own_temporary_folder):
         folder = place() / "kernels" / source_digest(*KERNEL_SOURCES)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            if os.access(folder, os.W_OK):
-                return folder
-        except OSError:
-            pass
+        if is_private(folder, make=True) and os.access(folder, os.W_OK):
+            return folder
     return Path(tempfile.mkdtemp(prefix="fmd-kernels-"))

@@ -10,16 +10,12 @@ lost on the way. A rotational spring or damper may leave out its radian, as is u
 
 from __future__ import annotations
 
-import json
 import math
 import re
-import shutil
-from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
 from importlib.metadata import version
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeGuard
 
 from pydantic import (
@@ -32,7 +28,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from fmd.core.files import whole_file
+from fmd.core.cache import Cache
 from fmd.core.limits.scene import LONGEST_QUANTITY
 from fmd.core.paths import cache_folder
 
@@ -79,28 +75,30 @@ _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_PRODUCT})?\s*")
 @cache
 def _known_units() -> dict[str, list[str]]:
     """Units that have been read before, with factor and base units: known ones need no registry of pint's."""
+    known = _store().load(_known_name(), "dict")
     try:
-        known = json.loads(_known_file().read_text(encoding="utf-8"))
-        return {str(unit): [str(Decimal(factor)), str(base)] for unit, (factor, base) in known.items()}
-    except (OSError, ValueError, TypeError, AttributeError, ArithmeticError):  # none yet, or a damaged file
+        return {str(unit): [str(Decimal(factor)), str(base)] for unit, (factor, base) in (known or {}).items()}
+    except (ValueError, TypeError, ArithmeticError):  # of another version
         return {}
 
 
-def _known_file() -> Path:
-    return cache_folder() / "units" / f"known-{version('pint')}.json"
+def _store() -> Cache:
+    return Cache(cache_folder() / "units")
+
+
+def _known_name() -> str:
+    return f"known-{version('pint')}"
 
 
 @cache
 def _registry() -> pint.UnitRegistry[Decimal]:
-    """Load pint's registry of units when an unknown unit is first read; decimals make 10 us exactly 1e-05 s."""
+    """Load pint's registry of units when an unknown unit is first read; decimals make 10 us exactly 1e-05 s.
+
+    Pint's own cache of it is made of pickles and isn't used.
+    """
     import pint
 
-    folder = cache_folder() / "units"
-    try:
-        return pint.UnitRegistry(non_int_type=Decimal, cache_folder=folder)
-    except Exception:  # it can't be written; or pint, which doesn't write files whole, was killed while it wrote one
-        shutil.rmtree(folder, ignore_errors=True)
-        return pint.UnitRegistry(non_int_type=Decimal)
+    return pint.UnitRegistry(non_int_type=Decimal)
 
 
 def to_si(value: object, kind: str) -> float:
@@ -275,8 +273,7 @@ def _base_units(unit: str) -> tuple[Decimal, str]:
         except (AttributeError, ValueError, TypeError):  # what pint's errors derive from
             return Decimal(0), ""
         known[unit] = [str(x) for x in found]
-        with suppress(OSError), whole_file(_known_file()) as part:
-            part.write_text(json.dumps(known), encoding="utf-8")
+        _store().save(_known_name(), known)
     factor, base = known[unit]
     return Decimal(factor), base
 

@@ -171,7 +171,7 @@ def remember_times(run: Pipeline) -> None:
 
 def _last(run: Pipeline) -> dict[str, Any]:
     empty: dict[str, Any] = {"seconds": {}, "keys": {}, "kernels": ""}
-    return run.store.cache.load(_name(run)) or empty
+    return run.store.cache.load(_name(run), "dict") or empty
 
 
 def _name(run: Pipeline) -> str:

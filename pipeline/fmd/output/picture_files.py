@@ -73,7 +73,7 @@ class Pictures:
         """Begin to draw the outputs that show a part alone, or those that show its motion."""
         for output in self._outputs:
             if DRAWINGS[output.type].still is still:
-                kept = run.store.cache.load(picture_key(run, output))
+                kept = run.store.cache.load(picture_key(run, output), "dict[str, bytes]")
                 if kept is None:
                     self._draw(run, output)
                 else:

@@ -62,7 +62,8 @@ def weigh_cuts(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> tup
         "loaded": sorted(loaded),
     }
     key = stage_key("sections", inputs, _SOURCES, ("numpy", "scipy", "scikit-fem"))
-    return part.store.read_or_compute("sections", key, lambda: _compute(part, cut, sorted(loaded)))
+    kind = "tuple[Marker | None, ...]"
+    return part.store.read_or_compute("sections", key, lambda: _compute(part, cut, sorted(loaded)), kind=kind)
 
 
 def _compute(part: FlexiblePart, cut: CutPart, loaded: Sequence[str]) -> tuple[Marker | None, ...]:

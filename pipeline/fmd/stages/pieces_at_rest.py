@@ -120,7 +120,7 @@ def measure_part(part: FlexiblePart, ports: Sequence[str]) -> PartAtRest:
     """Measure a part in one piece, with loads at markers; kept under the part's key."""
     inputs = {"part": part.key("body"), "ports": [*ports]}
     key = stage_key("at rest", inputs, _SOURCES, ("numpy", "scipy", "scikit-fem"))
-    return part.store.read_or_compute("at rest", key, lambda: _measure(part, ports))
+    return part.store.read_or_compute("at rest", key, lambda: _measure(part, ports), kind="PartAtRest")
 
 
 def _measure(part: FlexiblePart, ports: Sequence[str]) -> PartAtRest:

@@ -39,7 +39,7 @@ def spatial_body(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
         The body has no marker, by which another program could hold it.
     """
     key = stage_key("spatial body", [part.key("body"), part.key("modes"), stiffened], _SOURCES, _PACKAGES)
-    return part.store.read_or_keep(key, lambda: _reduce(part, stiffened))
+    return part.store.read_or_keep(key, lambda: _reduce(part, stiffened), "FlexibleBody")
 
 
 def _reduce(part: FlexiblePart, stiffened: bool) -> FlexibleBody:

@@ -102,7 +102,8 @@ class Stage(Generic[T]):
             key = stage_key(self.name, self.shared_inputs(owner), self.sources, self.packages)
             return owner.store.share_or_compute(self.name, key, compute)
         if key := self.key(owner):
-            return owner.store.read_or_compute(self.name, key, compute, self.lasts)
+            kind = str(self.compute.__annotations__.get("return", ""))
+            return owner.store.read_or_compute(self.name, key, compute, self.lasts, kind)
         return owner.store.compute(self.name, compute)
 
     @overload

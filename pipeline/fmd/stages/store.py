@@ -82,23 +82,31 @@ class StageStore:
         return value
 
     def read_or_compute(
-        self, stage: str, key: str, compute: Callable[[], T], keep: Callable[[T], bool] = lambda result: True
+        self,
+        stage: str,
+        key: str,
+        compute: Callable[[], T],
+        keep: Callable[[T], bool] = lambda result: True,
+        kind: str = "",
     ) -> T:
         """Take a stage's result from another body with the same key, read it, or compute it and ``keep`` it.
 
-        Of several processes that want it, one computes.
+        Of several processes that need it, one computes. ``kind`` is the annotation of the result: what is kept but
+        doesn't fit it is computed again.
         """
         if key not in self.shared:
-            self.shared[key] = self._read_or_compute(stage, key, compute, keep)
+            self.shared[key] = self._read_or_compute(stage, key, compute, keep, kind)
         value: T = self.shared[key]
         return value
 
-    def _read_or_compute(self, stage: str, key: str, compute: Callable[[], T], keep: Callable[[T], bool]) -> T:
+    def _read_or_compute(
+        self, stage: str, key: str, compute: Callable[[], T], keep: Callable[[T], bool], kind: str
+    ) -> T:
         tick = time.perf_counter()
-        value: T | None = self.cache.load(key)
+        value: T | None = self.cache.load(key, kind)
         if value is None:
             with self.cache.lock(key):
-                value = self.cache.load(key)
+                value = self.cache.load(key, kind)
                 if value is None:
                     value = self.compute(stage, compute)
                     if keep(value):
@@ -107,9 +115,9 @@ class StageStore:
         self.log.add(stage, time.perf_counter() - tick, self.log.cached)
         return value
 
-    def read_or_keep(self, key: str, compute: Callable[[], T]) -> T:
+    def read_or_keep(self, key: str, compute: Callable[[], T], kind: str) -> T:
         """Read a result that is a part of another stage, or compute and keep it; the log doesn't have it."""
-        value: T | None = self.cache.load(key)
+        value: T | None = self.cache.load(key, kind)
         if value is None:
             value = compute()
             self.cache.save(key, value)

@@ -70,7 +70,7 @@ def read_visual(scene: Scene, body: str, number: int, cache: Cache) -> tuple[Arr
         return points * unit_ratio(visual.unit, "m"), triangles
     sources = ("fmd/meshes/cad.py", "fmd/stages/visual_files.py")
     kept = stage_key("visual", {"content": digest, "kind": path.suffix.lower()}, sources, ("gmsh",))
-    found = cache.load(kept)
+    found = cache.load(kept, "tuple[Array, ...]")
     if found is None:
         try:
             found = _triangulate(path)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from fmd.core.errors import InputError
 from fmd.core.limits.patience import COMPILING_SECONDS
-from fmd.core.paths import cache_folder
+from fmd.core.paths import cache_folder, is_private
 
 _OPTIONS = (
     *("-std=c99", "-g0", "-fPIC", "-fvisibility=hidden", "-Wall"),
@@ -119,6 +119,7 @@ def _compile(compiler: Sequence[str], folder: Path, identifier: str, target: Tar
 
 def _run(command: Sequence[str], folder: Path, target: Target) -> None:
     cache = cache_folder() / "zig"
+    is_private(cache, make=True)
     environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(cache), "ZIG_LOCAL_CACHE_DIR": str(cache)}
     try:
         subprocess.run(
