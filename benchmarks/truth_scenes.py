@@ -149,7 +149,7 @@ def load_over_time(rng: np.random.Generator, size: float, unit: str, duration: f
     if course == "table":
         times = np.unique(np.r_[0.0, np.sort(rng.integers(1, 100, 5)) * tick])
         values = [float(f"{size * x:.4g}") for x in rng.uniform(-1, 1, len(times))]
-        return {"times": [quantity(t, "s") for t in times], "values": values, "unit": unit}
+        return {"times": [quantity(t, "s") for t in times], "values": values, "unit": unit, "beyond": "hold"}
     F, t0, T = (f"{float(f'{x:.6g}')!r}" for x in (size, start, long))
     end = f"{float(f'{start + long:.6g}')!r}"
     formulas = {

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from fmd import Pipeline, load_scene
@@ -213,7 +214,10 @@ def test_a_formula_that_stops_being_a_number_is_wrong_input_with_status_2(
     [
         ('"3 kN mm"', lambda t: 3.0),
         ('{ formula = "2*t - 1", unit = "kN m" }', lambda t: 1000 * (2 * t - 1)),
-        ('{ times = ["0 s", "500 ms"], values = [1, 3], unit = "kN m" }', lambda t: 1000 * min(1 + 4 * t, 3)),
+        (
+            '{ times = ["0 s", "500 ms"], values = [1, 3], unit = "kN m", beyond = "hold" }',
+            lambda t: 1000 * min(1 + 4 * t, 3),
+        ),
         (
             '{ times = ["0 s", "0.5 s", "2 s"], values = [1, 3, 0], unit = "N m", between = "smooth" }',
             CubicSpline([0, 0.5, 2], [1, 3, 0], bc_type="clamped"),
@@ -228,6 +232,56 @@ def test_a_torque_over_time_comes_in_si_units(tmp_path: Path, given: str, by_han
     signal = signal_of(drive.torque)
     for t in (0.0, 0.2, 0.7, 1.1):
         assert signal.value(t)[0] == pytest.approx(float(by_hand(t)), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "beyond"),
+    [([0, 2, 2, 0], "repeat"), ([0, 2, 2, 1], "repeat"), ([1, 2, 2, 1], "zero"), ([0, 2, 2, 1], "hold")],
+)
+def test_a_table_goes_on_beyond_its_ends_as_it_says(tmp_path: Path, values: list[float], beyond: str) -> None:
+    # The rate of the crank and its welded slider is ∫ τ dt / J, here summed over NumPy's interpolation of the table.
+    times, J = np.array([0.0, 0.06, 0.1, 0.13]), 3 * 2**2 / 3 + 2 * 2**2
+    table = f"times = {[f'{t} s' for t in times]}, values = {values}, unit = 'N m', beyond = '{beyond}'"
+    motion = motion_of(scene_of(tmp_path, WELDED + twisted(f"{{ {table} }}")))
+    fine = np.linspace(0.0, motion.times[-1], 1_000_001)
+    at = np.mod(fine, times[-1]) if beyond == "repeat" else fine
+    torque = np.interp(at, times, values) * (1.0 if beyond != "zero" else fine <= times[-1])
+    rate = cumulative_trapezoid(torque, fine, initial=0.0) / J
+    assert motion.joint_rate("hub") == pytest.approx(np.interp(motion.times, fine, rate), abs=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (
+            'times = ["0 s", "40 ms"], values = [1, 1]',
+            "the table covers 0 … 0.04 s of the simulation's 1 s; say 'hold'",
+        ),
+        ('times = ["40 ms", "2 s"], values = [1, 1]', "the table covers 0.04 … 2 s of"),
+        ('times = ["0 s", "1 us"], values = [1, 1], beyond = "repeat"', "takes 2000000 rows; 200000 are the most"),
+        ('times = ["0 s", "1 ms"], values = [1, 2], between = "smooth", beyond = "repeat"', "ends as it begins"),
+        ('formula = "t", beyond = "hold"', "belongs to a table of times"),
+        ('times = ["0 s", "2 s"], values = [1, 1], beyond = "stop"', "'hold', 'zero' or 'repeat'"),
+    ],
+)
+def test_a_table_that_ends_too_soon_or_can_not_go_on_is_refused(tmp_path: Path, table: str, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        scene_of(tmp_path, WELDED + twisted(f"{{ {table}, unit = 'N m' }}"))
+    assert caught.value.key == "drive.twist.torque.beyond"
+    assert said in str(caught.value)
+
+
+def test_a_prescribed_motion_never_jumps_beyond_its_table(tmp_path: Path) -> None:
+    for beyond, said in (
+        ("zero", "would let the motion jump to 0"),
+        ("repeat", "needs a curve that ends as it begins"),
+    ):
+        with pytest.raises(InputError, match=said):
+            scene_of(
+                tmp_path,
+                CRANK + SLIDE_BY_TABLE.replace('"cm"', f'"cm", beyond = "{beyond}"'),
+                "joint.slide.spring=0 N/m",
+            )
 
 
 def test_drives_on_one_joint_add_up(tmp_path: Path) -> None:

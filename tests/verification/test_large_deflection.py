@@ -158,7 +158,7 @@ def test_energy_and_momenta_of_a_thrown_strip_stay(tmp_path: Path) -> None:
     strip(tmp_path, PIECES=3, ALONG=12, LOAD="0 N", **FORCE)
     overrides = [
         'joint.clamp={ type = "free", parent = "ground", child = "strip.root" }',
-        'drive.load.force={ times = ["0 s", "20 ms", "21 ms"], values = [30, 30, 0], unit = "N" }',
+        'drive.load.force={ times = ["0 s", "20 ms", "21 ms"], values = [30, 30, 0], unit = "N", beyond = "zero" }',
         "simulation.start=undeformed",
         "simulation.duration=60 ms",
         'simulation.run=[{ integrator = "runge-kutta", tolerance = 1e-9 }]',

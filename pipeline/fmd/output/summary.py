@@ -29,7 +29,7 @@ from fmd.recovery.motion import Motion
 from fmd.scene.histories import ExtremesTable
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.signals import find_idle_drives
+from fmd.stages.signals import find_idle_drives, find_jumping_tables
 
 _OF_PIECES = {"lowest frequencies": PIECES_FREQUENCIES, "deflections": PIECES_DEFLECTIONS}
 UNMET, UNMOVED = "accuracy-not-met", "load-without-motion"
@@ -201,6 +201,14 @@ def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:
             "a formula is in seconds) and simulation.duration",
         }
         for name in find_idle_drives(run.scene)
+    ]
+    idle += [
+        {
+            "code": "table-jumps",
+            "text": f"drive.{name} repeats a table that doesn't end as it begins: each time it jumps by "
+            f"{100 * gap:.2g} % of its largest value",
+        }
+        for name, gap in find_jumping_tables(run.scene)
     ]
     return idle + [
         {

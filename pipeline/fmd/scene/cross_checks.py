@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.units import unit_ratio
+from fmd.scene.curves import TimeFunction
 from fmd.scene.histories import Quantities
 from fmd.scene.joints.any_joint import Joint, kinds_that
 from fmd.scene.joints.joint import RATE_KEYS, CarryingJoint
-from fmd.scene.loads import MarkerLoad, MotionDrive
+from fmd.scene.loads import Drive, MarkerLoad, MotionDrive
 from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export, FrequencyResponseChart
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
@@ -66,6 +67,7 @@ class CrossCheck:
 
     def _check_drives(self) -> Iterator[FaultError]:
         for name, drive in self.scene.drive.items():
+            yield from self._check_tables(name, drive)
             if isinstance(drive, MarkerLoad):
                 yield from self._check_marker(drive.marker, "drive", name, "marker")
                 continue
@@ -74,6 +76,14 @@ class CrossCheck:
             yield from faults
             if not faults and isinstance(drive, MotionDrive):
                 yield from self._check_motion(name, drive)
+
+    def _check_tables(self, name: str, drive: Drive) -> Iterator[FaultError]:
+        for key, value in drive:
+            if isinstance(value, TimeFunction) and self.scene.simulation_table is not None:
+                try:
+                    value.check_duration(self.scene.simulation_table.duration)
+                except FaultError as fault:
+                    yield FaultError(str(fault), "drive", name, key, *fault.path)
 
     def _check_couplers(self) -> Iterator[FaultError]:
         for name, coupler in self.scene.coupler.items():

@@ -10,7 +10,8 @@ from pydantic import Field, GetJsonSchemaHandler, ValidationInfo, WithJsonSchema
 from pydantic_core import CoreSchema
 
 from fmd.core.formula import parse_formula
-from fmd.core.limits.scene import MOST_ELONGATIONS
+from fmd.core.limits.round_off import SOLVED
+from fmd.core.limits.scene import CLOSES, MOST_ELONGATIONS, MOST_REPEATED_ROWS
 from fmd.core.units import Length, NonNegativeTime, QuantityReader, si_unit, unit_ratio
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.table_files import Column, TableColumns, read_columns
@@ -114,8 +115,8 @@ class FormulaOrTable(SceneTable):
         if self.formula is None:
             self._check_table(table, arguments)
             return self
-        for key in ("values", "between"):
-            if getattr(self, key) is not None:
+        for key in ("values", "between", "beyond"):
+            if getattr(self, key, None) is not None:
                 raise FaultError(f"belongs to a table of {arguments}; a formula takes none", key)
         try:
             parse_formula(self.formula, self.variable)
@@ -145,7 +146,7 @@ class TimeFunction(FormulaOrTable):
     formula : str, optional
         Formula of the time t in seconds; its values are in ``unit``.
     times : tuple of float, optional
-        Times of a table, ascending [s]; its first and last value hold before and after.
+        Times of a table, ascending [s].
     time : str or int, optional
         Column of the file with the times.
     time_unit : str
@@ -153,6 +154,9 @@ class TimeFunction(FormulaOrTable):
     between : str
         Course of a table between its times: ``"straight"`` lines, which a force or torque takes by default, or a
         ``"smooth"`` curve, which a prescribed motion must take, because a jump of its rate would be an impulse.
+    beyond : str, optional
+        What holds before and after a table's times: its first and last value (``"hold"``), 0 (``"zero"``), or the table
+        again and again (``"repeat"``), up to the simulation's end. A table that doesn't cover the simulation must say.
 
     Examples
     --------
@@ -171,6 +175,7 @@ class TimeFunction(FormulaOrTable):
     times: Annotated[tuple[NonNegativeTime, ...], Field(min_length=2, max_length=10_000)] | None = None
     time: Column | None = None
     time_unit: Annotated[str, UnitCheck("s")] = "s"
+    beyond: Literal["hold", "zero", "repeat"] | None = None
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -197,6 +202,40 @@ class TimeFunction(FormulaOrTable):
         if table.arguments[0] < 0:
             first = f"{table.arguments[0]:g} {self.time_unit}"
             raise FaultError(f"begins at {first}; times count from the start, 0", "file")
+
+    @property
+    def gap(self) -> float:
+        """Difference of a table's last and first value over its largest one; 0 of others."""
+        if not self.values:
+            return 0.0
+        return abs(self.values[-1] - self.values[0]) / (max(map(abs, self.values)) or 1.0)
+
+    @model_validator(mode="after")
+    def _goes_on(self) -> Self:
+        if self.beyond is None:
+            return self
+        if self.times is None:
+            raise FaultError("belongs to a table of times", "beyond")
+        moves = self.default_between == "smooth"
+        if self.beyond == "repeat" and self.smooth and self.gap > CLOSES:
+            mend = "'hold' works" if moves else "'hold' works, or between = 'straight'"
+            off = f"{self.gap:.2g} of its largest value"
+            raise FaultError(f"needs a curve that ends as it begins, not {off} away from there; {mend}", "beyond")
+        if self.beyond == "zero" and moves and self.values and (self.values[0] or self.values[-1]):
+            raise FaultError("would let the motion jump to 0; 'hold' works", "beyond")
+        return self
+
+    def check_duration(self, duration: float) -> None:
+        """Raise ``FaultError`` unless a table covers a simulation [s] or says what holds beyond it."""
+        if self.times is None:
+            return
+        begin, end = self.times[0], self.times[-1]
+        if self.beyond is None and (begin > 0 or end < duration * (1 - SOLVED)):
+            covers = f"the table covers {begin:g} … {end:g} s of the simulation's {duration:g} s"
+            raise FaultError(f"is missing: {covers}; say 'hold', 'zero' or 'repeat'", "beyond")
+        rows = len(self.times) * duration / (end - begin)
+        if self.beyond == "repeat" and rows > MOST_REPEATED_ROWS:
+            raise FaultError(f"takes {rows:.0f} rows; {MOST_REPEATED_ROWS} are the most; a formula does it", "beyond")
 
     @model_validator(mode="after")
     def _without_jumps(self) -> Self:

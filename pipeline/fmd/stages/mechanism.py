@@ -234,9 +234,9 @@ def _load(scene: Scene, joint: str, integrals: InertiaIntegrals, axis: Array) ->
     loads = []
     for drive in scene.drive.values():
         if drive.type == "torque" and drive.joint == joint:
-            loads.append(signal_of(drive.torque))
+            loads.append(signal_of(drive.torque, scene.simulation.duration))
         elif drive.type == "force" and drive.joint == joint:
-            loads.append(signal_of(drive.force))
+            loads.append(signal_of(drive.force, scene.simulation.duration))
         elif drive.type == "torque pulse" and drive.joint == joint:
             e = axis / np.linalg.norm(axis)
             inertia = float(e @ integrals.inertia(np.eye(1, integrals.G.shape[-1])[0]) @ e)
@@ -254,7 +254,7 @@ def _motion(scene: Scene, joint: str) -> Signal | None:
         if drive.type == "motion" and drive.joint == joint:
             moves = drive.angle or drive.position
             assert moves is not None  # the scene's own check
-            return signal_of(moves)
+            return signal_of(moves, scene.simulation.duration)
     return None
 
 
@@ -263,7 +263,8 @@ def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
     for drive in scene.drive.values():
         if drive.type in ("point force", "point torque"):
             at = places.marker(drive.marker)
-            size = signal_of(drive.force if drive.type == "point force" else drive.torque)
+            given = drive.force if drive.type == "point force" else drive.torque
+            size = signal_of(given, scene.simulation.duration)
             direction = np.array(drive.direction, dtype=float)
             if drive.following:
                 direction = place_axes(scene, drive.marker) @ direction

@@ -22,6 +22,7 @@ from fmd.core.limits.loads import (
     SHORTER_SPAN,
     SPANS,
 )
+from fmd.core.limits.scene import CLOSES
 from fmd.dynamics.signals.activity import find_activity
 from fmd.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
 from fmd.scene.curves import TimeFunction
@@ -33,14 +34,14 @@ if TYPE_CHECKING:
 _KEYS = ("torque", "force", "angle", "position")
 
 
-def signal_of(given: TimeFunction) -> Signal:
-    """Make the signal of a scene's quantity over time, in SI units."""
+def signal_of(given: TimeFunction, until: float = 0.0) -> Signal:
+    """Make the signal of a scene's quantity over time, in SI units; a table may repeat up to a time [s]."""
     if given.constant is not None:
         return constant(given.constant)
     if given.formula is not None:
         return formula(parse_formula(given.formula), given.factor)
     times, values = np.array(given.times), given.factor * np.array(given.values)
-    return smooth_table(times, values) if given.smooth else linear_table(times, values)
+    return (smooth_table if given.smooth else linear_table)(times, values, given.beyond or "hold", until)
 
 
 def require_sound_drives(scene: Scene) -> None:
@@ -69,12 +70,22 @@ def find_idle_drives(scene: Scene) -> list[str]:
     for name, drive in scene.drive.items():
         given = getattr(drive, "force", None) or getattr(drive, "torque", None)
         if isinstance(given, TimeFunction) and given.constant is None:
-            rests = bool(find_activity(signal_of(given), end).quiet.all())
+            rests = bool(find_activity(signal_of(given, end), end).quiet.all())
         else:
             rests = isinstance(drive, PulseDrive) and drive.start >= end
         if rests:
             idle.append(name)
     return idle
+
+
+def find_jumping_tables(scene: Scene) -> list[tuple[str, float]]:
+    """List the tables that repeat and don't close, by their drives' names, with the jumps over the largest values."""
+    return [
+        (name, value.gap)
+        for name, drive in scene.drive.items()
+        for _, value in drive
+        if isinstance(value, TimeFunction) and value.beyond == "repeat" and value.gap > CLOSES
+    ]
 
 
 def _formulas(scene: Scene) -> Iterator[tuple[str, TimeFunction]]:

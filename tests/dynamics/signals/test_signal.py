@@ -274,6 +274,35 @@ def test_a_smooth_table_has_two_continuous_derivatives_inside_and_one_at_its_end
     assert abs(made.value(times[0])[2]) > 1.0  # so its ends are breakpoints
 
 
+def test_a_table_that_is_zero_beyond_its_ends_jumps_there() -> None:
+    times, values = np.array([0.5, 1.0, 2.0]), np.array([3.0, 4.0, -1.0])
+    made = linear_table(times, values, "zero")
+    everywhere = np.array([-5.0, 0.0, 0.499, 0.5, 0.75, 1.5, 1.999999, 2.0, 7.0])
+    expected = np.interp(everywhere, times, values) * ((everywhere >= 0.5) & (everywhere < 2.0))
+    assert made.values(everywhere)[:, 0] == pytest.approx(expected, rel=1e-12)
+    assert made.breakpoints == (0.5, 1.0, 2.0)
+    smooth = smooth_table(times, values, "zero")
+    assert smooth.value(0.4) == smooth.value(2.1) == (0.0, 0.0, 0.0)
+    assert smooth.value(1.0)[0] == 4.0
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.3, -0.2])
+def test_a_table_that_repeats_is_periodic_up_to_the_end(begin: float) -> None:
+    times, values = begin + np.array([0.0, 0.1, 0.25, 0.4]), np.array([1.0, 3.0, -2.0, 1.0])
+    everywhere = np.linspace(0.0, 3.0, 1301)
+    folded = begin + np.mod(everywhere - begin, 0.4)
+    lines = linear_table(times, values, "repeat", 3.0)
+    assert lines.values(everywhere)[:, 0] == pytest.approx(np.interp(folded, times, values), abs=1e-12)
+    smooth, spline = smooth_table(times, values, "repeat", 3.0), CubicSpline(times, values, bc_type="periodic")
+    for order in range(3):
+        assert smooth.values(everywhere)[:, order] == pytest.approx(spline(folded, order), rel=1e-9, abs=1e-8)
+    assert smooth.breakpoints == ()  # it has two continuous derivatives everywhere
+    opened = linear_table(times, np.array([1.0, 3.0, -2.0, 0.5]), "repeat", 3.0)
+    join = begin + 0.4 * math.ceil((1.0 - begin) / 0.4)
+    assert [round(opened.value(join + step)[0], 5) for step in (-1e-9, 1e-9)] == [0.5, 1.0]
+    assert np.isclose(opened.breakpoints, join).any()
+
+
 def test_a_sum_adds_values_derivatives_and_breakpoints() -> None:
     times, values = samples(4)
     parts = [

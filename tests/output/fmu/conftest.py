@@ -95,7 +95,7 @@ duration = "0.02 s"
 type = "point force"
 marker = "bar.far"
 direction = [0, 0, 1]
-force = { times = ["0 s", "20 ms", "60 ms"], values = [0.0, 1.0, 0.2], unit = "N" }
+force = { times = ["0 s", "20 ms", "60 ms"], values = [0.0, 1.0, 0.2], unit = "N", beyond = "hold" }
 
 [simulation]
 duration = "0.1 s"

@@ -13,6 +13,8 @@ SQUARE = 1e-3  # cosine between two axes that are written with few digits
 SHORTEST_DIRECTION = 1e-100  # largest component of a direction
 
 # Tables.
+CLOSES = 1e-6  # of its largest value: a table that repeats ends so close to its beginning
+MOST_REPEATED_ROWS = 200_000  # of a table that repeats, up to the simulation's end
 MOST_ELONGATIONS = 200  # rows of a force over elongation: it becomes compiled code
 MOST_TABLE_BYTES = 50_000_000  # of a table's file
 MOST_ROWS = 100_000  # of a table over time: it becomes pieces of a motion or load

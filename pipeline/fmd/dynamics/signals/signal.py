@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from fmd.dynamics.compiler.interpret import Evaluation, evaluate_scalars
 
 CONSTANT, PROGRAM, TABLE = range(3)
 """Kinds of a term."""
+
+Beyond = Literal["hold", "zero", "repeat"]
+"""How a table goes on before and after its samples."""
 
 ALWAYS = (-math.inf, math.inf)
 """Support of a term that never ends."""
@@ -180,8 +184,8 @@ def half_sine(start: float, duration: float, peak: float) -> Signal:
     return Signal((term,), (start, end))
 
 
-def linear_table(times: Array, values: Array) -> Signal:
-    """Make straight lines between samples; the first and the last value hold before and after.
+def linear_table(times: Array, values: Array, beyond: Beyond = "hold", until: float = 0.0) -> Signal:
+    """Make straight lines between samples.
 
     Parameters
     ----------
@@ -189,6 +193,11 @@ def linear_table(times: Array, values: Array) -> Signal:
         Of the samples [s], ascending, 2 at least.
     values : ndarray, shape (n,)
         One for each.
+    beyond : str
+        Before and after the samples the first and the last value hold (``"hold"``), the signal is 0 (``"zero"``), or
+        the samples begin anew (``"repeat"``).
+    until : float
+        Time up to which they repeat [s].
 
     Raises
     ------
@@ -196,24 +205,49 @@ def linear_table(times: Array, values: Array) -> Signal:
         Shapes disagree, times don't ascend, a number isn't finite.
     """
     times, values = _samples(times, values)
-    slopes = [0.0, *np.diff(values) / np.diff(times), 0.0]
-    cubics = [(float(value), float(slope), 0.0, 0.0) for value, slope in zip(values, slopes[1:], strict=True)]
-    bends = np.diff(slopes) != 0.0
-    return Signal((_table(times, cubics),), tuple(times[bends].tolist()))
+    slopes = np.diff(values) / np.diff(times)
+    pieces = np.column_stack([values[:-1], slopes, np.zeros((len(slopes), 2))])
+    bends = times[1:-1][np.diff(slopes) != 0.0]
+    return _go_on(times, pieces, (values[-1], slopes[-1]), bends, beyond, until)
 
 
-def smooth_table(times: Array, values: Array) -> Signal:
-    """Make the cubic spline through samples, at rest at both ends, where the first and the last value hold on.
+def smooth_table(times: Array, values: Array, beyond: Beyond = "hold", until: float = 0.0) -> Signal:
+    """Make the cubic spline through samples, at rest at both ends, or periodic if they repeat.
 
-    It has a continuous first derivative everywhere and a continuous second one between its ends: fit for a prescribed
-    motion, whose acceleration acts as a load. Parameters and errors are those of `linear_table`.
+    It has a continuous first derivative and between its ends a continuous second one: fit for a prescribed motion,
+    whose acceleration acts as a load. Parameters and errors are those of `linear_table`; samples that repeat end with
+    their first value.
     """
     from scipy.interpolate import CubicSpline
 
     times, values = _samples(times, values)
-    pieces = CubicSpline(times, values, bc_type="clamped").c[::-1].T
-    cubics = [*pieces.tolist(), (float(values[-1]), 0.0, 0.0, 0.0)]
-    return Signal((_table(times, cubics),), (float(times[0]), float(times[-1])))
+    if beyond == "repeat":
+        values = np.append(values[:-1], values[0])
+    pieces = CubicSpline(times, values, bc_type="periodic" if beyond == "repeat" else "clamped").c[::-1].T
+    repeats = beyond == "repeat"
+    final = (values[-1], pieces[0, 1] if repeats else 0.0)
+    return _go_on(times, pieces, final, times[:0] if repeats else times[[0, -1]], beyond, until)
+
+
+def _go_on(
+    times: Array, pieces: Array, final: tuple[float, float], breakpoints: Array, beyond: Beyond, until: float
+) -> Signal:
+    """Make a signal of cubics (n - 1, 4) and their final value and rate, which goes on beyond its n times."""
+    begin, end = float(times[0]), float(times[-1])
+    if beyond == "repeat":
+        period = end - begin
+        starts = period * np.arange(math.floor(-begin / period), math.ceil((until - begin) / period) + 1)
+        knots, inside = ((at + starts[:, None]).ravel() for at in (times[:-1], breakpoints))
+        joins = starts[:0] if final == tuple(pieces[0, :2]) else starts + begin
+        return Signal((_table(knots, np.tile(pieces, (len(starts), 1))),), tuple(np.union1d(inside, joins).tolist()))
+    holds = beyond == "hold"
+    before, after = (np.array([value if holds else 0.0, 0.0, 0.0, 0.0]) for value in (pieces[0, 0], final[0]))
+    ends = [
+        at for at, one, other in ((begin, before, pieces[0, :2]), (end, after, final)) if tuple(one[:2]) != tuple(other)
+    ]
+    cubics = np.vstack([*([] if holds else [before]), pieces, after])
+    knots = times if holds else np.insert(times, 0, begin - 1.0)  # zero before, too
+    return Signal((_table(knots, cubics),), tuple(np.union1d(breakpoints, ends).tolist()))
 
 
 def total(signals: Sequence[Signal]) -> Signal:
@@ -244,6 +278,6 @@ def _samples(times: Array, values: Array) -> tuple[Array, Array]:
     return times, values
 
 
-def _table(times: Array, cubics: Sequence[Sequence[float]]) -> Term:
-    pieces = tuple((a, b, c, d) for a, b, c, d in cubics)
+def _table(times: Array, cubics: Array) -> Term:
+    pieces = tuple((a, b, c, d) for a, b, c, d in cubics.tolist())
     return Term(TABLE, knots=tuple(times.tolist()), cubics=pieces)
