@@ -130,8 +130,10 @@ def test_a_diagram_has_crossings_in_rpm_and_says_how_they_whirl(tmp_path: Path) 
     assert diagram.unstable == ()
     # Order 1 is met by the translation, whose forward whirl stands still in the turning frame, and by tilting backward.
     once = [np.sqrt(2 * RADIAL / MASS)] * 2 + [np.sqrt(2 * RADIAL * ARM**2 / (ACROSS + POLAR))]
-    found_once = [at.rate for at in compute_campbell(run, rates, [1.0]).crossings if at.rate > 1.0]
-    assert found_once == pytest.approx(once, rel=1e-8)
+    met_once = [at for at in compute_campbell(run, rates, [1.0]).crossings if at.rate > 1.0]
+    assert [at.rate for at in met_once] == pytest.approx(once, rel=1e-8)
+    # Each has its own frequency, that of the rotation, also where the mode stands still in the turning frame.
+    assert [2 * np.pi * at.frequency_hz for at in met_once] == pytest.approx(once, rel=2e-3)
     files = write_campbell(diagram, tmp_path)
     assert files == ["campbell.csv", "campbell.png", "crossings.csv"]
     with (tmp_path / "crossings.csv").open(newline="") as file:

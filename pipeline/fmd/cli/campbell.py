@@ -81,7 +81,7 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
     columns = {diagram.unit: "{:.4g}", **{f"mode {k + 1}": "{}" for k in range(n_modes)}}
     rows = [
         (
-            diagram.told(diagram.rates[k]),
+            diagram.in_unit(diagram.rates[k]),
             *(
                 f"{value:.3f}{_MARKS[whirl_word(whirl)]}"
                 for value, whirl in zip(diagram.frequencies_hz[k, :n_modes], diagram.whirl[k], strict=False)
@@ -97,7 +97,7 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
 def _print_crossings(diagram: CampbellDiagram) -> None:
     """Print where multiples of the rate meet frequencies."""
     rows = [
-        (at.order, diagram.told(at.rate), at.frequency_hz, at.mode, row["whirl"], at.damping)
+        (at.order, diagram.in_unit(at.rate), at.frequency_hz, at.mode, row["whirl"], at.damping)
         for row, at in zip(diagram.crossing_rows(), diagram.crossings, strict=True)
     ]
     columns = {"order": "{:g}", diagram.unit: "{:.2f}", "Hz": "{:.3f}", "mode": "{}", "whirl": "{}"}

@@ -86,7 +86,7 @@ class CampbellDiagram:
     unstable : tuple of UnstableRange
         Where small motions grow, by ascending rate.
     in_rpm : bool
-        Rates are told in revolutions per minute.
+        Rates are written in revolutions per minute.
     """
 
     title: str
@@ -102,11 +102,11 @@ class CampbellDiagram:
 
     @property
     def unit(self) -> str:
-        """Unit in which rates are told."""
+        """Unit in which rates are written."""
         return "rpm" if self.in_rpm else "rad/s"
 
-    def told(self, rate: float | Array) -> Any:
-        """Return a rate [rad/s] in the unit in which rates are told."""
+    def in_unit(self, rate: float | Array) -> Any:
+        """Return a rate [rad/s] in the unit in which rates are written."""
         return rate / RPM if self.in_rpm else rate
 
     def rows(self) -> list[dict[str, Any]]:
@@ -114,9 +114,11 @@ class CampbellDiagram:
         found = []
         for k, rate in enumerate(self.rates.tolist()):
             there = np.isfinite(self.frequencies_hz[k])
-            row: dict[str, Any] = {"rate_rad_s": rate} | ({"rate_rpm": rate / RPM} if self.in_rpm else {})
+            row: dict[str, Any] = {"rate_rad_s": rate, "speed_rpm": rate / RPM}
+            row |= {"rate_rpm": rate / RPM} if self.in_rpm else {}
             for name, values in (
                 ("frequencies_hz", self.frequencies_hz),
+                ("frequency_hz", self.frequencies_hz),
                 ("growth_1_s", self.growth),
                 ("damping", self.damping),
                 ("whirl", self.whirl),
@@ -143,8 +145,7 @@ class CampbellDiagram:
     def unstable_rows(self) -> list[dict[str, float]]:
         """Return the ranges in which something grows as plain data."""
         return [
-            {"from_rad_s": at.start, "to_rad_s": at.end}
-            | ({"from_rpm": at.start / RPM, "to_rpm": at.end / RPM} if self.in_rpm else {})
+            {"from_rad_s": at.start, "to_rad_s": at.end, "from_rpm": at.start / RPM, "to_rpm": at.end / RPM}
             | {"growth_1_s": at.growth}
             for at in self.unstable
         ]
@@ -153,7 +154,7 @@ class CampbellDiagram:
         """Return a warning, with its code and text, for each range in which something grows."""
         found = []
         for at in self.unstable:
-            start, end = (f"{self.told(rate):.5g}" for rate in (at.start, at.end))
+            start, end = (f"{self.in_unit(rate):.5g}" for rate in (at.start, at.end))
             ends = f"to {end}" if at.end < self.rates[-1] else f"up to the highest rate, {end}"
             text = f"from {start} {ends} {self.unit} a vibration grows by itself, by up to {at.growth:.3g} 1/s"
             found.append({"code": "unstable-rotation", "text": text})
@@ -212,12 +213,19 @@ def _find_crossings(
     for number, order in enumerate(orders, start=1):
         for mode, values in enumerate(frequencies_hz.T):
             for rate in _meet(vibrations, rates, values, order, mode):
-                at = vibrations(rate)
+                at = _vibration_at(vibrations, rate, order * rate / (2 * np.pi), mode)
                 frequency, damping, whirl = (float(x[mode]) for x in (at.frequencies_hz, at.damping, at.whirl))
                 damping = 0.0 if abs(damping) < NO_DAMPING else damping
                 found.append(Crossing(order, mode + 1, rate, frequency, damping, whirl))
         advance(number / len(orders))
     return tuple(sorted(found, key=lambda at: at.rate))
+
+
+def _vibration_at(vibrations: Vibrations, rate: float, hertz: float, mode: int) -> WhirlingModes:
+    """Return the vibrations at a rate where a mode has a frequency, or beside it if it stands still there."""
+    beside = (vibrations(rate * share) for share in (1.0, 1.0 - BESIDE_MEETING, 1.0 + BESIDE_MEETING))
+    there = [at for at in beside if len(at.frequencies_hz) > mode]
+    return min(there, key=lambda at: abs(float(at.frequencies_hz[mode]) - hertz))
 
 
 def _meet(vibrations: Vibrations, rates: Array, values: Array, order: float, mode: int) -> Iterator[float]:
@@ -295,7 +303,7 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
     for what in ("hz", "growth_1_s", "damping", "whirl"):
         header += [f"mode_{k + 1}_{what}" for k in range(n_modes)]
     tables = (diagram.frequencies_hz, diagram.growth, diagram.damping, diagram.whirl)
-    columns = (diagram.told(diagram.rates)[:, None], *tables)
+    columns = (diagram.in_unit(diagram.rates)[:, None], *tables)
     rows = [
         [f"{row[0]:.6g}", *(f"{x:.8g}" for x in row[1 : n_modes + 1]), *(f"{x:.5g}" for x in row[n_modes + 1 :])]
         for row in np.concatenate(columns, axis=1)
@@ -303,18 +311,18 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
     _write_rows(folder / "campbell.csv", [header, *rows])
     files = ["campbell.csv", "campbell.png"]
     draw_campbell(
-        diagram.told(diagram.rates),
+        diagram.in_unit(diagram.rates),
         diagram.frequencies_hz[:, :DRAWN_MODES],
         folder / "campbell.png",
         title=diagram.title,
         unit=diagram.unit,
         orders=diagram.orders or None,
-        crossings=[(diagram.told(at.rate), at.frequency_hz) for at in diagram.crossings if at.mode <= DRAWN_MODES],
-        unstable=[(diagram.told(at.start), diagram.told(at.end)) for at in diagram.unstable],
+        crossings=[(diagram.in_unit(at.rate), at.frequency_hz) for at in diagram.crossings if at.mode <= DRAWN_MODES],
+        unstable=[(diagram.in_unit(at.start), diagram.in_unit(at.end)) for at in diagram.unstable],
     )
     if diagram.crossings:
-        told = diagram.crossing_rows()
-        _write_rows(folder / "crossings.csv", [[*told[0]], *([*row.values()] for row in told)])
+        crossings = diagram.crossing_rows()
+        _write_rows(folder / "crossings.csv", [[*crossings[0]], *([*row.values()] for row in crossings)])
         files.append("crossings.csv")
     return files
 
