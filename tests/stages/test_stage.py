@@ -145,3 +145,11 @@ def test_the_time_of_a_stage_that_fails_counts() -> None:
     store.compute("motion", lambda: 1.0)
     assert store.log.seconds["motion"] > 0.02
     assert store.log.run == ["motion"]
+
+
+def test_every_stage_that_is_kept_knows_the_kind_of_its_result() -> None:
+    run = Pipeline(load_scene("beam"), Cache(None))
+    owners = [(run, stages_of(Pipeline)), (run.part, stages_of(FlexiblePart))]
+    kinds = {stage.name: stage._find_kind(owner) for owner, stages in owners for stage in stages if stage.inputs}
+    assert kinds["stability"] == "tuple[Growth, ...]"  # of a computation whose module isn't loaded
+    assert all(kinds.values()), kinds

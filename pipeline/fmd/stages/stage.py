@@ -96,14 +96,21 @@ class Stage(Generic[T]):
         found: Callable[[Any], T] = getattr(import_module(f"fmd.stages.{module}"), function)
         return found
 
+    def _find_kind(self, owner: Staged) -> str:
+        """Return the annotation of the result: that of its computation, or of the attribute while this isn't loaded."""
+        if not isinstance(self.compute, str):
+            return str(self.compute.__annotations__.get("return", ""))
+        attributes, declared = vars(type(owner)), type(owner).__annotations__
+        kinds = [str(kind) for name, kind in declared.items() if attributes.get(name) is self]
+        return kinds[0].removeprefix("Stage[").removesuffix("]") if kinds else ""
+
     def _find(self, owner: Staged, compute: Callable[[], T]) -> T:
         """Compute a result, unless another body has it or it is kept."""
         if self.shared_inputs is not None:
             key = stage_key(self.name, self.shared_inputs(owner), self.sources, self.packages)
             return owner.store.share_or_compute(self.name, key, compute)
         if key := self.key(owner):
-            kind = str(self.compute.__annotations__.get("return", ""))
-            return owner.store.read_or_compute(self.name, key, compute, self.lasts, kind)
+            return owner.store.read_or_compute(self.name, key, compute, self.lasts, self._find_kind(owner))
         return owner.store.compute(self.name, compute)
 
     @overload
