@@ -7,6 +7,9 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.compiled import CompiledMechanism
 from fmd.dynamics.compiler.interpret import interpret
+from fmd.dynamics.compiler.llvm import emit
+from fmd.dynamics.compiler.machine import LoadedObject, compile_object
+from fmd.dynamics.compiler.program import Program
 
 TIME = 0.37
 
@@ -25,3 +28,9 @@ def interpreted(compiled: CompiledMechanism, name: str, shape: tuple[int, ...], 
 def difference(a: Array, b: Array) -> float:
     """Return the largest difference over the largest value of b."""
     return float(np.abs(np.subtract(a, b)).max(initial=0.0) / max(np.abs(b).max(initial=0.0), 1e-300))
+
+
+def load_code(program: Program, register: int = 4) -> LoadedObject:
+    """Compile a program for registers of so many doubles, and load it with its constants."""
+    source, constants = emit(program, register)
+    return LoadedObject(compile_object(source), constants)

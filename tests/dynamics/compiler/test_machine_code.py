@@ -19,16 +19,15 @@ from fmd.dynamics.compiler.digest import digest_mechanism
 from fmd.dynamics.compiler.functions import FUNCTIONS
 from fmd.dynamics.compiler.graph import Graph, combine
 from fmd.dynamics.compiler.interpret import interpret
-from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.machine import LoadedObject, compile_object
 from fmd.dynamics.compiler.program import LANES, Output, Program
-from fmd.dynamics.compiler.store import load_program, object_path
+from fmd.dynamics.compiler.store import constants_path, load_program, object_path
 from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant, formula
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
-from tests.dynamics.compiler.comparison import TIME
+from tests.dynamics.compiler.comparison import TIME, difference, interpreted, load_code
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
 
@@ -44,7 +43,7 @@ def function(name: str) -> Program:
 
 def values_of(name: str, at: Array) -> Array:
     program = function(name)
-    loaded, out, y = LoadedObject(compile_object(emit(program, 4))), np.empty(at.size), np.zeros(1)
+    loaded, out, y = load_code(program), np.empty(at.size), np.zeros(1)
     for k, x in enumerate(at):
         run(program, loaded, np.array([x]), y)
         out[k] = y[0]
@@ -84,7 +83,7 @@ def test_choices_in_lanes_are_those_of_the_interpreter() -> None:
     program = Program("f", graph, ("x", "y"), outputs, lanes=("x", "y"))
     given, found = np.random.default_rng(3).normal(size=(3, LANES)), np.zeros((len(values), LANES))
     given[0, 0], given[1, 1] = 0.0, np.nan
-    run(program, LoadedObject(compile_object(emit(program, 4))), given, found)
+    run(program, load_code(program), given, found)
     expected = np.array(interpret(graph, [value.node for value in values], {"x": given}))
     assert np.allclose(found, expected, rtol=1e-13, atol=1e-13, equal_nan=True)
 
@@ -108,7 +107,7 @@ def test_vectors_of_every_length(n: int, register: int) -> None:
     named = tuple(Output(value, ("y", place)) for (value, _), place in zip(outputs, at, strict=True))
     program = Program("f", graph, ("x", "y"), named)
     x, y = rng.normal(size=2 * n), np.zeros(places[-1])
-    run(program, LoadedObject(compile_object(emit(program, register))), x, y)
+    run(program, load_code(program, register), x, y)
     expected = interpret(graph, [value.node for value, _ in outputs], {"x": x})
     assert np.allclose(y, np.concatenate([np.atleast_1d(value) for value in expected]), rtol=1e-13, atol=1e-13)
 
@@ -122,7 +121,7 @@ def test_chunks_cover_a_vector_and_pad_it_by_no_more_than_they_spare() -> None:
 
 
 def test_an_object_without_the_function_is_refused() -> None:
-    loaded = LoadedObject(compile_object(emit(function("sin"), 4)))
+    loaded = load_code(function("sin"))
     with pytest.raises(ValueError, match="the object has no function g"):
         loaded.address("g")
 
@@ -135,9 +134,9 @@ def test_objects_are_read_back_and_damaged_ones_made_anew(monkeypatch: pytest.Mo
     monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
     compiled = []
     monkeypatch.setattr(store, "compile_object", lambda text: compiled.append(text) or compile_object(text))
-    y, path = np.zeros(1), object_path("f", "cos")
+    y, kept = np.zeros(1), list[Path]()
     for damage in (None, b"", b"nothing that was ever an object file"):
-        if damage is not None:
+        for path in kept if damage is not None else ():
             path.write_bytes(damage)
         before = len(compiled)
         for _ in range(2):
@@ -145,7 +144,8 @@ def test_objects_are_read_back_and_damaged_ones_made_anew(monkeypatch: pytest.Mo
             run(function("cos"), load("cos"), np.zeros(1), y)
             assert y[0] == 1.0
         assert len(compiled) == before + 1
-    assert list(tmp_path.iterdir()) == [path]
+        kept = sorted(tmp_path.iterdir())
+        assert [path.suffix for path in kept] == [".constants", ".object"]
 
 
 def test_a_process_loads_an_object_once_and_keeps_the_last_used(
@@ -169,9 +169,10 @@ def test_an_object_that_cannot_be_kept_serves_all_the_same(monkeypatch: pytest.M
 
 
 def test_another_processor_has_objects_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = object_path("f", "sin")
+    here = constants_path("f", "sin"), object_path("f", b"sin")
     monkeypatch.setattr(store, "processor", lambda: ("22.1.0", "another", "+avx2"))
-    assert object_path("f", "sin") != here
+    assert constants_path("f", "sin") not in here
+    assert object_path("f", b"sin") not in here
 
 
 def test_a_mechanism_whose_object_is_kept_is_not_traced(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -180,6 +181,38 @@ def test_a_mechanism_whose_object_is_kept_is_not_traced(monkeypatch: pytest.Monk
     again = compile_mechanism(made.mechanism)
     monkeypatch.setattr(again, "program", lambda name: pytest.fail(f"{name} is traced"))
     assert np.array_equal(again.accelerations(TIME, *made.state(2)), a)
+
+
+def with_other_numbers(mechanism: Mechanism, factor: float) -> Mechanism:
+    """An equal mechanism of other lengths, stiffness, damping and inertia, whose gravity and loads are others too."""
+    links = []
+    for link in mechanism.links:
+        integrals = replace(link.integrals, mass=factor * link.integrals.mass, S=factor * link.integrals.S)
+        integrals = replace(integrals, G=factor * integrals.G) if not len(link.omega) else link.integrals
+        own = replace(link, integrals=integrals, place=factor * link.place, omega=factor * link.omega)
+        links.append(replace(own, spring=factor * link.spring, rest=factor * link.rest, damper=factor * link.damper))
+    loads = [replace(load, place=factor * load.place) for load in mechanism.loads]
+    return replace(mechanism, links=links, loads=loads, gravity=factor * mechanism.gravity)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_mechanisms_that_differ_in_numbers_alone_share_their_code(
+    seed: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
+    count = []
+    monkeypatch.setattr(store, "compile_object", lambda text: count.append(text) or compile_object(text))
+    made = random_mechanism(seed)
+    made_of = [compile_mechanism(with_other_numbers(made.mechanism, factor)) for factor in (1.1875, 1.0625, 0.9375)]
+    q, v = made.state(seed)
+    found = [compiled.accelerations(TIME, q, v) for compiled in made_of]
+    codes = [text for text in count if "@accelerations" in text]
+    assert len(codes) == 1
+    for compiled, a in zip(made_of, found, strict=True):
+        expected = interpreted(compiled, "accelerations", a.shape, q=q, v=v)
+        assert difference(a, expected) < 1e-10
+        assert np.array_equal(compiled.accelerations(TIME, q, v), a)  # each has constants of its own in memory
+    assert not np.allclose(found[0], found[1], rtol=1e-6, atol=0.0)
 
 
 def digest(mechanism: Mechanism) -> str:
@@ -234,7 +267,7 @@ def test_processes_that_compile_at_once_agree(tmp_path: Path) -> None:
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         results = pool.map(_accelerate, [tmp_path] * 2)
     assert len(set(results)) == 1
-    assert len(list(tmp_path.glob("accelerations.*"))) == 1
+    assert sorted(path.suffix for path in tmp_path.glob("accelerations.*")) == [".constants", ".object"]
 
 
 def test_registers_are_as_wide_as_the_processor_says(monkeypatch: pytest.MonkeyPatch) -> None:

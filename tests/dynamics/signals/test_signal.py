@@ -14,8 +14,6 @@ from scipy.interpolate import CubicSpline
 
 from fmd.core.formula import parse_formula
 from fmd.core.limits.scene import MOST_DEPTH
-from fmd.dynamics.compiler.llvm import emit
-from fmd.dynamics.compiler.machine import LoadedObject, compile_object
 from fmd.dynamics.compiler.signal_code import trace_signals
 from fmd.dynamics.signals.signal import (
     Signal,
@@ -26,6 +24,7 @@ from fmd.dynamics.signals.signal import (
     smooth_table,
     total,
 )
+from tests.dynamics.compiler.comparison import load_code
 
 # Kane, Ryan & Banerjee, J Guid Control Dyn 10 (1987) 139-151: the spin-up of a beam to 6 rad/s in 15 s
 KANE = "(6/15)*(t**2/2 + (15/(2*pi))**2*(cos(2*pi*t/15) - 1)) if t < 15 else 6*t - 45"
@@ -71,7 +70,7 @@ def only_value(made: Signal, t: float) -> float:
 
 def compiled(signals: Sequence[Signal], times: Sequence[float]) -> np.ndarray:
     """Value and derivatives of signals by their machine code, shape (n_times, n_signals, 3)."""
-    loaded = LoadedObject(compile_object(emit(trace_signals(signals), 4)))
+    loaded = load_code(trace_signals(signals))
     call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(loaded.address("signals"))
     out = np.full((len(times), len(signals), 3), np.nan)
     for t, row in zip(times, out, strict=True):

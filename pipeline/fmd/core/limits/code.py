@@ -5,6 +5,10 @@ MOST_FACTORS = 16  # of a whole power in a formula that is written as products
 FAR_ANGLE = 1e9  # angle [rad] beyond which sine and cosine need more digits of π than the short reduction has
 TINY_SQUARE = 1e-300  # Pa²: the square of a von Mises stress whose root has a derivative at no stress, too
 
+# Constants.
+STRUCTURAL = (0.0, 1.0, -1.0)  # numbers that stand in code themselves: what they simplify is a mechanism's structure
+DOUBLES_IN_LINE = 8  # of the processor's cache
+
 # Products.
 UNROLLED = 16  # columns up to which a matrix is multiplied without a loop, its columns in the code
 ACCUMULATORS = 8  # vector registers that a product sums in: enough to hide the latency of ``fma``

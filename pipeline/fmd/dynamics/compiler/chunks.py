@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.code import ACCUMULATORS, UNROLLED
+from fmd.core.limits.code import ACCUMULATORS, STRUCTURAL, UNROLLED
 from fmd.dynamics.compiler.writer import Writer, literal, type_of
 
 Chunk = tuple[str, int]
@@ -88,15 +88,19 @@ class ChunkWriter(Writer):
         return self.value(f"getelementptr double, ptr %{argument}, i64 {place}") if place else f"%{argument}"
 
     def constant(self, values: Array) -> list[Chunk]:
-        """Return the chunks of a constant vector."""
-        chunks, first = [], 0
+        """Write a constant vector: chunks of 0, 1 and -1 as they are, all others as loads."""
+        chunks, first, table = list[Chunk](), 0, ""
         for width in chunk_widths(values.size, self._register):
             entries = np.zeros(width)
             entries[: values[first : first + width].size] = values[first : first + width]
-            if width == 1:
-                text = literal(entries[0])
+            if not entries.any():
+                text = zero(width)
+            elif np.isin(entries, STRUCTURAL).all():
+                text = literal(entries[0]) if width == 1 else f"<{', '.join(f'double {literal(x)}' for x in entries)}>"
             else:
-                text = "<" + ", ".join(f"double {literal(x)}" for x in entries) + ">" if entries.any() else zero(width)
+                table = table or self.table(np.append(values, np.zeros(-values.size % self._register)))
+                at = self.value(f"getelementptr double, ptr {table}, i64 {first}") if first else table
+                text = self.load_constant(at, width)
             chunks.append((text, width))
             first += width
         return chunks
@@ -264,7 +268,7 @@ class ChunkWriter(Writer):
         for width in widths:
             place = self.value(f"add i64 {row}, {first}")
             where = self.value(f"getelementptr double, ptr {table}, i64 {place}")
-            entries = self.value(f"load {type_of(width)}, ptr {where}, align 8")
+            entries = self.load_constant(where, width)
             out.append((width, entries, self.splat(factor, width)))
             first += width
         return out

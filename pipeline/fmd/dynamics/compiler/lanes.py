@@ -161,7 +161,8 @@ class LaneEmitter:
         else:
             return self._looped_product(constant, vector)
         return [
-            self._sum([(self._out.splat(literal(x), LANES), self._entry(vector, k)) for x, k in row]) for row in rows
+            self._sum([(self._out.splat(self._out.number(x), LANES), self._entry(vector, k)) for x, k in row])
+            for row in rows
         ]
 
     def _looped_product(self, matrix: Array, vector: int) -> list[str]:
@@ -175,14 +176,10 @@ class LaneEmitter:
         first, products = out.value(f"mul i64 {counter}, {n_columns}"), []
         for k, column in enumerate(columns):
             where = out.value(f"getelementptr double, ptr {table}, i64 {out.value(f'add i64 {first}, {k}')}")
-            products.append((out.splat(out.value(f"load double, ptr {where}, align 8"), LANES), column))
+            products.append((out.splat(out.load_constant(where), LANES), column))
         where = out.value(f"getelementptr {_KIND}, ptr {result}, i64 {counter}")
         out.lines.append(f"store {_KIND} {self._sum(products)}, ptr {where}, align 64")
         out.lines.append(f"{following} = add i64 {counter}, 1")
         out.end_loop(f"icmp slt i64 {following}, {n_rows}", label, after)
         places = [out.value(f"getelementptr {_KIND}, ptr {result}, i64 {k}") for k in range(n_rows)]
         return [out.value(f"load {_KIND}, ptr {place}, align 64") for place in places]
-
-
-def _constant(value: float) -> str:
-    return "<" + ", ".join([f"double {literal(value)}"] * LANES) + ">"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.chunks import Chunk, ChunkWriter
 from fmd.dynamics.compiler.functions import CHOICES, DECLARATIONS, FUNCTIONS, function_code
@@ -10,8 +12,12 @@ from fmd.dynamics.compiler.program import Program
 from fmd.dynamics.compiler.writer import literal
 
 
-def emit(program: Program, register: int) -> str:
-    """Write a program as a module of LLVM's language, for vector registers of so many doubles."""
+def emit(program: Program, register: int) -> tuple[str, Array]:
+    """Write a program as a module of LLVM's language, for vector registers of so many doubles, and its constants.
+
+    The code reads these from an array ``@constants`` that it is loaded with. So it depends on the structure of the
+    program's graph alone, in which 0, 1 and -1 are simplified: other numbers give the same code.
+    """
     emitter = _Emitter(program, register)
     emitter.write_nodes()
     emitter.write_outputs()
@@ -23,7 +29,7 @@ def emit(program: Program, register: int) -> str:
         "declare <8 x double> @llvm.fma.v8f64(<8 x double>, <8 x double>, <8 x double>)",
         "declare double @llvm.sqrt.f64(double)",
         *(DECLARATIONS if functions else ()),
-        *emitter.out.tables,
+        f"@constants = external constant [{len(emitter.out.constants)} x double], align 64",
         *(function_code(name) for name in functions),
         f"define void @{program.name}({arguments}) nounwind {{",
         "entry:",
@@ -31,8 +37,9 @@ def emit(program: Program, register: int) -> str:
         *emitter.out.lines,
         "ret void",
         "}",
+        "!0 = !{}",
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n", np.array(emitter.out.constants)
 
 
 class _Emitter:
@@ -82,7 +89,7 @@ class _Emitter:
         operation, arguments, data, _ = self._graph.nodes[number]
         out, scalars = self.out, self._scalars
         if operation == "number":
-            return literal(float(data))  # type: ignore[arg-type]
+            return out.number(float(data))  # type: ignore[arg-type]
         if operation == "input":
             return out.load(*data)[0][0]  # type: ignore[misc]
         if operation in ("add", "subtract", "multiply"):
@@ -123,7 +130,7 @@ class _Emitter:
             return self.out.value(f"call double @of_piece(double {x}, ptr {table}, i64 {values.size})")
         number = self.out.value(f"fptosi double {x} to i64")
         place = self.out.value(f"getelementptr double, ptr {table}, i64 {number}")
-        return self.out.value(f"load double, ptr {place}, align 8")
+        return self.out.load_constant(place)
 
     def _function(self, operation: str, argument: int) -> str:
         x = self._scalars[argument]

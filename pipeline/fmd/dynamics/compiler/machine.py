@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import threading
 from functools import cache
 from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.limits.code import DOUBLES_IN_LINE
+
+_linking = threading.Lock()
 
 
 @cache
@@ -51,10 +59,17 @@ def compile_object(source: str) -> bytes:
 class LoadedObject:
     """Functions of an object file in memory, for as long as this lives.
 
+    Parameters
+    ----------
+    content : bytes
+        The file's.
+    constants : ndarray, optional
+        What its functions read from the array ``constants``, if they read any.
+
     Attributes
     ----------
     n_bytes : int
-        Size of the file.
+        Size of the file and of the constants.
 
     Raises
     ------
@@ -62,15 +77,26 @@ class LoadedObject:
         The object isn't one, or misses a function.
     """
 
-    def __init__(self, content: bytes) -> None:
+    def __init__(self, content: bytes, constants: Array | None = None) -> None:
         llvm = _binding()
-        self.n_bytes = len(content)
+        self._constants = _aligned(np.zeros(0) if constants is None else constants)
+        self.n_bytes = len(content) + self._constants.nbytes
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(content))
-        self._engine.finalize_object()
+        with _linking:  # each object is linked to constants of its own, all under one name
+            llvm.add_symbol("constants", self._constants.ctypes.data)
+            self._engine.finalize_object()
 
     def address(self, function: str) -> int:
         """Return a function's address."""
         if not (address := self._engine.get_function_address(function)):
             raise ValueError(f"the object has no function {function}")
         return int(address)
+
+
+def _aligned(values: Array) -> Array:
+    """Return a copy of an array (n,) that begins with a line of the processor's cache."""
+    room = np.empty(values.size + DOUBLES_IN_LINE)
+    first = -(room.ctypes.data // room.itemsize) % DOUBLES_IN_LINE
+    room[first : first + values.size] = values
+    return room[first : first + values.size]

@@ -1,5 +1,7 @@
-"""Compiled programs on disk: one object file each, named after what it is compiled from and the processor it is for.
+"""Compiled programs on disk: an object file for each structure of a graph, and the constants of each program.
 
+A program whose graph differs from another's in constants alone needs no compiling: the code is read for both, and has
+an array of constants of its own in each copy that is loaded.
 Files are written whole or not at all, so any number of processes may compile and load at once; a damaged one is made
 anew.
 """
@@ -10,6 +12,8 @@ import hashlib
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
+
+import numpy as np
 
 from fmd.core.files import whole_file
 from fmd.core.limits.memory import MOST_LOADED
@@ -36,22 +40,45 @@ def load_program(name: str, digest: str, trace: Callable[[], Program]) -> Loaded
     trace : callable
         Traces it, if it has to be compiled.
     """
-    path = object_path(name, digest)
+    path = constants_path(name, digest)
     loaded = _loaded.pop(path, None)
     if loaded is None:
-        content = _read(path)
-        if content is None:
-            content = compile_object(emit(trace(), register_width()))
-            _write(path, content)
-        loaded = LoadedObject(content)
+        loaded = _read_program(name, path) or _make_program(name, path, trace)
     _loaded[path] = loaded
     while len(_loaded) > MOST_LOADED:
         _loaded.popitem(last=False)
     return loaded
 
 
-def object_path(name: str, digest: str) -> Path:
-    """Return where a program's machine code for this processor is kept."""
+def _read_program(name: str, path: Path) -> LoadedObject | None:
+    """Return a program whose constants are kept in a file, with the digest of its code before them."""
+    kept = _read(path)
+    content = None if kept is None else _read(object_path(name, kept[:_DIGEST_BYTES]))
+    if kept is None or content is None:
+        return None
+    return LoadedObject(content, np.frombuffer(kept[_DIGEST_BYTES:]))
+
+
+def _make_program(name: str, path: Path, trace: Callable[[], Program]) -> LoadedObject:
+    """Trace a program, compile its code unless a program of the same structure has been, and keep both."""
+    source, constants = emit(trace(), register_width())
+    digest = _digest(source.encode())
+    of_code = object_path(name, digest)
+    content = _read(of_code)
+    if content is None:
+        content = compile_object(source)
+        _write(of_code, content)
+    _write(path, digest + constants.tobytes())
+    return LoadedObject(content, constants)
+
+
+def constants_path(name: str, digest: str) -> Path:
+    """Return where a program's constants are kept."""
+    return kernel_folder() / f"{name}.{_digest(repr((digest, processor())).encode()).hex()}.constants"
+
+
+def object_path(name: str, digest: bytes) -> Path:
+    """Return where the machine code of all programs of a structure is kept, for this processor."""
     return kernel_folder() / f"{name}.{_digest(repr((digest, processor())).encode()).hex()}.object"
 
 

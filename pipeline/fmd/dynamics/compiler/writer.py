@@ -10,8 +10,10 @@ import math
 import struct
 from collections.abc import Sequence
 
+import numpy as np
+
 from fmd.core.arrays import Array
-from fmd.core.limits.code import FAR_ANGLE
+from fmd.core.limits.code import DOUBLES_IN_LINE, FAR_ANGLE, STRUCTURAL
 from fmd.dynamics.compiler.stumpff import LIMIT, coefficients
 
 # Sine and cosine on −π/4 … π/4 (Moshier, Methods and Programs for Mathematical Functions, 1989: Cephes), lowest first.
@@ -52,15 +54,16 @@ class Writer:
         The function's body.
     room : list of str
         Memory of its own, which is named on entry.
-    tables : list of str
-        Constant arrays of its module.
+    constants : list of float
+        Numbers that its code reads from the array ``@constants``, so that others give the same code.
     """
 
     def __init__(self, prefix: str = "t") -> None:
         self.lines: list[str] = []
         self.room: list[str] = []
-        self.tables: list[str] = []
+        self.constants: list[float] = []
         self._prefix, self._count, self._block, self._n_loops = prefix, 0, "entry", 0
+        self._free = range(0)  # places among the constants that are kept for single numbers
 
     def name(self) -> str:
         """Return a name that no other value has."""
@@ -77,12 +80,29 @@ class Writer:
         """Write ``a operation b``; products and sums may contract."""
         return self.value(f"{operation} contract {type_of(width)} {a}, {b}")
 
+    def number(self, value: float) -> str:
+        """Return 0, 1, -1 or what isn't finite as it is; write the load of any other number from the constants."""
+        if value in STRUCTURAL or not math.isfinite(value):
+            return literal(value)
+        if not self._free:
+            self._free = range(self._keep(np.zeros(DOUBLES_IN_LINE)), len(self.constants))
+        place, self._free = self._free[0], self._free[1:]
+        self.constants[place] = value
+        return self.load_constant(self.value(f"getelementptr double, ptr @constants, i64 {place}"))
+
+    def load_constant(self, address: str, width: int = 1) -> str:
+        """Write the load of a chunk of constants."""
+        return self.value(f"load {type_of(width)}, ptr {address}, align 8, !invariant.load !0")
+
     def table(self, values: Array) -> str:
-        """Name a constant array, row by row."""
-        name = f"@table{len(self.tables)}"
-        entries = ", ".join(f"double {literal(float(x))}" for x in values.ravel())
-        self.tables.append(f"{name} = private unnamed_addr constant [{values.size} x double] [{entries}], align 64")
-        return name
+        """Write the address of an array of constants, row by row."""
+        return self.value(f"getelementptr double, ptr @constants, i64 {self._keep(values)}")
+
+    def _keep(self, values: Array) -> int:
+        """Add constants that begin a line of the cache, and return the place of the first."""
+        first = len(self.constants)
+        self.constants += [*values.ravel().tolist(), *[0.0] * (-values.size % DOUBLES_IN_LINE)]
+        return first
 
     def new_loop(self) -> tuple[str, str, str]:
         """Begin a loop; its label, that of what comes after it and that of what comes before."""
