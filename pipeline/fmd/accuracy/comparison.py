@@ -87,7 +87,7 @@ class Comparison:
         """Choose the output times at which stress is compared, and the nodes that matter."""
         frames = [choose_frames(len(self.motion.times), COMPARED_FRAMES)]
         for name in self.run.parts:
-            values = self.run.stress_of(name).measure_at(np.arange(len(self.motion.times)))
+            values = self.run.stress_of(name).limited_von_mises(np.arange(len(self.motion.times)))
             frames.append(np.argsort(values.max(axis=1))[-HOTTEST_FRAMES:])
             self.hot[name] = np.flatnonzero(values.max(axis=0) >= HOT * values.max())
         self.frames = np.unique(np.concatenate(frames))

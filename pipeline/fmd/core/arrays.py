@@ -14,6 +14,7 @@ from fmd.core.limits.shown import LONGEST_TEXT
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 

@@ -23,7 +23,7 @@ from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_wa
 from fmd.output.histories import extremes
 from fmd.output.loops import loop_figures, loop_warnings
 from fmd.output.output_times import output_time_warnings
-from fmd.output.spot_stress import spot_stress_warnings
+from fmd.output.spot_stress import limitless_warnings, spot_stress_warnings
 from fmd.output.stress_fields import state_lives, summarise_fields
 from fmd.recovery.motion import Motion
 from fmd.scene.histories import ExtremesTable
@@ -104,6 +104,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         where = max(worst, key=lambda name: worst[name]["value_pa"])
         largest = {"body": where, "von_mises_pa": worst[where]["value_pa"]}
         summary["worst_stress"] = largest | {key: worst[where][key] for key in ("time_s", "position_m")} | worst
+        summary["warnings"] += limitless_warnings(run, found)
         summary["warnings"] += output_time_warnings(run, {name: node for name, (_, node, _) in found.items()})
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
         summary["tables"] = tables

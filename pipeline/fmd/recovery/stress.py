@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray, require_shape, short_repr
+from fmd.core.arrays import Array, BoolArray, IntArray, require_shape, short_repr
 from fmd.core.limits.memory import CACHED_NUMBERS, STRAINED_AT_ONCE, STRESSED_FRAMES
 
 if TYPE_CHECKING:
@@ -134,12 +134,15 @@ class StressHistory:
         Output times of the motion [s].
     q : ndarray, shape (n_times, n)
         Modal coordinates.
+    limitless : ndarray of bool, shape (n_nodes,), optional
+        Nodes whose stress grows with each refinement, which are no place of the largest.
     """
 
     nodes: IntArray
     modal: Array
     times: Array
     q: Array
+    limitless: BoolArray | None = None
 
     __repr__ = short_repr
 
@@ -169,11 +172,18 @@ class StressHistory:
             values[:, start : start + block] = measure(tensors).T
         return values
 
+    def limited_von_mises(self, frames: IntArray) -> Array:
+        """Von Mises stress at chosen output times (n_frames, n_nodes) [Pa], -1 where it has no limit."""
+        values = self.measure_at(frames)
+        if self.limitless is not None:
+            values[:, self.limitless] = -1.0
+        return values
+
     def worst(self) -> tuple[float, int, float]:
         """Time [s], place in ``nodes`` and value [Pa] of the largest von Mises stress at any output time."""
         peak = (0.0, 0, -1.0)
         for start in range(0, len(self.times), STRESSED_FRAMES):
-            value = self.measure_at(np.arange(start, min(start + STRESSED_FRAMES, len(self.times))))
+            value = self.limited_von_mises(np.arange(start, min(start + STRESSED_FRAMES, len(self.times))))
             k, node = np.unravel_index(value.argmax(), value.shape)
             if value[k, node] > peak[2]:
                 peak = float(self.times[start + k]), int(node), float(value[k, node])

@@ -32,8 +32,8 @@ class MarkerPlace(Orientation):
     """A named place on a flexible body, where joints and loads act and motion is recorded, with axes of its own.
 
     Exactly one of ``face``, ``near``, ``plane``, ``edge``, ``at``, ``node`` and ``nodes`` says where it is. A force at
-    a point or on an edge has no finite deflection under it: on finer meshes it grows. Take faces for joints and loads,
-    points for results.
+    a point or on an edge has no finite deflection under it: on finer meshes it grows, and so does the stress around it,
+    which is left out of the largest stress. Take faces for joints and loads, points for results.
 
     Parameters
     ----------

@@ -23,6 +23,7 @@ from fmd.scene.scene import Scene
 from fmd.scene.source_files import collect_inputs
 from fmd.stages.division import Division, divide_parts
 from fmd.stages.part import FlexiblePart
+from fmd.stages.point_loads import limitless_nodes
 from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage, stages_of
 from fmd.stages.store import Log, StageStore
 from fmd.stages.whole_inertia import complete_inertia
@@ -275,7 +276,8 @@ class Pipeline:
         if body in self.division.divided:
             return self.division.divided[body].stress(self.motion)
         part, first = self.parts[body], self.motion
-        return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body))
+        q, limitless = first.modal(body), limitless_nodes(self.scene, part)
+        return StressHistory(part.surface.nodes, part.surface_stress, first.times, q, limitless)
 
     def deform(self, body: str, frames: Sequence[int] | IntArray, nodes: IntArray) -> Array:
         """Return the displacement of nodes in the frame at a body's joint at output times, (n_frames, n_nodes, 3) [m].

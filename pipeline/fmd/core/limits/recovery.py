@@ -22,6 +22,7 @@ INDEPENDENT_TERM = 0.02  # of a term's norm over the points: with less outside t
 # Stress.
 NEAR_LARGEST_STRESS = 0.8  # of the largest von Mises stress
 APART = 0.1  # of the larger stress
+BESIDE_POINT = 0.5  # of the edge of a cube of the part's volume: stress so near a loaded point isn't the largest
 
 # Largest values.
 NEAR_LARGEST_DEFLECTION = 0.8  # of the tip's largest deflection

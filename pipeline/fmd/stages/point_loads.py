@@ -1,0 +1,52 @@
+"""Places of a part where stress has no limit: around points and edges through which forces enter it.
+
+Under a force on a point stress grows as 1/r², beside one on an edge as 1/r (Kelvin; Flamant), so each finer mesh shows
+more of it. The largest stress is that of the rest of the surface.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import BoolArray
+from fmd.core.limits.recovery import BESIDE_POINT
+from fmd.scene.places import MarkerPlace
+
+if TYPE_CHECKING:
+    from fmd.scene.scene import Scene
+    from fmd.stages.part import FlexiblePart
+
+
+def loaded_points(scene: Scene, part: FlexiblePart) -> tuple[str, ...]:
+    """Return the names of a part's markers at points and on edges that joints, loads or force elements act on."""
+    places = {end for joint in scene.joint.values() for end in (joint.parent, joint.child)}
+    places |= {end for table in scene.elements.values() for element in table.values() for end in element.between}
+    places |= {marker for drive in scene.drive.values() if (marker := getattr(drive, "marker", None)) is not None}
+    return tuple(
+        name
+        for name, place in part.shape.marker.items()
+        if f"{part.name}.{name}" in places and isinstance(place, MarkerPlace) and not place.is_face
+    )
+
+
+def limitless_nodes(scene: Scene, part: FlexiblePart) -> BoolArray:
+    """Return for each node of a part's surface whether its stress grows with each refinement, shape (n_nodes,).
+
+    These are the nodes of the elements around loaded points and edges, and those within half the edge of a cube of the
+    part's volume, so that meshes of any size leave out the same.
+    """
+    nodes, names = part.surface.nodes, loaded_points(scene, part)
+    if not names:
+        return np.zeros(len(nodes), dtype=bool)
+    around = np.zeros(len(part.space.x), dtype=bool)
+    radius = BESIDE_POINT * float(part.space.volumes.sum()) ** (1 / 3)
+    for name in names:
+        marker = part.markers[name]
+        seeds = marker.nodes[marker.translation_weights != 0.0]
+        touched = np.isin(part.space.element_nodes, seeds).any(axis=1)
+        around[part.space.element_nodes[touched]] = True
+        distance = np.linalg.norm(part.space.x[:, None] - part.space.x[seeds], axis=2).min(axis=1)
+        around |= distance < radius
+    return np.zeros(len(nodes), dtype=bool) if around[nodes].all() else around[nodes]
