@@ -242,6 +242,11 @@ def _with_second_order(
             }
             links[k] = replace(link, integrals=integrals, joint_displacement2=displacement2, markers=markers)
     for k, link in enumerate(links):
+        if not link.markers:  # of a rigid body, or without terms of second order
+            own, n = np.random.default_rng(k), len(link.omega)
+            tip = MarkerShapes(own.normal(size=3), *own.normal(size=(2, 3, n)), np.zeros((6, n, n)))
+            links[k] = replace(link, markers={"tip": tip})
+    for k, link in enumerate(links):
         n = len(links[link.parent].omega) if link.parent >= 0 else 0
         if n and rng.random() < 0.7:
             links[k] = replace(

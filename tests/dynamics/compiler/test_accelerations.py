@@ -36,13 +36,9 @@ def test_stiffened_bodies_accelerate_as_by_lagranges_equations(seed: int) -> Non
     assert difference(a, lagrange.accelerations(mechanism, q, v)) < 1e-8
 
 
-@pytest.mark.parametrize("second_order", [False, True])
 @EACH
-def test_machine_code_does_what_the_interpreter_does(seed: int, second_order: bool) -> None:
-    made = random_mechanism(seed, second_order)
+def test_machine_code_does_what_the_interpreter_does(seed: int) -> None:
+    made = random_mechanism(seed, second_order=True)
     q, v = made.state(seed)
-    compiled = made.compiled
-    a = compiled.accelerations(TIME, q, v)
-    assert difference(a, interpreted(compiled, "accelerations", (made.mechanism.n,), q=q, v=v)) < (
-        1e-12 if second_order else 1e-13
-    )
+    a = made.compiled.accelerations(TIME, q, v)
+    assert difference(a, interpreted(made.compiled, "accelerations", (made.mechanism.n,), q=q, v=v)) < 1e-12
