@@ -24,7 +24,7 @@ REPEATS = 101
 
 def main():
     """Measure and write the table."""
-    run = Pipeline(load_scene("beam"))
+    run = Pipeline(load_scene("beam-paper"))
     rotor, times, rest = run.system, run.motion.times, np.zeros(run.system.n)
     methods = {"central difference": CentralDifference(STEP)}
     methods |= {f"sub-cycling {m}:1": Subcycling(STEP, m) for m in (1, 2, 5, 10, 20)}

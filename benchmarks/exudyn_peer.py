@@ -95,7 +95,7 @@ def deflection_error(across, exact):
 
 
 def beam(count: int = 5) -> Case:
-    run = Pipeline(load_scene("beam", [f"body.beam.modes.count={count}"]))
+    run = Pipeline(load_scene("beam-paper", [f"body.beam.modes.count={count}"]))
     body, torque, (q0, v0), simulation = run.body, run.mechanism.links[0].load, run.start, run.scene.simulation
     first, last = torque.terms[0].support
     peak, _, _ = torque.value(0.5 * (first + last))

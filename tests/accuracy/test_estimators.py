@@ -58,7 +58,7 @@ def test_another_diagonal_keeps_the_correlations_of_products() -> None:
 
 def test_stress_is_compared_around_the_worst_instant_on_the_hot_nodes() -> None:
     overrides = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=50 ms"]
-    run = Pipeline(load_scene("beam", overrides), Cache(None))
+    run = Pipeline(load_scene("beam-paper", overrides), Cache(None))
     estimates = Estimates(run)
     stress = run.stress_of("beam")
     time, node, _ = stress.worst()

@@ -93,7 +93,7 @@ def test_time_integration_is_not_stated_exact_where_a_finer_tolerance_gives_the_
 
 def test_shapes_that_round_off_sets_apart_tell_nothing_of_the_mesh() -> None:
     """Elements halved across change no well-defined shape's squared frequency by 5 %; noise's differ by up to 36 %."""
-    run = Pipeline(load_scene("beam", ["body.beam.mesh.divisions=[24, 2, 1]", "body.beam.modes.enrich=ritz"]))
+    run = Pipeline(load_scene("beam-paper", ["body.beam.mesh.divisions=[24, 2, 1]", "body.beam.modes.enrich=ritz"]))
     pair = make_pair_across(run)
     assert pair is not None
     excess, alike = pair.excess_of_shapes("beam")

@@ -11,7 +11,7 @@ QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 
 @pytest.fixture(scope="module")
 def beam() -> Pipeline:
-    return Pipeline(load_scene("beam", QUICK))
+    return Pipeline(load_scene("beam-paper", QUICK))
 
 
 def test_a_beam_on_a_hinge_has_joint_energies_and_tip(beam: Pipeline) -> None:

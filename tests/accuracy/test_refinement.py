@@ -22,7 +22,7 @@ QUICK = ("simulation.duration=0.1 s", "simulation.output_step=1 ms", "body.beam.
 
 @pytest.mark.slow
 def test_two_percent_on_the_beam_take_more_than_the_first_try_and_true_errors_are_below() -> None:
-    run = Pipeline(load_scene("beam", [*QUICK, "accuracy=2 %"]), Cache(None))
+    run = Pipeline(load_scene("beam-paper", [*QUICK, "accuracy=2 %"]), Cache(None))
     found = meet_accuracy(run)
     met, rounds = found.run, found.rounds
     assert found.met
@@ -30,7 +30,7 @@ def test_two_percent_on_the_beam_take_more_than_the_first_try_and_true_errors_ar
     assert not rounds[-1].given_up
     finer = ["body.beam.mesh.divisions=[48, 4, 2]", "body.beam.modes.count=10", "body.beam.modes.enrich=ritz"]
     exact = [*QUICK[:2], *finer, "simulation.error=1e-6", 'simulation.run=[{integrator="auto"}]']
-    assert max(true_errors(met, Pipeline(load_scene("beam", exact), Cache(None))).values()) < 0.02
+    assert max(true_errors(met, Pipeline(load_scene("beam-paper", exact), Cache(None))).values()) < 0.02
 
 
 def test_a_quantity_that_refining_hardly_improves_is_given_up_and_told_while_the_others_are_met(monkeypatch) -> None:
@@ -50,7 +50,7 @@ def test_a_quantity_that_refining_hardly_improves_is_given_up_and_told_while_the
         def variant(self, scene, monitor):
             return Imagined(scene, self.number + 1)
 
-    found = meet_accuracy(Imagined(load_scene("beam", ["accuracy=5 %"]), 0))
+    found = meet_accuracy(Imagined(load_scene("beam-paper", ["accuracy=5 %"]), 0))
     rounds = found.rounds
     assert not found.met
     assert not found.ended_by
@@ -73,7 +73,7 @@ def test_a_refined_propeller_keeps_its_cells_between_the_joints_and_can_be_meshe
 
 def test_of_the_frequencies_only_the_scenes_own_count() -> None:
     rows = [Row(f"beam, frequency {k}", "Hz", 1.0, False, {"time": 0.1}) for k in (1, 5, 6, 900)]
-    found = accuracy._counting(Budget(tuple(rows)), load_scene("beam", []))
+    found = accuracy._counting(Budget(tuple(rows)), load_scene("beam-paper", []))
     assert [row.name for row in found] == ["beam, frequency 1", "beam, frequency 5"]
 
 
@@ -146,7 +146,7 @@ def by_round(*totals: float):
         def variant(self, scene, monitor):
             return Imagined(scene, self.number + 1)
 
-    return Imagined(load_scene("beam", ["accuracy=1 %"]), 0)
+    return Imagined(load_scene("beam-paper", ["accuracy=1 %"]), 0)
 
 
 def test_a_mesh_that_is_too_large_ends_the_rounds_and_the_best_run_counts() -> None:
@@ -171,7 +171,7 @@ def test_a_run_in_which_nothing_moves_has_a_budget(tmp_path, capsys) -> None:
 @pytest.mark.parametrize(("given", "message"), [("0.01", "as text"), ("1", "as text"), ("80 %", "between 0.0001 %")])
 def test_an_accuracy_is_a_percentage(given: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        load_scene("beam", [f"accuracy={given}"])
+        load_scene("beam-paper", [f"accuracy={given}"])
 
 
 def test_an_accuracy_needs_the_budget(tmp_path, capsys) -> None:

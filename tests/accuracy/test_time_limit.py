@@ -43,7 +43,7 @@ def test_a_march_that_will_not_end_in_time_is_stopped_by_its_progress(monkeypatc
 
 
 def test_a_budget_without_time_names_what_it_left_out_and_is_not_kept(tmp_path) -> None:
-    run = Pipeline(load_scene("beam", BEAM), Cache(tmp_path))
+    run = Pipeline(load_scene("beam-paper", BEAM), Cache(tmp_path))
     short = state_errors(run, 1e-9)
     rows = {row.name: row for row in short.rows}
     assert isinstance(rows["beam, frequency 1"].parts["discretisation"], float)  # from recovered stress, at once
@@ -53,11 +53,11 @@ def test_a_budget_without_time_names_what_it_left_out_and_is_not_kept(tmp_path) 
     named = " ".join(short.left_out)
     for source in ("time", "discretisation", "truncation", "stiffening left off"):
         assert f"{source}: not estimated" in named
-    again = Pipeline(load_scene("beam", BEAM), Cache(tmp_path))
+    again = Pipeline(load_scene("beam-paper", BEAM), Cache(tmp_path))
     whole = state_errors(again)
     assert whole.left_out == ()
     assert ERROR_BUDGET.name in again.log.run
-    kept = Pipeline(load_scene("beam", BEAM), Cache(tmp_path))
+    kept = Pipeline(load_scene("beam-paper", BEAM), Cache(tmp_path))
     assert state_errors(kept, 1e-9) == whole
     assert ERROR_BUDGET.name in kept.log.cached
 
@@ -68,6 +68,6 @@ def test_a_budget_without_time_names_what_it_left_out_and_is_not_kept(tmp_path) 
 def test_the_time_limit_is_three_times_that_of_the_run_and_less_for_long_ones(
     run_seconds: float, budget_seconds: float
 ) -> None:
-    run = Pipeline(load_scene("beam", BEAM), Cache(None))
+    run = Pipeline(load_scene("beam-paper", BEAM), Cache(None))
     run.log.seconds["modes"] = run_seconds
     assert allowed_seconds(run) == pytest.approx(budget_seconds)

@@ -64,7 +64,7 @@ def test_what_is_reached_is_what_forces_and_couplings_lead_to() -> None:
 
 @pytest.mark.parametrize("keep_all", [False, True])
 def test_keep_all_integrates_every_mode(keep_all: bool) -> None:
-    run = Pipeline(load_scene("beam", FLAT), keep_all=keep_all)
+    run = Pipeline(load_scene("beam-paper", FLAT), keep_all=keep_all)
     plan = next(iter(run.plans.values()))
     assert (plan.excited is None) == keep_all
     assert excited_part(plan.mechanism, plan.start[0], 1e-6) is not None

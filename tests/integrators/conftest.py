@@ -111,7 +111,7 @@ def order_of() -> Callable[[Array, Array], float]:
 @pytest.fixture(scope="session")
 def rotor() -> CompiledSystem:
     """The beam on its joint, in joint-conforming modes, and its drive."""
-    return Pipeline(load_scene("beam")).system
+    return Pipeline(load_scene("beam-paper")).system
 
 
 @pytest.fixture(scope="session")
@@ -123,7 +123,7 @@ def beam(rotor: CompiledSystem) -> Mechanism:
 @pytest.fixture(scope="session")
 def free_rotor() -> CompiledSystem:
     """The same beam in the frame of its free modes."""
-    return Pipeline(load_scene("beam", ["simulation.frame=free"])).system
+    return Pipeline(load_scene("beam-paper", ["simulation.frame=free"])).system
 
 
 @pytest.fixture(scope="session")

@@ -130,7 +130,7 @@ def rod_slider_case():
 
 
 def beam_case():
-    rotor, times = Pipeline(load_scene("beam")).system, np.linspace(0.0, 0.05, 41)
+    rotor, times = Pipeline(load_scene("beam-paper")).system, np.linspace(0.0, 0.05, 41)
     return by_dop853(rotor, np.zeros(rotor.n), np.zeros(rotor.n), times)
 
 

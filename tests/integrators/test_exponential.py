@@ -401,7 +401,7 @@ def test_output_times_that_no_march_can_keep_are_refused(times: list[float]) -> 
 
 def test_a_scene_runs_it_with_a_step_of_its_own() -> None:
     runs = '[{integrator = "runge-kutta", tolerance = 1e-10}, {integrator = "exponential", step = "0.1 ms"}]'
-    motions = Pipeline(load_scene("beam", [f"simulation.run={runs}", "simulation.duration=0.05 s"])).motions
+    motions = Pipeline(load_scene("beam-paper", [f"simulation.run={runs}", "simulation.duration=0.05 s"])).motions
     assert list(motions) == ["runge-kutta", "exponential"]
     assert motions["exponential"].trajectory.step == pytest.approx(1e-4)
     assert motions["runge-kutta"].trajectory.step < 1e-4

@@ -21,7 +21,7 @@ from tests.dynamics.hinged_body import body_of, energies, hinged
 
 @pytest.fixture(scope="module")
 def beam():
-    return Pipeline(load_scene("beam")).system
+    return Pipeline(load_scene("beam-paper")).system
 
 
 @pytest.fixture(scope="module")

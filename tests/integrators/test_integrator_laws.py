@@ -401,7 +401,7 @@ def test_in_the_free_frame_central_difference_has_the_coupled_limit(free_rotor: 
 def test_a_scene_with_a_step_above_the_limit_is_refused_before_it_starts(
     rotor: CompiledSystem, key: str, name: str
 ) -> None:
-    scene, tasks = load_scene("beam", [f"{key}=300 us"]), Tasks()
+    scene, tasks = load_scene("beam-paper", [f"{key}=300 us"]), Tasks()
     pipeline = Pipeline(scene, monitor=tasks)
     with pytest.raises(InputError, match=rf"beam\.toml: {key} = .*0\.0003 s.*{name} would diverge") as caught:
         _ = pipeline.motions

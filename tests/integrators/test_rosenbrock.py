@@ -171,7 +171,7 @@ def with_fixed_steps(system, q0, v0, h, n_steps):
 def order_cases():
     pipeline = Pipeline(load_scene("rod-slider"))
     yield pipeline.system, *pipeline.start, 1.0, np.array([8, 16, 32])
-    rotor = Pipeline(load_scene("beam")).system  # while the torque acts, which has no kink before 0.1 s
+    rotor = Pipeline(load_scene("beam-paper")).system  # while the torque acts, which has no kink before 0.1 s
     yield rotor, np.zeros(rotor.n), np.zeros(rotor.n), 0.05, np.array([20, 40, 80])
     tree = chain()
     yield tree, tree.mechanism.rest_positions, np.array([2.0, 1.0, 8.0, 0.0, 3.0]), 0.5, np.array([64, 128, 256])

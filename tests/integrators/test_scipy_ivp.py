@@ -336,7 +336,7 @@ def test_a_start_that_doesnt_fit_is_refused(name: str, which: str) -> None:
 
 @pytest.fixture(scope="module")
 def pipeline_with() -> Callable[..., Pipeline]:
-    return lambda *overrides: Pipeline(load_scene("beam", ["simulation.duration=10 ms", *overrides]))
+    return lambda *overrides: Pipeline(load_scene("beam-paper", ["simulation.duration=10 ms", *overrides]))
 
 
 def test_single_runs_of_a_scene_can_be_replaced(pipeline_with: Callable[..., Pipeline]) -> None:

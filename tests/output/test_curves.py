@@ -19,13 +19,13 @@ QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 
 @pytest.fixture(scope="module")
 def beam() -> Pipeline:
-    return Pipeline(load_scene("beam", QUICK))
+    return Pipeline(load_scene("beam-paper", QUICK))
 
 
 @pytest.fixture(scope="module")
 def damped() -> Pipeline:
     """The beam with a damper that takes next to nothing: other kernels march it."""
-    return Pipeline(load_scene("beam", [*QUICK, "joint.hub.damper=1e-12 N m s"]))
+    return Pipeline(load_scene("beam-paper", [*QUICK, "joint.hub.damper=1e-12 N m s"]))
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_components_that_are_all_still_are_drawn_as_lines(tmp_path: Path, value:
 
 
 def test_a_body_that_never_moves_has_every_chart() -> None:
-    still = Pipeline(load_scene("beam", [*QUICK, "drive={}"]))
+    still = Pipeline(load_scene("beam-paper", [*QUICK, "drive={}"]))
     for quantity in set(CHART_QUANTITIES) - {"element_stress", "marker_position"}:
         _, curves, components = drawn(still, quantity)
         values = next(iter(curves.values()))

@@ -15,7 +15,7 @@ SMALL = ["body.beam.mesh.divisions=[12, 2, 1]"]
 
 @pytest.fixture(scope="module")
 def run() -> Pipeline:
-    return Pipeline(load_scene("beam", [*SMALL, 'simulation.stiffening="auto"']), Cache(None))
+    return Pipeline(load_scene("beam-paper", [*SMALL, 'simulation.stiffening="auto"']), Cache(None))
 
 
 def test_the_error_is_relative_to_the_scenes_reference(run):

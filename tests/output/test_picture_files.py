@@ -37,7 +37,7 @@ def first(drawn_once, tmp_path):
 
 
 def draw(folder, overrides):
-    cache, scene = Cache(folder / "cache"), load_scene("beam", [*SMALL, *overrides])
+    cache, scene = Cache(folder / "cache"), load_scene("beam-paper", [*SMALL, *overrides])
     plan, run = forecast_run(Result(scene, cache), True, False), Result(scene, cache)
     write_results(run, folder / "out", pictures=True, budget=False)
     return plan, run

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def result():
-    return compare_on_scene(Pipeline(load_scene("beam", SHORT)), repeats=1)
+    return compare_on_scene(Pipeline(load_scene("beam-paper", SHORT)), repeats=1)
 
 
 def rows_of(result, name):
@@ -47,7 +47,7 @@ def test_errors_fall_at_least_at_the_declared_order(result, name, order):
 
 
 def test_a_reference_that_cannot_be_confirmed_stops_the_comparison():
-    run = Pipeline(load_scene("beam", SHORT))
+    run = Pipeline(load_scene("beam-paper", SHORT))
     times = np.linspace(0, 0.01, 3)
     with pytest.raises(AccuracyError, match=r"two references differ by 1\.0e\+00, above 1e-08"):
         compare(run.system, *run.start, times, lambda found, exact: Errors(1.0, 1.0, 1.0))

@@ -226,7 +226,7 @@ def test_strain_energy_is_that_of_the_finite_elements(motion: Motion, body: Flex
 
 @pytest.fixture(scope="module")
 def run() -> Pipeline:
-    return Pipeline(load_scene("beam"))
+    return Pipeline(load_scene("beam-paper"))
 
 
 def marched(run: Pipeline, method: Integrator, times: Array) -> Motion:

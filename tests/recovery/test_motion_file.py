@@ -31,7 +31,7 @@ def trajectory(q: Array, v: Array) -> Trajectory:
 
 @pytest.fixture(scope="module")
 def run() -> Pipeline:
-    return Pipeline(load_scene("beam", QUICK))
+    return Pipeline(load_scene("beam-paper", QUICK))
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def test_joints_in_space_have_orientations_and_angular_velocities(spatial: Motio
 
 
 def test_a_damper_changes_no_name(run: Pipeline, dataset: xarray.Dataset) -> None:
-    damped = Pipeline(load_scene("beam", [*QUICK, NEVER_STILL]))
+    damped = Pipeline(load_scene("beam-paper", [*QUICK, NEVER_STILL]))
     other = motion_dataset(damped.motions)
     assert list(other.variables) == list(dataset.variables)
     assert [other[name].attrs for name in other] == [dataset[name].attrs for name in dataset]

@@ -56,7 +56,7 @@ def test_points_follow_the_rod_that_its_torque_turns() -> None:
 
 def test_points_of_the_beam_have_the_rates_of_its_torque_pulse() -> None:
     # The half-sine pulse brings the undeformed beam to 20 rad/s in 0.1 s: rate 10 (1 − cos(π t/0.1)).
-    run = Pipeline(load_scene("beam", ["simulation.duration=0.2 s"]))
+    run = Pipeline(load_scene("beam-paper", ["simulation.duration=0.2 s"]))
     points = find_operating_points(run.system, run.mechanism, *run.start, 0.2).points
     times = np.array([at.time for at in points])
     exact = 10 * (1 - np.cos(np.pi * np.minimum(times / 0.1, 1.0)))

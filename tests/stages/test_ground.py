@@ -43,7 +43,7 @@ def test_a_mechanism_on_a_turned_place_moves_as_on_the_ground_under_turned_gravi
 
 
 def test_a_quarter_turn_has_whole_axes() -> None:
-    scene = load_scene("beam", ['ground={p={at=["1 m","0 m","0 m"], rotation=["0 deg","0 deg","90 deg"]}}'])
+    scene = load_scene("beam-paper", ['ground={p={at=["1 m","0 m","0 m"], rotation=["0 deg","0 deg","90 deg"]}}'])
     at, axes = ground_place(scene, "ground.p")
     assert at.tolist() == [1.0, 0.0, 0.0]
     assert axes.tolist() == [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
@@ -68,7 +68,7 @@ def test_a_motion_is_plane_by_axes_in_space(turn: str, gravity: str, planar: boo
     place = f'ground={{p={{at=["0 m","0 m","0 m"], rotation={turn}}}}}'
     g = gravity.strip("[]").split(", ")
     pull = f"simulation.gravity={[f'{x} m/s^2' for x in g]}"
-    scene = load_scene("beam", [place, "joint.hub.parent=ground.p", pull])
+    scene = load_scene("beam-paper", [place, "joint.hub.parent=ground.p", pull])
     assert read_parent_joint(scene, "beam").in_plane is planar
 
 

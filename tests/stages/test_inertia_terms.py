@@ -38,7 +38,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
 
 def test_a_planar_run_takes_two_axes_of_inertia_and_few_loads_of_stiffness(asked, tmp_path: Path) -> None:
     # Rotation, the torque of the hub, three forces and three torques at the tip.
-    run = Pipeline(load_scene("beam", QUICK), Cache(tmp_path))
+    run = Pipeline(load_scene("beam-paper", QUICK), Cache(tmp_path))
     assert run.motion.modal("beam").any()
     assert run.body.integrals.stiffening.any()
     assert asked == [(2, 2), (3, 3), (3, 3), (3, 2)]
@@ -46,7 +46,7 @@ def test_a_planar_run_takes_two_axes_of_inertia_and_few_loads_of_stiffness(asked
 
 def test_a_body_file_adds_what_is_lacking_and_keeps_it(asked, tmp_path: Path) -> None:
     for again in range(2):
-        run = Pipeline(load_scene("beam", EXPORT), Cache(tmp_path / "cache"))
+        run = Pipeline(load_scene("beam-paper", EXPORT), Cache(tmp_path / "cache"))
         before = run.motion.modal("beam")
         write_export(run, run.scene.output[0], tmp_path)
         assert asked == [(2, 2), (3, 3), (3, 3), (3, 2), (1, 3)]
@@ -62,5 +62,5 @@ def test_a_body_file_adds_what_is_lacking_and_keeps_it(asked, tmp_path: Path) ->
 
 def test_a_body_that_may_move_in_other_ways_has_them_all(asked) -> None:
     assert Pipeline(load_scene("arm"), Cache(None)).parts["forearm"].body.integrals.normal == -1  # its elbow moves
-    assert Pipeline(load_scene("beam", ["joint.hub.axis=[0,1,1]"])).part.joint.normal == -1
+    assert Pipeline(load_scene("beam-paper", ["joint.hub.axis=[0,1,1]"])).part.joint.normal == -1
     assert asked[0] == (3, 3)

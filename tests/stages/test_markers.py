@@ -13,7 +13,7 @@ SMALL = "body.beam.mesh.divisions=[6, 2, 1]"
 
 
 def beam(*overrides: str) -> FlexiblePart:
-    return FlexiblePart(load_scene("beam", [SMALL, *overrides]), "beam", StageStore(Cache(None)))
+    return FlexiblePart(load_scene("beam-paper", [SMALL, *overrides]), "beam", StageStore(Cache(None)))
 
 
 def test_a_marker_on_a_face_lies_in_the_faces_middle():

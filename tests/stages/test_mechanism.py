@@ -363,7 +363,7 @@ def test_weight_acts_on_every_body(tmp_path: Path) -> None:
 
 
 def quick_beam(*overrides: str) -> Pipeline:
-    return Pipeline(load_scene("beam", [*BEAM, CLOSELY, *overrides]))
+    return Pipeline(load_scene("beam-paper", [*BEAM, CLOSELY, *overrides]))
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,6 @@ def test_gravity_and_loads_out_of_the_plane_of_the_hinges_make_a_motion_in_space
 
 
 def test_a_scene_of_parts_alone_has_a_floating_body():
-    part = read_parent_joint(load_scene("beam").model_copy(update={"joint": {}}), "beam")
+    part = read_parent_joint(load_scene("beam-paper").model_copy(update={"joint": {}}), "beam")
     assert part.marker == ""
     assert part.floating

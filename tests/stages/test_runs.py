@@ -19,13 +19,13 @@ def test_a_run_that_would_grow_is_refused_with_the_step_that_works() -> None:
     """Free modes couple with the rotation by 0.84: 5:1 at 10 µs grows 281-fold over the beam's half second."""
     free = 'simulation.frame="free"'
     with pytest.raises(InputError, match=r"sub-cycling 5:1 is unstable here: .* grow by a factor of 2\d\d") as caught:
-        _ = Pipeline(load_scene("beam", [free])).plans
+        _ = Pipeline(load_scene("beam-paper", [free])).plans
     step = re.search(r"a step of (\S+) s keeps that below 10", str(caught.value))
     assert step
     only = 'simulation.run=[{ integrator = "sub-cycling", substeps = 5 }]'
-    (plan,) = Pipeline(load_scene("beam", [free, only, f"simulation.step={step[1]} s"])).plans.values()
+    (plan,) = Pipeline(load_scene("beam-paper", [free, only, f"simulation.step={step[1]} s"])).plans.values()
     assert 0.5 * ALLOWED_GROWTH < plan.growth < ALLOWED_GROWTH
-    (plan,) = Pipeline(load_scene("beam", [free, only, "simulation.step=auto"])).plans.values()
+    (plan,) = Pipeline(load_scene("beam-paper", [free, only, "simulation.step=auto"])).plans.values()
     assert plan.integrator.step == pytest.approx(float(step[1]), rel=0.02)
 
 
@@ -38,11 +38,11 @@ def test_a_step_can_be_chosen_for_the_wanted_error() -> None:
     """`step = "auto"`: the error that was asked for is met, and a tighter one takes a shorter step."""
     times = np.linspace(0.0, 0.1, 11)
     # At 10 us, where the error is 1e-6 of the deflection.
-    exact = Pipeline(load_scene("beam")).motion.modal("beam")[::20][:11]
+    exact = Pipeline(load_scene("beam-paper")).motion.modal("beam")[::20][:11]
     steps = []
     for error in (1e-2, 1e-3):
         run = Pipeline(
-            load_scene("beam", ["simulation.step=auto", f"simulation.error={error}", "simulation.duration=0.1 s"])
+            load_scene("beam-paper", ["simulation.step=auto", f"simulation.error={error}", "simulation.duration=0.1 s"])
         )
         trajectory = run.motion.trajectory
         steps.append(trajectory.step)
@@ -58,7 +58,7 @@ LONG = "simulation.run=[{integrator='exponential', step='1 ms'}]"  # ω h = 8.7 
 def test_one_rule_limits_the_exponential_method_whatever_damps_a_scene(other: str) -> None:
     """A damper that takes next to nothing changes the structure of the equations, by which such a step was refused."""
     quick = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", LONG]
-    one, two = (Pipeline(load_scene("beam", given)) for given in (quick, [*quick, other]))
+    one, two = (Pipeline(load_scene("beam-paper", given)) for given in (quick, [*quick, other]))
     assert two.motion.tip_position == pytest.approx(one.motion.tip_position, abs=1e-8)
     assert next(iter(two.plans.values())).growth < 1.01
 
@@ -68,7 +68,7 @@ def test_a_step_beyond_the_coupling_s_limit_is_refused_with_its_frequency() -> N
     with pytest.raises(
         InputError, match=r"exponential would diverge; .* is 0\.001049 s \(2/ω with 303\.3\d? Hz, the freq"
     ):
-        Pipeline(load_scene("beam", quick)).plans  # noqa: B018
+        Pipeline(load_scene("beam-paper", quick)).plans  # noqa: B018
 
 
 SLIDER = ["simulation.run=[{integrator='exponential'}]", "simulation.duration=0.1 s", "drive.motor.torque=0 N m"]
@@ -99,7 +99,7 @@ def test_a_second_run_knows_loads_and_growth_and_a_changed_scene_or_body_does_no
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     overrides = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms", "simulation.step=auto"]
-    first = Pipeline(load_scene("beam", overrides), Cache(tmp_path))
+    first = Pipeline(load_scene("beam-paper", overrides), Cache(tmp_path))
     plans, rate = first.plans, first.stiffening_loads["beam"].largest_rate
     assert {plan.growth for plan in plans.values()} != {1.0}
 
@@ -108,7 +108,7 @@ def test_a_second_run_knows_loads_and_growth_and_a_changed_scene_or_body_does_no
 
     monkeypatch.setattr(runs, "_measure_growth", refuse)
     monkeypatch.setattr(stiffening_check, "rigid_motion", refuse)
-    again = Pipeline(load_scene("beam", overrides), Cache(tmp_path))
+    again = Pipeline(load_scene("beam-paper", overrides), Cache(tmp_path))
     assert again.stiffening_loads["beam"].largest_rate == rate
     assert {label: (plan.integrator, plan.growth) for label, plan in again.plans.items()} == {
         label: (plan.integrator, plan.growth) for label, plan in plans.items()
@@ -116,7 +116,7 @@ def test_a_second_run_knows_loads_and_growth_and_a_changed_scene_or_body_does_no
     with pytest.raises(AssertionError, match="measured anew"):
         again.with_bodies(again.bodies).plans  # noqa: B018
     with pytest.raises(AssertionError, match="measured anew"):
-        Pipeline(load_scene("beam", [*overrides, "simulation.duration=21 ms"]), Cache(tmp_path)).plans  # noqa: B018
+        Pipeline(load_scene("beam-paper", [*overrides, "simulation.duration=21 ms"]), Cache(tmp_path)).plans  # noqa: B018
 
 
 @pytest.mark.parametrize("share", [0.97, 1.03])

@@ -94,7 +94,7 @@ def test_far_above_the_limit_along_its_drive_the_slider_diverges_below_the_limit
 
 @pytest.mark.parametrize("m", [1, 5])
 def test_the_limit_along_the_beams_own_drive_is_sharp(m: int) -> None:
-    run = Pipeline(load_scene("beam"))
+    run = Pipeline(load_scene("beam-paper"))
     limit = find_scene_limits(run, [m], along=True).limits[0].critical_step
     assert limit == pytest.approx(2 / run.body.omega.max(), rel=1e-3)
     assert grown(explicit_method(0.98 * limit, m), run) < ALLOWED_GROWTH

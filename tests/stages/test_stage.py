@@ -91,7 +91,7 @@ def test_every_source_that_a_key_names_is_there():
 )
 def test_a_key_changes_with_whatever_its_stage_depends_on_and_with_nothing_else(override, changed):
     one, other = (
-        FlexiblePart(load_scene("beam", overrides), "beam", StageStore(Cache(None))) for overrides in ([], [override])
+        FlexiblePart(load_scene("beam-paper", overrides), "beam", StageStore(Cache(None))) for overrides in ([], [override])
     )
     assert {name for name in PART_STAGES if one.key(name) != other.key(name)} == changed
 
@@ -99,7 +99,7 @@ def test_a_key_changes_with_whatever_its_stage_depends_on_and_with_nothing_else(
 def test_the_formulation_of_elements_is_in_the_keys_of_modes_and_stress_but_not_of_the_mesh():
     linear = "body.beam.mesh.order=1"
     one, other = (
-        FlexiblePart(load_scene("beam", overrides), "beam", StageStore(Cache(None)))
+        FlexiblePart(load_scene("beam-paper", overrides), "beam", StageStore(Cache(None)))
         for overrides in ([linear], [linear, "body.beam.mesh.formulation=plain"])
     )
     changed = {name for name in PART_STAGES if one.key(name) != other.key(name)}
@@ -110,24 +110,24 @@ def test_the_formulation_of_elements_is_in_the_keys_of_modes_and_stress_but_not_
 
 def test_a_variant_takes_over_what_both_scenes_have_in_common_and_leaves_the_run_alone():
     small = "body.beam.mesh.divisions=[12, 2, 1]"
-    run = Pipeline(load_scene("beam", [small]), Cache(None))
+    run = Pipeline(load_scene("beam-paper", [small]), Cache(None))
     body, before = run.part.body, set(run.part.results)
-    richer = run.variant(load_scene("beam", [small, "body.beam.modes.enrich='inertia'"]))
+    richer = run.variant(load_scene("beam-paper", [small, "body.beam.modes.enrich='inertia'"]))
     assert richer.part.modes is run.part.modes
     assert richer.part.model is run.part.model
     assert "body" not in richer.part.results
     assert len(richer.part.body.omega) > len(body.omega)
-    finer = run.variant(load_scene("beam", ["body.beam.mesh.divisions=[14, 2, 1]"]))
+    finer = run.variant(load_scene("beam-paper", ["body.beam.mesh.divisions=[14, 2, 1]"]))
     assert finer.part.results == {}
     assert run.part.body is body
     assert set(run.part.results) == before
 
 
 def test_given_modes_replace_the_scenes_own_in_all_that_follows():
-    scene = load_scene("beam", ["body.beam.mesh.divisions=[12, 2, 1]"])
+    scene = load_scene("beam-paper", ["body.beam.mesh.divisions=[12, 2, 1]"])
     part = FlexiblePart(scene, "beam", StageStore(Cache(None)))
     fewer = FlexiblePart(
-        load_scene("beam", ["body.beam.mesh.divisions=[12, 2, 1]", "body.beam.modes.count=2"]), "beam", part.store
+        load_scene("beam-paper", ["body.beam.mesh.divisions=[12, 2, 1]", "body.beam.modes.count=2"]), "beam", part.store
     )
     given = FlexiblePart(scene, "beam", part.store, like=part, modes=fewer.modes)
     assert len(given.body.omega) == 2

@@ -13,7 +13,7 @@ QUICK = ["body.beam.mesh.divisions=[12, 2, 1]"]
 
 @pytest.fixture(scope="module")
 def beam() -> Pipeline:
-    return Pipeline(load_scene("beam", QUICK))
+    return Pipeline(load_scene("beam-paper", QUICK))
 
 
 def test_the_beams_pulse_brings_it_to_the_scenes_speed(beam: Pipeline) -> None:
@@ -24,13 +24,13 @@ def test_the_beams_pulse_brings_it_to_the_scenes_speed(beam: Pipeline) -> None:
 
 
 def test_a_damper_hardly_slows_it(beam: Pipeline) -> None:
-    damped = load_scene("beam", [*QUICK, "joint.hub.damper=1e-9 N m s"])
+    damped = load_scene("beam-paper", [*QUICK, "joint.hub.damper=1e-9 N m s"])
     check = check_stiffening_loads(damped, {"beam": beam.parts["beam"].body})["beam"]
     assert check.largest_rate == pytest.approx(20.0, rel=1e-3)
 
 
 def test_a_scene_that_ends_early_turns_as_fast_as_it_gets(beam: Pipeline) -> None:
-    half = load_scene("beam", [*QUICK, "simulation.duration=50 ms"])
+    half = load_scene("beam-paper", [*QUICK, "simulation.duration=50 ms"])
     check = check_stiffening_loads(half, {"beam": beam.parts["beam"].body})["beam"]
     assert check.largest_rate == pytest.approx(10.0, rel=1e-4)  # 10 (1 − cos(π t/0.1 s))
 
@@ -45,7 +45,7 @@ def test_a_body_loses_its_stiffness_where_spin_takes_as_much_as_there_is(beam: P
 
 
 def test_without_stiffening_a_body_that_would_diverge_is_refused(beam: Pipeline) -> None:
-    fast = load_scene("beam", [*QUICK, "drive.spin_up.speed=2000 rad/s", "simulation.stiffening='off'"])
+    fast = load_scene("beam-paper", [*QUICK, "drive.spin_up.speed=2000 rad/s", "simulation.stiffening='off'"])
     with pytest.raises(InputError, match="body 'beam' would diverge: it turns at up to 2000 rad/s"):
         check_stiffening_loads(fast, {"beam": beam.parts["beam"].body})
     assert check_stiffening_loads(fast, {}) == {}
@@ -62,7 +62,7 @@ def test_each_rigid_body_has_its_own_spin() -> None:
 
 def test_a_run_with_its_own_bodies_is_the_same_mechanism() -> None:
     # Estimates of the error budget are runs with changed bodies: what was left out of the run must be left out of them.
-    run = Pipeline(load_scene("beam", [*QUICK, "simulation.stiffening=on", "simulation.error=0.1"]))
+    run = Pipeline(load_scene("beam-paper", [*QUICK, "simulation.stiffening=on", "simulation.error=0.1"]))
     other = run.with_bodies(run.bodies)
     assert run.parts["beam"].stiffened.joint_displacement2.any()
     assert not run.mechanism.links[0].joint_displacement2.size  # no moment acts there that counts

@@ -148,7 +148,7 @@ def test_a_beam_spun_up_lags_alike_whatever_its_modes_were_held_by(
 def test_a_supported_beam_on_a_free_hinge_rotates_without_coupling() -> None:
     """Held where the hinge turns it, and described about the hinge: the pinned frequencies of the free description."""
     both = [
-        Pipeline(load_scene("beam", ["body.beam.modes.enrich=inertia", *overrides]))
+        Pipeline(load_scene("beam-paper", ["body.beam.modes.enrich=inertia", *overrides]))
         for overrides in ([], ['body.beam.support=[{face="x-"}]'])
     ]
     free, supported = (run.body for run in both)
@@ -165,10 +165,10 @@ def test_a_supported_beam_on_a_free_hinge_rotates_without_coupling() -> None:
 )
 def test_a_body_in_motion_must_be_held_whole_and_where_its_hinge_is(overrides: list[str], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        _ = Pipeline(load_scene("beam", overrides)).bodies
+        _ = Pipeline(load_scene("beam-paper", overrides)).bodies
 
 
 def test_a_support_of_a_floating_body_is_refused() -> None:
     joint = 'joint.hub={type="free", parent="ground", child="beam.root"}'
     with pytest.raises(InputError, match="holds nothing that a support could hold on to; take a fixed joint"):
-        load_scene("beam", [joint, "drive={}", 'body.beam.support=[{face="x-"}]'])
+        load_scene("beam-paper", [joint, "drive={}", 'body.beam.support=[{face="x-"}]'])

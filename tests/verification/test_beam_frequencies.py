@@ -17,7 +17,7 @@ PRINTED_LENGTH = [167.4, 442.6, 822.0, 1276.5, 1784.1]
 
 @pytest.fixture(scope="module")
 def beam() -> Pipeline:
-    return Pipeline(load_scene("beam"))
+    return Pipeline(load_scene("beam-paper"))
 
 
 def test_the_beam_has_the_frequencies_of_table_1(beam: Pipeline) -> None:
@@ -27,7 +27,7 @@ def test_the_beam_has_the_frequencies_of_table_1(beam: Pipeline) -> None:
 
 @pytest.mark.parametrize("length", [0.34, 0.3])
 def test_the_beam_has_timoshenkos_frequencies(length: float, timoshenko: Callable[..., Any]) -> None:
-    run = Pipeline(load_scene("beam", [f"body.beam.length={length * 1e3:g}mm"]))
+    run = Pipeline(load_scene("beam-paper", [f"body.beam.length={length * 1e3:g}mm"]))
     part = run.scene.body["beam"]
     theory = timoshenko(length, part.depth, part.width, run.fe.material).frequencies_hz(5)
     assert run.modes.frequencies_hz == pytest.approx(theory, rel=0.005)
@@ -35,7 +35,7 @@ def test_the_beam_has_timoshenkos_frequencies(length: float, timoshenko: Callabl
 
 def test_a_beam_of_the_printed_length_has_not_the_frequencies_of_table_1() -> None:
     # by Euler and Bernoulli f ~ 1/L²: (340/300)² = 1.28 times as high, somewhat less with shear
-    found = Pipeline(load_scene("beam", ["body.beam.length=300mm"])).modes.frequencies_hz
+    found = Pipeline(load_scene("beam-paper", ["body.beam.length=300mm"])).modes.frequencies_hz
     assert found == pytest.approx(PRINTED_LENGTH, rel=0.005)
     assert found[0] / TABLE_1[0] == pytest.approx((340 / 300) ** 2, rel=0.01)
     assert (found / TABLE_1).min() > 1.2
@@ -43,7 +43,7 @@ def test_a_beam_of_the_printed_length_has_not_the_frequencies_of_table_1() -> No
 
 def test_tetrahedra_give_the_same_frequencies(beam: Pipeline) -> None:
     mesh = 'body.beam.mesh={element = "tetrahedron", size = "8 mm", order = 2}'
-    found = Pipeline(load_scene("beam", [mesh])).modes.frequencies_hz
+    found = Pipeline(load_scene("beam-paper", [mesh])).modes.frequencies_hz
     assert found == pytest.approx(beam.modes.frequencies_hz, rel=0.003)
 
 
@@ -60,5 +60,5 @@ def test_the_beam_swings_about_its_hub_as_if_pinned(beam: Pipeline, timoshenko: 
 
 def test_the_results_do_not_depend_on_the_unit_of_length(beam: Pipeline) -> None:
     sizes = ["body.beam.length=0.34m", "body.beam.depth=2.5cm", "body.beam.width=10000um"]
-    again = Pipeline(load_scene("beam", sizes))
+    again = Pipeline(load_scene("beam-paper", sizes))
     assert np.abs(again.modes.frequencies_hz / beam.modes.frequencies_hz - 1).max() < 1e-9

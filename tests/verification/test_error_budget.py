@@ -28,14 +28,14 @@ def rod_slider() -> dict[str, float]:
 def beam() -> dict[str, float]:
     own = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=0.2 s"]
     finer = ["body.beam.mesh.divisions=[48, 4, 2]", "body.beam.modes.count=10", "body.beam.modes.enrich=ritz"]
-    return ratios("beam", [*own, "simulation.step=40 us", PLAIN], [*finer, "simulation.step=2 us"])
+    return ratios("beam-paper", [*own, "simulation.step=40 us", PLAIN], [*finer, "simulation.step=2 us"])
 
 
 def enriched_beam() -> dict[str, float]:
     """With load-dependent vectors, of which noise makes one that the coarse mesh has not."""
     own = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=0.1 s", "body.beam.modes.enrich=ritz", AUTO]
     finer = ["body.beam.mesh.divisions=[48, 4, 2]", "body.beam.modes.count=10", "simulation.error=1e-5"]
-    return ratios("beam", own, finer)
+    return ratios("beam-paper", own, finer)
 
 
 def propeller() -> dict[str, float]:
@@ -114,7 +114,7 @@ def test_few_curved_elements_have_a_coarser_mesh_that_can_be_meshed_and_tells_of
 def test_the_tips_largest_deflection_is_that_between_output_times() -> None:
     own = ["body.beam.mesh.divisions=[12, 1, 1]", "simulation.duration=0.1 s", PLAIN]
     often = [*own, "simulation.output_step=0.015625 ms"]  # 32 times as often
-    coarse, fine = (Pipeline(load_scene("beam", overrides), Cache(None)) for overrides in (own, often))
+    coarse, fine = (Pipeline(load_scene("beam-paper", overrides), Cache(None)) for overrides in (own, often))
     at_outputs, largest = coarse.motion.tip_size.max(), fine.motion.tip_size.max()
     assert coarse.fine_motion.tip_size.max() == pytest.approx(largest, rel=1e-9)
     assert at_outputs < largest * (1 - 1e-6)

@@ -13,7 +13,7 @@ from fmd.core.errors import AccuracyError
 def test_a_run_that_fails_is_reported_with_its_last_line() -> None:
     command = [sys.executable, "-c", "import sys; print('broken', file=sys.stderr); sys.exit(3)"]
     with pytest.raises(AccuracyError, match="fmd run beam ended with status 3: broken"):
-        _run("beam", command, {})
+        _run("beam-paper", command, {})
 
 
 def test_a_runs_size_is_that_of_its_own_process() -> None:

@@ -106,8 +106,8 @@ class ModeSettings(SceneTable):
     interface : tuple of str
         Markers that make up the interface; all of the body's markers, if none is named.
     enrich : str
-        Shapes that are added to the modes: none, the static responses to inertia loads and joint forces
-        (``"inertia"``), which stress needs, or four generations of load-dependent vectors (``"ritz"``), each the
+        Shapes that are added to the modes: the static responses to inertia loads, joint forces and loads
+        (``"inertia"``), without which stress and deflection are off, ``"none"``, or four generations of load-dependent vectors (``"ritz"``), each the
         responses to the inertia of the one before. ``"residual"`` are all static responses, however little of them lies
         outside the modes, as linear answers take them; so stiff shapes need short steps.
     damping : float, tuple of float or RayleighDamping
@@ -134,7 +134,7 @@ class ModeSettings(SceneTable):
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
     boundary: Literal["free", "joint", "interface"] = "free"
     interface: tuple[Annotated[Text, Words("name of a marker")], ...] = ()
-    enrich: Literal["none", "inertia", "ritz", "residual"] = "none"
+    enrich: Literal["none", "inertia", "ritz", "residual"] = "inertia"
     damping: Damping = 0.0
     solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
     ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None

@@ -25,7 +25,7 @@ X, Y = np.eye(3)[:2]
 
 
 def test_the_beams_modes_are_oscillators_of_their_own() -> None:
-    system = Pipeline(load_scene("beam")).system
+    system = Pipeline(load_scene("beam-paper")).system
     assert not (system.coupled)
     assert not (system.couplings.inertial)
     assert not (system.couplings.elastic)
@@ -37,7 +37,7 @@ def test_the_beams_modes_are_oscillators_of_their_own() -> None:
 
 
 def test_in_the_free_frame_they_couple_with_the_angle_alone() -> None:
-    system = Pipeline(load_scene("beam", ["simulation.frame=free"])).system
+    system = Pipeline(load_scene("beam-paper", ["simulation.frame=free"])).system
     assert system.couplings.inertial
     assert not system.couplings.elastic
     assert system.frozen(1e-4).single
@@ -75,7 +75,7 @@ def test_a_slider_on_a_turning_rod_drags_the_rod_by_its_rate() -> None:
 
 
 def test_a_spring_that_grips_a_turning_section_couples_modes() -> None:
-    beam = Pipeline(load_scene("beam"))
+    beam = Pipeline(load_scene("beam-paper"))
     (link,) = beam.mechanism.links
     gripped = CompiledSystem(Mechanism([replace(link, spring=1e4)]))
     assert np.abs(link.joint_rotation).max() > 0.0
@@ -87,7 +87,7 @@ def test_a_spring_that_grips_a_turning_section_couples_modes() -> None:
 
 
 def test_dampers_of_single_coordinates_leave_them_single() -> None:
-    beam = Pipeline(load_scene("beam"))
+    beam = Pipeline(load_scene("beam-paper"))
     (link,) = beam.mechanism.links
     system = CompiledSystem(Mechanism([replace(link, damping=np.full(len(link.omega), 0.01))]))
     frozen = system.frozen(1e-4)

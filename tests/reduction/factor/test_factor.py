@@ -198,7 +198,7 @@ def test_a_scene_whose_factor_does_not_fit_ends_in_a_message(monkeypatch: pytest
     from fmd.core.cache import Cache
 
     monkeypatch.setattr(factor, "available_memory", lambda: 1e6)
-    scene = load_scene("beam", ["body.beam.modes.solver='cholesky'", "body.beam.mesh.divisions=[12,2,1]"])
+    scene = load_scene("beam-paper", ["body.beam.modes.solver='cholesky'", "body.beam.mesh.divisions=[12,2,1]"])
     with pytest.raises(
         InputError, match=r"body\.beam\.mesh: the factor of its \d+ unknowns needs about .* make the mesh"
     ):

@@ -57,7 +57,7 @@ def test_free_held_and_static_fields_are_those_of_one_process(ranks: int, small_
 @installed
 @two_ranks
 def test_a_scene_takes_slepc_by_one_key() -> None:
-    found, expected = (Pipeline(load_scene("beam", keys), Cache(None)).modes for keys in (BAR, BAR[:1]))
+    found, expected = (Pipeline(load_scene("beam-paper", keys), Cache(None)).modes for keys in (BAR, BAR[:1]))
     assert found.omega == pytest.approx(expected.omega, rel=1e-8)
     assert found.factor is not None
     assert "2 ranks" in found.factor.solver
@@ -87,13 +87,13 @@ def test_without_slepc_a_scene_says_what_to_install(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(slepc, "find_spec", lambda _: None)
     message = r"body\.beam\.modes\.solver = 'slepc': slepc4py is not installed: apt-get install python3-slepc4py"
     with pytest.raises(InputError, match=message):
-        Pipeline(load_scene("beam", BAR), Cache(None)).modes  # noqa: B018
+        Pipeline(load_scene("beam-paper", BAR), Cache(None)).modes  # noqa: B018
 
 
 def test_an_interpreter_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(slepc.PYTHON, "no-such-python")
     with pytest.raises(InputError, match="FMD_SLEPC_PYTHON = 'no-such-python' is no program"):
-        Pipeline(load_scene("beam", BAR), Cache(None)).modes  # noqa: B018
+        Pipeline(load_scene("beam-paper", BAR), Cache(None)).modes  # noqa: B018
 
 
 def test_mpiexec_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,9 +102,9 @@ def test_mpiexec_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(
         InputError, match=r"mpiexec is not installed: apt-get install openmpi-bin, or use modes.ranks = 1"
     ):
-        Pipeline(load_scene("beam", BAR), Cache(None)).modes  # noqa: B018
+        Pipeline(load_scene("beam-paper", BAR), Cache(None)).modes  # noqa: B018
 
 
 def test_ranks_belong_to_slepc() -> None:
     with pytest.raises(InputError, match=r"body\.beam\.modes\.ranks = 2: belongs to solver = 'slepc'"):
-        load_scene("beam", ["body.beam.modes.ranks=2"])
+        load_scene("beam-paper", ["body.beam.modes.ranks=2"])
