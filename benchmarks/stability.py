@@ -123,7 +123,9 @@ def _spinning(speed: float, stiffened: bool) -> Builder:
     """Return the builder of the beam that turns freely at a rate given over its first frequency."""
 
     def build() -> StressCase:
-        run = Pipeline(load_scene("beam-paper", ["drive={}", f"simulation.stiffening='{'on' if stiffened else 'off'}'"]))
+        run = Pipeline(
+            load_scene("beam-paper", ["drive={}", f"simulation.stiffening='{'on' if stiffened else 'off'}'"])
+        )
         system = run.system
         rates = np.r_[speed * run.body.omega[0], np.zeros(system.n - 1)]
         at = settle(system, OperatingPoint(0.0, np.zeros(system.n), rates), np.arange(1, system.n))

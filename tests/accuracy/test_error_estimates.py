@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fmd.accuracy.error_budget import Budget
 from fmd.accuracy.error_estimates import (
     NO_PART,
     Quantity,
@@ -133,3 +134,24 @@ def test_at_most_three_quarters_of_a_stiffness_are_taken_off() -> None:
         np.eye(4, 3), np.linalg.qr(np.random.default_rng(0).standard_normal((12, 1)))[0].reshape(4, 3, 1), T[-1:]
     )
     assert soften_body(body, np.array([[5.0]]))[0].omega == pytest.approx(0.5 * T[-1:])
+
+
+@pytest.mark.parametrize("truth", [1.0, 1.2, 1.33])
+def test_an_interval_holds_the_value_the_better_one_and_a_truth_that_one_more_step_of_the_same_kind_would_reach(
+    truth: float,
+) -> None:
+    better = 1.0 + (truth - 1.0) * 0.6  # a correction that takes off 60 % of the error
+    row = Row("x", "m", 1.0, False, {"truncation": (better - 1.0) / better}, better - 1.0)
+    assert row.interval is not None
+    low, high = row.interval
+    assert low <= min(1.0, better, truth) * (1 + 1e-12)
+    assert high >= max(better, truth) * (1 - 1e-12)
+    assert high - low <= 2.0 * row.total  # no wider than the value with its total on both sides
+
+
+def test_nothing_is_stated_where_an_estimate_is_missing() -> None:
+    row = Row("x", "m", 1.0, False, {"truncation": 0.1, "time": "not estimated: it would take about 9 s"}, 0.1)
+    assert row.interval is None
+    assert row.why == "not estimated: it would take about 9 s"
+    summary = Budget((row,)).summary()["rows"][0]
+    assert (summary["interval"], summary["total"], summary["better"]) == (None, None, 1.1)

@@ -24,7 +24,7 @@ E = "70 GPa"
 nu = 0.0
 rho = "{DENSITY} kg/m^3"
 mesh = {{ divisions = [12, 1, 1] }}
-modes = {{ count = 2 }}
+modes = {{ count = 2, enrich = "none" }}
 marker = {{ root = {{ face = "x-" }}, tip = {{ face = "x+" }} }}
 [joint.hub]
 type = "revolute"
@@ -111,11 +111,14 @@ def test_more_time_is_no_remedy_for_an_estimate_that_failed(tmp_path: Path) -> N
 
 
 def test_figures_carry_what_is_stated_of_them() -> None:
-    row = {"quantity": "arm, largest von Mises stress", "total": 0.123} | dict.fromkeys(
-        ("discretisation", "truncation", "time", "recovery", "model"), 0.05
-    )
+    row = {"quantity": "arm, largest von Mises stress", "value": 2e6, "better": 2.001e6, "interval": [1.8e6, 2.2e6]}
     summary: dict[str, Any] = {"worst_stress": {"body": "arm", "von_mises_pa": 2e6}}
     assert largest_stress(summary) == "2 MPa"
-    assert largest_stress(summary | {"error_budget": {"rows": [row]}}) == "2 MPa (± 12 %)"
-    row["time"] = "not estimated: it would take about 20 s"
-    assert largest_stress(summary | {"error_budget": {"rows": [row]}}) == "2 MPa (± 12 % or more)"
+    assert largest_stress(summary | {"error_budget": {"rows": [row]}}) == "2 MPa (from 1.8 MPa to 2.2 MPa)"
+    row["better"] = 2.1e6
+    better = "2.1 MPa (from 1.8 MPa to 2.2 MPa; the run itself has 2 MPa)"
+    assert largest_stress(summary | {"error_budget": {"rows": [row]}}) == better
+    row |= {"interval": None, "why": "not estimated: it would take about 20 s"}
+    assert largest_stress(summary | {"error_budget": {"rows": [row]}}) == (
+        "2 MPa (error not stated: it would take about 20 s)"
+    )

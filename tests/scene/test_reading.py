@@ -216,7 +216,7 @@ def test_a_fault_in_the_file_names_the_file(tmp_path: Path) -> None:
 
 
 def test_a_fault_beside_an_override_is_laid_to_the_file(tmp_path: Path) -> None:
-    with refused(f"{tmp_path / 'mine.toml'}:48: simulation.output_step"):
+    with refused(f"{tmp_path / 'mine.toml'}:47: simulation.output_step"):
         scene_of(tmp_path, BEAM, "simulation.duration=0.1ms", "drive={}")
 
 
@@ -225,7 +225,7 @@ def test_all_faults_come_at_once_in_the_order_of_their_lines(tmp_path: Path) -> 
         '"340 mm"': "340",  # a number without a unit, line 10
         "nu = 0.34": "nu = 0.5",  # a value out of bounds
         "rho =": "roh =",  # an unknown key, and so a missing one, which isn't told a second time
-        '"10 us"': '"10 kg"',
+        '"2 us"': '"10 kg"',
         'type = "film"': 'type = "flim"',
         'joint = "hub"': 'joint = "hob"',  # a name that nothing has, between tables that have no other fault
     }

@@ -20,7 +20,7 @@ def test_the_beam_comes_in_si_units() -> None:
     beam = scene.body["beam"]
     # models/beam.toml, converted by hand
     assert (beam.length, beam.depth, beam.width, beam.E, beam.rho) == (0.34, 0.025, 0.01, 722e6, 2000.0)
-    assert (scene.simulation.duration, scene.simulation.step) == (0.5, 1e-5)
+    assert (scene.simulation.duration, scene.simulation.step) == (0.5, 2e-6)
     assert scene.drive["spin_up"].speed == 20.0
     assert scene.reference is not None
     assert scene.reference.frequencies[0] == 131.2

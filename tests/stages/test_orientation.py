@@ -271,5 +271,7 @@ def test_a_planar_joint_takes_no_axes_of_the_childs_marker(tmp_path: Path):
 
 def test_the_older_name_of_a_places_turn_is_read():
     older, turn = '{{p={{at=["0 m","0 m","0 m"], {}=["0 deg","0 deg","30 deg"]}}}}', "ground={}"
-    one, other = (load_scene("beam-paper", [turn.format(older.format(key))]).ground["p"] for key in ("rotation", "rotate"))
+    one, other = (
+        load_scene("beam-paper", [turn.format(older.format(key))]).ground["p"] for key in ("rotation", "rotate")
+    )
     assert one == other

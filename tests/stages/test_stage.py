@@ -91,7 +91,8 @@ def test_every_source_that_a_key_names_is_there():
 )
 def test_a_key_changes_with_whatever_its_stage_depends_on_and_with_nothing_else(override, changed):
     one, other = (
-        FlexiblePart(load_scene("beam-paper", overrides), "beam", StageStore(Cache(None))) for overrides in ([], [override])
+        FlexiblePart(load_scene("beam-paper", overrides), "beam", StageStore(Cache(None)))
+        for overrides in ([], [override])
     )
     assert {name for name in PART_STAGES if one.key(name) != other.key(name)} == changed
 

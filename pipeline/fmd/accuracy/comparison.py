@@ -36,6 +36,8 @@ class Comparison:
         The scene's first run, by the method that an automatic choice ended with.
     of_mesh, of_motion, quantities : dict of str to Quantity
         Quantities that don't depend on the motion, that do, and all.
+    corrections : dict of str to float
+        What finer computations add to the values of quantities so far.
     pair : Pair or str
         The run and its scene on a coarser mesh, or the reason why there is none.
     """
@@ -46,6 +48,7 @@ class Comparison:
         self._first = next(iter(run.plans.values()))
         self.plan = repeat_choice(self._first, self.motion.trajectory)
         self.frames: IntArray = np.arange(0)
+        self.corrections: dict[str, float] = {}
         self.of_mesh = mesh_quantities(run)
         self.of_motion = motion_quantities(run, self.motion, run.fine_motion)
         self.pair: Pair | str = "not made"
@@ -64,6 +67,16 @@ class Comparison:
         """Return the difference of each quantity of the motion from a variant's."""
         ours = ours or self.quantities
         return {name: ours[name].change(quantity) for name, quantity in theirs.items()}
+
+    def correct(self, name: str, by: float) -> None:
+        """Add to what makes the value of a quantity better."""
+        self.corrections[name] = self.corrections.get(name, 0.0) + by
+
+    def correct_by(self, theirs: Quantities, share: float, ours: Quantities | None = None) -> None:
+        """Add a share of the differences of a variant's values from the run's to what makes these better."""
+        ours = ours or self.quantities
+        for name, quantity in theirs.items():
+            self.correct(name, share * (quantity.scale - ours[name].scale))
 
     def quantities_of(
         self,

@@ -50,7 +50,9 @@ class Budget:
         """Return the budget as plain numbers and texts."""
         rows = [
             {"quantity": row.name, "value": row.value, "unit": row.unit, "over_time": row.over_time}
-            | {**row.parts, "total": row.total}
+            | {**row.parts, "total": None if row.why else row.total, "better": row.better}
+            | {"interval": row.interval and [*row.interval]}
+            | ({"why": row.why} if row.why else {})
             for row in self.rows
         ]
         return {
@@ -109,7 +111,8 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
         if estimates.mesh_left_out and quantity.kind != "geometry":
             parts[MORE_OF_MESH] = estimates.mesh_left_out
         over_time = not (quantity.largest or name in estimates.of_mesh)
-        rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts))
+        correction = estimates.corrections.get(name, 0.0)
+        rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts, correction))
     causes, left_out = tuple(estimates.model.causes), tuple(estimates.left_out)
     return Budget(tuple(_join_pieces(rows)), model=causes, left_out=left_out, seconds=limit.spent)
 
@@ -127,10 +130,12 @@ def _join_pieces(rows: list[Row]) -> list[Row]:
             joined[row.name] = row
         elif ", frequency" not in row.name:
             name = part + row.name.removeprefix(body)
-            before = joined.get(name, replace(row, value=0.0))
+            before = joined.get(name, replace(row, value=0.0, correction=0.0))
             largest = row if row.value > before.value else before
-            value = row.value + before.value if name.endswith(", mass") else largest.value
-            joined[name] = replace(largest, name=name, value=value)
+            value, correction = largest.value, largest.correction
+            if name.endswith(", mass"):
+                value, correction = row.value + before.value, row.correction + before.correction
+            joined[name] = replace(largest, name=name, value=value, correction=correction)
     return list(joined.values())
 
 

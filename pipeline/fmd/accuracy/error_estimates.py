@@ -126,6 +126,8 @@ class Row:
         The error is the largest of a history's.
     parts : dict of str to float or str
         Relative error by each source, or in words why there is no estimate: `NO_PART`, or what it would take.
+    correction : float
+        What finer computations add to the value.
     """
 
     name: str
@@ -133,6 +135,31 @@ class Row:
     value: float
     over_time: bool
     parts: dict[str, float | str]
+    correction: float = 0.0
+
+    @property
+    def better(self) -> float:
+        """Value with all corrections by finer computations."""
+        return max(self.value + self.correction, 0.0)
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Interval that holds the value, the better one and the truth; ``None`` where an estimate is missing.
+
+        The value is stated within its total. Half of a total that one source makes up is a known correction, and the
+        truth then lies about the better value, no farther from it than the value does.
+        """
+        if self.is_lower_bound:
+            return None
+        size, moved = max(self.value, self.better), abs(self.better - self.value)
+        half = max(self.total * size - moved, moved)
+        return max(self.better - half, 0.0), self.better + half
+
+    @property
+    def why(self) -> str:
+        """Why there is no interval: the estimates that are missing; empty if there is one."""
+        texts = (part for part in self.parts.values() if isinstance(part, str) and part != NO_PART)
+        return "; ".join(dict.fromkeys(texts))
 
     @property
     def total(self) -> float:
@@ -151,8 +178,7 @@ class Row:
     @property
     def is_lower_bound(self) -> bool:
         """True if an estimate is missing, so that the stated error is a part of the whole."""
-        missing = (part for source in SOURCES if isinstance(part := self.parts.get(source, NO_PART), str))
-        return MORE_OF_MODEL in self.parts or MORE_OF_MESH in self.parts or any(part != NO_PART for part in missing)
+        return bool(self.why)
 
     @property
     def dominant(self) -> str:

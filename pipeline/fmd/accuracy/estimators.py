@@ -124,6 +124,7 @@ class Estimates(Comparison):
         theirs = self.quantities_of(self.run, other, self.hot)
         # Two tolerances may take the same steps as far as a slow body is concerned, whose error then doesn't change.
         least = OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
+        self.correct_by(theirs, -1 / gain if _is_coarser(plan, self.plan) else 1 / gain)
         changes = self.changes(theirs).items()
         return {name: max(error / gain, least) if error else 0.0 for name, error in changes}
 
@@ -144,7 +145,9 @@ class Estimates(Comparison):
             base = self.march(self.run, replace(self.plan, integrator=method))
             theirs = self.march(rich, plan_like(replace(self.plan, integrator=method), rich))
         ours = self.quantities if base is None else self.quantities_of(self.run, base)
-        return dict(self.changes(self.quantities_of(rich, theirs), ours))
+        enriched = self.quantities_of(rich, theirs)
+        self.correct_by(enriched, 1.0, ours)
+        return dict(self.changes(enriched, ours))
 
     def _implicit_method(self) -> GeneralizedAlpha:
         """Return generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
@@ -160,6 +163,7 @@ class Estimates(Comparison):
             of_modes, self._excess[name] = self._excess_of(name)
             for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(share))
+                self.correct(f"{name}, frequency {k + 1}", -float(share) * self.run.parts[name].modes.frequencies_hz[k])
         errors |= self._within_limit("discretisation", lambda: self._march_shift(self._excess, _SHIFTS[0]))
         if self._across is not None:
             across = self._across
@@ -170,6 +174,7 @@ class Estimates(Comparison):
         for name, quantity in self.of_mesh.items():
             if quantity.kind == "geometry":
                 errors[name] = quantity.change(masses[name]) / pair.gains["geometry"]
+                self.correct(name, (quantity.scale - masses[name].scale) / pair.gains["geometry"])
         self._within_limit("discretisation, shapes", lambda: self._otherwise_coarse(pair, recovery))
         return errors
 
@@ -237,7 +242,10 @@ class Estimates(Comparison):
         moved = self.run.with_bodies({name: body for name, (body, _) in bodies.items()})
         forces = {name: as_if for name, (_, as_if) in bodies.items()}
         motion = self.march(moved, plan_like(self.plan, moved))
-        for name, quantity in self.quantities_of(moved, motion, self.hot, as_if=forces).items():
+        theirs = self.quantities_of(moved, motion, self.hot, as_if=forces)
+        if shift == _SHIFTS[0]:
+            self.correct_by(theirs, 1 / SAFETY)
+        for name, quantity in theirs.items():
             change = self.quantities[name].error(quantity) / SAFETY
             self._shifts[name] = max(self._shifts.get(name, 0.0), change)
         return dict(self._shifts)
@@ -345,3 +353,8 @@ def _change_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
     if seconds < SHORT_SECONDS or not 8 * method.step < method.largest_step(plan.system):
         return replace(method, step=method.step / 2), 1 - 0.5**order
     return replace(method, step=2 * method.step), 2.0**order - 1
+
+
+def _is_coarser(plan: Plan, than: Plan) -> bool:
+    """Return true if a plan has a longer step than another one by the same method."""
+    return plan.integrator.step > than.integrator.step

@@ -27,12 +27,16 @@ def uncertain_warnings(scene: Scene, budget: Budget) -> list[dict[str, str]]:
 
 
 def _name(rows: list[Row]) -> str:
-    first, *others = (f"'{row.name}' {{}}by up to {100 * row.numerical:.0f} %" for row in rows[:NAMED_RESULTS])
+    first, *others = (f"'{row.name}' {{}}{_amount(row)}" for row in rows[:NAMED_RESULTS])
     named = ", ".join([first.format("may be off "), *(text.format("") for text in others)])
     more = (
         f" and {len(rows) - NAMED_RESULTS} more by over {100 * TOO_UNCERTAIN:g} %" if len(rows) > NAMED_RESULTS else ""
     )
     return named + more
+
+
+def _amount(row: Row) -> str:
+    return "by an unknown amount" if row.why else f"by up to {100 * row.numerical:.0f} %"
 
 
 def _source(source: str, scene: Scene) -> str:

@@ -167,7 +167,7 @@ def _print_budget(budget: dict[str, Any]) -> None:
     worst: dict[str, dict[str, Any]] = {}
     for row in budget["rows"]:
         group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]
-        if group not in worst or row["total"] > worst[group]["total"]:
+        if group not in worst or (row["total"] or 0.0) > (worst[group]["total"] or 0.0):
             worst[group] = row
     rows = [(row["quantity"], *error_cells(row)) for row in worst.values()]
     print_table(title, dict.fromkeys(("quantity", *ERROR_COLUMNS), "{}"), rows)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fmd.core.html import scaled
-from fmd.output.stated_errors import error_beside
+from fmd.output.stated_errors import with_error
 
 
 def key_figures(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -29,10 +29,10 @@ def key_figures(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 def largest_stress(summary: Mapping[str, Any]) -> str:
     """Write a summary's largest von Mises stress with what the error budget states of it."""
     stress = summary["worst_stress"]
-    stated = error_beside(summary, f"{stress['body']}, largest von Mises stress")
-    return scaled(stress["von_mises_pa"], "Pa") + stated
+    quantity = f"{stress['body']}, largest von Mises stress"
+    return with_error(stress["von_mises_pa"], "Pa", summary, quantity)
 
 
 def largest_deflection(summary: Mapping[str, Any]) -> str:
     """Write a summary's largest deflection of the tip with what the error budget states of it."""
-    return scaled(summary["peak_tip_deflection_m"], "m") + error_beside(summary, "tip, largest deflection")
+    return with_error(summary["peak_tip_deflection_m"], "m", summary, "tip, largest deflection")

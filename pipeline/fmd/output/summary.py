@@ -84,7 +84,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     summary["integrations"] = _integrations(run)
     summary["final"] = first.final() | _former_names(first)
     summary["joint_units"] = {joint: first.joint_unit(joint) for joint in first.joints}
-    summary["tip"] = summary["final"]["tip"]
+    summary["tip"] = dict(summary["final"]["tip"])
     summary["left_out_modes"] = run.left_out
     if len(first.tip_link.omega):
         summary["peak_tip_deflection_m"] = float(fine.tip_size.max())
@@ -109,9 +109,11 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
         summary["tables"] = tables
     summary |= summarise_fields(run)
+    _state_figures(summary, None)
     if budget and ERROR_BUDGET.applies(run):
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()
+        _state_figures(summary, stated)
         state_lives(run, summary, stated)
         summary["warnings"] += [*uncertain_warnings(run.scene, stated), *_budget_warnings(run, stated, budget_seconds)]
     return summary | {
@@ -121,6 +123,26 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         "stages_cached": list(run.log.cached),
         "stages_skipped": [stage for stage in STAGES if stage not in run.log.seconds],
     }
+
+
+def _state_figures(summary: dict[str, Any], budget: Budget | None) -> None:
+    """Give the largest stresses and the tip's largest deflection their better values and intervals, or say why not."""
+    rows = {} if budget is None else {row.name: row for row in budget.rows}
+    figures = [
+        (own, f"{body}, largest von Mises stress", "pa")
+        for body, own in summary.get("worst_stress", {}).items()
+        if isinstance(own, dict)
+    ]
+    if "peak_tip_deflection_m" in summary:
+        figures.append((summary["tip"], "tip, largest deflection", "m"))
+    for figure, quantity, unit in figures:
+        row = rows.get(quantity)
+        interval = None if row is None else row.interval
+        figure[f"better_{unit}"] = None if row is None else row.better
+        figure[f"interval_{unit}"] = interval and [*interval]
+        figure.pop("why", None)
+        if interval is None:
+            figure["why"] = "no error budget states it" if row is None else row.why
 
 
 def _worst_stress(run: Pipeline, body: str, time: float, node: int, value: float) -> dict[str, Any]:

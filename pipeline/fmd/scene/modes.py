@@ -107,9 +107,10 @@ class ModeSettings(SceneTable):
         Markers that make up the interface; all of the body's markers, if none is named.
     enrich : str
         Shapes that are added to the modes: the static responses to inertia loads, joint forces and loads
-        (``"inertia"``), without which stress and deflection are off, ``"none"``, or four generations of load-dependent vectors (``"ritz"``), each the
-        responses to the inertia of the one before. ``"residual"`` are all static responses, however little of them lies
-        outside the modes, as linear answers take them; so stiff shapes need short steps.
+        (``"inertia"``), without which stress and deflection are off, none (``"none"``), or four generations of
+        load-dependent vectors (``"ritz"``), each the responses to the inertia of the one before. ``"residual"`` are all
+        static responses, however little of them lies outside the modes, as linear answers take them; so stiff shapes
+        need short steps.
     damping : float, tuple of float or RayleighDamping
         Damping ratio of every mode, 1 being critical; or a list of ratios, of the modes of the body on its joint, the
         lowest first, whose last holds for all further ones; or factors of mass and stiffness.

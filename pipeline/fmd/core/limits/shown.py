@@ -44,6 +44,9 @@ FLAT_MOTION = 0.05  # least extent of a motion in a plane, over its largest
 HARDLY_TURNS = 0.05  # rate of rotation that rounds to nothing in revolutions a minute [rad/s]
 WEIGHTLESS = 1e-9  # gravity that is none [m/s²]
 
+# Errors.
+SEEN_BETTER = 0.002  # part of a value that a better one differs by, from which on that is shown in its place
+
 # Report.
 REPORTED_MODES = 6  # whose shapes are shown
 TICKS_OF_BAR = 5  # of a colour bar

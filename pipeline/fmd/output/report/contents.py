@@ -146,5 +146,6 @@ def _budget(budget: dict[str, Any]) -> dict[str, Any]:
         "header": ("quantity", "value", *ERROR_COLUMNS),
         "rows": [(row["quantity"], scaled(row["value"], row["unit"]), *error_cells(row)) for row in budget["rows"]],
         "note": f"Error of each result by its source [%]; stated is {budget['safety']:g} times the root of their "
-        "squares. What is stated is a lower bound (>) where an estimate is missing (?).",
+        "squares. The better value has the corrections of finer computations, and lies with the true one between the "
+        "last two; where an estimate is missing (?), nothing is stated.",
     }
