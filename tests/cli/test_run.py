@@ -20,7 +20,7 @@ QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.du
 
 
 def test_run_without_pictures_writes_summary_and_motion(fmd, tmp_path, capsys):
-    assert fmd("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path), "--json") == 0
+    assert fmd("run", "beam-paper", *QUICK, "--no-pictures", "--out", str(tmp_path), "--json") == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "summary.json").read_text())
     keys = {"scene", "seconds", "stages_run", "stages_cached", "stages_skipped", "frequencies_hz", "integrations"}
@@ -39,7 +39,7 @@ def test_run_without_pictures_writes_summary_and_motion(fmd, tmp_path, capsys):
 @pytest.mark.slow
 def test_run_draws_everything_that_the_scene_lists(fmd, tmp_path, capsys):
     film = ["--set", "output.5.frames=3", "--set", "output.5.size=[320, 180]", "--set", "output.4.size=[640, 360]"]
-    assert fmd("run", "beam", *QUICK, *film, "--out", str(tmp_path)) == 0
+    assert fmd("run", "beam-paper", *QUICK, *film, "--out", str(tmp_path)) == 0
     printed = capsys.readouterr().out
     for word in ("central-difference", "sub-cycling 10:1", "131.2", "MPa", "summary.json"):
         assert word in printed
@@ -87,7 +87,7 @@ def test_every_integrator_can_be_chosen_by_name(fmd, tmp_path, capsys):
     runs = ['{ integrator = "exponential", step = "1 ms" }', '{ integrator = "generalized-alpha", rho = 0.9 }']
     runs.append('{ integrator = "runge-kutta", tolerance = 1e-8 }')
     chosen = f"simulation.run=[{', '.join(runs)}]"
-    assert fmd("run", "beam", *QUICK, "--set", chosen, "--no-pictures", "--out", str(tmp_path), "--json") == 0
+    assert fmd("run", "beam-paper", *QUICK, "--set", chosen, "--no-pictures", "--out", str(tmp_path), "--json") == 0
     rows = json.loads(capsys.readouterr().out)["integrations"]
     assert [row["integrator"] for row in rows] == ["exponential", "generalized-alpha", "runge-kutta"]
     # Generalised-α at 10 µs is good to 1e-4 of the 5 mm deflection; Runge-Kutta and the exponential method agree.
@@ -96,7 +96,7 @@ def test_every_integrator_can_be_chosen_by_name(fmd, tmp_path, capsys):
 
 
 def test_second_run_meshes_assembles_and_solves_nothing(fmd, tmp_path, capsys):
-    arguments = ["run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path), "--json"]
+    arguments = ["run", "beam-paper", *QUICK, "--no-pictures", "--out", str(tmp_path), "--json"]
     assert fmd(*arguments) == 0
     first = json.loads(capsys.readouterr().out)
     assert fmd(*arguments) == 0
@@ -110,7 +110,7 @@ def test_second_run_meshes_assembles_and_solves_nothing(fmd, tmp_path, capsys):
 
 
 def test_no_cache_computes_all_again(fmd, tmp_path, capsys):
-    arguments = ["run", "beam", *QUICK, "--no-pictures", "--no-cache", "--out", str(tmp_path), "--json"]
+    arguments = ["run", "beam-paper", *QUICK, "--no-pictures", "--no-cache", "--out", str(tmp_path), "--json"]
     assert fmd(*arguments) == 0
     assert json.loads(capsys.readouterr().out)["stages_cached"] == []
 
@@ -127,7 +127,7 @@ def test_no_cache_computes_all_again(fmd, tmp_path, capsys):
 )
 def test_wrong_input_is_one_line_and_status_2(fmd, override, said, tmp_path, capsys):
     out = tmp_path / "out"
-    assert fmd("run", "beam", "--set", override, "--out", str(out)) == 2
+    assert fmd("run", "beam-paper", "--set", override, "--out", str(out)) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.count("\n") == 1
@@ -138,7 +138,7 @@ def test_wrong_input_is_one_line_and_status_2(fmd, override, said, tmp_path, cap
 
 def test_an_output_folder_that_cannot_be_written_is_refused(fmd, tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
-    assert fmd("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path / "file" / "out")) == 2
+    assert fmd("run", "beam-paper", *QUICK, "--no-pictures", "--out", str(tmp_path / "file" / "out")) == 2
     assert "can't be written" in capsys.readouterr().err
 
 
@@ -149,7 +149,7 @@ def test_a_machine_that_cannot_draw_is_refused_before_anything_is_integrated(fmd
     program.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(program))
     monkeypatch.setattr("fmd.stages.pipeline.Pipeline.motions", property(lambda run: pytest.fail("integrated")))
-    assert fmd("run", "beam", *QUICK, "--out", str(tmp_path / "out")) == 2
+    assert fmd("run", "beam-paper", *QUICK, "--out", str(tmp_path / "out")) == 2
     said = capsys.readouterr().err
     assert "drawing off-screen died of SIGSEGV" in said
     assert "apt-get install libgl1 libegl1" in said
@@ -194,9 +194,9 @@ def test_a_load_that_moves_nothing_ends_with_status_3_and_its_results(fmd, tmp_p
 
 def test_a_budgets_time_limit_is_an_option_and_what_it_leaves_out_is_named(fmd, tmp_path, capsys):
     only = ["--no-pictures", "--no-cache", "--out", str(tmp_path)]
-    assert fmd("run", "beam", *QUICK, *only, "--budget-seconds", "0") == 2
+    assert fmd("run", "beam-paper", *QUICK, *only, "--budget-seconds", "0") == 2
     assert "--budget-seconds = 0.0: must be a time above 0" in capsys.readouterr().err
-    assert fmd("run", "beam", *QUICK, *only, "--budget-seconds", "1e-6") == 0
+    assert fmd("run", "beam-paper", *QUICK, *only, "--budget-seconds", "1e-6") == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "warning: the error budget isn't whole: " in printed
     assert "; time: not estimated: it would take about" in printed

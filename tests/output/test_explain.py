@@ -29,7 +29,7 @@ frames = 2
 """
 
 
-def plan_and_run(folder, overrides, scene="beam", budget=False) -> tuple[Forecast, Result]:
+def plan_and_run(folder, overrides, scene="beam-paper", budget=False) -> tuple[Forecast, Result]:
     """Plan, and run by a pipeline of its own."""
     cache, loaded = Cache(folder / "cache"), load_scene(scene, overrides)
     plan = forecast_run(Result(loaded, cache), pictures=False, budget=budget)
@@ -56,7 +56,7 @@ def lose(folder, stage: str) -> None:
 
 @pytest.mark.parametrize("more", [False, True], ids=["plain", "element, files, stiffening"])
 def test_the_plan_of_a_first_a_second_and_a_damaged_run_is_what_happens(tmp_path, more):
-    overrides, scene = QUICK, "beam"
+    overrides, scene = QUICK, "beam-paper"
     if more:
         scene, overrides = str(tmp_path / "more.toml"), [*QUICK, 'simulation.stiffening="on"']
         ready = files("fmd.models").joinpath("beam.toml").read_text(encoding="utf-8")
@@ -105,7 +105,7 @@ def test_the_plan_of_an_error_budget_is_what_happens(tmp_path):
 def test_a_dry_run_prints_the_plan_and_leaves_nothing(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("FMD_CACHE", str(tmp_path / "cache"))
     with pytest.raises(SystemExit, match="0"):
-        main(["run", "beam", "--dry-run", "--json", "--out", str(tmp_path / "out")])
+        main(["run", "beam-paper", "--dry-run", "--json", "--out", str(tmp_path / "out")])
     plan = json.loads(capsys.readouterr().out)["plan"]
     fates = {step["stage"]: step["fate"] for step in plan["stages"]}
     assert fates["mesh"] == fates["pictures"] == "run"

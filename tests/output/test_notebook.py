@@ -54,7 +54,7 @@ def test_modes_show_their_frequencies_and_a_motion_its_end(run):
     assert [float(row[1]) for row in modes[1:]] == pytest.approx(run.modes.frequencies_hz, abs=0.006)
     motion = dict(cells(run.motion._repr_html_()))
     assert float(motion["joint positions hub"]) == pytest.approx(run.motion.joint_position("hub")[-1], rel=1e-5)
-    assert motion["step"] == "10 µs"
+    assert motion["step"] == "2 µs"
 
 
 def test_pictures_are_shown_inline(run, tmp_path):
