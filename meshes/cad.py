@@ -1,4 +1,4 @@
-"""Mesher of CAD files in its own process: ``python -m meshes.cad FILE ARRAYS SIZE ORDER``, or ``FILE DESCRIPTION``.
+"""Mesher of CAD files, whose `main` is run in a process of its own.
 
 Gmsh's OpenCASCADE may crash on a damaged file or never return; a separate process can be stopped.
 """
@@ -9,8 +9,8 @@ import contextlib
 import io
 import json
 import re
-import sys
-from collections.abc import Mapping
+import signal
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,7 +65,7 @@ class CadError(ValueError):
     """A CAD file can't be meshed; the message gives the reason."""
 
 
-def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
+def mesh_cad(path: Path, size: float, order: int, begin: Callable[[float], None] = lambda elements: None) -> CadMesh:
     """Mesh the solids in a CAD file; solids that touch share their nodes.
 
     Parameters
@@ -76,6 +76,8 @@ def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
         Edge length of the elements [m], smaller around bores and fillets.
     order : int
         1, or 2 for edges that follow curved faces.
+    begin : callable
+        Called with the number of elements that are expected, before the mesh is made.
 
     Raises
     ------
@@ -98,6 +100,8 @@ def mesh_cad(path: Path, size: float, order: int) -> CadMesh:
             "HighOrderOptimize": 1,
         }.items():
             gmsh.option.setNumber(f"Mesh.{option}", value)
+        area = sum(gmsh.model.occ.getMass(2, tag) for tag in whole)
+        begin(expected + area / size**2)
         gmsh.model.mesh.generate(3)
         return _read_out(gmsh, order, names, whole)
 
@@ -250,13 +254,24 @@ def load(path: Path) -> CadMesh:
 
 
 def main(arguments: list[str]) -> str | None:
-    """Mesh the first argument's file into the second, or describe it there; return an error message or ``None``."""
-    source, target, *sizes = arguments
+    """Mesh a CAD file, or describe it; return an error message or ``None``.
+
+    Parameters
+    ----------
+    arguments : list of str
+        File, file to write, seconds for reading, seconds for meshing each element that is expected, and, to mesh it,
+        size and order of the elements. The system ends the process when that time is over, as on a damaged file.
+    """
+    source, target, reading, each, *sizes = arguments
     quiet = io.StringIO()
+    _end_after(float(reading))
     try:
         with contextlib.redirect_stdout(quiet):
             if sizes:
-                save(mesh_cad(Path(source), float(sizes[0]), int(sizes[1])), Path(target))
+                mesh = mesh_cad(
+                    Path(source), float(sizes[0]), int(sizes[1]), lambda n: _end_after(float(reading) + float(each) * n)
+                )
+                save(mesh, Path(target))
             else:
                 Path(target).write_text(json.dumps(describe_cad(Path(source))), encoding="utf-8")
     except CadError as error:
@@ -266,5 +281,7 @@ def main(arguments: list[str]) -> str | None:
     return None
 
 
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+def _end_after(seconds: float) -> None:
+    """Have the system end this process after some time from now, whatever Gmsh does."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, seconds)

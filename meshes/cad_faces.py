@@ -1,10 +1,9 @@
-"""Triangles on the faces of a CAD file, in its own process: ``python -m meshes.cad_faces FILE ARRAYS``."""
+"""Triangles on the faces of a CAD file; its `main` is run in a process of its own."""
 
 from __future__ import annotations
 
 import contextlib
 import io
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +53,3 @@ def main(arguments: list[str]) -> str | None:
         return " ".join(f"Gmsh can't read it: {error}".split())[:200]
     np.savez(target, points=points, triangles=triangles)
     return None
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

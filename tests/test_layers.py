@@ -62,6 +62,7 @@ DATA_ROOMS = {"render", "meshes", "models", "verification", "bench"}
 # Numbers elsewhere that decide nothing: facts of a file format, of a method, of a machine, or measures of one drawing.
 FACTS = {
     "fmd.core.cache": {"_DIGEST_BYTES"},
+    "fmd.core.child": {"_PR_SET_PDEATHSIG"},
     "fmd.core.encoding": {"_LENGTH_BYTES"},
     "fmd.core.formula": {"BEFORE", "UNTIL"},
     "fmd.core.netcdf": {"_CHAR", "_DOUBLE", "_DIMENSION", "_VARIABLE", "_ATTRIBUTE", "_LARGEST"},

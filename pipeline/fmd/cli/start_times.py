@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
 import time
 from importlib import import_module
 
 from fmd.core.paths import kernel_folder
-from fmd.render.rendering_check import rendering_failure, start_python
+from fmd.core.processes import ChildError, run_child
+from fmd.render.rendering_check import TIMEOUT, rendering_failure
 
 # What a run without anything new to compute loads, in this order; each part leaves out what those before have loaded.
 _IMPORTS = {
@@ -34,8 +34,10 @@ def measure_start() -> dict[str, float]:
         A process can't be started, or a kernel can't be read.
     """
     tick = time.perf_counter()
-    process = start_python("from fmd.cli.start_times import print_imports; print_imports()", subprocess.DEVNULL)
-    output, _ = process.communicate()
+    try:
+        output = run_child("fmd.cli.start_times:print_imports", seconds=TIMEOUT)
+    except ChildError as error:
+        raise OSError(str(error)) from None
     whole = time.perf_counter() - tick
     imports = dict(zip(_IMPORTS, map(float, output.split()), strict=True))
     kernels, drawing = time_of_kernels(), time.perf_counter()

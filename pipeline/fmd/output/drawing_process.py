@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import signal
 import subprocess
 import tempfile
@@ -13,8 +12,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
+from fmd.core.encoding import decode, encode
 from fmd.core.errors import InputError
-from fmd.render.rendering_check import MEND, TIMEOUT, describe_end, start_python
+from fmd.core.processes import describe_end, start_child
+from fmd.render.rendering_check import MEND, TIMEOUT, describe_failure
 
 
 class DrawingProcess:
@@ -55,8 +56,12 @@ class DrawingProcess:
     def start(self) -> None:
         """Start the process, unless it runs; it loads its libraries and draws something for a start."""
         if self._process is None:
-            statement = "from fmd.render.drawing_server import serve; serve()"
-            self._process = start_python(statement, stderr=self._errors.fileno(), stdin=subprocess.PIPE)
+            pipes: dict[str, Any] = {
+                "stdin": subprocess.PIPE,
+                "stdout": subprocess.PIPE,
+                "stderr": self._errors.fileno(),
+            }
+            self._process = start_child("fmd.render.drawing_server:serve", **pipes)
 
     def require_ready(self) -> None:
         """Wait until the process has drawn something.
@@ -82,8 +87,7 @@ class DrawingProcess:
         assert self._process.stdin is not None
         self._n_calls += 1
         path = self.folder / f"{self._n_calls}.call"
-        with path.open("wb") as file:
-            pickle.dump((function, arguments, settings), file, protocol=5)
+        path.write_bytes(encode((function, arguments, settings)))
         try:
             self._process.stdin.write(f"{path}\n")
             self._process.stdin.flush()
@@ -119,8 +123,8 @@ class DrawingProcess:
         while self._calls:
             answer, path = self._answer(), self._calls.pop(0)
             if answer != "done":
-                error: Exception = pickle.loads(path.read_bytes())
-                raise error
+                kind, said = decode(path.read_bytes())
+                raise {"OSError": OSError, "ValueError": ValueError}.get(kind, RuntimeError)(said)
             path.unlink()
 
     def _answer(self) -> str:
@@ -136,5 +140,5 @@ class DrawingProcess:
         assert self._process is not None
         status = self._process.wait()
         self._errors.seek(0)
-        reason = f"{describe_end(status, self._errors.read())}; {MEND} (or run with --no-pictures)"
+        reason = f"{describe_failure(describe_end(status, self._errors.read()))}; {MEND} (or run with --no-pictures)"
         return InputError(self._scene_file, "output", None, f"this machine can't draw: {reason}")

@@ -1,18 +1,21 @@
 """Program of a process that draws: loading VTK and drawing in software overlap with the rest of a run.
 
-Each line of standard input names a file with a pickled call. Each is answered by a line on standard output: ``ready``
-once the process has drawn something, then ``done`` or ``failed`` for each call. A failed call's file holds its error.
+Each line of standard input names a file with a call, as `fmd.core.encoding` writes it, and is answered by a line on
+standard output: ``ready`` once the process has drawn something, then ``done`` or ``failed`` for each call. A failed
+call's file holds its error.
 """
 
 from __future__ import annotations
 
 import os
-import pickle
 import sys
 from pathlib import Path
 
+from fmd.core.encoding import decode, encode
 from fmd.render.calls import draw_here
 from fmd.render.rendering_check import draw_sphere
+
+_KINDS = ("OSError", "ValueError")  # errors that keep their kind; others come back as runtime errors
 
 
 def serve() -> None:
@@ -32,19 +35,11 @@ def serve() -> None:
 def _draw(path: Path) -> str:
     """Make the call that a file holds."""
     try:
-        function, arguments, settings = pickle.loads(path.read_bytes())
+        function, arguments, settings = decode(path.read_bytes())
         draw_here(function, *arguments, **settings)
     except Exception as error:
-        path.write_bytes(_pickled(error))
+        kind = next(name for name in (*_KINDS, "") if not name or name in {c.__name__ for c in type(error).__mro__})
+        said = str(error) if kind else f"{type(error).__name__}: {error}"
+        path.write_bytes(encode((kind, said)))
         return "failed"
     return "done"
-
-
-def _pickled(error: Exception) -> bytes:
-    """Pickle an error; one that can't be restored is replaced by its text."""
-    try:
-        content = pickle.dumps(error)
-        pickle.loads(content)
-    except Exception:
-        return pickle.dumps(RuntimeError(f"{type(error).__name__}: {error}"))
-    return content

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
-from pathlib import Path
+from fmd.core.processes import ChildError, run_child
 
 # libegl1 brings Mesa's EGL and libgl1 its software driver.
 PACKAGES = ("libgl1", "libegl1")
 MEND = f"install OpenGL's software driver, on Debian and Ubuntu by: apt-get install {' '.join(PACKAGES)}"
 TIMEOUT = 120.0  # seconds; the first import after an installation compiles VTK's modules
-_ROOT = Path(__file__).parents[2]
 _SIZE = 32  # pixels
 
 
@@ -45,32 +41,19 @@ def draw_sphere() -> None:
         raise RuntimeError("the picture is blank")
 
 
-def start_python(statement: str, stderr: int, stdin: int | None = None) -> subprocess.Popen[str]:
-    """Start another Python process that runs a statement with this package in its path."""
-    program = f"import sys; sys.path.insert(0, sys.argv[1]); {statement}"
-    command = [sys.executable, "-c", program, str(_ROOT)]
-    return subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=stderr, text=True, encoding="utf-8")
-
-
 def rendering_failure(timeout: float = TIMEOUT) -> str | None:
     """Draw a sphere off-screen in another process and return the failure, or ``None``."""
-    statement = "from fmd.render.rendering_check import draw_sphere; draw_sphere()"
-    process = start_python(statement, stderr=subprocess.PIPE)
     try:
-        _, errors = process.communicate(timeout=timeout)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
-        return f"drawing off-screen took more than {timeout:g} s"
-    return describe_end(process.returncode, errors) if process.returncode else None
+        run_child("fmd.render.rendering_check:draw_sphere", seconds=timeout)
+    except ChildError as error:
+        return f"drawing off-screen took more than {timeout:g} s" if error.late else describe_failure(str(error))
+    return None
 
 
-def describe_end(status: int, errors: str) -> str:
-    """Say why a drawing process has ended, from its exit status and what it has printed."""
-    if status < 0:
-        return f"drawing off-screen died of {signal.Signals(-status).name}"
-    last = (errors.strip().splitlines() or [f"exit status {status}"])[-1]
-    return f"drawing off-screen failed ({last})"
+def describe_failure(reason: str) -> str:
+    """Say that drawing has failed, from what a process's end is described by."""
+    died = reason.removeprefix("it died of ")
+    return f"drawing off-screen failed ({reason})" if died == reason else f"drawing off-screen died of {died}"
 
 
 def rendering_problem() -> str | None:

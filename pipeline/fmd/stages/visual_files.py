@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache, stage_key
 from fmd.core.errors import InputError
 from fmd.core.limits.patience import VISUAL_SECONDS
+from fmd.core.processes import ChildError, run_child
 from fmd.core.units import unit_ratio
 from fmd.fem.formats.stl import read_stl
 from fmd.scene.scene import Scene
@@ -85,13 +84,10 @@ def _triangulate(path: Path) -> tuple[Array, IntArray]:
     """Cut the faces of a CAD file into triangles, by Gmsh in a process of its own; raises ``ValueError``."""
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         arrays = Path(folder) / "arrays.npz"
-        command = [sys.executable, "-P", "-m", "fmd.meshes.cad_faces", str(path.resolve()), str(arrays)]
         try:
-            done = subprocess.run(command, capture_output=True, check=False, timeout=VISUAL_SECONDS)
-        except subprocess.TimeoutExpired:
-            raise ValueError(f"wasn't cut into triangles in {VISUAL_SECONDS} s; take an STL file") from None
-        if done.returncode != 0 or not arrays.is_file():
-            said = done.stderr.decode(errors="replace").strip()
-            raise ValueError(said or "Gmsh's OpenCASCADE stopped on it; is it damaged?")
+            run_child("fmd.meshes.cad_faces:main", str(path.resolve()), str(arrays), seconds=VISUAL_SECONDS)
+        except ChildError as error:
+            late = f"wasn't cut into triangles in {VISUAL_SECONDS} s; take an STL file"
+            raise ValueError(late if error.late else f"{error}; is it damaged?") from None
         with np.load(arrays, allow_pickle=False) as file:
             return np.array(file["points"]), np.array(file["triangles"])

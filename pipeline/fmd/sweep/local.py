@@ -32,6 +32,7 @@ class _Worker:
         spawn = multiprocessing.get_context("spawn")  # a fork would take over locks and the threads of BLAS
         self.connection, theirs = spawn.Pipe()
         self.process = spawn.Process(target=_serve, args=(theirs,), daemon=True)
+        os.environ["PYTHONSAFEPATH"] = "1"  # it imports nothing from the working folder
         self.process.start()
         theirs.close()  # so that this end reads the end of the file when the process dies
 

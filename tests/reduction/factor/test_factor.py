@@ -11,6 +11,7 @@ import pytest
 import scipy.sparse as sp
 
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.memory import available_memory
 from fmd.fem.assembly import assemble
 from fmd.fem.markers import face_marker
 from fmd.fem.material import Material
@@ -21,7 +22,6 @@ from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor import factor
 from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, factorise
 from fmd.reduction.factor.factor_size import factor_nonzeros
-from fmd.reduction.factor.figures import available_memory
 
 pytestmark = pytest.mark.slow
 

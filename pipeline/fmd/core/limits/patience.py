@@ -24,6 +24,7 @@ POINT_TRIES = 2  # of a point of a sweep whose process ends
 
 # Shapes.
 CAD_SECONDS = 1800  # until a CAD file is meshed
+CAD_SECONDS_PER_ELEMENT = 0.01  # for each expected element, beside those for reading a file; Gmsh takes a tenth of it
 
 # Work and precision.
 MARCH_SECONDS = 2.0  # a march longer than this ends its method's range

@@ -1,4 +1,4 @@
-"""Reader of meshio's formats in another process: ``python -m fmd.fem.formats.meshio_reader MESH ARRAYS``.
+"""Reader of meshio's formats in another process, whose `main` gets the names of the mesh and of the arrays to write.
 
 meshio prints, ends the program on some faults, never returns from some files that are cut off, and trusts a header for
 the memory to allocate. The other process has a limit on time and memory and returns the mesh as arrays in a file.
@@ -9,9 +9,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import os
-import subprocess
-import sys
 import tempfile
 import warnings
 from pathlib import Path
@@ -23,6 +20,7 @@ from fmd.core.arrays import IntArray
 from fmd.core.limits.files import MOST_TAGS
 from fmd.core.limits.patience import READING_BYTES, READING_BYTES_PER_BYTE, READING_SECONDS, READING_SECONDS_PER_MB
 from fmd.core.limits.shown import LONGEST_MESSAGE
+from fmd.core.processes import ChildError, run_child
 from fmd.fem.cells.table import complete_dimensions, is_solid
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
@@ -39,19 +37,20 @@ def read_by_meshio(path: Path) -> RawMesh:
     seconds = READING_SECONDS + READING_SECONDS_PER_MB * size / 1e6
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         arrays = Path(folder) / "arrays.npz"
-        command = [sys.executable, "-P", "-m", __name__, str(path.resolve()), str(arrays)]
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        environment = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        memory = READING_BYTES + READING_BYTES_PER_BYTE * size
+        command = f"{__name__}:main", str(path.resolve()), str(arrays)
         try:
-            done = subprocess.run(command, capture_output=True, check=False, timeout=seconds, env=environment)
-        except subprocess.TimeoutExpired:
-            raise MeshFileError(f"couldn't be read in {seconds:.0f} s; is it cut off?") from None
-        return _load_arrays(arrays, done.returncode, done.stderr.decode(errors="replace"))
+            run_child(*command, seconds=seconds, memory=memory, environment=environment)
+        except ChildError as error:
+            if error.late:
+                raise MeshFileError(f"couldn't be read in {seconds:.0f} s; is it cut off?") from None
+            raise MeshFileError(f"is damaged, or in a form that meshio doesn't read: {error}") from None
+        return _load_arrays(arrays)
 
 
-def _load_arrays(arrays: Path, status: int, message: str) -> RawMesh:
-    """Load the mesh that the other process saved, or raise ``MeshFileError`` with its message."""
-    if status != 0 or not arrays.is_file():
-        raise MeshFileError(f"is damaged, or in a form that meshio doesn't read: {message.strip() or 'it stopped'}")
+def _load_arrays(arrays: Path) -> RawMesh:
+    """Load the mesh that the other process saved."""
     with np.load(arrays, allow_pickle=False) as file:
         meta = json.loads(bytes(file["meta"]))
         blocks = [(kind, file[f"cells {k}"]) for k, kind in enumerate(meta["kinds"])]
@@ -68,7 +67,6 @@ def main(arguments: list[str]) -> str | None:
     source, target = map(Path, arguments)
     quiet, said = io.StringIO(), ""
     try:
-        _limit_memory(source.stat().st_size)
         with contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
             _save_arrays(_read(source), target)
     except MeshFileError as error:
@@ -82,19 +80,6 @@ def main(arguments: list[str]) -> str | None:
         target.unlink(missing_ok=True)
         return " ".join(said.split())[:LONGEST_MESSAGE]
     return None
-
-
-def _limit_memory(size: int) -> None:
-    """Limit this process's memory to what a file of ``size`` bytes can need."""
-    try:
-        import resource
-    except ImportError:  # on Windows only time is limited
-        return
-    limit = READING_BYTES + READING_BYTES_PER_BYTE * size
-    with contextlib.suppress(OSError):
-        limit += int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
 
 
 def _read(path: Path) -> RawMesh:
@@ -213,7 +198,3 @@ def _save_arrays(raw: RawMesh, target: Path) -> None:
     }
     arrays["meta"] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
     np.savez(target, **arrays)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

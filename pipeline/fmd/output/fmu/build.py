@@ -7,7 +7,6 @@ import os
 import platform
 import shutil
 import struct
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import NamedTuple
 from fmd.core.errors import InputError
 from fmd.core.limits.patience import COMPILING_SECONDS
 from fmd.core.paths import cache_folder, is_private
+from fmd.core.processes import ChildError, run_child
 
 _OPTIONS = (
     *("-std=c99", "-g0", "-fPIC", "-fvisibility=hidden", "-Wall"),
@@ -100,7 +100,7 @@ def own_target() -> Target | None:
 
 
 def _zig(target: Target) -> list[str]:
-    return [sys.executable, "-m", "ziglang", "cc", "-target", target.triple]
+    return [sys.executable, "-P", "-m", "ziglang", "cc", "-target", target.triple]
 
 
 def _compile(compiler: Sequence[str], folder: Path, identifier: str, target: Target) -> bytes:
@@ -120,14 +120,12 @@ def _compile(compiler: Sequence[str], folder: Path, identifier: str, target: Tar
 def _run(command: Sequence[str], folder: Path, target: Target) -> None:
     cache = cache_folder() / "zig"
     is_private(cache, make=True)
-    environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(cache), "ZIG_LOCAL_CACHE_DIR": str(cache)}
+    environment = {"ZIG_GLOBAL_CACHE_DIR": str(cache), "ZIG_LOCAL_CACHE_DIR": str(cache)}
     try:
-        subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, text=True, check=True, timeout=COMPILING_SECONDS
-        )
-    except (OSError, subprocess.SubprocessError) as error:
-        said = (getattr(error, "stderr", "") or str(error)).strip().splitlines()
-        fault = next((line for line in said if "error" in line), said[0] if said else "")
+        run_child("exec", *command, seconds=COMPILING_SECONDS, folder=folder, environment=environment)
+    except (OSError, ChildError) as error:
+        said = getattr(error, "output", "").splitlines()
+        fault = next((line for line in said if "error" in line), str(error))
         raise InputError("export", "fmu", target.name, f"the C compiler {command[0]} fails: {fault}") from error
 
 

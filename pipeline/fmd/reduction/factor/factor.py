@@ -19,8 +19,9 @@ from scipy.sparse.linalg import splu
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.memory import BYTES_OF_NONZERO, SMALL_SYSTEM
+from fmd.core.memory import available_memory
 from fmd.reduction.factor.factor_size import factor_nonzeros, node_graph
-from fmd.reduction.factor.figures import FactorFigures, available_memory
+from fmd.reduction.factor.figures import FactorFigures
 
 Solver = Literal["auto", "cholesky", "superlu"]
 

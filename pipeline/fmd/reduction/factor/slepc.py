@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.shown import LAST_WORDS
+from fmd.core.processes import start_child
 from fmd.reduction.factor.factor import Factor, MissingSolverError
 from fmd.reduction.factor.figures import FactorFigures
 
@@ -70,14 +71,8 @@ class _Ranks:
         self._folder = Path(tempfile.mkdtemp(prefix="fmd-slepc-"))
         self._write("A", A)
         self._errors = (self._folder / "errors").open("w+")
-        self._process = subprocess.Popen(
-            [*command, str(self._folder)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            text=True,
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
-        )
+        pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._errors}
+        self._process = start_child("exec", *command, str(self._folder), env={"OMP_NUM_THREADS": "1"}, **pipes)
         assert self._process.stdout is not None
         self._end = weakref.finalize(self, _end, self._process, self._errors, self._folder)
         line = self._process.stdout.readline()

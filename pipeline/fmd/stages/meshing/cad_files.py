@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from fmd.core.errors import InputError
 from fmd.core.limits.mesh import CAD_DIGITS, CAD_ELEMENTS
-from fmd.core.limits.patience import CAD_SECONDS
+from fmd.core.limits.patience import CAD_SECONDS, CAD_SECONDS_PER_ELEMENT, READING_BYTES, READING_SECONDS
+from fmd.core.memory import available_memory
+from fmd.core.processes import ChildError, run_child
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
 
@@ -131,11 +131,14 @@ def _run_gmsh(path: Path, target: Path, *sizes: str) -> None:
         raise InputError(str(path), "", None, f"is no CAD file that is read; these are: {' '.join(cad_suffixes())}")
     if not path.is_file():
         raise InputError(str(path), "", None, "no such file")
-    command = [sys.executable, "-P", "-m", "fmd.meshes.cad", str(path.resolve()), str(target), *sizes]
+    limits = f"{READING_SECONDS:g}", f"{CAD_SECONDS_PER_ELEMENT:g}"
+    memory = READING_BYTES + int(available_memory())
     try:
-        done = subprocess.run(command, capture_output=True, check=False, timeout=CAD_SECONDS)
-    except subprocess.TimeoutExpired:
-        raise InputError(str(path), "", None, f"wasn't meshed in {CAD_SECONDS} s; take a larger size") from None
-    if done.returncode != 0 or not target.is_file():
-        said = done.stderr.decode(errors="replace").strip()
-        raise InputError(str(path), "", None, said or "Gmsh's OpenCASCADE stopped on it; is it damaged?")
+        run_child(
+            "fmd.meshes.cad:main", str(path.resolve()), str(target), *limits, *sizes, seconds=CAD_SECONDS, memory=memory
+        )
+    except ChildError as error:
+        said = f"Gmsh's OpenCASCADE stopped on it ({error}); is it damaged?" if "died" in str(error) else str(error)
+        if error.late:
+            said = "Gmsh took longer than any sound file of its size does; is it damaged, or the elements too small?"
+        raise InputError(str(path), "", None, said) from None
