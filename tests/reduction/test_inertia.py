@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 import skfem
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import AccuracyError
 from fmd.fem.assembly import assemble
 from fmd.fem.material import Material
@@ -168,6 +168,20 @@ def test_a_displacement2_couples_translation_and_modes_as_the_first_moment_chang
     assert rows == pytest.approx(np.array(differences).T / 2, rel=1e-10)
     assert np.abs(rows - integrals.mass_matrix(state)[:3, 6:]).max() > 1e-3 * np.abs(rows).max()
     assert first_moment(bowed, 0 * q) == pytest.approx(first_moment(integrals, 0 * q), rel=1e-14)
+
+
+def test_a_rotation2_is_the_angular_momentum_of_points_that_second_order_moves(
+    integrals: InertiaIntegrals, state: Array
+) -> None:
+    """Pairs of points at one place, of masses ±m, are moved by ±Γ: all they have is what is linear in Γ."""
+    rng, Gamma = np.random.default_rng(6), symmetric(6, 4, 3)
+    x, m, q, v = rng.normal(size=(4, 3)), rng.uniform(0.1, 0.4, 4), state[1:], rng.normal(size=N_SHAPES)
+    turned = replace(integrals, rotation2=2.0 * np.einsum("i,abc,ib,icjk->ajk", m, EPSILON, x, Gamma))
+    velocity, moved = Gamma @ v @ q, 0.5 * Gamma @ q @ q
+    momentum = m @ (np.cross(x + moved, velocity) + np.cross(x - moved, velocity))
+    added = turned.mass_matrix(state) - integrals.mass_matrix(state)
+    assert added[3:6, 6:] @ v == pytest.approx(momentum, rel=1e-10)
+    assert not added[:3].any()
 
 
 def test_stiffening_counts_for_inertia_and_not_for_modal_mass(integrals: InertiaIntegrals, state: Array) -> None:
