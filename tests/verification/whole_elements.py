@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from fmd.fem.gradients import gradients
 from scipy.sparse.linalg import splu
 
 from fmd.fem.markers import Marker
@@ -148,7 +147,7 @@ class WholeElements:
     def von_mises(self, u: Vector) -> Vector:
         """Return the equivalent stress at the nodes [Pa], from Green's strain at the elements' most accurate points."""
         space = self.solid.fe.discretisation
-        g, _ = gradients(space, space.kind.stress_points, slice(None))
+        g, _ = space.gradients(space.kind.stress_points, slice(None))
         H = (g.swapaxes(2, 3) @ u[space.element_nodes][:, None]).swapaxes(2, 3)
         E = 0.5 * (H + H.swapaxes(2, 3) + H.swapaxes(2, 3) @ H)
         lam, mu = self.solid.fe.material.lame
