@@ -99,17 +99,15 @@ def loops() -> str:
     return markdown(("mechanism", "error", "fastest of ours", "time", "Exudyn's", "ratio"), rows)
 
 
-def beam_subcycling() -> str:
-    """Tabulate run time and errors of the beam with sub-cycling against plain central difference."""
-    columns = {
-        "method": "{method}",
-        "time": "{median_ms} ms",
-        "over plain": "{ratio}",
-        "tip's deflection off by": "{tip_deflection_error_um} µm",
-        "tip in space off by": "{tip_position_error_um} µm",
-        "angle off by": "{joint_angle_error_urad} µrad",
-    }
-    return listed("beam_subcycling", columns)
+def subcycling() -> str:
+    """Tabulate run time and error of whole scenes with sub-cycling; no ratio that is within the spread."""
+    rows = []
+    for row in read_rows("subcycling"):
+        ratio, spread = float(row["ratio"]), float(row["spread"])
+        shown = f"{ratio:.2f}" if row["method"] == "central-difference" or abs(ratio - 1.0) > spread else "–"
+        times = [format_seconds(float(row["seconds"])), f"{100 * spread:.0f} %"]
+        rows.append([row["scene"], row["method"], *times, shown, f"{float(row['error']):.1e}"])
+    return markdown(("scene", "method", "time", "median above", "over plain", "error"), rows)
 
 
 def propeller() -> str:
@@ -228,7 +226,7 @@ def as_written(name: str) -> str:
 TABLES: dict[str, Callable[[], str]] = {
     "large-deflection": large_deflection,
     "integrators": integrators,
-    "beam-subcycling": beam_subcycling,
+    "subcycling": subcycling,
     "propeller": propeller,
     "meshes": meshes,
     "stability": stability,

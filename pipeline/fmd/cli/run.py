@@ -231,6 +231,11 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         if row["growth"] > 1 + GROWING
     ]
     lines += [
+        f"note: {row['integrator']} {row['substeps']}:1 carries forces on from cycle to cycle, which is cheapest here"
+        for row in summary["integrations"]
+        if row["forces"] == "carried"
+    ]
+    lines += [
         f"model: {each['text']}"
         + f" ({percent(each['error'])} % of '{each['quantity']}'{'' if each['counted'] else ', not counted'})"
         * bool(each["quantity"])

@@ -55,6 +55,21 @@ def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, 
     raise NotImplementedError
 
 
+def begin_whole_cycle(p: Any, cycle: Any, first: int, h: float) -> None:
+    """Evaluate the loads of a major cycle from step number ``first`` on, for `cross_cycle`."""
+    raise NotImplementedError
+
+
+def cross_cycle(p: Any, cycle: Any, count: int, q: Array, v: Array, a: Array, begin: Array) -> None:
+    """Take a slow step over a major cycle and ``count`` of its fast steps: all of them, or those up to a sample.
+
+    That is what `freeze_slow` and `fast_steps` do, in one. ``a`` holds the accelerations of the cycle before and,
+    afterwards, of the slow coordinates at the begin and of the fast ones at the last step; ``begin`` is filled with all
+    accelerations at the begin.
+    """
+    raise NotImplementedError
+
+
 def freeze_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
     """Freeze M̂, Q̂ and its tangents at a major cycle's middle; ``D = M_LL⁻¹ M_LS``, (n, n_slow), a row a rate.
 
@@ -101,7 +116,8 @@ class System(Protocol):
     relative to the largest value in its group; without groups each coordinate is one. A group's number modulo 3 is its
     kind: rotations, translations, modes. It may have ``settles``, true if the end of a step is changed after it, by
     loops or by quaternions that become unit ones, and ``evaluation_cost``, the operations of an evaluation of its
-    accelerations, by which methods are weighed.
+    accelerations, by which methods are weighed. Its ``cycle(h, count)`` is fresh storage for `cross_cycle` over so many
+    fast steps h, or none where `freeze_slow` and `fast_steps` serve.
     """
 
     @property

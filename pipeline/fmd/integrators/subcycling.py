@@ -20,7 +20,17 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.jit.compiled import aligned, meaning
 from fmd.dynamics.jit.table import Table
-from fmd.dynamics.system import System, accelerations, advance, fast_steps, freeze_slow, project_onto_constraints
+from fmd.dynamics.system import (
+    System,
+    accelerations,
+    advance,
+    begin_whole_cycle,
+    cross_cycle,
+    fast_steps,
+    freeze_slow,
+    project_onto_constraints,
+)
+from fmd.integrators.carried import DEGREES, CarriedSteps, carried_steps
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import (
     Samples,
@@ -49,19 +59,34 @@ class Subcycling(ResumableIntegrator):
 
     Where slow and fast coordinates couple through the mass matrix, the slow acceleration frozen over the cycle makes
     the method weakly unstable; joint-conforming modes remove the coupling in the reference state.
+
+    Over a cycle the fast coordinates' forces follow their ``"tangents"``, are ``"carried"`` on from the cycles before,
+    or ``"frozen"``, see `carried`.
     """
 
     step: float
     substeps: int = field()  # none by default
+    forces: str = "tangents"
 
     name = "sub-cycling"
 
     def __post_init__(self) -> None:
         require_ratio(self.step, self.substeps)
+        if self.forces not in ("tangents", *DEGREES):
+            raise ValueError(f"forces is {self.forces!r}, expected 'tangents', 'carried' or 'frozen'")
 
     def order(self, system: System) -> int:
-        """Return 2, or 1 if a cycle holds slow accelerations that couple with the fast coordinates."""
-        return 1 if self.substeps > 1 and system.coupled else 2
+        """Return 2, or 1 if a cycle freezes forces, or slow accelerations that couple with the fast coordinates."""
+        return 1 if self.substeps > 1 and (system.coupled or self.forces == "frozen") else 2
+
+    def suits(self, system: System) -> bool:
+        """Tell whether forces can go on as wanted: those of loops answer each fast step, so they need tangents."""
+        return self.forces == "tangents" or not getattr(system, "has_loops", False)
+
+    @property
+    def remembered(self) -> bool:
+        """True if a cycle depends on what a state's memory has of the cycles before."""
+        return self.substeps > 1 and self.forces != "tangents"
 
     def largest_step(self, system: System) -> float:
         """Return the step at which fast or slow coordinates reach their own steps' limit [s]; all if m = 1."""
@@ -86,21 +111,33 @@ class Subcycling(ResumableIntegrator):
         """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""
         lag = np.full(system.n, 0.5 * self.step)
         lag[: system.n_slow] *= self.substeps
-        return march_from(self, system, start_state(system, q0, v0, lag), times, progress)
+        start = start_state(system, q0, v0, lag)
+        if self.remembered:
+            start = replace(start, memory=np.zeros(2 * system.n + 1))
+        return march_from(self, system, start, times, progress)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         if self.substeps == 1:
             return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
-        h, m, n_slow = self.step, self.substeps, system.n_slow
+        h, m, n_slow, n = self.step, self.substeps, system.n_slow, system.n
+        whole = system.cycle(h, m) if hasattr(system, "cycle") and not self.remembered else None
 
-        def make(state: State) -> FrozenSteps:
-            return FrozenSteps(h, m, n_slow, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
+        def make(state: State) -> FrozenSteps | WholeSteps | CarriedSteps:
+            if self.remembered:
+                return carried_steps(system, h, m, DEGREES[self.forces], state)
+            now = aligned(system.n_positions, n)
+            if whole is None:
+                return FrozenSteps(h, m, n_slow, state.q, state.v, state.a, *now)
+            return WholeSteps(h, m, n_slow, state.q, state.v, state.a, *now, *aligned(n, n, n, n, n))
 
-        march = (self.name, make, system, system.frozen(m * h), start, h, m, times, progress)
+        storage = system.leapfrog() if self.remembered else whole
+        storage = system.frozen(m * h) if storage is None else storage
+        march = (self.name, make, system, storage, start, h, m, times, progress)
         end, q, v, seconds = march_fixed_steps(*march)
         n_steps = end.step - start.step
-        return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps - n_steps // m, seconds, end)
+        fast = 0 if self.remembered else n_steps - n_steps // m
+        return Trajectory(self.name, h, m, times, q, v, n_steps // m, fast, seconds, end)
 
 
 @dataclass(frozen=True)
@@ -171,3 +208,65 @@ def _sample_within(m: FrozenSteps, p: Any, done: int, s: float, q: Array, v: Arr
 @meaning(end_cycle, FrozenSteps)
 def _end_cycle(m: FrozenSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     project_onto_constraints(p, (first + m.substeps) * m.h, m.substeps * m.h, m.q, m.v, m.a)
+
+
+@dataclass(frozen=True)
+class WholeSteps(Table):
+    """State of a sub-cycled march that takes cycles as a whole, and the begin of one with samples.
+
+    To a sample the cycle is taken anew, so that it ends by the same operations with samples or without.
+    """
+
+    h: float
+    substeps: int
+    n_slow: int
+    q: Array
+    v: Array
+    a: Array
+    q_begin: Array
+    v_begin: Array
+    a_begin: Array
+    q_now: Array
+    v_now: Array
+    a_now: Array
+    begin: Array
+
+
+@meaning(begin_cycle, WholeSteps)
+def _begin_whole_cycle(m: WholeSteps, p: Any, cycle: Any, first: int, sampled: bool) -> None:
+    """Take the cycle."""
+    if sampled:
+        for i in range(m.v.size):
+            m.q_begin[i], m.v_begin[i], m.a_begin[i] = m.q[i], m.v[i], m.a[i]
+    begin_whole_cycle(p, cycle, first, m.h)
+    cross_cycle(p, cycle, m.substeps, m.q, m.v, m.a, m.begin)
+
+
+@meaning(take_steps, WholeSteps)
+def _take_whole_steps(m: WholeSteps, p: Any, cycle: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    if sampled and done == 0:
+        for i in range(m.v.size):
+            step = m.substeps * m.h if i < m.n_slow else m.h
+            m.q_now[i], m.v_now[i], m.a_now[i] = m.q_begin[i], m.v_begin[i] + step * m.begin[i], m.begin[i]
+    elif sampled:
+        for i in range(m.v.size):
+            m.q_now[i], m.v_now[i], m.a_now[i] = m.q_begin[i], m.v_begin[i], m.a_begin[i]
+        cross_cycle(p, cycle, done + 1, m.q_now, m.v_now, m.a_now, m.begin)
+        for i in range(m.v.size):
+            m.q_now[i] = m.q_begin[i] if i < m.n_slow else m.q_now[i] - m.h * m.v_now[i]
+    return 0 if done == 0 and runs_away(m.v) else count
+
+
+@meaning(sample_within, WholeSteps)
+def _sample_whole(m: WholeSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    H = m.substeps * m.h
+    for i in range(v.size):  # Taylor's polynomial, which the next step continues
+        step, ahead = (H, s + done * m.h) if i < m.n_slow else (m.h, s)
+        rate = m.v_now[i] - 0.5 * (step - ahead) * m.a_now[i]
+        v[i] = rate + 0.5 * ahead * m.a_now[i]
+        q[i] = m.q_now[i] + ahead * rate
+
+
+@meaning(end_cycle, WholeSteps)
+def _end_whole_cycle(m: WholeSteps, p: Any, cycle: Any, first: int, samples: Samples, first_sample: int) -> None:
+    pass

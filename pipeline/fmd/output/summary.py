@@ -160,6 +160,7 @@ def _integrations(run: Pipeline) -> list[dict[str, Any]]:
             "integrator": motion.trajectory.integrator,
             "step_s": motion.trajectory.step,
             "substeps": motion.trajectory.substeps,
+            "forces": getattr(run.plans[label].integrator, "forces", None),
             "seconds": motion.trajectory.seconds,
             "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
             "evaluations": motion.trajectory.evaluations,

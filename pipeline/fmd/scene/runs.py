@@ -46,6 +46,11 @@ class SubCyclingRun(SubCycledRun):
     split : float or str
         Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), every coordinate below
         a frequency [Hz], or the choice with the least work for the wanted error (``"auto"``).
+    forces : str
+        How the fast coordinates' forces go on over a cycle: by their tangents at its begin (``"tangents"``), by a
+        parabola through the last cycles (``"carried"``: one evaluation a cycle, whatever couples), or not at all as the
+        paper prints it (``"frozen"``). ``"auto"`` carries them where fast coordinates couple, no vibration grows by it
+        and a part of the motion agrees with plain central differences to the wanted error; else it takes tangents.
 
     Examples
     --------
@@ -64,12 +69,16 @@ class SubCyclingRun(SubCycledRun):
     integrator: Literal["sub-cycling"]
     substeps: Count | Literal["auto"]
     split: Literal["joints", "auto"] | PositiveFrequency = "joints"
+    forces: Literal["auto", "tangents", "carried", "frozen"] = "auto"
 
     @model_validator(mode="after")
     def _both_or_none(self) -> SubCyclingRun:
         if (self.substeps == "auto") != (self.split == "auto"):
             raise FaultError("is chosen together with the split: give both 'auto' or none", "substeps")
         return self
+
+    def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
+        return step, self.substeps, "tangents" if self.forces == "auto" else self.forces
 
 
 class ReversibleSubCyclingRun(SubCycledRun):

@@ -96,7 +96,8 @@ def scheme_tangent(method: ResumableIntegrator, system: System, at: OperatingPoi
     Returns
     -------
     ndarray
-        Map of disturbances of ``State.q``, ``State.v`` and ``State.a``, a square matrix.
+        Map of disturbances of ``State.q``, ``State.v`` and ``State.a``, a square matrix; and of the forces that a
+        method carries on from the cycles before, if it does (the companion form of a map with a history).
     float
         Duration of the cycles [s]: ``span``, rounded to whole ones.
     """
@@ -111,16 +112,18 @@ def scheme_tangent(method: ResumableIntegrator, system: System, at: OperatingPoi
     if driven:
         base = _moved(system, base, at, (first - m) * h)
     base = method.resume(system, base, np.array([(first - 1) * h])).end
-    parts, end = np.cumsum([base.q.size, base.v.size]), np.array([(first + cycles * m - 1) * h])
+    history = base.memory[:-1] if getattr(method, "remembered", False) else base.memory[:0]
+    parts, end = np.cumsum([base.q.size, base.v.size, base.a.size]), np.array([(first + cycles * m - 1) * h])
 
     def march(values: Array) -> Array:
-        q, v, a = np.split(values, parts)
-        last = method.resume(system, replace(base, q=q, v=v, a=a), end).end
-        return np.concatenate([last.q, last.v, last.a])
+        q, v, a, earlier = np.split(values, parts)
+        memory = np.concatenate([earlier, base.memory[history.size :]])
+        last = method.resume(system, replace(base, q=q, v=v, a=a, memory=memory), end).end
+        return np.concatenate([last.q, last.v, last.a, last.memory[: history.size]])
 
-    sizes = [base.q.size, base.v.size, base.a.size]  # some methods keep two accelerations
+    sizes = [base.q.size, base.v.size, base.a.size + history.size]  # some methods keep two accelerations
     nudges = np.repeat([NUDGE, RATE_NUDGE, ACCELERATION_NUDGE], sizes)
-    return differentiate(march, np.concatenate([base.q, base.v, base.a]), nudges), cycles * m * h
+    return differentiate(march, np.concatenate([base.q, base.v, base.a, history]), nudges), cycles * m * h
 
 
 def _has_driven_loops(system: System) -> bool:

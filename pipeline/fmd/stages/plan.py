@@ -106,10 +106,13 @@ class Growth:
         Step in place of the plan's, which is too long [s].
     factor : float
         Factor by which small vibrations grow over the scene.
+    carried : bool
+        Sub-cycling carries forces on from cycle to cycle, for that is cheapest.
     """
 
     step: float | None = None
     factor: float = 1.0
+    carried: bool = False
 
 
 class BuiltScene(Protocol):

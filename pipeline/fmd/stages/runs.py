@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.core.errors import InertiaError, InputError, StabilityError
 from fmd.core.limits.mechanism import NO_FORCE
-from fmd.core.limits.stability import ALLOWED_GROWTH, SURELY_STABLE
+from fmd.core.limits.stability import ALLOWED_GROWTH, LEAST_CYCLES, SURELY_STABLE, TRIED_PART, TRIED_TIMES
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.excited_modes import excited_part
+from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Integrator, Trajectory
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
@@ -90,8 +92,44 @@ def measure_growths(built: BuiltScene) -> tuple[Growth, ...]:
         require_countable_steps(built.scene.file, plan.key, plan.integrator.step, simulation.duration)
         require_known_phases(built.scene.file, plan.key, plan.integrator, plan.system, simulation)
         require_resolved_loads(built.scene.file, plan.key, plan.integrator, plan.system)
-        growths.append(_measure_growth(built, plan, run, known))
+        growths.append(_carry_forces(built, plan, run, known) or _measure_growth(built, plan, run, known))
     return tuple(growths)
+
+
+def _carry_forces(built: BuiltScene, plan: Plan, run: Run, known: list[OperatingPoints]) -> Growth | None:
+    """Return the growth of a run with carried forces, if that is cheapest at the wanted error; else nothing.
+
+    Its error is that of the first part of the motion, beside plain central differences, as if it went on growing.
+    """
+    method: Any = plan.integrator
+    if getattr(run, "forces", None) != "auto" or method.substeps == 1:
+        return None
+    carried = replace(method, forces="carried")
+    stable = method.step < method.largest_step(plan.system)
+    if plan.system.takes_whole_cycles or not carried.suits(plan.system) or not stable:
+        return None
+    simulation = built.scene.simulation
+    times = np.linspace(0.0, TRIED_PART * simulation.duration, TRIED_TIMES)
+    if times[-1] < LEAST_CYCLES * method.substeps * method.step:
+        return None
+    try:
+        growth = _measure_growth(built, replace(plan, integrator=carried), run, known)
+        found, plain = (
+            replace(plan, integrator=each).march(times).q for each in (carried, CentralDifference(method.step))
+        )
+    except (InputError, StabilityError):
+        return None
+    groups, _ = plan.system.groups
+    error = max(_relative_difference(found[:, groups == k], plain[:, groups == k]) for k in np.unique(groups))
+    if growth.step is not None or max(growth.factor - 1.0, error / TRIED_PART) > simulation.error:
+        return None
+    return replace(growth, carried=True)
+
+
+def _relative_difference(found: Array, exact: Array) -> float:
+    """Return the largest difference over the largest value, 0 where all are 0."""
+    difference = float(np.abs(found - exact).max())
+    return difference / float(np.abs(exact).max()) if difference else 0.0
 
 
 def finish_plans(built: BuiltScene) -> dict[str, Plan]:
@@ -101,6 +139,8 @@ def finish_plans(built: BuiltScene) -> dict[str, Plan]:
         method: Any = plan.integrator
         if growth.step is not None:
             method = replace(method, step=growth.step)
+        if growth.carried:
+            method = replace(method, forces="carried")
         label = built.scene.simulation.run[k].label(method.substeps)
         checked = replace(plan, integrator=method, growth=growth.factor)
         plans[f"{label} ({k})" if label in plans else label] = _leave_out_modes(built, checked)

@@ -12,6 +12,8 @@ DOUBLES_IN_LINE = 8  # of the processor's cache
 # Products.
 UNROLLED = 16  # columns up to which a matrix is multiplied without a loop, its columns in the code
 ACCUMULATORS = 8  # vector registers that a product sums in: enough to hide the latency of ``fma``
+CHUNKS_AT_ONCE = 4  # vector registers of oscillators that go through a loop of steps together
+MOST_LATE = 2  # slow accelerations whose effects on a cycle are made ready before they are known: more cost more
 COLUMNS_AT_ONCE = 4  # columns of a product that are summed one after the other: others hide the latency of ``fma``
 ROWS_AT_ONCE = 4  # rows, into two sums that don't wait for each other
 SQUARE_SIDE = 8  # rows and columns of the square blocks of a product that is written out

@@ -32,3 +32,7 @@ STRONG = 0.99  # Inertial coupling β beyond which sub-cycling is warned of.
 # Terminal.
 COUPLED = 1e-6  # inertial coupling of rotation and modes from which on sub-cycling is said to grow
 GROWING = 0.01  # growth over the scene by the method itself that is worth a note
+
+# Sub-cycling by carried forces.
+TRIED_PART, TRIED_TIMES = 1 / 16, 33  # of the duration, and times in it: a part by which the error of all is estimated
+LEAST_CYCLES = 16  # in that part: fewer tell nothing

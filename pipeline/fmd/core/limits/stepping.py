@@ -53,4 +53,4 @@ CO_SIMULATED = 1e-9  # Largest relative error of a co-simulation's step where no
 SHARE_AHEAD = 1e-2  # of a major cycle, over which the slow motion of a mechanism with loops is followed
 STEPS_IN_ACTION = 4.0  # at least, while a load acts between two times without it, and in each peak
 MOST_TRIALS = 40  # of a step that resolves all loads
-STEPS_AHEAD = 16  # steps for which loads are evaluated before coordinates go through them
+STEPS_AHEAD = 128  # steps for which loads are evaluated before coordinates go through them

@@ -14,7 +14,6 @@ from fmd.dynamics.compiled_system.parameters import CompiledParameters, FrozenCy
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.jit.compiled import contracted, inlined, meaning
 from fmd.dynamics.jit.native import call_native
-from fmd.dynamics.jit.oscillators import step_damped, step_undamped
 from fmd.dynamics.system import fast_steps, freeze_slow, velocities
 
 
@@ -140,34 +139,37 @@ def add_loads(p: CompiledParameters, frozen: FrozenCycle, t: float, a: Array) ->
 
 
 @inlined
-def step_driven(
+def step_single(
     p: CompiledParameters, frozen: FrozenCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    """Take leapfrog steps with uncoupled coordinates under varying loads, from time ``first · h``.
+    """Take leapfrog steps with uncoupled coordinates, from time ``first · h``.
 
     Loads are evaluated for some steps ahead, through which each coordinate then goes by itself.
     """
     changes, done = frozen.changes, 0
+    n_driven = frozen.driven.size if frozen.active[0] != 0.0 else 0
     while done < count:
         ahead = min(changes.shape[0], count - done)
-        for step in range(ahead):
+        for step in range(ahead if n_driven else 0):
             inputs_at(p, (first + done + step) * h, frozen.now)
-            for k in range(frozen.driven.size):
+            for k in range(n_driven):
                 changes[step, k] = frozen.now[frozen.driven[k]] - frozen.before[frozen.driven[k]]
         for i in range(frozen.n_slow, v.size):
-            _step_one(frozen, first + done, h, ahead, i, q, v, a)
+            _step_one(frozen, first + done, h, ahead, n_driven, i, q, v, a)
         done += ahead
 
 
 @contracted
-def _step_one(frozen: FrozenCycle, first: int, h: float, count: int, i: int, q: Array, v: Array, a: Array) -> None:
-    """Take leapfrog steps with one coordinate under the loads of ``changes``, from time ``first · h``."""
+def _step_one(
+    frozen: FrozenCycle, first: int, h: float, count: int, n_driven: int, i: int, q: Array, v: Array, a: Array
+) -> None:
+    """Take leapfrog steps with one coordinate under some loads of ``changes``, from time ``first · h``."""
     place, start = i + q.size - v.size, frozen.time[0]
     constant, slope, k, c = frozen.constant[i], frozen.slope[i], frozen.k[i], frozen.c[i]
     x, rate, acceleration = q[place], v[i], a[i]
     for step in range(count):
         load = constant + ((first + step) * h - start) * slope  # not a sum, whose round-off depends on its first term
-        for j in range(frozen.driven.size):
+        for j in range(n_driven):
             load += frozen.changes[step, j] * frozen.lever[j, i]
         if frozen.damped:
             load -= c * (rate + 0.5 * h * acceleration)
@@ -175,19 +177,6 @@ def _step_one(frozen: FrozenCycle, first: int, h: float, count: int, i: int, q: 
         rate += h * acceleration
         x += h * rate
     q[place], v[i], a[i] = x, rate, acceleration
-
-
-@inlined
-def step_single(
-    frozen: FrozenCycle, first: int, h: float, count: int, begins: bool, q: Array, v: Array, a: Array
-) -> None:
-    """Take leapfrog steps with uncoupled coordinates from time ``first · h``; ``begins`` tells a cycle's first call."""
-    start, constant, slope, k = frozen.time[0], frozen.constant, frozen.slope, frozen.k
-    if frozen.damped:
-        step_damped(frozen.n_slow, constant, slope, k, frozen.c, q, v, a, first, start, h, count)
-    else:
-        d, rising = frozen.d, frozen.rising
-        step_undamped(frozen.n_slow, constant, slope, k, q, v, a, d, rising, first, start, h, count, begins)
 
 
 @inlined
@@ -246,9 +235,7 @@ def _step_looped(frozen: FrozenCycle, q: Array, v: Array, a: Array) -> None:
 def _fast_steps(
     p: TreeParameters, frozen: FrozenCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    if not frozen.single:
-        step_all(p, frozen, first, h, count, q, v, a)
-    elif frozen.active[0] != 0.0:
-        step_driven(p, frozen, first, h, count, q, v, a)
+    if frozen.single:
+        step_single(p, frozen, first, h, count, q, v, a)
     else:
-        step_single(frozen, first, h, count, (first - 1) * h == frozen.time[0], q, v, a)
+        step_all(p, frozen, first, h, count, q, v, a)

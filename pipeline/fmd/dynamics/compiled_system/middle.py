@@ -136,7 +136,6 @@ def _freeze_middle(p: CompiledParameters, t: float, q: Array, v: Array, D: Array
         middle.q[i] = q[i]
     for i in range(v.size):
         middle.v[i] = v[i]
-    middle.fresh[0] = 1.0
     if middle.loose:
         freeze_single(p, q, v, middle.a, middle.frozen)
         for i in range(middle.frozen.n_slow, v.size):
@@ -152,10 +151,9 @@ def _reacting_steps(
     p: CompiledParameters, middle: MiddleCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
     if middle.loose:
-        step_single(middle.frozen, first, h, count, middle.fresh[0] != 0.0, q, v, a)
+        step_single(p, middle.frozen, first, h, count, q, v, a)
     else:
         step_all(p, middle.frozen, first, h, count, q, v, a)
-    middle.fresh[0] = 0.0
 
 
 @meaning(slow_response, CompiledParameters)

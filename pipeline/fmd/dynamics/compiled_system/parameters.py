@@ -111,10 +111,26 @@ class FrozenCycle(Table):
     by_positions: Array  # (n,)
     by_rates: Array  # (n,)
     v_now: Array  # (n,), room to work in
-    d: Array  # (n,): increment ``h v`` and load of each fast coordinate, from call to call
-    rising: Array  # (n,)
     f: Array  # (n, 8), room to work in
     x: Array  # (n, 8)
+
+
+@dataclass(frozen=True)
+class WholeCycle(Table):
+    """A major cycle by one compiled function."""
+
+    cross: int  # addresses of the compiled functions; `fmd.dynamics.compiler.programs` has their arguments
+    signals_ahead: int  # 0 if loads and motions are evaluated one time after the other
+    count: int  # fast steps
+    varying: IntArray  # (1,): 0 if no load or motion changes in the cycle
+    steps: Array  # (5,): fast step and cycle [s], number of fast steps, through how many loads vary, the first's place
+    inverse_mass: Array  # (n,): of each fast coordinate
+    quiet: Array  # (any, 2): begin and end of times in which no load or motion changes [s]
+    start: Array  # (2,): number of a step, and its length [s]
+    numbers: Array  # (8,): 0 … 7
+    now: Array  # (3 n_signals,): inputs at one time
+    ahead: Array  # (n_blocks, 3 n_signals, 8): inputs at fast steps, eight to a block
+    known: IntArray  # (2,): number of the first of these steps, and of the first one after them
 
 
 @dataclass(frozen=True)
@@ -138,7 +154,6 @@ class MiddleCycle(Table):
     a: Array  # (n,)
     rest: Array  # (n,): zeros
     row: Array  # (n,), room to work in
-    fresh: Array  # (1,): 1 before a cycle's first fast step
 
 
 @dataclass(frozen=True)

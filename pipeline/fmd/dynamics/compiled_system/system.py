@@ -9,6 +9,7 @@ import numpy as np
 
 import fmd.dynamics.compiled_system.closed
 import fmd.dynamics.compiled_system.closed_cycle
+import fmd.dynamics.compiled_system.cycle
 import fmd.dynamics.compiled_system.frozen
 import fmd.dynamics.compiled_system.kernels
 import fmd.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
@@ -26,19 +27,20 @@ from fmd.dynamics.compiled_system.parameters import (
     MiddleCycle,
     Multipliers,
     TreeParameters,
+    WholeCycle,
 )
 from fmd.dynamics.compiled_system.positive_mass import explain_failure
 from fmd.dynamics.compiled_system.reference_state import ReferenceState
 from fmd.dynamics.compiler.closures import scale_rows
 from fmd.dynamics.compiler.program import LANES
+from fmd.dynamics.compiler.signal_code import are_smooth
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.jit.compiled import aligned
 from fmd.dynamics.law_pieces import PiecewiseLaw, find_piecewise_laws
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.resolution import shortest_missed
+from fmd.dynamics.signals.signal import quiet_times
 from fmd.dynamics.step_bounds import StepBounds, make_step_bounds
-
-_ROOM = ("v_now", "d", "rising")  # vectors of `FrozenCycle` that hold no coefficients
 
 
 class CompiledSystem(ReferenceState):
@@ -200,6 +202,10 @@ class CompiledSystem(ReferenceState):
         """Structure of the fast coordinates' equations."""
         return find_couplings(self.compiled)
 
+    @cached_property
+    def _whole_cycles(self) -> dict[int, WholeCycle]:
+        return {}
+
     def leapfrog(self) -> Leapfrog:
         """Fresh storage for leapfrog steps."""
         return self._leapfrog.renewed()
@@ -220,9 +226,48 @@ class CompiledSystem(ReferenceState):
         frozen.cycle[0] = cycle
         return frozen
 
+    def cycle(self, h: float, count: int) -> WholeCycle | None:
+        """Fresh storage for a major cycle of so many fast steps h [s]; none if fast coordinates couple, or loops do."""
+        if not self.takes_whole_cycles or count < 2:
+            return None
+        if count not in self._whole_cycles:
+            self._whole_cycles[count] = self._new_cycle(count)
+        cycle = self._whole_cycles[count].renewed()
+        cycle.steps[:2] = (h, count * h)
+        return cycle
+
+    def _new_cycle(self, count: int) -> WholeCycle:
+        couplings, signals, address = self.couplings, self.compiled.signals, self.compiled.address
+        assert couplings.mass is not None
+        ahead = np.zeros((-(-max(count, STEPS_AHEAD) // LANES), 3 * len(signals), LANES))
+        return WholeCycle(
+            cross=address("damped_cycle" if couplings.damped else "cycle"),
+            signals_ahead=address("signals_ahead") if signals and are_smooth(signals) else 0,
+            count=count,
+            varying=np.zeros(1, dtype=np.int64),
+            steps=np.zeros(5),
+            inverse_mass=_inverses(couplings.mass),
+            quiet=np.array(quiet_times(signals)).reshape(-1, 2),
+            start=np.zeros(2),
+            numbers=np.arange(LANES, dtype=float),
+            now=np.zeros(3 * len(signals)),
+            ahead=ahead,
+            known=np.zeros(2, dtype=np.int64),
+        )
+
     @cached_property
     def _frozen_cycle(self) -> FrozenCycle:
         return self._new_frozen(self._is_single, self.couplings.damped)
+
+    @property
+    def has_loops(self) -> bool:
+        """True if constraints close loops."""
+        return bool(self.compiled.rows)
+
+    @property
+    def takes_whole_cycles(self) -> bool:
+        """True if a major cycle of sub-cycling is one function: no fast coordinates couple, and nothing settles."""
+        return self._is_single and not self.settles
 
     @property
     def _is_single(self) -> bool:
@@ -231,7 +276,7 @@ class CompiledSystem(ReferenceState):
 
     def _new_frozen(self, single: bool, damped: bool) -> FrozenCycle:
         couplings, n, n_fast = self.couplings, self.n, self.n - self.n_slow
-        vectors = ("constant", "slope", "load", "k", "c", "drift", "by_positions", "by_rates", *_ROOM)
+        vectors = ("constant", "slope", "load", "k", "c", "drift", "by_positions", "by_rates", "v_now")
         n_inputs, address = 3 * len(self.compiled.signals), self.compiled.address
         step = "fast_step" if damped else "undamped_fast_step"
         return FrozenCycle(
@@ -306,7 +351,6 @@ class CompiledSystem(ReferenceState):
             a=a,
             rest=rest,
             row=row,
-            fresh=np.zeros(1),
         )
 
 

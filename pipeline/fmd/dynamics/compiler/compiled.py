@@ -21,7 +21,7 @@ from fmd.dynamics.compiler.interpret import evaluate_scalars
 from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.programs import trace_program
-from fmd.dynamics.compiler.signal_code import digest_signals, trace_signals
+from fmd.dynamics.compiler.signal_code import digest_signals, trace_signals, trace_signals_ahead
 from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.compiler.structure import describe_structure
 from fmd.dynamics.mechanism import Mechanism
@@ -60,6 +60,12 @@ class CompiledMechanism:
         return load_program("signals", digest_signals(self.signals), lambda: trace_signals(self.signals))
 
     @cached_property
+    def _signal_values_ahead(self) -> LoadedObject:
+        motions = {link.motion for link in self.mechanism.links if link.motion is not None}
+        digest = digest_signals(self.signals) + "".join(str(int(signal in motions)) for signal in self.signals)
+        return load_program("signals_ahead", digest, lambda: trace_signals_ahead(self.signals, motions))
+
+    @cached_property
     def rows(self) -> list[ConstraintRow]:
         """Scalar constraints of a mechanism with loops, those that hold in every state left out."""
         return trace_rows(self._inputs, self._frames) if self.mechanism.closures else []
@@ -82,6 +88,8 @@ class CompiledMechanism:
         with self._loading:
             if name == "signals":
                 return self._signal_values
+            if name == "signals_ahead":
+                return self._signal_values_ahead
             if name not in self._loaded:
                 self._loaded[name] = load_program(name, self.digest, lambda: self.program(name))
             return self._loaded[name]

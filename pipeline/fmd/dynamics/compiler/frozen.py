@@ -6,7 +6,7 @@ couple, all of their positions move at once, and so do all of their rates; elsew
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -20,31 +20,44 @@ from fmd.dynamics.compiler.recursion import BodyValues
 _Seeds = dict[int, Scalar | Vector]
 
 
-def trace_drift(inputs: Coordinates, residual: list[BodyValues]) -> list[Output]:
+def trace_drift(
+    inputs: Coordinates, residual: list[BodyValues], moved: str = "moved", late: Sequence[int] = ()
+) -> list[Output]:
     """Trace how the residual's fast rows change with what the slow coordinates do, and along each input.
 
-    Slow positions change by ``moved``, slow rates by the accelerations.
+    Slow positions change by the argument ``moved``, slow rates by the accelerations, but for some ``late`` ones: for
+    each of these its unit is a row of the argument ``late``.
     """
     graph, mechanism = inputs.graph, inputs.mechanism
     first = mechanism.n_slow + mechanism.n_positions - mechanism.n
-    seeds = _slow_directions(graph, "q", "moved", first) | _slow_directions(graph, "v", "a", mechanism.n_slow)
+    seeds = _slow_directions(graph, "q", moved, first) | _slow_directions(graph, "v", "a", mechanism.n_slow)
+    own = {place: graph.scalar_input("v", place).node for place in late}
+    seeds |= {node: graph.number(0.0) for node in own.values()}
     outputs = _fast_slopes(inputs, residual, seeds, "drift", 0)
+    for k, node in enumerate(own.values()):
+        outputs += _fast_slopes(inputs, residual, {node: graph.number(1.0)}, "late", k)
     for k in range(3 * len(inputs.signals)):
         seed: _Seeds = {graph.scalar_input("inputs", k).node: graph.number(1.0)}
         outputs += _fast_slopes(inputs, residual, seed, "by_inputs", k)
     return outputs
 
 
-def trace_single(inputs: Coordinates, residual: list[BodyValues]) -> list[Output]:
+def trace_single(
+    inputs: Coordinates,
+    residual: list[BodyValues],
+    moved: str = "moved",
+    damped: bool = True,
+    late: Sequence[int] = (),
+) -> list[Output]:
     """Trace what `trace_drift` does, and the fast rows' change with all fast positions, and with all fast rates."""
     mechanism = inputs.mechanism
     shift = mechanism.n_positions - mechanism.n
     positions = _fast_units(inputs.graph, "q", mechanism.n_slow + shift)
     rates = _fast_units(inputs.graph, "v", mechanism.n_slow)
     return [
-        *trace_drift(inputs, residual),
+        *trace_drift(inputs, residual, moved, late),
         *_fast_slopes(inputs, residual, positions, "by_positions", 0),
-        *_fast_slopes(inputs, residual, rates, "by_rates", 0),
+        *(_fast_slopes(inputs, residual, rates, "by_rates", 0) if damped else ()),
     ]
 
 

@@ -16,7 +16,14 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiler.arc import LAST as LAST_ARC
 from fmd.dynamics.compiler.arc import arc, arc_function
 from fmd.dynamics.compiler.stumpff import FIRST, LAST, stumpff
-from fmd.dynamics.compiler.writer import Writer, literal, piece_function, stumpff_function, turning_function
+from fmd.dynamics.compiler.writer import (
+    Writer,
+    literal,
+    piece_function,
+    stumpff_function,
+    turning_function,
+    turning_lanes_function,
+)
 
 STUMPFF = tuple(f"stumpff{k}" for k in range(FIRST, LAST + 1))
 ARC = tuple(f"arc{k}" for k in range(LAST_ARC + 1))
@@ -84,4 +91,9 @@ def _power_function() -> str:
     return "\n".join(["define internal double @of_power(double %x, double %y) nounwind {", *body])
 
 
-_OF_OTHERS = {"power": _power_function, "turn": turning_function, "piece": piece_function}
+_OF_OTHERS = {
+    "power": _power_function,
+    "turn": turning_function,
+    "turn_lanes": turning_lanes_function,
+    "piece": piece_function,
+}

@@ -17,6 +17,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.memory import STATES_AT_ONCE
 from fmd.dynamics.compiler.functions import CHOICES, FUNCTIONS, evaluate_function
 from fmd.dynamics.compiler.graph import Graph, Scalar
+from fmd.dynamics.compiler.oscillators import OSCILLATED, step_oscillators
 
 
 class Evaluation:
@@ -118,6 +119,8 @@ def _step(graph: Graph, number: int) -> Callable[..., Any]:
     if operation == "matrix":
         matrix = graph.arrays[data]  # type: ignore[index]
         return lambda _, x: matrix @ x
+    if operation in OSCILLATED:
+        return partial(step_oscillators, operation, data)  # type: ignore[arg-type]
     if operation == "piece":
         knots = graph.arrays[data]  # type: ignore[index]
         return lambda _, x: np.maximum(np.searchsorted(knots, x, side="right") - 1, 0)

@@ -45,6 +45,7 @@ class LaneEmitter:
         self._scalars: dict[int, str] = {}
         self._vectors: dict[int, list[str]] = {}
         self._turns: dict[int, tuple[str, str]] = {}
+        self._far_turns: dict[int, tuple[str, str]] = {}
         self.functions: set[str] = set()
 
     def depends(self, number: int) -> bool:
@@ -75,8 +76,10 @@ class LaneEmitter:
             self._scalars[number] = self._out.value(f"fdiv {_KIND} {one}, {self._scalars[arguments[0]]}")
         elif operation in ("sin", "cos"):
             self._scalars[number] = self._turn(arguments[0])[operation == "cos"]
+        elif operation in ("far_sin", "far_cos"):
+            self._scalars[number] = self._turn_far(arguments[0])[operation == "far_cos"]
         elif operation in FUNCTIONS:
-            self.functions |= {operation} | ({"turn"} if operation.startswith("far_") else set())
+            self.functions.add(operation)
             self._scalars[number] = self._call(operation, self._scalars[arguments[0]])
         elif operation == "power":
             self.functions.add(operation)
@@ -100,6 +103,18 @@ class LaneEmitter:
         if argument not in self._turns:
             self._turns[argument] = self._out.sine_and_cosine(self._scalars[argument], LANES)
         return self._turns[argument]
+
+    def _turn_far(self, argument: int) -> tuple[str, str]:
+        """Write a call for the sine and the cosine of a scalar however large, once."""
+        if argument not in self._far_turns:
+            out, room = self._out, self._out.name()
+            self.functions |= {"turn", "turn_lanes"}
+            out.room.append(f"{room} = alloca [2 x {_KIND}], align 64")
+            out.lines.append(f"call void @of_turn_lanes({_KIND} {self._scalars[argument]}, ptr {room})")
+            second = out.value(f"getelementptr {_KIND}, ptr {room}, i64 1")
+            sine, cosine = (out.value(f"load {_KIND}, ptr {place}, align 64") for place in (room, second))
+            self._far_turns[argument] = sine, cosine
+        return self._far_turns[argument]
 
     def _call(self, function: str, *arguments: str) -> str:
         """Write a call of a function lane by lane."""

@@ -8,6 +8,7 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiler.chunks import Chunk, ChunkWriter
 from fmd.dynamics.compiler.functions import CHOICES, DECLARATIONS, FUNCTIONS, function_code
 from fmd.dynamics.compiler.lanes import LaneEmitter
+from fmd.dynamics.compiler.oscillators import OSCILLATED, OscillatorWriter
 from fmd.dynamics.compiler.program import Program
 from fmd.dynamics.compiler.writer import literal
 
@@ -54,6 +55,7 @@ class _Emitter:
         self._turns: dict[int, tuple[str, str]] = {}
         self._far_turns: dict[int, tuple[str, str]] = {}
         self._tables: dict[bytes, str] = {}
+        self._oscillated: dict[tuple[int, ...], tuple[list[Chunk], ...]] = {}
         self.lanes = LaneEmitter(program, self.out, self._scalars, self._vectors)
 
     def write_nodes(self) -> None:
@@ -153,6 +155,12 @@ class _Emitter:
         if operation == "combine":
             pairs = zip(arguments[::2], arguments[1::2], strict=True)
             return self.out.combine([(self._scalars[s], self._vectors[v]) for s, v in pairs])
+        if operation in OSCILLATED:
+            if arguments not in self._oscillated:
+                scalars = [self._scalars[k] for k in arguments if k in self._scalars]
+                vectors = [self._vectors[k] for k in arguments if k in self._vectors]
+                self._oscillated[arguments] = OscillatorWriter(self.out, data, scalars, vectors).write()  # type: ignore[arg-type]
+            return self._oscillated[arguments][OSCILLATED.index(operation)]
         constant = self._graph.arrays[data]  # type: ignore[index]
         if operation == "array":
             return self.out.constant(constant)

@@ -23,7 +23,7 @@ class Node(NamedTuple):
         `functions.FUNCTIONS` or `functions.CHOICES`, ``piece`` of ascending constants that a scalar is in, ``pick`` of
         constants by such a number, ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``,
         ``combine`` (scalar, vector, scalar, vector, …: the sum of the products), ``diagonal`` and ``matrix`` (constant,
-        times a vector).
+        times a vector), and those of `oscillators.OSCILLATED`.
     arguments : tuple of int
         Numbers of the nodes that it takes, all smaller than its own.
     data : float, int or Place

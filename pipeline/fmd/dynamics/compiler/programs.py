@@ -20,6 +20,10 @@ are filled:
 - ``moved`` (n_positions,): how positions change. With the slow ones, and with the slow rates by their accelerations,
   the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
   ``by_rates`` (n,) along each input, all fast positions and all fast rates;
+- ``steps`` (5,): the fast step, the major cycle, the number of steps in it, through how many of them loads vary, and
+  which step of ``ahead`` the first one is;
+  ``inverse_mass`` (n,): 1 over the masses of the fast coordinates, ``ahead`` (any, 3 n_signals, 8): inputs at eight
+  fast steps after another, and ``begin`` (n,): accelerations at the cycle's begin;
 - ``D``, ``K``, ``Ky``, ``C`` and ``Cy`` (n, 8) of ``react``: see `reaction`; ``da`` are eight fast coordinates' units;
 - ``clock`` (2,), ``constant``, ``slope``, ``load`` (n,), ``K`` and ``C`` (n_fast, n_fast): see
   `frozen.trace_fast_step`;
@@ -42,6 +46,7 @@ from typing import NamedTuple
 from fmd.dynamics.compiler.algebra import times
 from fmd.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from fmd.dynamics.compiler.cycle import trace_cycle
 from fmd.dynamics.compiler.elongations import trace_elongations
 from fmd.dynamics.compiler.forces import ActingForces, GivenForces
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
@@ -138,6 +143,14 @@ def _drift(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
 
 def _freeze_single(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return trace_single(inputs, trace_residual(inputs, frames))
+
+
+def _cycle(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return trace_cycle(inputs, frames, damped=False)
+
+
+def _damped_cycle(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return trace_cycle(inputs, frames, damped=True)
 
 
 def _fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:
@@ -268,6 +281,7 @@ _STATE = ("inputs", "q", "v")
 _MOTION = ("a", "moved", "drift", "by_inputs")
 _REACTION = ("D", "K", "Ky")
 _FROZEN = ("constant", "slope", "load", "K")
+_CYCLE = ("inputs", "steps", "inverse_mass", "ahead", "q", "v", "a", "begin")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 
 DEFINITIONS = {
@@ -280,6 +294,8 @@ DEFINITIONS = {
     "damping": Definition((*_STATE, "dv", "dr"), _damping, lanes=("dv", "dr")),
     "drift": Definition((*_STATE, *_MOTION), _drift),
     "freeze_single": Definition((*_STATE, *_MOTION, "by_positions", "by_rates"), _freeze_single),
+    "cycle": Definition(_CYCLE, _cycle, in_place=True),
+    "damped_cycle": Definition(_CYCLE, _damped_cycle, in_place=True),
     "fast_step": Definition(("clock", *_FROZEN, "C", "q", "v", "a"), _fast_step, in_place=True),
     "undamped_fast_step": Definition(("clock", *_FROZEN, "q", "v", "a"), _undamped_fast_step, in_place=True),
     "react": Definition((*_STATE, "da", "a", *_REACTION, "C", "Cy"), _react, ("da", *_REACTION, "C", "Cy")),

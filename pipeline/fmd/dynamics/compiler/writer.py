@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -121,6 +121,33 @@ class Writer:
         """End a loop that runs again while a comparison holds."""
         self.lines += [f"br i1 {self.value(going_on)}, label %{label}, label %{after}", f"{after}:"]
         self._block = after
+
+    def repeat(
+        self, count: str, start: Sequence[tuple[str, int]], body: Callable[[str, list[str]], list[str]]
+    ) -> list[str]:
+        """Write a loop that replaces values so often, or not at all, by those that a body makes of its number and them.
+
+        What the body shares with code after the loop has to be written before.
+        """
+        some, before, label = self.value(f"icmp sgt i64 {count}, 0"), self._block, f"loop{self._n_loops}"
+        self._n_loops, after = self._n_loops + 1, f"after_{label}"
+        self.lines += [f"br i1 {some}, label %{label}, label %{after}", f"{label}:"]
+        number, following, now = self.name(), self.name(), [self.name() for _ in start]
+        place = len(self.lines)
+        self._block = label
+        made = body(number, now)
+        phis = [f"{number} = phi i64 [ 0, %{before} ], [ {following}, %{self._block} ]"]
+        pairs = list(zip(start, now, made, strict=True))
+        for (value, width), name, updated in pairs:
+            phis.append(f"{name} = phi {type_of(width)} [ {value}, %{before} ], [ {updated}, %{self._block} ]")
+        self.lines[place:place] = phis
+        self.lines.append(f"{following} = add i64 {number}, 1")
+        last = self._block
+        self.end_loop(f"icmp slt i64 {following}, {count}", label, after)
+        return [
+            self.value(f"phi {type_of(width)} [ {value}, %{before} ], [ {updated}, %{last} ]")
+            for (value, width), _, updated in pairs
+        ]
 
     def fma(self, a: str, b: str, c: str, width: int = 1) -> str:
         """Write ``a b + c``, rounded once."""
@@ -245,6 +272,46 @@ def turning_function() -> str:
             "%cosine = call double @cos(double %x)",
             "store double %sine, ptr %out, align 8",
             "store double %cosine, ptr %second, align 8",
+            "ret void",
+            "}",
+        ]
+    )
+
+
+def turning_lanes_function(width: int = 8) -> str:
+    """Sine and cosine of some angles as a function, to two places: together if all are near, else one by one."""
+    near, far, kind = Writer(), Writer("far"), type_of(width)
+    bits = near.value(f"and <{width} x i1> %small, %large")
+    whole = near.value(f"bitcast <{width} x i1> {bits} to i{width}")
+    all_near = near.value(f"icmp eq i{width} {whole}, -1")
+    head, near.lines = near.lines, []
+    sine, cosine = near.sine_and_cosine("%x", width)
+    room = far.value("alloca [2 x double], align 8")
+    second = far.value(f"getelementptr double, ptr {room}, i64 1")
+    sines = cosines = "poison"
+    for lane in range(width):
+        x = far.value(f"extractelement {kind} %x, i32 {lane}")
+        far.lines.append(f"call void @of_turn(double {x}, ptr {room})")
+        one, other = (far.value(f"load double, ptr {place}, align 8") for place in (room, second))
+        sines = far.value(f"insertelement {kind} {sines}, double {one}, i32 {lane}")
+        cosines = far.value(f"insertelement {kind} {cosines}, double {other}, i32 {lane}")
+    return "\n".join(
+        [
+            f"define internal void @of_turn_lanes({kind} %x, ptr %out) noinline nounwind {{",
+            f"%small = fcmp olt {kind} %x, {literals(FAR_ANGLE, width)}",
+            f"%large = fcmp ogt {kind} %x, {literals(-FAR_ANGLE, width)}",
+            f"%second = getelementptr {kind}, ptr %out, i64 1",
+            *head,
+            f"br i1 {all_near}, label %near, label %far",
+            "near:",
+            *near.lines,
+            f"store {kind} {sine}, ptr %out, align 64",
+            f"store {kind} {cosine}, ptr %second, align 64",
+            "ret void",
+            "far:",
+            *far.lines,
+            f"store {kind} {sines}, ptr %out, align 64",
+            f"store {kind} {cosines}, ptr %second, align 64",
             "ret void",
             "}",
         ]

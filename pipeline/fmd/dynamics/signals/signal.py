@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -96,6 +97,14 @@ class Signal:
         value = sum_up([t.graph.number(0.0), *(term.trace(t) for term in self.terms)])
         rate = _slope(value, t)
         return [value, rate, _slope(rate, t)]
+
+
+def quiet_times(signals: Sequence[Signal]) -> list[tuple[float, float]]:
+    """Return begin and end of the times [s] in which no term of any signal acts or changes, between breakpoints."""
+    terms = [term for signal in signals for term in signal.terms if term.kind != CONSTANT or term.support != ALWAYS]
+    ends = {-math.inf, math.inf, *(t for term in terms for t in term.support)}
+    times = sorted(ends.union(*(signal.breakpoints for signal in signals)))
+    return [(a, b) for a, b in pairwise(times) if all(term.support[1] <= a or b <= term.support[0] for term in terms)]
 
 
 def _slope(value: Scalar, t: Scalar) -> Scalar:

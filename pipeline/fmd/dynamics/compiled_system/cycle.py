@@ -1,0 +1,64 @@
+"""Sub-cycling of a compiled mechanism whose fast coordinates don't couple: a major cycle by one compiled function.
+
+Loads and motions that vary are evaluated at all fast steps of a cycle together, before it is taken. Times in which none
+of them changes are known, and the last values serve there.
+"""
+
+from __future__ import annotations
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.kernels import inputs_at, set_inputs
+from fmd.dynamics.compiled_system.parameters import TreeParameters, WholeCycle
+from fmd.dynamics.compiler.program import LANES
+from fmd.dynamics.jit.compiled import inlined, meaning
+from fmd.dynamics.jit.native import call_native
+from fmd.dynamics.system import begin_whole_cycle, cross_cycle
+
+
+@meaning(begin_whole_cycle, TreeParameters)
+def _begin_whole_cycle(p: TreeParameters, cycle: WholeCycle, first: int, h: float) -> None:
+    """Evaluate loads and motions at a cycle's begin and, if any of them varies in it, at its fast steps."""
+    if p.inputs.size == 0:
+        return
+    t, end = first * h, (first + cycle.count) * h
+    cycle.varying[0] = cycle.count
+    for k in range(cycle.quiet.shape[0]):
+        if cycle.quiet[k, 0] <= t and end <= cycle.quiet[k, 1]:
+            cycle.varying[0] = 0
+            if cycle.quiet[k, 0] <= p.clock[0] and p.clock[0] <= cycle.quiet[k, 1]:
+                p.clock[0] = t
+    if cycle.varying[0] == 0:
+        set_inputs(p, t)
+        return
+    if first < cycle.known[0] or cycle.known[1] < first + cycle.count:
+        _look_ahead(p, cycle, first, h)
+    place = first - cycle.known[0]
+    cycle.steps[4] = place
+    for k in range(p.inputs.size):
+        p.inputs[k] = cycle.ahead[place // LANES, k, place % LANES]
+    p.clock[0] = t
+
+
+@inlined
+def _look_ahead(p: TreeParameters, cycle: WholeCycle, first: int, h: float) -> None:
+    """Evaluate loads and motions at some steps."""
+    cycle.known[0] = first
+    if cycle.signals_ahead:
+        cycle.known[1] = first + LANES * cycle.ahead.shape[0]
+        cycle.start[1] = h
+        for block in range(cycle.ahead.shape[0]):
+            cycle.start[0] = first + LANES * block
+            call_native(cycle.signals_ahead, (cycle.start, cycle.numbers, cycle.ahead[block]))
+    else:
+        cycle.known[1] = first + cycle.count
+        for step in range(cycle.count):
+            inputs_at(p, (first + step) * h, cycle.now)
+            for k in range(cycle.now.size):
+                cycle.ahead[step // LANES, k, step % LANES] = cycle.now[k]
+
+
+@meaning(cross_cycle, TreeParameters)
+def _cross_cycle(p: TreeParameters, cycle: WholeCycle, count: int, q: Array, v: Array, a: Array, begin: Array) -> None:
+    cycle.steps[2] = count
+    cycle.steps[3] = min(count - 1, cycle.varying[0])
+    call_native(cycle.cross, (p.inputs, cycle.steps, cycle.inverse_mass, cycle.ahead, q, v, a, begin))

@@ -1,0 +1,351 @@
+"""Leapfrog steps of oscillators that don't couple, over a whole major cycle: an operation of a graph.
+
+After a first step by the acceleration b at the cycle's begin, each goes on by
+``a = b + slope τ + Σ lever δu − k e − c (w − w₀)``: e is its way since the begin, w its rate half a step later, δu how
+far a load is from its value at the begin. In units of a step, with ``z = h² k`` and without damping, the way after j
+steps is ``d u_j + b S_j + g R_j`` for the increment d that it came with and the slope g: u_j are Chebyshev's
+polynomials of the second kind of ``1 − z/2``, by ``u_{j+1} = (2 − z) u_j − u_{j−1}``, S_j and R_j their sums and the
+sums of these. So nothing is divided by k, which may be 0. A load that changes at step s adds ``u_{j−s}`` times the
+change. With damping a recurrence of three terms would take as many operations as the steps themselves, so these are
+taken one by one, and what varying loads add is stepped from rest beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.limits.code import CHUNKS_AT_ONCE
+from fmd.dynamics.compiler.chunks import Chunk, ChunkWriter, is_zero, zero
+from fmd.dynamics.compiler.graph import Scalar, Vector, combine
+from fmd.dynamics.compiler.program import LANES
+from fmd.dynamics.compiler.writer import literal
+
+
+@dataclass(frozen=True)
+class Oscillators:
+    """Oscillators at a cycle's begin, vectors of one size; each force is one over the mass, but for its sign.
+
+    Attributes
+    ----------
+    x, v, a : Vector
+        Positions, rates half a step before them, and accelerations.
+    inverse_mass : Vector
+        1 over their masses.
+    by_positions, drift : Vector
+        How their residual changes with positions, and with time.
+    late : tuple of (Scalar, Vector)
+        Accelerations and how it changes with time by each of them beside the drift: they are known late, so that what
+        they are multiplied by is made ready first.
+    damping : tuple of Vector
+        How it changes with rates, and the rates w₀; empty without damping.
+    levers : tuple of (int, Vector)
+        Numbers of loads in the argument ``inputs``, and how it changes with each.
+    """
+
+    x: Vector
+    v: Vector
+    a: Vector
+    inverse_mass: Vector
+    by_positions: Vector
+    drift: Vector
+    late: tuple[tuple[Scalar, Vector], ...]
+    damping: tuple[Vector, ...]
+    levers: tuple[tuple[int, Vector], ...]
+
+    def take_steps(self, n_inputs: int) -> tuple[Vector, Vector, Vector]:
+        """Return positions, rates and the last accelerations at the cycle's end.
+
+        The argument ``steps`` has the fast step, the cycle, the number of steps in it, through how many of them loads
+        vary, which is none or all but the first, and which step the first one is of those whose loads the argument
+        ``ahead`` has: ``n_inputs`` to eight steps.
+        """
+        graph = self.x.graph
+        scalars = [graph.scalar_input("steps", k) for k in (0, 2, 3, 4)]
+        scalars += [graph.scalar_input("inputs", number) for number, _ in self.levers]
+        scalars += [factor for factor, _ in self.late]
+        vectors = [self.x, self.v, self.a, self.inverse_mass, self.by_positions, self.drift, *self.damping]
+        vectors += [vector for _, vector in (*self.late, *self.levers)]
+        arguments = (*(x.node for x in scalars), *(x.node for x in vectors))
+        data = ("ahead", (n_inputs, len(self.damping), len(self.late), *(number for number, _ in self.levers)))
+        names = ("oscillated x", "oscillated v", "oscillated a")
+        made = (graph.add(name, arguments, data, self.x.size) for name in names)
+        x, v, a = (Vector(graph, node, self.x.size) for node in made)
+        return x, v, a
+
+
+OSCILLATED = ("oscillated x", "oscillated v", "oscillated a")
+"""Operations of nodes that `Oscillators.take_steps` makes."""
+
+
+def step_oscillators(
+    which: str, data: tuple[str, tuple[int, ...]], arguments: Mapping[str, Array], *values: Array
+) -> Array:
+    """Evaluate one of `OSCILLATED` by its steps, one after the other, at one state."""
+    n_inputs, n_damping, n_late, *numbers = data[1]
+    h, count, varying, first = (float(np.ravel(x)[0]) for x in values[:4])
+    n_scalars = 4 + len(numbers) + n_late
+    begin, factors = values[4 : 4 + len(numbers)], values[4 + len(numbers) : n_scalars]
+    vectors = [np.ravel(x) for x in values[n_scalars:]]
+    x, v, a, inverse_mass, by_positions, drift, *rest = (
+        np.broadcast_to(each, np.shape(vectors[0])) for each in vectors
+    )
+    damping, late, levers = rest[:n_damping], rest[n_damping : n_damping + n_late], rest[n_damping + n_late :]
+    drift = drift + sum(np.ravel(factor)[0] * vector for factor, vector in zip(factors, late, strict=True))
+    k, slope = inverse_mass * by_positions, -inverse_mass * drift
+    c, w = (inverse_mass * damping[0], damping[1]) if damping else (0.0, 0.0)
+    constant = a + k * x + c * w
+    for step in range(int(count)):
+        if step:
+            a_before, a = a, constant + slope * step * h - k * x
+            if damping:
+                a = a - c * (v + 0.5 * h * a_before)
+            for number, start, lever in zip(numbers, begin, levers, strict=True):
+                if step <= varying:
+                    block, lane = divmod(int(first) + step, LANES)
+                    value = np.ravel(arguments["ahead"])[(block * n_inputs + number) * LANES + lane]
+                    a = a - inverse_mass * lever * (value - np.ravel(start)[0])
+        v = v + h * a
+        x = x + h * v
+    return np.asarray({"x": x, "v": v, "a": a}[which[-1]])[:, None]
+
+
+class OscillatorWriter:
+    """Writes the steps of oscillators in LLVM's language, a few chunks side by side through each loop.
+
+    Parameters
+    ----------
+    out : ChunkWriter
+        Where they are written.
+    data : tuple
+        Of the node.
+    scalars : sequence of str
+        Values of its scalar arguments.
+    vectors : sequence of list of Chunk
+        Values of its vector arguments.
+    """
+
+    def __init__(
+        self,
+        out: ChunkWriter,
+        data: tuple[str, tuple[int, ...]],
+        scalars: Sequence[str],
+        vectors: Sequence[list[Chunk]],
+    ) -> None:
+        self._out, (self._n_inputs, n_damping, n_late, *self._numbers) = out, data[1]
+        (self._h, count, varying, first), n_scalars = scalars[:4], 4 + len(self._numbers)
+        self._begin, self._factors = scalars[4:n_scalars], scalars[n_scalars:]
+        self._vectors, others = vectors[: 6 + n_damping], vectors[6 + n_damping :]
+        self._late, self._levers = others[:n_late], others[n_late:]
+        self._damped = n_damping > 0
+        self._following = out.value(f"sub i64 {out.value(f'fptosi double {count} to i64')}, 1")
+        self._varying = out.value(f"fptosi double {varying} to i64")
+        self._first = out.value(f"fptosi double {first} to i64")
+        self._square = out.value(f"fmul double {self._h}, {self._h}")
+        self._per_step = out.value(f"fdiv double {literal(1.0)}, {self._h}")
+        self._per_square = out.value(f"fmul double {self._per_step}, {self._per_step}")
+
+    def write(self) -> tuple[list[Chunk], list[Chunk], list[Chunk]]:
+        """Write all steps, and return positions, rates and accelerations."""
+        widths = [width for _, width in self._vectors[0]]
+        found: tuple[list[Chunk], list[Chunk], list[Chunk]] = ([], [], [])
+        for first in range(0, len(widths), CHUNKS_AT_ONCE):
+            for width, values in self._write_some(range(first, min(first + CHUNKS_AT_ONCE, len(widths))), widths):
+                for each, value in zip(found, values, strict=True):
+                    each.append((value, width))
+        return found
+
+    def _write_some(self, some: range, widths: list[int]) -> list[tuple[int, tuple[str, str, str]]]:
+        groups = (self._vectors, self._late, self._levers)
+        chunks = [_Chunk(self, widths[k], *([x[k][0] for x in group] for group in groups)) for k in some]
+        if self._damped:
+            ways = self._take_damped_steps(chunks)
+            more = self._follow_loads(chunks) if self._levers else None
+        else:
+            ways, more = self._sum_steps(chunks)
+        if more is not None:
+            ways = [chunk.added(way, other) for chunk, way, other in zip(chunks, ways, more, strict=True)]
+        return [(chunk.width, chunk.end(way)) for chunk, way in zip(chunks, ways, strict=True)]
+
+    def _sum_steps(self, chunks: list[_Chunk]) -> tuple[list[tuple[str, str, str]], list[tuple[str, str, str]] | None]:
+        """Write way, increment and its change at the end, by the polynomials and their sums, and those by loads."""
+        start = [(value, chunk.width) for chunk in chunks for value in chunk.one_step]
+
+        def follow(_: str, now: list[str]) -> list[str]:
+            return [x for k, chunk in enumerate(chunks) for x in chunk.next_polynomial(now[4 * k : 4 * k + 4])]
+
+        if not self._levers:
+            found = self._out.repeat(self._following, start, follow)
+            return [chunk.sum_up(*found[4 * k : 4 * k + 4]) for k, chunk in enumerate(chunks)], None
+        found = self._out.repeat(self._out.value(f"sub i64 {self._following}, {self._varying}"), start, follow)
+        last = self._forces(chunks, self._varying)
+        start = [
+            (value, chunk.width)
+            for k, chunk in enumerate(chunks)
+            for value in (*found[4 * k : 4 * k + 4], zero(chunk.width), zero(chunk.width), last[k])
+        ]
+
+        def respond(number: str, now: list[str]) -> list[str]:
+            before, following = self._out.value(f"sub i64 {self._varying}, {number}"), list[str]()
+            forces = self._forces(chunks, self._out.value(f"sub i64 {before}, 1"))
+            for k, chunk in enumerate(chunks):
+                *polynomial, way, way_before, force = now[7 * k : 7 * k + 7]
+                way = self._out.accumulate(way, polynomial[0], force, chunk.width)
+                way_before = self._out.accumulate(way_before, polynomial[0], forces[k], chunk.width)
+                following += [*chunk.next_polynomial(polynomial), way, way_before, forces[k]]
+            return following
+
+        found = self._out.repeat(self._varying, start, respond)
+        ways, more = [], []
+        for k, chunk in enumerate(chunks):
+            ways.append(chunk.sum_up(*found[7 * k : 7 * k + 4]))
+            way, before = found[7 * k + 4 : 7 * k + 6]
+            more.append((way, chunk.binary("fsub", way, before), chunk.less_spring(last[k], before)))
+        return ways, more
+
+    def _forces(self, chunks: list[_Chunk], step: str) -> list[str]:
+        """Write the changes of forces by the loads' changes from the begin up to a step."""
+        out, changes, forces = self._out, list[str](), list[str]()
+        at = out.value(f"add i64 {step}, {self._first}")
+        block, lane = out.value(f"and i64 {at}, {-LANES}"), out.value(f"and i64 {at}, {LANES - 1}")
+        first = out.value(f"add i64 {out.value(f'mul i64 {block}, {self._n_inputs}')}, {lane}")
+        for load, begin in zip(self._numbers, self._begin, strict=True):
+            place = out.value(f"getelementptr double, ptr %ahead, i64 {out.value(f'add i64 {first}, {load * LANES}')}")
+            changes.append(out.value(f"fsub double {out.value(f'load double, ptr {place}, align 8')}, {begin}"))
+        for chunk in chunks:
+            force: str | None = None
+            for change, lever in zip(changes, chunk.levers, strict=True):
+                force = out.accumulate(force, out.splat(change, chunk.width), lever, chunk.width)
+            assert force is not None
+            forces.append(force)
+        return forces
+
+    def _take_damped_steps(self, chunks: list[_Chunk]) -> list[tuple[str, str, str]]:
+        forces = [chunk.damped_force for chunk in chunks]
+
+        def step(number: str, now: list[str]) -> list[str]:
+            time, following = self._out.value(f"sitofp i64 {self._out.value(f'add i64 {number}, 1')} to double"), []
+            for k, (chunk, force) in enumerate(zip(chunks, forces, strict=True)):
+                loaded = chunk.binary("fadd", force, chunk.binary("fmul", self._out.splat(time, chunk.width), chunk.g))
+                following += chunk.step(loaded, now[3 * k : 3 * k + 3])
+            return following
+
+        start = [(value, chunk.width) for chunk in chunks for value in chunk.after_first]
+        found = self._out.repeat(self._following, start, step)
+        return [(found[3 * k], found[3 * k + 1], found[3 * k + 2]) for k in range(len(chunks))]
+
+    def _follow_loads(self, chunks: list[_Chunk]) -> list[tuple[str, str, str]]:
+        """Write way, increment and its change by the loads' changes alone, with damping."""
+
+        def step(number: str, now: list[str]) -> list[str]:
+            forces = self._forces(chunks, self._out.value(f"add i64 {number}, 1"))
+            pairs = enumerate(zip(chunks, forces, strict=True))
+            return [x for k, (chunk, force) in pairs for x in chunk.step(force, now[3 * k : 3 * k + 3])]
+
+        start = [(zero(chunk.width), chunk.width) for chunk in chunks for _ in range(3)]
+        found = self._out.repeat(self._varying, start, step)
+        return [(found[3 * k], found[3 * k + 1], found[3 * k + 2]) for k in range(len(chunks))]
+
+
+class _Chunk:
+    """A chunk of oscillators in units of a step: what their steps need, written before any loop."""
+
+    def __init__(
+        self, of: OscillatorWriter, width: int, vectors: list[str], late: list[str], levers: list[str]
+    ) -> None:
+        self._factors, self._out, self.width = of._factors, of._out, width
+        self.x, v, a, inverse_mass, by_positions, drift, *damping = vectors
+        out, multiply = self._out, partial(self.binary, "fmul")
+        h, square = out.splat(of._h, width), out.splat(of._square, width)
+        per_mass = multiply(square, inverse_mass)
+        self.z, self.d, self.b = multiply(per_mass, by_positions), multiply(h, v), multiply(square, a)
+        self._negative = multiply(self.splat(-1.0), per_mass)
+        per_slope = multiply(h, self._negative)
+        self.g = zero(width) if is_zero(drift) else multiply(per_slope, drift)
+        self.late = [multiply(per_slope, slope) for slope in late]
+        self.levers = [multiply(self._negative, lever) for lever in levers]
+        self.two_less_z = self.binary("fsub", self.splat(2.0), self.z)
+        self._per_step, self._per_square = (out.splat(x, width) for x in (of._per_step, of._per_square))
+        if damping:
+            self._c = multiply(multiply(h, inverse_mass), damping[0])
+            for factor, slope in zip(of._factors, self.late, strict=True):
+                self.g = out.accumulate(self.g, out.splat(factor, width), slope, width)
+            self.damped_force = out.accumulate(self.b, self._c, multiply(h, damping[1]), width)
+        self._damped = bool(damping)
+
+    @property
+    def one_step(self) -> tuple[str, str, str, str]:
+        """Polynomials and sums after one step."""
+        one, nothing = self.splat(1.0), zero(self.width)
+        return one, nothing, one, nothing
+
+    @property
+    def after_first(self) -> list[str]:
+        """Way, increment and its change after the first step."""
+        d = self.binary("fadd", self.d, self.b)
+        return [d, d, self.b]
+
+    def binary(self, operation: str, a: str, b: str) -> str:
+        return self._out.binary(operation, a, b, self.width)
+
+    def splat(self, value: float) -> str:
+        return self._out.splat(literal(value), self.width)
+
+    def less_spring(self, force: str, way: str) -> str:
+        return self.binary("fsub", force, self.binary("fmul", self.z, way))
+
+    def step(self, force: str, now: list[str]) -> list[str]:
+        """Write a step of way, increment and its change under a force."""
+        e, d, b = now
+        if self._damped:
+            rate = self._out.accumulate(d, self.splat(0.5), b, self.width)
+            force = self.binary("fsub", force, self.binary("fmul", self._c, rate))
+        b = self.less_spring(force, e)
+        d = self.binary("fadd", d, b)
+        return [self.binary("fadd", e, d), d, b]
+
+    def next_polynomial(self, now: list[str]) -> list[str]:
+        """Write the next polynomial, the one before, and the sums."""
+        u, before, total, of_totals = now
+        of_totals = self.binary("fadd", of_totals, total)
+        u, before = self.binary("fsub", self.binary("fmul", self.two_less_z, u), before), u
+        return [u, before, self.binary("fadd", total, u), of_totals]
+
+    def sum_up(self, u: str, before: str, total: str, of_totals: str) -> tuple[str, str, str]:
+        """Write the end by the polynomials; what is known late, the accelerations, comes last."""
+        multiply = self._out.accumulate
+
+        def combine(by_d: str, by_b: str, by_g: str) -> str:
+            value = multiply(self.binary("fmul", self.d, by_d), self.b, by_b, self.width)
+            value = value if is_zero(self.g) else multiply(value, self.g, by_g, self.width)
+            for factor, slope in zip(self._factors, self.late, strict=True):
+                ready = self.binary("fmul", slope, by_g)
+                value = multiply(value, self._out.splat(factor, self.width), ready, self.width)
+            return value
+
+        change = self.binary("fsub", u, before)
+        of_way = self.binary("fmul", self.binary("fmul", self.splat(-1.0), self.z), before)
+        return (
+            combine(u, total, of_totals),
+            combine(change, u, self.binary("fsub", total, u)),
+            combine(of_way, change, before),
+        )
+
+    def added(self, one: tuple[str, str, str], other: tuple[str, str, str]) -> tuple[str, str, str]:
+        way, d, b = (self.binary("fadd", x, y) for x, y in zip(one, other, strict=True))
+        return way, d, b
+
+    def end(self, found: tuple[str, str, str]) -> tuple[str, str, str]:
+        """Write positions, rates and accelerations."""
+        way, d, b = found
+        rates, accelerations = self.binary("fmul", d, self._per_step), self.binary("fmul", b, self._per_square)
+        return self.binary("fadd", self.x, way), rates, accelerations
+
+
+def as_vector(value: Scalar | Vector) -> Vector:
+    """Return a scalar as a vector with one entry, a vector as it is."""
+    return value if isinstance(value, Vector) else combine([(value, value.graph.array([1.0]))])

@@ -1,0 +1,187 @@
+"""Sub-cycling by carried forces: one evaluation a major cycle, whatever the fast coordinates couple by.
+
+At a cycle's begin the fast accelerations a are known, and with them the rest ``r = a + k q`` beside the diagonal
+stiffness k of the reference state. Over the cycle r goes on from the cycles before: by a parabola through the last
+three of them, by a line or as a constant where there are fewer, as after the start and after a load's breakpoints. The
+coordinates are then oscillators by themselves, so that all m steps are a linear map of (q, v, a, r, r⁻, r⁻⁻) that never
+changes. As a constant r is what the paper freezes (Miao et al. 2008, eq. 11), if mass and stiffness of the fast
+coordinates are diagonal: an error of first order, and growth where gyroscopic forces act.
+
+With ``z = h² k``, ``u_{j+1} = (2 − z) u_j − u_{j−1}``, S, R and P the sums of u, of S and of R, the way of m steps is
+``d u_m + b S_m + g R_m + p P_m`` for an increment d, a first change b, and forces that change by g s + p s (s − 1)/2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.jit.compiled import aligned, inlined, meaning
+from fmd.dynamics.jit.table import Table
+from fmd.dynamics.system import System, accelerations, advance
+from fmd.integrators.fixed_step import Samples, begin_cycle, end_cycle, runs_away, sample_within, take_steps
+from fmd.integrators.protocol import State
+
+DEGREES = {"frozen": 0, "carried": 2}
+"""Largest degree of the polynomial by which forces go on, by the name of the scheme."""
+
+
+@dataclass(frozen=True)
+class CarriedSteps(Table):
+    """State of a march by carried forces, what never changes in it, and the begin of a cycle with samples.
+
+    Fast coordinates are scalars: number i is position ``i + q.size - v.size``.
+    """
+
+    h: float
+    substeps: int
+    n_slow: int
+    degree: int
+    breakpoints: Array  # (any,) [s]
+    k: Array  # (n,): diagonal stiffness over mass
+    maps: Array  # (3, 3, 5, n): by degree, of way, rate and last acceleration by v, a, r, r⁻ and r⁻⁻
+    q: Array
+    v: Array
+    a: Array
+    memory: Array  # (2 n + 1,): r of the last cycle and of the one before, and how many of them are known
+    q_begin: Array
+    v_begin: Array
+    begin: Array  # (n,): accelerations at the begin
+    r: Array
+    q_now: Array
+    v_now: Array
+    a_now: Array
+
+
+def carried_steps(system: System, h: float, m: int, degree: int, state: State) -> CarriedSteps:
+    """Make the table of a march from a state, into whose arrays it writes."""
+    n, (M, K, _) = system.n, system.linear_matrices
+    k = np.ascontiguousarray(np.linalg.solve(M, K).diagonal())
+    known = np.array(system.breakpoints, dtype=float)
+    room = aligned(system.n_positions, n, n, n, system.n_positions, n, n)
+    own = (state.q, state.v, state.a, state.memory)
+    return CarriedSteps(h, m, system.n_slow, degree, known, k, _maps(k, h, m), *own, *room)
+
+
+def _maps(k: Array, h: float, m: int) -> Array:
+    """Return the maps of `CarriedSteps` for a constant, a line and a parabola, shape (3, 3, 5, n)."""
+    z = h * h * k
+    u = [-np.ones_like(z), np.zeros_like(z), np.ones_like(z)]  # from number −1 on
+    while len(u) < m + 2:
+        u.append((2.0 - z) * u[-1] - u[-2])
+    U = np.array(u[1:])  # (m + 1, n)
+    S = np.cumsum(U, axis=0)
+    R = np.concatenate([np.zeros((1, z.size)), np.cumsum(S, axis=0)[:-1]])
+    P = np.concatenate([np.zeros((1, z.size)), np.cumsum(R, axis=0)[:-1]])
+    ways = np.array([[U[m], S[m], R[m], P[m]], [U[m] - U[m - 1], U[m], S[m - 1], R[m - 1]]])
+    last = np.array([-z * U[m - 1], U[m] - U[m - 1], U[m - 1], S[m - 2]])
+    by_steps = np.array([ways[0], ways[1], last])  # of d = h v, b = h² a, g, p
+    made = np.zeros((3, 3, 5, z.size))
+    units = (1.0, 1.0 / h, 1.0 / (h * h))
+    for degree in range(3):
+        for row in range(3):
+            d, b, g, p = by_steps[row] * units[row]
+            made[degree, row, 0], made[degree, row, 1] = d * h, b * h * h
+            line, curve = h * h / m, h * h / m**2
+            if degree == 1:
+                made[degree, row, 2:4] = g * line, -g * line
+            if degree == 2:  # r + (r − r⁻) s/m + (r − 2 r⁻ + r⁻⁻) s (s + m)/(2 m²), s² = s (s − 1) + s
+                bend = curve * (g * (m + 1) / 2 + p)
+                made[degree, row, 2] = g * line + bend
+                made[degree, row, 3] = -g * line - 2.0 * bend
+                made[degree, row, 4] = bend
+    return made
+
+
+@meaning(begin_cycle, CarriedSteps)
+def _begin_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, sampled: bool) -> None:
+    """Evaluate all accelerations, and take the cycle."""
+    n, H, offset, t = m.v.size, m.substeps * m.h, m.q.size - m.v.size, first * m.h
+    for i in range(m.n_slow):
+        m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
+    for i in range(m.n_slow, n):
+        m.v_now[i] = m.v[i] + 0.5 * m.h * m.a[i]
+    accelerations(p, t, m.q, m.v_now, m.begin)
+    for k in range(m.breakpoints.size):
+        if t - H < m.breakpoints[k] <= t:
+            m.memory[2 * n] = 0.0
+    if sampled:
+        for i in range(m.q.size):
+            m.q_begin[i] = m.q[i]
+        for i in range(n):
+            m.v_begin[i] = m.v[i]
+    degree = min(m.degree, int(m.memory[2 * n]))
+    for i in range(m.n_slow, n):
+        m.r[i] = m.begin[i] + m.k[i] * m.q[i + offset]
+    _cross(m, m.maps[degree], n, offset)
+    for i in range(m.n_slow):
+        m.a[i] = m.begin[i]
+        m.v[i] += H * m.a[i]
+    advance(p, m.q, m.v, H, 0, m.n_slow)
+
+
+@inlined
+def _cross(m: CarriedSteps, maps: Array, n: int, offset: int) -> None:
+    """Take the fast coordinates over a cycle."""
+    memory = m.memory
+    for i in range(m.n_slow, n):
+        v, a, r, r1, r2 = m.v[i], m.begin[i], m.r[i], memory[i], memory[n + i]
+        way = maps[0, 0, i] * v + maps[0, 1, i] * a + maps[0, 2, i] * r + maps[0, 3, i] * r1 + maps[0, 4, i] * r2
+        rate = maps[1, 0, i] * v + maps[1, 1, i] * a + maps[1, 2, i] * r + maps[1, 3, i] * r1 + maps[1, 4, i] * r2
+        last = maps[2, 0, i] * v + maps[2, 1, i] * a + maps[2, 2, i] * r + maps[2, 3, i] * r1 + maps[2, 4, i] * r2
+        m.q[i + offset] += way
+        m.v[i] = rate
+        m.a[i] = last
+
+
+@meaning(take_steps, CarriedSteps)
+def _take_steps(m: CarriedSteps, p: Any, nothing: Any, first: int, done: int, count: int, sampled: bool) -> int:
+    if sampled:
+        _follow(m, done)
+    return 0 if done == 0 and runs_away(m.v) else count
+
+
+@inlined
+def _follow(m: CarriedSteps, done: int) -> None:
+    """Follow the coordinates from the cycle's begin to a step: positions before it, rates after it."""
+    n, h, steps, offset = m.v.size, m.h, m.substeps, m.q.size - m.v.size
+    degree = min(m.degree, int(m.memory[2 * n]))
+    for i in range(m.q.size):
+        m.q_now[i] = m.q_begin[i]
+    for i in range(m.n_slow):
+        m.v_now[i], m.a_now[i] = m.v[i], m.a[i]
+    for i in range(m.n_slow, n):
+        line = (m.r[i] - m.memory[i]) / steps if degree > 0 else 0.0
+        curve = (m.r[i] - 2.0 * m.memory[i] + m.memory[n + i]) / (2.0 * steps * steps) if degree > 1 else 0.0
+        x, rate, a = m.q_begin[i + offset], m.v_begin[i] + h * m.begin[i], m.begin[i]
+        for step in range(1, done + 1):
+            x += h * rate
+            a = m.r[i] + step * line + step * (step + steps) * curve - m.k[i] * x
+            rate += h * a
+        m.q_now[i + offset], m.v_now[i], m.a_now[i] = x, rate, a
+
+
+@meaning(sample_within, CarriedSteps)
+def _sample_within(m: CarriedSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    H = m.substeps * m.h
+    for i in range(q.size):
+        q[i] = m.q_now[i]
+    for i in range(v.size):  # Taylor's polynomial, which the next step continues
+        step, ahead = (H, s + done * m.h) if i < m.n_slow else (m.h, s)
+        m.v_now[i] -= 0.5 * (step - ahead) * m.a_now[i]
+        v[i] = m.v_now[i] + 0.5 * ahead * m.a_now[i]
+    advance(p, q, m.v_now, s + done * m.h, 0, m.n_slow)
+    advance(p, q, m.v_now, s, m.n_slow, v.size)
+
+
+@meaning(end_cycle, CarriedSteps)
+def _end_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, samples: Samples, first_sample: int) -> None:
+    """Remember the forces."""
+    n = m.v.size
+    for i in range(m.n_slow, n):
+        m.memory[n + i] = m.memory[i]
+        m.memory[i] = m.r[i]
+    m.memory[2 * n] = min(2.0, m.memory[2 * n] + 1.0)
