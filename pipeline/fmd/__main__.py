@@ -1,5 +1,5 @@
 """``python -m fmd``: the command line without its entry point."""
 
-from fmd.cli.app import main
+from fmd.cli.start import main
 
 main()

@@ -377,3 +377,22 @@ def test_any_file_is_an_input_error(tmp_path: Path, content: bytes) -> None:
     file.write_bytes(content)
     with pytest.raises(InputError, match=re.escape(str(file))):
         load_scene(file)
+
+
+@pytest.mark.parametrize(
+    ("override", "meant"),
+    [
+        ("joint.hub.type=hinge", "revolute"),
+        ("body.beam.Youngs_modulus=70 GPa", "E"),
+        ("body.beam.poisson-ratio=0.3", "nu"),
+        ("body.beam.density=2700 kg/m^3", "rho"),
+        ("simulation.t_end=1 s", "duration"),
+        ("simulation.dt=1 us", "step"),
+        ("joint.hub.damping=1 N m s", "damper"),
+        ("body.beam.shape=box", "bar"),
+        ("joint.hub.type=revolut", "revolute"),
+    ],
+)
+def test_words_of_other_programs_are_understood(override: str, meant: str) -> None:
+    with pytest.raises(InputError, match=rf"did you mean '{meant}'\?"):
+        load_scene("beam", [override])

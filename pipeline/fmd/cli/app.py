@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections.abc import Sequence
 
@@ -42,19 +43,31 @@ for _place, _help in _COMMANDS.items():
 app.register_install_completion_command(help="Let the shell complete commands and options (bash, zsh, fish).")
 
 
+# Errors of numerical libraries, by name, since these aren't loaded for each command.
+_NUMERICAL = ("ArpackError", "LinAlgError", "FloatingPointError", "OverflowError")
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; wrong input ends with status 2, a failed check with 3, each with one message."""
     gc.set_threshold(ALLOCATIONS)
     try:
         app(sys.argv[1:] if arguments is None else arguments)
+        sys.stdout.flush()
     except KeyboardInterrupt:
         _fail("interrupted", 130)
+    except BrokenPipeError:  # whoever reads the output, such as `head`, has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(1) from None
     except OSError as error:  # a full disk, a folder that can't be written, a library that isn't there
         _fail(f"{error}; `fmd doctor` tells what this machine lacks", 2)
     except InputError as error:
         _fail(error, 2)
     except AccuracyError as error:
         _fail(error, 3)
+    except Exception as error:
+        if not any(kind.__name__ in _NUMERICAL for kind in type(error).__mro__):
+            raise
+        _fail(f"the numbers of this scene can't be computed with ({error}); check units and sizes", 3)
 
 
 def _fail(message: object, status: int) -> None:

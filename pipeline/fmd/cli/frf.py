@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import DEFAULTS, Options, read_quantity
+from fmd.cli.inputs import DEFAULTS, Options, read_quantity, settle
 from fmd.cli.options import Folder, Names, SceneName, print_json
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
@@ -60,7 +60,7 @@ def frf(
         raise InputError("--points", "", points, "must be 2 … 100000")
     from fmd.output.responses import compute_response, write_response
 
-    run = options.solve(scene)
+    run = settle(options.open(scene, linear=True))
     density = None if psd is None else (psd, Path(), ("--psd", ""))
     found = compute_response(run, in_, out, highest, lowest, points, about, density)
     where = folder or Path("out") / run.scene.name

@@ -17,6 +17,7 @@ from fmd.core.progress import bars
 from fmd.core.units import to_si
 from fmd.scene.scene import load_scene
 from fmd.scene.source_files import load_repaired
+from fmd.scene.variants import complete_for_linear_answers
 from fmd.stages.pipeline import Pipeline
 
 
@@ -30,11 +31,22 @@ class Options:
     json: Json = False
 
     def open(
-        self, scene: str, *, repair: bool = False, keep_all: bool = False, without: Sequence[str] = ()
+        self,
+        scene: str,
+        *,
+        repair: bool = False,
+        keep_all: bool = False,
+        without: Sequence[str] = (),
+        linear: bool = False,
     ) -> SolvedScene:
-        """Load a scene, to be solved with progress bars on the terminal; tables ``without`` are left out unread."""
+        """Load a scene, to be solved with progress bars on the terminal.
+
+        Tables ``without`` are left out unread; ``linear`` answers need no simulation in the scene.
+        """
         given = self.set_ or ()
         loaded = load_repaired(scene, given) if repair else load_scene(scene, given, without)
+        if linear:
+            loaded = complete_for_linear_answers(loaded)
         return SolvedScene(loaded, Cache(None) if self.no_cache else None, bars, keep_all)
 
     def solve(self, scene: str, *, repair: bool = False, spare: Sequence[Sequence[str]] = ()) -> Pipeline:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from fmd.cli.inputs import DEFAULTS, Options
+from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, Names, SceneName, print_json
 from fmd.cli.tables import print_files, print_table, print_warnings
 
@@ -40,7 +40,7 @@ def linearise(
     from fmd.output.responses import write_model
     from fmd.stages.linear_model import default_inputs, default_outputs, linearise_scene
 
-    run = options.solve(scene)
+    run = settle(options.open(scene, linear=True))
     inputs, outputs = in_ or default_inputs(run.scene), out or default_outputs(run.scene)
     linear = linearise_scene(run, inputs, outputs, about)
     where = folder or Path("out") / run.scene.name

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from fmd.core.files import require_finite
+
 SceneName = Annotated[str, Parameter(help="Name of a ready scene, or path of a TOML file.")]
 Folder = Annotated[Path | None, Parameter(help="Folder for the results; out/SCENE by default.")]
 Names = Annotated[list[str], Parameter(negative=())]
@@ -22,5 +24,12 @@ Repair = Annotated[bool, Parameter(name="--repair", negative=(), help="Mend mesh
 
 
 def print_json(result: dict[str, Any]) -> None:
-    """Print one JSON object, in which every number is finite."""
+    """Print one JSON object.
+
+    Raises
+    ------
+    AccuracyError
+        A number in it isn't finite; the message names the first.
+    """
+    require_finite(result)
     print(json_format.dumps(result, indent=1, allow_nan=False))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
+from typing import Any
 
+from fmd.core.errors import AccuracyError
 from fmd.core.limits.patience import ABANDONED_SECONDS
 
 
@@ -54,3 +57,15 @@ def one_at_a_time(path: Path) -> Iterator[None]:
                 path.unlink(missing_ok=True)
             with suppress(OSError):
                 lock.release()
+
+
+def require_finite(value: Any, path: str = "") -> None:
+    """Raise ``AccuracyError`` with the path of the first number in dicts and lists that JSON can't hold, if any."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise AccuracyError(f"the result {path} isn't a finite number ({value}); check the scene's units and sizes")
+    if isinstance(value, dict):
+        for key, item in value.items():
+            require_finite(item, f"{path}.{key}".lstrip("."))
+    elif isinstance(value, list | tuple):
+        for number, item in enumerate(value):
+            require_finite(item, f"{path}.{number}".lstrip("."))

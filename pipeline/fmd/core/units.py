@@ -29,6 +29,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.cache import Cache
+from fmd.core.limits.magnitudes import ANY_SIZE, POSSIBLE
 from fmd.core.limits.scene import LONGEST_QUANTITY
 from fmd.core.paths import cache_folder
 
@@ -172,7 +173,18 @@ class QuantityReader:
 
     def __call__(self, value: object, info: ValidationInfo) -> float:
         """Return the value in SI units, or raise ``ValueError`` as `to_si` does."""
-        return float(value) if is_si_number(value, info) else to_si(value, self.kind)
+        given = float(value) if is_si_number(value, info) else to_si(value, self.kind)
+        return require_possible(given, self.kind)
+
+
+def require_possible(value: float, kind: str = "number") -> float:
+    """Return a quantity in SI units or a plain number, or raise ``ValueError`` if none can be so large or so small."""
+    low, high = POSSIBLE.get(kind, ANY_SIZE)
+    if value and not low <= abs(value) <= high:
+        limit = f"the least is {low:g}" if abs(value) < low else f"the greatest is {high:g}"
+        si = f" {si_unit(kind)}" if kind in _KINDS else ""
+        raise ValueError(f"{value:g}{si} can't be {_article(kind)}: {limit}{si}")
+    return value
 
 
 def parse_quantity(text: str) -> tuple[float, str]:

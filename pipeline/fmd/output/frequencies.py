@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from fmd.core.limits.magnitudes import POOR_QUALITY
 from fmd.reduction.rotating import rotating_modes
+from fmd.scene.magnitudes import find_unusual
 from fmd.stages.pipeline import Pipeline
 
 
@@ -53,15 +55,18 @@ def frequencies_by_body(run: Pipeline) -> dict[str, dict[str, list[float]]]:
 
 
 def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
-    """Warn of each body whose basis holds more modes than wanted, to complete a group of equal frequency.
+    """Warn of unusual values, poor meshes, and bases with more modes than requested, to complete a group of equal ones.
 
     Returns
     -------
     list of dict
         ``code``, ``body`` and ``text`` of each warning.
     """
-    found = []
+    found = [{"code": "unusual-value", "text": text} for text in find_unusual(run.scene)]
     for name, part in run.wholes.items():
+        if part.shape.file_keys[:1] == ("mesh",) and (quality := float(part.mesh.quality.min())) < POOR_QUALITY:
+            text = f"{name}: an element has a scaled Jacobian of {quality:.2g}; results around it are poor"
+            found.append({"code": "poor-mesh", "body": name, "text": text})
         if len(run.pieces_of(name)) > 1:  # whose modes are those of its pieces
             continue
         count, more = part.shape.modes.count, part.modes.n_completing

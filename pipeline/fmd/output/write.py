@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import require_finite, whole_file
 from fmd.output.explain import remember_times
 from fmd.output.exports import write_file
 from fmd.output.picture_files import Pictures
@@ -92,6 +92,7 @@ def _write(
 
 
 def _write_summary(summary: dict[str, Any], folder: Path) -> None:
+    require_finite(summary)
     with whole_file(folder / "summary.json") as part:
         part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
 

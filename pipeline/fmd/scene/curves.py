@@ -12,7 +12,7 @@ from pydantic_core import CoreSchema
 from fmd.core.formula import parse_formula
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.limits.scene import CLOSES, MOST_ELONGATIONS, MOST_REPEATED_ROWS
-from fmd.core.units import Length, NonNegativeTime, QuantityReader, si_unit, unit_ratio
+from fmd.core.units import Length, NonNegativeTime, QuantityReader, require_possible, si_unit, unit_ratio
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.table_files import Column, TableColumns, read_columns
 from fmd.scene.values import LengthUnit, Number, SourceFile, UnitCheck
@@ -130,6 +130,11 @@ class FormulaOrTable(SceneTable):
         for number, (before, after) in enumerate(pairwise(table), start=1):
             if not after > before:
                 raise FaultError(f"must be above the {self.argument} before it", arguments, number)
+        for number, value in enumerate(self.values):
+            try:
+                require_possible(self.factor * value, self.kind)
+            except ValueError as error:
+                raise FaultError(str(error), *(("file",) if self.file else ("values", number))) from None
 
 
 class TimeFunction(FormulaOrTable):

@@ -27,6 +27,32 @@ _LISTS_OF_KINDS = ("output", "run", "visual")
 _ALTERNATIVE = re.compile(r"(literal|function-\w+)\[|\[key\]$|(constrained-)?(str|int|float)$| ")
 
 
+# Words of other programs and of everyday speech for names of a scene, in small letters without marks between them.
+SYNONYMS = {
+    "revolute": "hinge hinged pin pinned rotary rotational rotation",
+    "prismatic": "slider slide sliding translational linear",
+    "spherical": "ball ballsocket socket",
+    "fixed": "weld welded rigid clamp clamped",
+    "universal": "cardan hooke",
+    "free": "floating sixdof",
+    "bar": "beam box cuboid block",
+    "point": "pointmass mass lumped",
+    "E": "youngsmodulus youngmodulus young modulus elasticmodulus elasticity emodulus",
+    "nu": "poisson poissonratio poissonsratio",
+    "rho": "density",
+    "damper": "damping dashpot viscous",
+    "stiffness": "k springconstant springrate",
+    "duration": "tend endtime stoptime finaltime totaltime",
+    "step": "dt timestep h stepsize",
+    "output_step": "dtout outputinterval sampletime",
+    "integrator": "solver method scheme",
+    "type": "kind",
+    "marker": "point frame node",
+    "parent": "from body1 base",
+    "child": "to body2 follower",
+}
+
+
 class FaultError(ValueError):
     """A fault at a key below the table that is being checked.
 
@@ -244,7 +270,9 @@ def _write_mend(error: ErrorDetails) -> str:
         case "missing" | "union_tag_not_found":
             return "is missing"
         case "union_tag_invalid":
-            return f"must be one of {error['ctx']['expected_tags']}"
+            known = error["ctx"]["expected_tags"]
+            near = _near(str(error["ctx"]["tag"]), re.findall("'([^']*)'", known))
+            return f"must be one of {known}" + (f"; did you mean {near[0]!r}?" if near else "")
         case "model_type" | "model_attributes_type" | "dict_type":
             return "must be a table"
         case "tuple_type":
@@ -274,4 +302,7 @@ def suggest_name(given: str, names: Iterable[str], what: str) -> str:
 
 
 def _near(given: str, names: Iterable[str]) -> list[str]:
-    return difflib.get_close_matches(given, names, n=1)
+    """Return the name that is most likely meant, if any: one with the same meaning, or one that is written alike."""
+    names, word = list(names), re.sub(r"[\W_]", "", given.lower())
+    meant = [name for name in names if word in SYNONYMS.get(name, "").split()]
+    return meant or difflib.get_close_matches(given, names, n=1)

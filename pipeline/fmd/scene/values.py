@@ -20,7 +20,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.limits.scene import SHORTEST_DIRECTION
-from fmd.core.units import Angle, AngularRate, Length, to_si, unit_ratio
+from fmd.core.units import Angle, AngularRate, Length, require_possible, to_si, unit_ratio
 
 _NAME = "[A-Za-z][A-Za-z0-9_-]{0,39}"
 
@@ -190,13 +190,14 @@ FaceName = Annotated[Text, Words("name of a face")]
 PartName = Annotated[Text, Words("name of a part")]
 SourceFile = Annotated[str, Field(min_length=1, max_length=1000), Words("path of a file")]
 LengthUnit = Annotated[str, UnitCheck("m")]
-Number = Annotated[float, Field(strict=True)]
+Number = Annotated[float, Field(strict=True), AfterValidator(require_possible)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]
 Formulation = Literal["enhanced", "plain"]
 Point = tuple[Length, Length, Length]
 Turn = tuple[Angle, Angle, Angle]
-Axis = Annotated[tuple[Number, Number, Number], AfterValidator(_check_direction), Words("list of 3 numbers, not all 0")]
+_Part = Annotated[float, Field(strict=True)]
+Axis = Annotated[tuple[_Part, _Part, _Part], AfterValidator(_check_direction), Words("list of 3 numbers, not all 0")]
 Plane = Annotated[
     tuple[int, float],
     BeforeValidator(_read_plane),

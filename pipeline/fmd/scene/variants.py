@@ -9,10 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from fmd.core.errors import InputError
 from fmd.scene.any_body import Flexible
+from fmd.scene.joints.fixed import Fixed
+from fmd.scene.joints.free import Free
 from fmd.scene.loads import Drive, PointForce
 from fmd.scene.modes import ModeSettings
+from fmd.scene.runs import AutoRun
 from fmd.scene.scene import Scene
+from fmd.scene.simulation import Simulation
 
 # Factors to coarsen a mesh by. The largest shows most of the error, but not every part can be meshed so coarsely.
 COARSENING_FACTORS = (2.0, 1.5, 1.25)
@@ -68,6 +73,35 @@ def open_to_space(scene: Scene) -> Scene:
         for way, direction in zip("xyz", _AXES, strict=True)
     }
     return scene.model_copy(update={"drive": {**scene.drive, **drives}})
+
+
+def complete_for_linear_answers(scene: Scene) -> Scene:
+    """Return a scene of parts alone with what linear answers need beside them: a simulation, and joints to the ground.
+
+    A body that hangs on no joint is held where its supports or its modes say so, at its first marker, and else free.
+
+    Raises
+    ------
+    InputError
+        A body without a joint has no marker.
+    """
+    if scene.moves:
+        return scene
+    joints = dict(scene.joint)
+    for name, body in scene.body.items():
+        if not body.marker:
+            raise InputError(
+                scene.file, f"body.{name}.marker", None, "is missing: a place where forces act or are seen"
+            )
+        if name not in scene.carrying:
+            held = isinstance(body, Flexible) and (body.support or body.modes.boundary == "joint")
+            given = {"parent": "ground", "child": f"{name}.{next(iter(body.marker))}"}
+            kind: type[Fixed] | type[Free] = Fixed if held else Free
+            joints[f"{name}-ground"] = kind.model_validate({"type": "fixed" if held else "free", **given})
+    name, body = next(iter((scene.flexible or scene.body).items()))
+    tip = f"{name}.{list(body.marker)[-1]}"
+    simulation = Simulation(duration=1.0, output_step=1.0, tip=tip, run=(AutoRun(integrator="auto"),))
+    return scene.model_copy(update={"joint": joints, "simulation_table": simulation})
 
 
 def damp_bodies(scene: Scene, damping: float) -> Scene | None:

@@ -1,0 +1,32 @@
+"""Entry point of ``fmd``: what else is loaded is loaded within reach of Ctrl-C."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import warnings
+from importlib import import_module
+from types import FrameType
+
+
+def main() -> None:
+    """Run the command line with the program's arguments; Ctrl-C ends it by one line at any time.
+
+    Warnings of NumPy about numbers that overflow aren't shown: results are checked where they are made.
+    """
+    pressed = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        pressed.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    warnings.filterwarnings("ignore", category=RuntimeWarning)
+    try:
+        import_module("fmd.cli.app").main()
+    except BaseException as error:
+        # A library that is interrupted while it is loaded may raise an error of its own.
+        if not pressed or isinstance(error, SystemExit):
+            raise
+        sys.stderr.write("fmd: interrupted\n")
+        sys.exit(130)

@@ -1,0 +1,57 @@
+"""Values of a scene that are possible but unusual, which are most often a wrong unit or a slip of the pen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, get_args, get_origin
+
+from fmd.core.limits.magnitudes import USUAL_OF_BODIES, USUAL_OF_MOTION
+from fmd.core.units import QuantityReader
+from fmd.scene.reading import SceneTable
+
+
+def find_unusual(scene: SceneTable) -> Iterator[str]:
+    """Write a sentence for each value of a scene that is far from usual ones: its key, it, and what is usual."""
+    for path, key, value, kinds in _walk(scene, (), ""):
+        if (
+            path[:1] == ("body",)
+            and len(path) <= len(("body", "NAME", "material", "PART", "E"))
+            and key in USUAL_OF_BODIES
+        ):
+            low, high, unit, examples = USUAL_OF_BODIES[key]
+            if not low <= value <= high:
+                yield f"{'.'.join(path)} is {value:.4g} {unit}".rstrip() + f", which is unusual: {examples}"
+        for kind in kinds & USUAL_OF_MOTION.keys():
+            most, unit, example = USUAL_OF_MOTION[kind]
+            if abs(value) > most:
+                yield f"{'.'.join(path)} is {value:.4g} {unit}, which is unusual: {example}"
+
+
+def _walk(
+    value: Any, path: tuple[str, ...], key: str, kinds: frozenset[str] = frozenset()
+) -> Iterator[tuple[tuple[str, ...], str, float, frozenset[str]]]:
+    """Go through all numbers of a table and of those in it, with their paths, keys and kinds of quantity."""
+    if isinstance(value, SceneTable):
+        for name, field in type(value).model_fields.items():
+            shown = field.alias or name
+            yield from _walk(
+                getattr(value, name), (*path, shown), shown, frozenset(_kinds(field.annotation, field.metadata))
+            )
+    elif isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from _walk(item, (*path, str(name)), key, kinds)
+    elif isinstance(value, tuple | list):
+        for number, item in enumerate(value):
+            yield from _walk(item, (*path, str(number)), key, kinds)
+    elif isinstance(value, float):
+        yield path, key, value, kinds
+
+
+def _kinds(annotation: Any, metadata: Any = ()) -> Iterator[str]:
+    """List the kinds of quantities that a field's values may be."""
+    inner = get_args(annotation)
+    if get_origin(annotation) is Annotated:
+        metadata, inner = (*metadata, *inner[1:]), inner[:1]
+    yield from (check.kind for check in metadata if isinstance(check, QuantityReader))
+    for item in inner:
+        yield from _kinds(item)
