@@ -49,8 +49,9 @@ class Row:
     """Outcome of a scene: compared, refused, traceback, long (beyond `PATIENCE`) or no reference, with what was said.
 
     ``quantity`` is the worst one, with its stated, its true error and that of its reference; ``wrong`` counts those
-    beyond `WRONG` times what is stated, ``bounded`` those whose stated error is a lower bound only. Seconds are of the
-    processor for the whole run, compiling included; those of the march are in ``march``.
+    beyond `WRONG` times what is stated, ``bounded`` those whose error isn't stated, since an estimate is missing.
+    ``ratios`` are the stated over the true errors of all others. Seconds are of the processor for the whole run,
+    compiling included; those of the march are in ``march``.
     """
 
     seed: int
@@ -66,6 +67,7 @@ class Row:
     bounded: int = 0
     seconds: float = 0.0
     march: float = 0.0
+    ratios: str = ""
     warnings: str = ""
     said: str = ""
 
@@ -122,7 +124,7 @@ def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: No
     except Exception as error:
         row.outcome, row.said = "no reference", f"{type(error).__name__}: {error}"
         return row
-    worst = -1.0
+    worst, ratios = -1.0, []
     for name, (error, off) in true.items():
         if error <= ROUND_OFF:
             continue
@@ -134,9 +136,11 @@ def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: No
         row.covered += sure <= stated[name]
         row.wrong += sure > WRONG * stated[name]
         ratio = sure / max(stated[name], ROUND_OFF)
+        ratios.append(f"{stated[name] / error:.3g}")
         if ratio > worst:
             worst = ratio
             row.quantity, row.stated, row.true, row.reference = name, stated[name], error, off
+    row.ratios = " ".join(ratios)
     return row
 
 

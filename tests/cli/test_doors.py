@@ -102,8 +102,9 @@ def test_python_gives_the_results_of_the_command(fmd, chosen, tmp_path):
     written = json.loads((tmp_path / "run/summary.json").read_text())
     summary = load("beam", *WANTED).summary
     assert summary["accuracy"] == written["accuracy"]
-    for key in ("frequencies_hz", "peak_tip_deflection_m", "worst_stress", "final", "dofs"):
+    for key in ("frequencies_hz", "peak_tip_deflection_m", "final", "dofs"):
         assert summary[key] == written[key]
+    assert summary["worst_stress"]["von_mises_pa"] == written["worst_stress"]["von_mises_pa"]
     by_hand = solve(load_scene("beam", chosen))
     assert by_hand.settings.refinement == {}
     assert by_hand.motion.trajectory.q.tolist() == load("beam", *WANTED).motion.trajectory.q.tolist()
