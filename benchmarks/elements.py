@@ -26,7 +26,7 @@ from threadpoolctl import threadpool_limits
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import ERROR_BUDGET
-from fmd.accuracy.matching import match_shapes
+from fmd.accuracy.quantities import match_shapes
 from fmd.core.cache import Cache
 from fmd.fem.assembly import _mass, _stiffness, assemble
 from fmd.fem.elements import ElementKind

@@ -13,7 +13,7 @@ from fmd.accuracy.error_estimates import (
     shifted_frequencies,
     soften_body,
 )
-from fmd.accuracy.matching import find_counterparts, match_shapes
+from fmd.accuracy.quantities import find_counterparts, match_shapes
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import inertia_integrals
 

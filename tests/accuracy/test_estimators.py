@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.comparison import change_fineness
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.error_estimates import NO_PART
-from fmd.accuracy.estimators import Estimates, _change_fineness, _root_mean_square, _with_diagonal
+from fmd.accuracy.estimators import Estimates, _root_mean_square, _with_diagonal
 from fmd.core.cache import Cache
 
 ROD = ["simulation.duration=1 s", 'simulation.run=[{integrator="central-difference", step="4 ms"}]']
@@ -39,7 +40,7 @@ def test_rigid_bodies_have_no_error_of_mesh_modes_or_stress() -> None:
 def test_the_other_step_of_a_short_march_is_half_and_its_gain_richardsons() -> None:
     run = Pipeline(load_scene("rod-slider", ROD), Cache(None))
     plan = next(iter(run.plans.values()))
-    method, gain = _change_fineness(plan, seconds=0.0)
+    method, gain = change_fineness(plan, seconds=0.0)
     assert method == replace(plan.integrator, step=2e-3)
     assert gain == pytest.approx(1 - 0.5**2)
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.deflection import stiffening_by_stretch
 from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.error_estimates import MORE_OF_MODEL, Row
 from fmd.accuracy.model_errors import ModelErrors
-from fmd.accuracy.stretching import stiffening_by_stretch
 from fmd.core.cache import Cache
 from fmd.core.limits.errors import SAFETY
 from fmd.output.summary import summarise

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fmd.accuracy.stretching import excess_deflection
+from fmd.accuracy.deflection import excess_deflection
 from fmd.core.limits.errors import OF_BENDING
 from fmd.fem.assembly import assemble
 from fmd.fem.geometric_stiffness import membrane_ratio, quadratic_strain_load

@@ -10,8 +10,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.recovery.motion import Motion
-from fmd.stages.ground import axes_in_space, ground_place
-from fmd.stages.parent_joint import read_parent_joint
+from fmd.stages.parent_joint import axes_in_space, ground_place, read_parent_joint
 from tests.stages.test_mechanism import CRANK
 
 PLACE = '\n[ground.B0]\nat = ["1 m", "-2 m", "0.5 m"]\nrotation = ["20 deg", "-35 deg", "50 deg"]\n'

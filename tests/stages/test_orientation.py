@@ -11,8 +11,8 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.dynamics.kinematics import Kinematics
 from fmd.scene.orientation import AxisDirections, Orientation
-from fmd.stages.ground import axes_in_space
 from fmd.stages.mechanism import place_joints
+from fmd.stages.parent_joint import axes_in_space
 from tests.scene.scenes import refused, scene_of
 
 SIMULATION = """

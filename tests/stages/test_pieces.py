@@ -8,7 +8,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.deflection import find_deflection_error
-from fmd.accuracy.piece_counts import choose_piece_counts
+from fmd.accuracy.refinement import choose_piece_counts
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.errors import TOO_LARGE

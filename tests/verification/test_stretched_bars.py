@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from fmd import Pipeline, load_scene
-from fmd.accuracy.stretching import stretching_warnings
+from fmd.accuracy.deflection import stretching_warnings
 from fmd.core.errors import InputError
 from fmd.dynamics.kinematics import Kinematics
 from fmd.stages.linear_model import linearise_scene

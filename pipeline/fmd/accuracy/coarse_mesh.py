@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.accuracy.error_estimates import refinement_gain, retune_body
-from fmd.accuracy.matching import find_counterparts
-from fmd.accuracy.quantities import match_modes
+from fmd.accuracy.quantities import find_counterparts, match_modes
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache

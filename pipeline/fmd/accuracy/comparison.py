@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,12 +12,14 @@ from fmd.accuracy.quantities import Quantities, mesh_quantities, motion_quantiti
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
-from fmd.core.limits.errors import COMPARED_FRAMES, HOT, HOTTEST_FRAMES
+from fmd.core.limits.errors import COMPARED_FRAMES, FINER_TOLERANCE, HOT, HOTTEST_FRAMES, SHORT_SECONDS
 from fmd.integrators.automatic import Automatic
+from fmd.integrators.exponential import PiecewiseExponential
 from fmd.recovery.stress import choose_frames
 from fmd.stages.plan import repeat_choice
 
 if TYPE_CHECKING:
+    from fmd.integrators.protocol import Integrator
     from fmd.recovery.motion import Motion
     from fmd.stages.pipeline import Pipeline
     from fmd.stages.plan import Plan
@@ -129,3 +131,16 @@ class Comparison:
             plan = replace(plan, integrator=self._first.integrator)
             trajectory = plan.march(times, self.limit.watch())
         return other.motion_by(plan, trajectory)
+
+
+def change_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
+    """Return the method with another step or tolerance, and the difference of the results over the plan's error."""
+    method: Any = plan.integrator
+    if isinstance(method, PiecewiseExponential):  # its errors fall by the third power where they are worst
+        return replace(method, step=method.step / 2, least=2 * method.least), 1 - 0.5**3
+    if not method.step:
+        return replace(method, tolerance=max(FINER_TOLERANCE * method.tolerance, 3e-14)), 1 - FINER_TOLERANCE
+    order = method.order(plan.system)
+    if seconds < SHORT_SECONDS or not 8 * method.step < method.largest_step(plan.system):
+        return replace(method, step=method.step / 2), 1 - 0.5**order
+    return replace(method, step=2 * method.step), 2.0**order - 1

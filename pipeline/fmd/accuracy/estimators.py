@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
-from fmd.accuracy.comparison import Comparison
+from fmd.accuracy.comparison import Comparison, change_fineness
 from fmd.accuracy.error_estimates import NO_PART, shifted_frequencies, soften_body
 from fmd.accuracy.model_errors import ModelErrors
 from fmd.accuracy.quantities import mesh_quantities
@@ -28,23 +28,19 @@ from fmd.core.limits.errors import (
     ACROSS_SHARE,
     COARSE_SHARE,
     COMPARED_IMPLICIT_STEPS,
-    FINER_TOLERANCE,
     FINER_WORK,
     MOST_OF_CHANGE,
     MOST_REFINEMENTS,
     OF_TOLERANCE,
     SAFETY,
-    SHORT_SECONDS,
 )
 from fmd.core.limits.stability import SURELY_STABLE
-from fmd.integrators.exponential import PiecewiseExponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.recovery.stress import von_mises
 from fmd.scene.variants import enrich_bases
 from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
-    from fmd.integrators.protocol import Integrator
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.stages.part import FlexiblePart
@@ -115,7 +111,7 @@ class Estimates(Comparison):
         """Estimate the error of time integration by another step or a finer tolerance."""
         plan, gain = self.plan, 0.0
         for _ in range(MOST_REFINEMENTS):
-            integrator, gain = _change_fineness(plan, self.motion.trajectory.seconds)
+            integrator, gain = change_fineness(plan, self.motion.trajectory.seconds)
             plan = replace(plan, integrator=integrator)
             other = self.march(self.run, plan, FINER_WORK)
             chosen = self.run.fine_times[1]
@@ -124,7 +120,8 @@ class Estimates(Comparison):
         theirs = self.quantities_of(self.run, other, self.hot)
         # Two tolerances may take the same steps as far as a slow body is concerned, whose error then doesn't change.
         least = OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
-        self.correct_by(theirs, -1 / gain if _is_coarser(plan, self.plan) else 1 / gain)
+        coarser = plan.integrator.step > self.plan.integrator.step
+        self.correct_by(theirs, -1 / gain if coarser else 1 / gain)
         changes = self.changes(theirs).items()
         return {name: max(error / gain, least) if error else 0.0 for name, error in changes}
 
@@ -340,21 +337,3 @@ def _root_mean_square(recovered: Array, changed: Array) -> Array:
     """
     larger = np.where(np.abs(recovered) > np.abs(changed), recovered, changed)
     return np.asarray(np.copysign(np.sqrt((recovered**2 + changed**2) / 2), larger))
-
-
-def _change_fineness(plan: Plan, seconds: float) -> tuple[Integrator, float]:
-    """Return the method with another step or tolerance, and the difference of the results over the plan's error."""
-    method: Any = plan.integrator
-    if isinstance(method, PiecewiseExponential):  # its errors fall by the third power where they are worst
-        return replace(method, step=method.step / 2, least=2 * method.least), 1 - 0.5**3
-    if not method.step:
-        return replace(method, tolerance=max(FINER_TOLERANCE * method.tolerance, 3e-14)), 1 - FINER_TOLERANCE
-    order = method.order(plan.system)
-    if seconds < SHORT_SECONDS or not 8 * method.step < method.largest_step(plan.system):
-        return replace(method, step=method.step / 2), 1 - 0.5**order
-    return replace(method, step=2 * method.step), 2.0**order - 1
-
-
-def _is_coarser(plan: Plan, than: Plan) -> bool:
-    """Return true if a plan has a longer step than another one by the same method."""
-    return plan.integrator.step > than.integrator.step

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair
-from fmd.accuracy.deflection import deflection_errors
+from fmd.accuracy.deflection import TEXT, deflection_errors, excess_deflection, stiffening_by_stretch, stretching_bodies
 from fmd.accuracy.error_estimates import soften_body
-from fmd.accuracy.matching import find_counterparts
-from fmd.accuracy.stretching import TEXT, excess_deflection, stiffening_by_stretch, stretching_bodies
+from fmd.accuracy.quantities import find_counterparts
 from fmd.accuracy.time_limit import FAULTS, LeftOutError
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import (

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from fmd.accuracy.piece_counts import choose_piece_counts
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.progress import Monitor, silent
@@ -52,7 +51,7 @@ class Settings:
 
 def _choose(given: Pipeline, keep: Callable[[Pipeline], None] = lambda run: None) -> Settings:
     """Choose numbers of pieces, and refine for a required accuracy; ``keep`` takes the run that has these settings."""
-    from fmd.accuracy.refinement import meet_accuracy
+    from fmd.accuracy.refinement import choose_piece_counts, meet_accuracy
 
     run = choose_piece_counts(given)
     found = None if given.scene.accuracy is None else meet_accuracy(run)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.stages.ground import ground_place, joint_axes, place_axes
+from fmd.stages.parent_joint import ground_place, joint_axes, place_axes
 
 if TYPE_CHECKING:
     from fmd.render.moving_bodies import MovingLine, MovingShape

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fmd.accuracy.deflection import deflection_warnings
+from fmd.accuracy.deflection import deflection_warnings, stretching_warnings
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
-from fmd.accuracy.stretching import stretching_warnings
 from fmd.accuracy.time_limit import TIME_IS_SHORT
 from fmd.accuracy.uncertain_results import uncertain_warnings
 from fmd.core.limits.errors import MORE_TIME, SAFETY, TOO_LARGE

@@ -19,7 +19,7 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.closures import ConstraintRow
 from fmd.integrators.protocol import move_positions
 from fmd.scene.joints.joint import POSITION_KEYS, RATE_KEYS
-from fmd.stages.ground import joint_axes
+from fmd.stages.parent_joint import joint_axes
 from fmd.stages.run_checks import require_inertia
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.recovery.stress import StressHistory
+from fmd.reduction.inertia import add_normal_blocks
 from fmd.scene.any_body import Flexible
 from fmd.scene.bodies import Solid
 from fmd.scene.joints.any_joint import Joint
@@ -33,6 +34,7 @@ from fmd.stages.pieces_at_rest import (
 )
 
 if TYPE_CHECKING:
+    from fmd.dynamics.mechanism import Mechanism
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
 
@@ -330,3 +332,14 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
         names = [piece_name(name, k) for k in range(len(cuts[name].pieces))]
         divided[name] = DividedPart(whole, cuts[name], tuple(parts[own] for own in names), ports[name])
     return Division(found, parts, divided)
+
+
+def complete_inertia(parts: Mapping[str, FlexiblePart], mechanism: Mechanism) -> Mechanism:
+    """Add to bodies of a mechanism the inertia along the one axis that they turn about, from their parts by name."""
+    links = [
+        replace(link, integrals=add_normal_blocks(link.integrals, parts[link.name].inertia_along_normal))
+        if link.integrals.normal >= 0
+        else link
+        for link in mechanism.links
+    ]
+    return replace(mechanism, links=links)

@@ -23,8 +23,7 @@ from fmd.stages.assembly import assemble, close_start, following_joints, given_j
 from fmd.stages.division import part_of
 from fmd.stages.equilibrium import find_closed_steady_state, find_equilibrium
 from fmd.stages.force_elements import add_elements, joint_laws
-from fmd.stages.ground import ground_place, joint_axes, place_axes
-from fmd.stages.parent_joint import read_parent_joint
+from fmd.stages.parent_joint import ground_place, joint_axes, place_axes, read_parent_joint
 from fmd.stages.signals import require_sound_drives, signal_of
 
 if TYPE_CHECKING:

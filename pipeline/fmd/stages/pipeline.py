@@ -21,12 +21,11 @@ from fmd.recovery.envelope import StressEnvelope, stress_envelope
 from fmd.recovery.stress import StressHistory, stress_measure
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import collect_inputs
-from fmd.stages.division import Division, divide_parts
+from fmd.stages.division import Division, complete_inertia, divide_parts
 from fmd.stages.part import FlexiblePart
 from fmd.stages.point_loads import limitless_nodes
 from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage, stages_of
 from fmd.stages.store import Log, StageStore
-from fmd.stages.whole_inertia import complete_inertia
 
 if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.system import CompiledSystem

@@ -19,8 +19,8 @@ from fmd.responses.state_space import StateSpace
 from fmd.responses.steady_rotation import Rotation, SteadyRotation
 from fmd.scene.variants import change_simulation, correct_statically, open_to_space
 from fmd.stability.tangent import OperatingPoint
-from fmd.stages.ground import ground_place
 from fmd.stages.mechanism import place_joints
+from fmd.stages.parent_joint import ground_place
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism

@@ -23,8 +23,8 @@ from fmd.output.fmu.build import FMI2_FOLDERS, build_binaries, build_own_binary,
 from fmd.output.fmu.description import Heading, describe_build, describe_fmi2, describe_fmi3
 from fmd.output.fmu.equations import write_coefficients, write_equations
 from fmd.output.fmu.variables import Interface, make_interface
+from fmd.stages.division import complete_inertia
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.whole_inertia import complete_inertia
 
 _FIXED = (
     "calls.h",
