@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numba
@@ -12,7 +13,8 @@ from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.protocol import Progress, State, Trajectory
-from fmd.integrators.side_by_side import March, march_at_once, march_in_turn
+from fmd.integrators.side_by_side import March, march_at_once, march_in_turn, time_by_turns
+from fmd.output.key_figures import run_time
 
 NOTHING = np.zeros((1, 0))
 FOUND = Trajectory("", 1.0, 1, np.zeros(1), NOTHING, NOTHING, 0, 0, 2.0, State(0, *NOTHING, *NOTHING, *NOTHING))
@@ -74,3 +76,26 @@ def test_what_ends_the_last_march_ends_the_other_too(error: Any) -> None:
 def test_a_fault_of_the_march_aside_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
         march_at_once([failing(ZeroDivisionError()), lambda progress: FOUND])
+
+
+def test_short_marches_are_repeated_by_turns_until_they_fill_a_while() -> None:
+    turns: list[str] = []
+
+    def march(label: str, seconds: float) -> Trajectory:
+        turns.append(label)
+        return replace(FOUND, seconds=seconds)
+
+    spent = {"long": 0.5, "short": 0.009, "shorter": 0.0079}
+    found = {label: replace(FOUND, seconds=seconds) for label, seconds in spent.items()}
+    again = {label: partial(march, label, each.seconds * 0.75) for label, each in found.items()}
+    timed = time_by_turns(found, again)
+    assert turns == ["short", "shorter", "short", "shorter", "shorter"]
+    assert [each.seconds for each in timed.values()] == pytest.approx([0.5, 0.00675, 0.005925])
+    assert [each.spread for each in timed.values()] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
+
+
+def test_no_ratio_within_the_spread_is_shown() -> None:
+    row = {"seconds": 0.00123, "ratio_to_plain": 0.9, "spread": 0.05}
+    assert run_time(row) == ("1.23 ms", "0.90")
+    assert run_time(row | {"spread": 0.2}) == ("1.23 ms (median +20 %)", "–")
+    assert run_time(row | {"ratio_to_plain": 1.0, "spread": 0.2})[1] == "1.00"

@@ -15,7 +15,7 @@ from fmd.core.html import scaled
 from fmd.core.limits.shown import BRIEF, LINE_POLES
 from fmd.core.limits.stability import COUPLED, GROWING
 from fmd.output.explain import Forecast, forecast_run
-from fmd.output.key_figures import largest_deflection, largest_stress
+from fmd.output.key_figures import largest_deflection, largest_stress, run_time
 from fmd.output.stated_errors import ERROR_COLUMNS, error_cells
 from fmd.output.summary import UNMET, UNMOVED
 from fmd.output.write import write_results
@@ -149,14 +149,13 @@ def _print_integrations(summary: dict[str, Any]) -> None:
         (
             row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
             scaled(row["step_s"], "s", 3),
-            scaled(row["seconds"], "s", 3),
-            row["ratio_to_plain"],
+            *run_time(row),
             f"{row['evaluations']} + {row['fast_evaluations']}",
             scaled(row["tip_difference_m"], "m", 3),
         )
         for row in summary["integrations"]
     ]
-    columns = {"method": "{}", "step": "{}", "run time": "{}", "ratio": "{:.2f}", "solutions + fast": "{}"}
+    columns = {"method": "{}", "step": "{}", "run time": "{}", "ratio": "{}", "solutions + fast": "{}"}
     columns["tip differs by"] = "{}"
     print_table("Integration: run times are of time integration alone", columns, rows)
 

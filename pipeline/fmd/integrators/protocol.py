@@ -74,7 +74,7 @@ class Trajectory:
     evaluations, fast_evaluations : int
         Solutions of the whole system and of the fast part alone.
     seconds : float
-        Run time of the compiled march.
+        Run time of the compiled march, the least if it was repeated.
     end : State
         State after the last step.
     chosen : Integrator, optional
@@ -82,6 +82,8 @@ class Trajectory:
     error : float, optional
         Error that an automatic choice's last two marches tell, relative to the largest value of each kind of
         coordinate.
+    spread : float
+        How far the median of repeated marches' run times is above the least, relative to that.
     """
 
     integrator: str
@@ -96,6 +98,7 @@ class Trajectory:
     end: State
     chosen: Integrator | None = None
     error: float | None = None
+    spread: float = 0.0
 
     __repr__ = short_repr
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fmd.core.html import scaled
+from fmd.core.limits.stepping import SHOWN_SPREAD
 from fmd.output.stated_errors import with_error
 
 
@@ -36,3 +37,10 @@ def largest_stress(summary: Mapping[str, Any]) -> str:
 def largest_deflection(summary: Mapping[str, Any]) -> str:
     """Write a summary's largest deflection of the tip with what the error budget states of it."""
     return with_error(summary["peak_tip_deflection_m"], "m", summary, "tip, largest deflection")
+
+
+def run_time(row: Mapping[str, Any]) -> tuple[str, str]:
+    """Write a run's time, with its spread where that matters, and its ratio to the first run's unless it is within."""
+    spread, ratio = row.get("spread", 0.0), row["ratio_to_plain"]
+    time = scaled(row["seconds"], "s", 3) + (f" (median +{100 * spread:.0f} %)" if spread > SHOWN_SPREAD else "")
+    return time, f"{ratio:.2f}" if ratio == 1.0 or abs(ratio - 1.0) > spread else "–"

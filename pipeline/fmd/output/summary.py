@@ -161,6 +161,7 @@ def _integrations(run: Pipeline) -> list[dict[str, Any]]:
             "substeps": motion.trajectory.substeps,
             "forces": getattr(run.plans[label].integrator, "forces", None),
             "seconds": motion.trajectory.seconds,
+            "spread": motion.trajectory.spread,
             "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds,
             "evaluations": motion.trajectory.evaluations,
             "fast_evaluations": motion.trajectory.fast_evaluations,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.excited_modes import excited_part
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Integrator, Trajectory
+from fmd.integrators.side_by_side import time_by_turns
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
@@ -301,6 +303,9 @@ def _find_motions(run: BuiltScene) -> dict[str, Motion]:
     require_unbuckled(run.scene, run.stiffness_changes)
     plans = run.compiled_plans  # refuses a step before anything is timed
     trajectories = {label: _march(run, label, plan) for label, plan in plans.items()}
+    if len(plans) > 1:  # their run times are compared
+        again = {label: partial(plan.march, run.output_times) for label, plan in plans.items()}
+        trajectories = time_by_turns(trajectories, again)
     for label, plan in plans.items():
         plan.require_positive_mass(trajectories[label])
     return {label: run.motion_by(plan, trajectories[label]) for label, plan in plans.items()}

@@ -23,6 +23,10 @@ CYCLES_SECONDS = 0.2  # between two reports of progress
 MOST_STEPS = 1e12  # a day or more
 MANY_RADIANS = 1e6  # radians, or times in which a motion falls to 37 %: more are due to one part, which is named
 
+# Run times that are compared.
+REPEATED_SECONDS, MOST_REPEATS = 0.02, 50  # that a march fills by repetition, and how often at most
+SHOWN_SPREAD = 0.1  # of a run time: a smaller one is not told
+
 # Forces that steps pass unseen.
 MISSED_WORK = 0.05  # of a law's energies over the march: work that may be missed in a pass
 SURE_WORK = 0.5  # times that: what the recommended step misses

@@ -12,7 +12,7 @@ import numpy as np
 from fmd.core.html import facts, scaled
 from fmd.core.limits.shown import REPORTED_MODES, TICKS_OF_BAR
 from fmd.core.version import __version__
-from fmd.output.key_figures import key_figures
+from fmd.output.key_figures import key_figures, run_time
 from fmd.output.notebook import draw_inline
 from fmd.output.pictures import chart_title
 from fmd.output.report.shown import image_of, show_outputs
@@ -130,8 +130,7 @@ def _integrations(summary: dict[str, Any]) -> dict[str, Any]:
             (
                 row["integrator"] + (f" {row['substeps']}:1" if row["substeps"] > 1 else ""),
                 scaled(row["step_s"], "s", 3),
-                scaled(row["seconds"], "s", 3),
-                f"{row['ratio_to_plain']:.2f}",
+                *run_time(row),
                 f"{row['evaluations']} + {row['fast_evaluations']}",
                 scaled(row["stability_margin"], digits=3),
                 scaled(row["tip_difference_m"], "m", 3),
