@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.compiler.algebra import Matrix, constants, times
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector
 from fmd.reduction.second_order import SecondOrderMass
@@ -22,23 +23,24 @@ class AddedMass:
 
     Attributes
     ----------
-    constants : SecondOrderMass
-        F, g and N.
+    g, F : ndarray, shapes (k, n) and (k, n, n)
+        As in `SecondOrderMass`, without round-off.
     rows : list of Vector
         R: those of g, then those of f.
     C : Matrix
         Constant.
     """
 
-    constants: SecondOrderMass
+    g: Array
+    F: Array
     rows: list[Vector]
     C: Matrix
 
     @property
     def shapes(self) -> tuple[Array, Array]:
         """Constant part of R (2 k, n), and the forms by which it changes with the modal coordinates (2 k, n, n)."""
-        g, F = self.constants.g, self.constants.F
-        return np.concatenate([g, np.zeros_like(g)]), np.concatenate([np.zeros_like(F), F])
+        none = np.zeros_like(self.F)
+        return np.concatenate([self.g, np.zeros_like(self.g)]), np.concatenate([none, self.F])
 
     def times(self, eta: Vector) -> Terms:
         """Return the terms of this mass times modal accelerations."""
@@ -46,8 +48,8 @@ class AddedMass:
 
     def velocity_forces(self, v: Vector) -> Terms:
         """Return the terms of the forces on the modes that modal rates bring about."""
-        zero, k = v.graph.number(0.0), len(self.constants.F)
-        changes = [zero] * k + [v.multiplied_by(form).dot(v) for form in self.constants.F]
+        zero, k = v.graph.number(0.0), len(self.F)
+        changes = [zero] * k + [v.multiplied_by(form).dot(v) for form in self.F]
         return [(-1.0 * factor, row) for factor, row in zip(times(self.C, changes), self.rows, strict=True)]
 
     def twice_energy(self, v: Vector) -> Scalar:
@@ -61,7 +63,9 @@ def trace_added_mass(graph: Graph, mass: SecondOrderMass | None, q: Vector) -> A
     """Trace a body's added mass for its modal coordinates; ``None`` if there is none."""
     if mass is None:
         return None
-    k = len(mass.F)
-    C = np.block([[np.zeros((k, k)), np.eye(k)], [np.eye(k), mass.N]])
-    rows = [graph.array(row) for row in mass.g] + [q.multiplied_by(form) for form in mass.F]
-    return AddedMass(mass, rows, [constants(graph, row) for row in C])
+    k, scale = len(mass.F), np.sqrt(np.abs(mass.N.diagonal()))
+    N = np.where(np.abs(mass.N) <= SUMMED * np.outer(scale, scale), 0.0, mass.N)
+    g = np.where(np.abs(mass.g) <= SUMMED * scale[:, None], 0.0, mass.g)  # modal masses are 1
+    C = np.block([[np.zeros((k, k)), np.eye(k)], [np.eye(k), N]])
+    rows = [graph.array(row) for row in g] + [q.multiplied_by(form) for form in mass.F]
+    return AddedMass(g, mass.F, rows, [constants(graph, row) for row in C])

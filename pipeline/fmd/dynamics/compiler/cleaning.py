@@ -131,7 +131,7 @@ def _cut(values: Array, threshold: float) -> Array:
 def orthonormal_rows(rows: Array) -> tuple[Array, Array]:
     """Return an orthonormal basis Q, shape (rank, n), of rows (m, n), and the factor L (m, rank) with ``rows = L Q``.
 
-    Row by row (Integrals–Schmidt, twice), which keeps the zeros of the rows: the rows' own number of them spans Q.
+    Row by row (Gram–Schmidt, twice), which keeps the zeros of the rows: the rows' own number of them spans Q.
     """
     basis: list[Array] = []
     for row in rows:
@@ -143,4 +143,4 @@ def orthonormal_rows(rows: Array) -> tuple[Array, Array]:
             basis.append(rest / np.linalg.norm(rest))
     Q = np.reshape(basis, (-1, rows.shape[1]))
     L = rows @ Q.T
-    return Q, np.where(np.abs(L) <= 1e-14 * np.linalg.norm(rows, axis=1)[:, None], 0.0, L)
+    return Q, np.where(np.abs(L) <= SUMMED * np.linalg.norm(rows, axis=1)[:, None], 0.0, L)
