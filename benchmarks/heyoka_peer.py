@@ -18,7 +18,7 @@ import numpy as np
 
 from fmd import Pipeline, load_scene
 from fmd.core import formula as codes
-from fmd.dynamics.compiler.stumpff import coefficients
+from fmd.dynamics.compiler.functions import series_of
 from fmd.dynamics.signals.signal import CONSTANT, PROGRAM, Signal
 from fmd.integrators.protocol import State, Trajectory
 from fmd.integrators.runge_kutta import RungeKutta
@@ -120,7 +120,7 @@ def acceleration_expressions(system: Any, q: list[Any], v: list[Any]) -> list[An
             value = [add_up([float(row[k]) * x[0][k] for k in np.flatnonzero(row)]) for row in constant]
         else:  # a Stumpff function: its series, of small rotations
             value = 0.0
-            for coefficient in reversed(coefficients(int(operation.removeprefix("stumpff")))):
+            for coefficient in reversed(series_of(operation)[2]):
                 value = coefficient + x[0] * value
         values[number] = value
     out: list[Any] = [None] * system.n

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.compiled import compile_mechanism
-from fmd.dynamics.element_linearisation import linearise_forces
 from fmd.dynamics.elements import PointSpring, SixAxisSpring
 from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.linear_forces import gather_linear_forces, linearise_forces
 from tests.dynamics.compiler.comparison import TIME
 from tests.dynamics.compiler.random_elements import strain as strain_of
 from tests.dynamics.compiler.random_elements import with_elements
@@ -61,7 +61,7 @@ def test_stiffness_and_damping_are_the_tangents_of_the_unstrained_mechanism(seed
     by_q, by_v, _ = compiled.tangents(compiled.signal_values(0.0), rest, none, none)
     bare = compile_mechanism(replace(mechanism, elements=()))
     by_q0, by_v0, _ = bare.tangents(bare.signal_values(0.0), rest, none, none)
-    forces, own = linearise_forces(mechanism), mechanism.linear_forces
+    forces, own = linearise_forces(mechanism), gather_linear_forces(mechanism.links, mechanism.layout)
     assert pytest.approx(by_v - by_v0, abs=1e-9) == forces.C - own.C
     if mechanism.n == mechanism.n_positions:  # a quaternion's entries aren't its rates
         assert pytest.approx(by_q - by_q0, abs=1e-8) == forces.K - own.K

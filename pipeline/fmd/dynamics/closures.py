@@ -35,10 +35,7 @@ class Place:
         """Return the same on a body with some of its modes alone, by bodies' names."""
         if self.body not in kept:
             return self
-        own, at = kept[self.body], self.marker
-        displacement2 = at.displacement2[:, own[:, None], own] if at.displacement2.size else at.displacement2
-        moved, turned = (parts[:, own] if parts.size else parts for parts in (at.translation, at.rotation))
-        return replace(self, marker=MarkerShapes(at.position, moved, turned, displacement2))
+        return replace(self, marker=self.marker.with_modes(kept[self.body]))
 
 
 def fixed_place(position: Array) -> Place:
@@ -81,11 +78,6 @@ class Closure:
     def bodies(self) -> tuple[str, ...]:
         """The links that it constrains; the ground is none."""
         return tuple(place.body for place in (self.first, self.second) if place.body != GROUND)
-
-    @property
-    def rigid(self) -> Closure:
-        """A joint of equal kind between bodies that don't deform."""
-        return self.with_modes({body: np.zeros(0, dtype=np.int64) for body in self.bodies})
 
     def with_modes(self, kept: Mapping[str, IntArray]) -> Closure:
         """Return the same for bodies with some of their modes alone."""
@@ -132,11 +124,6 @@ class Coupler:
     def bodies(self) -> tuple[str, ...]:
         """The links whose joints it couples."""
         return tuple(self.joints)
-
-    @property
-    def rigid(self) -> Coupler:
-        """Itself: it knows nothing of modes."""
-        return self
 
     def with_modes(self, kept: Mapping[str, IntArray]) -> Coupler:
         """Return itself."""

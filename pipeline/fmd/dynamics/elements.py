@@ -11,7 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mechanism import NO_LENGTH
 from fmd.core.limits.round_off import SUMMED
-from fmd.dynamics.closures import GROUND, Place
+from fmd.dynamics.closures import Place
 from fmd.dynamics.force_laws import ForceLaw
 
 
@@ -55,11 +55,6 @@ class _Pair:
         """Return the same on bodies with some of their modes alone, by the bodies' names."""
         first, second = (end.with_modes(kept) for end in self.ends)
         return replace(self, ends=(first, second))
-
-    @property
-    def rigid(self) -> Self:
-        """An equal element between bodies that don't deform."""
-        return self.with_modes({end.body: np.zeros(0, dtype=np.int64) for end in self.ends if end.body != GROUND})
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,13 @@ modes under an in-plane motion stay at rest, and all but the evenly turned ones 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.round_off import SOLVED
-from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.reduction.inertia import InertiaIntegrals
 
@@ -62,7 +61,7 @@ def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited |
     left_out = {link.name: _others(k, len(link.omega)) for link, k in zip(mechanism.links, kept, strict=True)}
     if not any(left_out.values()):
         return None
-    part = _with_modes(mechanism, kept)
+    part = mechanism.with_modes({link.name: own for link, own in zip(mechanism.links, kept, strict=True)})
     if not part.n:  # nothing moves but what is prescribed: there would be no march
         return None
     positions, rates = _numbers(mechanism, part, kept)
@@ -162,27 +161,6 @@ def _common_axis(mechanism: Mechanism, body: int) -> Array | None:
     return turned[body].T @ axis if across <= SOLVED * np.linalg.norm(largest) else None
 
 
-def _with_modes(mechanism: Mechanism, kept: Sequence[IntArray]) -> Mechanism:
-    """Mechanism with some of each body's modes alone."""
-    numbers = {link.name: k for k, link in enumerate(mechanism.links)}
-    slow = {name: int((kept[numbers[name]] < count).sum()) for name, count in mechanism.slow_modes.items()}
-    loads = [
-        replace(
-            load,
-            shapes=_columns(load.shapes, its),
-            rotations=_columns(load.rotations, its),
-            displacement2=_pairs(load.displacement2, its),
-        )
-        for load in mechanism.loads
-        for its in [kept[numbers[load.body]]]
-    ]
-    links = [_link_with(link, kept[b], kept[link.parent]) for b, link in enumerate(mechanism.links)]
-    own = {name: kept[number] for name, number in numbers.items()}
-    closures = [closure.with_modes(own) for closure in mechanism.closures]
-    elements = [element.with_modes(own) for element in mechanism.elements]
-    return replace(mechanism, links=links, loads=loads, slow_modes=slow, closures=closures, elements=elements)
-
-
 def _numbers(mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
     """Numbers of a part's positions and of its rates in the whole mechanism."""
     positions, rates = np.zeros(part.n_positions, dtype=np.int64), np.zeros(part.n, dtype=np.int64)
@@ -198,40 +176,3 @@ def _numbers(mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray]) ->
 
 def _others(kept: IntArray, n: int) -> tuple[int, ...]:
     return tuple(int(k) for k in np.setdiff1d(np.arange(n), kept))
-
-
-def _columns(shapes: Array, kept: IntArray) -> Array:
-    return shapes[:, kept] if shapes.size else shapes
-
-
-def _pairs(forms: Array, kept: IntArray) -> Array:
-    """Rows and columns of quadratic forms (…, n, n); empty forms stay empty."""
-    return forms[..., kept[:, None], kept] if forms.size else forms
-
-
-def _link_with(link: Link, kept: IntArray, of_parent: IntArray) -> Link:
-    return replace(
-        link,
-        integrals=_integrals_with(link.integrals, kept),
-        omega=link.omega[kept],
-        damping=link.damping[kept] if len(link.damping) else link.damping,
-        joint_rotation=link.joint_rotation[kept] if len(link.joint_rotation) else link.joint_rotation,
-        joint_displacement2=_pairs(link.joint_displacement2, kept),
-        place_shapes=_columns(link.place_shapes, of_parent),
-        place_rotations=_columns(link.place_rotations, of_parent),
-        place_displacement2=_pairs(link.place_displacement2, of_parent),
-        markers={},
-        section="",
-    )
-
-
-def _integrals_with(integrals: InertiaIntegrals, kept: IntArray) -> InertiaIntegrals:
-    at = np.r_[0, 1 + kept]
-    return replace(
-        integrals,
-        G=integrals.G[:, :, at[:, None], at],
-        S=integrals.S[:, at],
-        stiffening=_pairs(integrals.stiffening, kept),
-        displacement2=_pairs(integrals.displacement2, kept),
-        rotation2=_pairs(integrals.rotation2, kept),
-    )

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.element_linearisation import linearise_forces
-from fmd.dynamics.linear_forces import LinearForces, gather_linear_forces
+from fmd.dynamics.linear_forces import LinearForces, gather_linear_forces, linearise_forces
 
 if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.reference_state import ReferenceState

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.joint_kinds import ElementaryMotion, JointKind, find_direction
 from fmd.core.limits.loads import PIECES_APART
 from fmd.core.limits.round_off import SUMMED
@@ -142,6 +142,34 @@ class Link:
         """Return how much of its coordinate a displacement or rotation takes."""
         return step.factor * (self.lead if step.by_lead else 1.0)
 
+    def with_modes(self, kept: IntArray, of_parent: IntArray) -> Link:
+        """Return the link with some of its modes alone on a parent with some, by their numbers; without markers."""
+        integrals, at, place = self.integrals, np.r_[0, 1 + kept], self.place_marker.with_modes(of_parent)
+
+        def pairs(forms: Array) -> Array:
+            return forms[..., kept[:, None], kept] if forms.size else forms
+
+        return replace(
+            self,
+            integrals=replace(
+                integrals,
+                G=integrals.G[:, :, at[:, None], at],
+                S=integrals.S[:, at],
+                stiffening=pairs(integrals.stiffening),
+                displacement2=pairs(integrals.displacement2),
+                rotation2=pairs(integrals.rotation2),
+            ),
+            omega=self.omega[kept],
+            damping=self.damping[kept] if len(self.damping) else self.damping,
+            joint_rotation=self.joint_rotation[kept] if len(self.joint_rotation) else self.joint_rotation,
+            joint_displacement2=pairs(self.joint_displacement2),
+            place_shapes=place.translation,
+            place_rotations=place.rotation,
+            place_displacement2=place.displacement2,
+            markers={},
+            section="",
+        )
+
     def require_valid(self, number: int, parent_modes: int) -> None:
         """Raise ``ValueError`` unless the link can be the one of this number on a parent with so many modes."""
         if not -1 <= self.parent < number:
@@ -217,6 +245,11 @@ class PointLoad:
     def marker(self) -> MarkerShapes:
         """Motion of the point on its body."""
         return MarkerShapes(self.place, self.shapes, self.rotations, self.displacement2)
+
+    def with_modes(self, kept: IntArray) -> PointLoad:
+        """Return the load on its body with some of its modes alone, by their numbers."""
+        at = self.marker.with_modes(kept)
+        return replace(self, shapes=at.translation, rotations=at.rotation, displacement2=at.displacement2)
 
 
 def rigid_integrals(mass: float, centre: Array, inertia: Array) -> InertiaIntegrals:

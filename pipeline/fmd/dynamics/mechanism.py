@@ -10,19 +10,56 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.closures import GROUND, Closure, Constraint, Coupler
 from fmd.dynamics.elements import Element
-from fmd.dynamics.layout import Layout, layout_of
-from fmd.dynamics.linear_forces import LinearForces, gather_linear_forces
 from fmd.dynamics.links import Link, PointLoad
 from fmd.dynamics.signals.activity import Activity, find_activity
 from fmd.dynamics.signals.signal import Signal
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import InertiaIntegrals
+
+
+class Layout(NamedTuple):
+    """Where the coordinates are: slow joints, slow modes, fast joints, fast modes."""
+
+    rate: IntArray  # first rate of each joint
+    position: IntArray  # first position of each joint
+    mode: IntArray  # (n_bodies, most modes): rate of each modal coordinate
+    n_slow: int
+    n: int
+    n_positions: int
+
+
+def layout_of(links: Sequence[Link], fast_joints: Sequence[str], slow_modes: Sequence[int]) -> Layout:
+    """Number the coordinates; rotations in space are slow, so every rate after them has the same shift to its position.
+
+    Parameters
+    ----------
+    fast_joints : sequence of str
+        Links whose joint coordinate is fast.
+    slow_modes : sequence of int
+        How many of each link's modes, the lowest, are slow.
+    """
+    rate, position = np.zeros(len(links), dtype=np.int64), np.zeros(len(links), dtype=np.int64)
+    mode = np.zeros((len(links), max(len(link.omega) for link in links)), dtype=np.int64)
+    at = at_position = n_slow = 0
+    for fast in (False, True):
+        for k, link in enumerate(links):
+            if (link.name in fast_joints) is fast:
+                rate[k], position[k] = at, at_position
+                at += link.n_rates
+                at_position += link.n_positions
+        for k, link in enumerate(links):
+            first, last = (slow_modes[k], len(link.omega)) if fast else (0, slow_modes[k])
+            mode[k, first:last] = np.arange(at, at + last - first)
+            at += last - first
+            at_position += last - first
+        n_slow = n_slow if fast else at
+    return Layout(rate, position, mode, n_slow, at, at_position)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,36 +263,22 @@ class Mechanism:
         both = [(signal, 0) for signal in loads] + [(signal, 2) for signal in motions]
         return tuple((signal, derivative) for signal, derivative in both if not signal.is_constant)
 
-    @cached_property
-    def linear_forces(self) -> LinearForces:
-        """Constant stiffness and damping of modes, springs and dampers."""
-        return gather_linear_forces(self.links, self.layout)
+    def with_modes(self, kept: Mapping[str, IntArray]) -> Mechanism:
+        """Return the mechanism whose bodies have some of their modes alone, by the bodies' names; without markers."""
+        own = [kept[link.name] for link in self.links]
+        links = [link.with_modes(own[k], own[link.parent]) for k, link in enumerate(self.links)]
+        return replace(
+            self,
+            links=links,
+            loads=[load.with_modes(kept[load.body]) for load in self.loads],
+            slow_modes={name: int((kept[name] < count).sum()) for name, count in self.slow_modes.items()},
+            closures=[closure.with_modes(kept) for closure in self.closures],
+            elements=[element.with_modes(kept) for element in self.elements],
+        )
 
     @cached_property
     def rigid(self) -> Mechanism:
         """Mechanism in which no body deforms; its coordinates are those of the joints alone."""
-        nothing, none = np.zeros(0), np.zeros((3, 0))
-        links = [
-            replace(
-                link,
-                integrals=InertiaIntegrals(
-                    link.integrals.G[:, :, :1, :1], link.integrals.S[:, :1], link.integrals.mass
-                ),
-                omega=nothing,
-                damping=nothing,
-                joint_rotation=nothing,
-                joint_displacement2=np.zeros((0, 0)),
-                place_shapes=none,
-                place_rotations=none,
-                place_displacement2=np.zeros((6, 0, 0)),
-                markers={},
-                section="",
-            )
-            for link in self.links
-        ]
-        loads = [replace(at, shapes=none, rotations=none, displacement2=np.zeros((6, 0, 0))) for at in self.loads]
-        closures = [closure.rigid for closure in self.closures]
-        elements = [element.rigid for element in self.elements]
-        return Mechanism(
-            links, self.fast_joints, self.gravity, loads, {}, self.horizon, closures, self.assembled, elements
-        )
+        bare = self.with_modes({link.name: np.zeros(0, dtype=np.int64) for link in self.links})
+        links = [replace(link, integrals=replace(link.integrals, normal=-1, whole=False)) for link in bare.links]
+        return replace(bare, links=links, slow_modes={})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.arrays import Array, short_repr
+from fmd.core.arrays import Array, IntArray, short_repr
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.modes import ELASTIC_PART, NO_STIFFNESS
 from fmd.core.limits.rank import INDEPENDENT_MASS
@@ -40,6 +40,12 @@ class MarkerShapes:
     translation: Array
     rotation: Array
     displacement2: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
+
+    def with_modes(self, kept: IntArray) -> MarkerShapes:
+        """Return the marker on a body with some of its modes alone, by their numbers; what is empty stays so."""
+        moved, turned = (parts[:, kept] if parts.size else parts for parts in (self.translation, self.rotation))
+        forms = self.displacement2
+        return MarkerShapes(self.position, moved, turned, forms[:, kept[:, None], kept] if forms.size else forms)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from fmd.core.newton import Tolerance, largest, solve
 from fmd.dynamics.closures import Closure
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.closures import ConstraintRow
+from fmd.dynamics.linear_forces import gather_linear_forces
 from fmd.integrators.protocol import move_positions
 from fmd.scene.joints.joint import POSITION_KEYS, RATE_KEYS
 from fmd.stages.parent_joint import joint_axes
@@ -141,7 +142,7 @@ def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray]) -> Arra
 
 def _flexibility(system: CompiledSystem) -> Array:
     """Return how readily coordinates move to close residuals: joints at once, modes by their static compliance."""
-    stiffness = np.maximum(system.mechanism.linear_forces.own, 0.0)
+    stiffness = np.maximum(gather_linear_forces(system.mechanism.links, system.mechanism.layout).own, 0.0)
     weights = np.ones(system.n)
     for k, link in enumerate(system.mechanism.links):
         modes = system.mechanism.modes_of(k)

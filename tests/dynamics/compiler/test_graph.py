@@ -8,17 +8,22 @@ import pytest
 from scipy.linalg import expm
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler import arc as arcs
 from fmd.dynamics.compiler.algebra import constants, factor_symmetric, times
-from fmd.dynamics.compiler.arc import arc
 from fmd.dynamics.compiler.differentiate import differentiate
-from fmd.dynamics.compiler.functions import evaluate_function
+from fmd.dynamics.compiler.functions import SERIES_LIMITS, evaluate_function
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from fmd.dynamics.compiler.interpret import interpret
-from fmd.dynamics.compiler.stumpff import LIMIT, stumpff
 
 RNG = np.random.default_rng(3)
 MATRIX = RNG.normal(size=(3, 3))
+
+
+def stumpff(k: int, x: float) -> float:
+    return float(evaluate_function(f"stumpff{k}", x))
+
+
+def arc(k: int, y: float) -> float:
+    return float(evaluate_function(f"arc{k}", y))
 
 
 def inputs(graph: Graph) -> tuple[Scalar, Scalar, Vector, Vector]:
@@ -127,7 +132,10 @@ def test_stumpff_functions_make_rotations(length: float) -> None:
 
 @pytest.mark.parametrize("k", range(4, 10))
 def test_stumpff_functions_go_on_smoothly_from_series_to_sines(k: int) -> None:
-    below, above = stumpff(k, LIMIT * (1 - 1e-15)), stumpff(k, LIMIT * (1 + 1e-15))
+    below, above = (
+        stumpff(k, SERIES_LIMITS["stumpff"] * (1 - 1e-15)),
+        stumpff(k, SERIES_LIMITS["stumpff"] * (1 + 1e-15)),
+    )
     assert math.isclose(below, above, rel_tol=1e-11)
 
 
@@ -147,7 +155,7 @@ def test_arcs_take_a_rotation_s_vector_from_its_matrix(angle: float) -> None:
 
 @pytest.mark.parametrize("k", range(4))
 def test_arcs_go_on_smoothly_from_series_to_closed_form(k: int) -> None:
-    below, above = arc(k, arcs.LIMIT * (1 - 1e-15)), arc(k, arcs.LIMIT * (1 + 1e-15))
+    below, above = arc(k, SERIES_LIMITS["arc"] * (1 - 1e-15)), arc(k, SERIES_LIMITS["arc"] * (1 + 1e-15))
     assert math.isclose(below, above, rel_tol=1e-11)
     assert np.isnan(arc(k, 1.0))
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fmd.dynamics.element_linearisation import linearise_forces
 from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.linear_forces import linearise_forces
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
 from tests.dynamics.compiler.mechanisms import EACH, JOINTS, MORE_JOINTS, SEEDS, random_mechanism

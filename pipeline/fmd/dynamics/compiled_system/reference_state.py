@@ -9,8 +9,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.equations import Equations
 from fmd.dynamics.compiled_system.free_motion import FreeMotion, free_motion
-from fmd.dynamics.element_linearisation import linearise_forces
-from fmd.dynamics.linear_forces import LinearForces
+from fmd.dynamics.linear_forces import LinearForces, linearise_forces
 from fmd.dynamics.vibration import highest_frequency, largest_leapfrog_step
 
 

@@ -14,11 +14,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler import arc
-from fmd.dynamics.compiler.functions import ARC, STUMPFF
+from fmd.dynamics.compiler.functions import ARC, STUMPFF, series_of
 from fmd.dynamics.compiler.graph import Graph
 from fmd.dynamics.compiler.program import LANES, Program
-from fmd.dynamics.compiler.stumpff import LIMIT, coefficients
 
 _PER_LINE = 4
 _WITH_TABLES = ("array", "diagonal", "matrix", "piece", "pick")
@@ -217,9 +215,20 @@ def _helper(name: str, function: str) -> list[str]:
     """Write a function that C's library hasn't."""
     if function == "piece":
         return _piece_function(name)
-    if function in ARC:
-        return _arc_function(name, int(function.removeprefix("arc")))
-    return _stumpff_function(name, int(function.removeprefix("stumpff")))
+    k, limit, coefficients = series_of(function)
+    *others, series = (write_number(c) for c in coefficients)
+    for coefficient in reversed(others):  # Horner's rule
+        series = f"{coefficient} + x * ({series})"
+    far = _far_arc(k) if function in ARC else _far_stumpff(k)
+    return [
+        f"static double {name}_{function}(double x)",
+        "{",
+        f"    if (!(x < {write_number(limit)})) {{",
+        *(f"        {line}" for line in far),
+        "    }",
+        f"    return {series};",
+        "}",
+    ]
 
 
 def _piece_function(name: str) -> list[str]:
@@ -240,49 +249,23 @@ def _piece_function(name: str) -> list[str]:
     ]
 
 
-def _arc_function(name: str, k: int) -> list[str]:
-    """Write a function of a rotation's vector: by series, or by the arc sine and a recurrence; see `arc`."""
+def _far_arc(k: int) -> list[str]:
+    """Write a function of a rotation's vector by the arc sine and a recurrence."""
     steps = []
     for j in range(k):
         rest = f"{write_number(2.0 * j * j)} * a{j - 1}" if j else "1.0"
-        steps.append(
-            f"        const double a{j + 1} = "
-            f"({rest} - {write_number(2.0 * j + 1.0)} * (1.0 - 2.0 * x) * a{j}) / (2.0 * p);"
-        )
+        own = f"{rest} - {write_number(2.0 * j + 1.0)} * (1.0 - 2.0 * x) * a{j}"
+        steps.append(f"const double a{j + 1} = ({own}) / (2.0 * p);")
     return [
-        f"static double {name}_arc{k}(double x)",
-        "{",
-        f"    if (!(x < {write_number(arc.LIMIT)})) {{",
-        "        const double p = x * (1.0 - x);",
-        "        const double a0 = asin(sqrt(x)) / sqrt(p);",
+        "const double p = x * (1.0 - x);",
+        "const double a0 = asin(sqrt(x)) / sqrt(p);",
         *steps,
-        f"        return a{k};",
-        "    }",
-        f"    return {_horner(arc.coefficients(k))};",
-        "}",
+        f"return a{k};",
     ]
 
 
-def _horner(coefficients: Iterable[float]) -> str:
-    """Return a polynomial in x, lowest power first."""
-    *others, series = (write_number(c) for c in coefficients)
-    for coefficient in reversed(others):
-        series = f"{coefficient} + x * ({series})"
-    return series
-
-
-def _stumpff_function(name: str, k: int) -> list[str]:
-    """Write a Stumpff function: by series, or by sine and cosine; see `stumpff`."""
-    far = [f"        y = ({write_number(1.0 / math.factorial(j))} - y) / x;" for j in range(k % 2, k, 2)]
-    return [
-        f"static double {name}_stumpff{k}(double x)",
-        "{",
-        f"    if (!(x < {write_number(LIMIT)})) {{",
-        "        const double root = sqrt(x);",
-        f"        double y = {'sin(root) / root' if k % 2 else 'cos(root)'};",
-        *far,
-        "        return y;",
-        "    }",
-        f"    return {_horner(coefficients(k))};",
-        "}",
-    ]
+def _far_stumpff(k: int) -> list[str]:
+    """Write a Stumpff function by sine and cosine."""
+    steps = [f"y = ({write_number(1.0 / math.factorial(j))} - y) / x;" for j in range(k % 2, k, 2)]
+    first = "sin(root) / root" if k % 2 else "cos(root)"
+    return ["const double root = sqrt(x);", f"double y = {first};", *steps, "return y;"]

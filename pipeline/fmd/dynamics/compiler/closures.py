@@ -34,7 +34,7 @@ from fmd.dynamics.compiler.algebra import (
 )
 from fmd.dynamics.compiler.bodies import Inertia
 from fmd.dynamics.compiler.coordinates import Coordinates
-from fmd.dynamics.compiler.forces import joint_grip, section_angle
+from fmd.dynamics.compiler.forces import ActingForces, joint_grip, section_angle
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, Terms, total
 from fmd.dynamics.compiler.places import PlaceMotion, trace_place
@@ -138,6 +138,24 @@ class MultiplierForces:
     def free_modes(self, frame: MovingFrame) -> Array:
         """Return 1 for each mode."""
         return np.ones(len(frame.link.omega))
+
+
+class ConstrainedForces(ActingForces):
+    """All that acts on a mechanism, and the forces of its constraints, whose multipliers are the argument ``f``."""
+
+    def __init__(self, inputs: Coordinates, frames: list[MovingFrame], rows: list[ConstraintRow]) -> None:
+        super().__init__(inputs, frames)
+        self._multipliers = MultiplierForces(inputs, rows)
+
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+        """Return p of a body, and the terms of −e; see `bodies`."""
+        p, terms = super().on_body(frame, inertia)
+        more, more_terms = self._multipliers.on_body(frame, inertia)
+        return add(p, more), terms + more_terms
+
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
+        """Return what acts along each of a joint's directions."""
+        return add(super().on_joint(frame), self._multipliers.on_joint(frame))
 
 
 def trace_rows(inputs: Coordinates, frames: list[MovingFrame]) -> list[ConstraintRow]:

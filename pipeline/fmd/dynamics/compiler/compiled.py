@@ -21,9 +21,9 @@ from fmd.dynamics.compiler.interpret import evaluate_scalars
 from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.programs import trace_program
-from fmd.dynamics.compiler.signal_code import digest_signals, trace_signals, trace_signals_ahead
+from fmd.dynamics.compiler.quantities import describe_structure
+from fmd.dynamics.compiler.signal_code import digest_signals, load_signals, trace_signals_ahead
 from fmd.dynamics.compiler.store import load_program
-from fmd.dynamics.compiler.structure import describe_structure
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
 
@@ -57,7 +57,7 @@ class CompiledMechanism:
 
     @cached_property
     def _signal_values(self) -> LoadedObject:
-        return load_program("signals", digest_signals(self.signals), lambda: trace_signals(self.signals))
+        return load_signals(self.signals)
 
     @cached_property
     def _signal_values_ahead(self) -> LoadedObject:

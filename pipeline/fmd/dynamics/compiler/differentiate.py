@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from fmd.dynamics.compiler.functions import ARC, FUNCTIONS, STUMPFF
+from fmd.dynamics.compiler.functions import ARC, FUNCTIONS, LAST_STUMPFF, STUMPFF
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
-from fmd.dynamics.compiler.stumpff import LAST
 
 
 def differentiate(
@@ -115,8 +114,8 @@ def _function_slope(function: str, x: Scalar) -> Scalar:
         return simple[function]()
     if function in ARC[:-1]:
         return x.apply(f"arc{int(function.removeprefix('arc')) + 1}")
-    k = int(function.removeprefix("stumpff")) if function in STUMPFF else LAST
-    if k + 2 > LAST:
+    k = int(function.removeprefix("stumpff")) if function in STUMPFF else LAST_STUMPFF
+    if k + 2 > LAST_STUMPFF:
         raise ValueError(f"{function} has no derivative among {', '.join(FUNCTIONS)}")
     return (x.apply(f"stumpff{k + 2}") * k - x.apply(f"stumpff{k + 1}")) * 0.5
 

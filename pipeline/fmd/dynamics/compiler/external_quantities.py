@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 from fmd.core.arrays import Array
 from fmd.core.limits.code import TINY_SQUARE
-from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, product, times, transpose
+from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.coordinates import Coordinates
-from fmd.dynamics.compiler.differentiate import differentiate
-from fmd.dynamics.compiler.forces import section_angle
-from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
-from fmd.dynamics.compiler.graph import Scalar, Vector, total
+from fmd.dynamics.compiler.forces import joint_elongation
+from fmd.dynamics.compiler.frames import MovingFrame
+from fmd.dynamics.compiler.graph import Scalar, total
 from fmd.dynamics.compiler.joint_loads import trace_joint_loads
+from fmd.dynamics.compiler.places import trace_place
 
 
 class ElementStress(NamedTuple):
@@ -48,56 +48,11 @@ class ExternalQuantity(NamedTuple):
     value: Scalar
 
 
-def _rates(inputs: Coordinates, values: list[Scalar]) -> list[Scalar]:
-    """Return the time derivatives of values that depend on positions and on the values of signals."""
-    graph, mechanism = inputs.graph, inputs.mechanism
-    rates = _position_rates(inputs)
-    shift = mechanism.n_positions - mechanism.n
-    seeds: dict[int, Scalar | Vector] = {}
-    for number, node in enumerate(list(graph.nodes)):
-        if node.operation not in ("input", "vector input"):
-            continue
-        argument, places = node.data  # type: ignore[misc]
-        if argument == "q" and node.operation == "input":
-            seeds[number] = rates[places[0]]
-        elif argument == "q":
-            seeds[number] = graph.vector_input("v", [place - shift for place in places])
-        elif argument == "inputs" and places[0] % 3 < 2:
-            seeds[number] = graph.scalar_input("inputs", places[0] + 1)
-    return [_scalar(slope) for slope in differentiate(graph, list(values), seeds)]
-
-
-def _position_rates(inputs: Coordinates) -> dict[int, Scalar]:
-    """Return how each position of a joint changes: as its rate, or as a quaternion with the rates of a rotation."""
-    mechanism, rates = inputs.mechanism, dict[int, Scalar]()
-    for body, link in enumerate(mechanism.links):
-        first = int(mechanism.layout.position[body])
-        q, v = inputs.joint_positions(body), inputs.joint_rates(body)
-        scalars = link.n_scalars
-        rates |= {first + k: v[k] for k in range(scalars)}
-        if link.joint.turns_in_space:
-            (x, y, z, w), (a, b, c) = q[scalars:], (rate * 0.5 for rate in v[scalars:])
-            turns = (
-                w * a + y * c - z * b,
-                w * b - x * c + z * a,
-                w * c + x * b - y * a,
-                -(x * a) - y * b - z * c,
-            )
-            rates |= {first + scalars + k: turn for k, turn in enumerate(turns)}
-    return rates
-
-
 def joint_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[ExternalQuantity]:
     """Trace positions and rates of the joints with one axis."""
-    found = []
-    for frame in frames:
-        link = frame.link
-        if not link.unit:
-            continue
-        (own,) = inputs.joint_positions(frame.number) if link.motion is None else inputs.signal(link.motion)
-        found.append(ExternalQuantity(frame.number, "", "position", (), own + section_angle(inputs.graph, frame)))
-    rates = _rates(inputs, [own.value for own in found])
-    return [*found, *(own._replace(kind="rate", value=rate) for own, rate in zip(found, rates, strict=True))]
+    motions = [(frame.number, joint_elongation(inputs, frame)) for frame in frames if frame.link.unit]
+    kinds = enumerate(("position", "rate"))
+    return [ExternalQuantity(body, "", kind, (), motion[k]) for k, kind in kinds for body, motion in motions]
 
 
 def reaction_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[ExternalQuantity]:
@@ -112,33 +67,20 @@ def reaction_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[
 def marker_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[ExternalQuantity]:
     """Trace place, velocity, rotation, angular velocity and displacement of each marker."""
     found = []
-    for frame in frames:
-        origin, R = frame.world
-        for name, at in frame.link.markers.items():
-            marker = trace_place_on_body(inputs, frame, at)
-            position = add(origin, times(R, marker.arm))
-            turned = product(R, marker.R)
-            found += _motion_of_marker(inputs, frame.number, name, position, turned)
-            if len(frame.link.omega):
-                moved = [x - float(x0) for x, x0 in zip(marker.arm, at.position, strict=True)]
-                found += _vector(frame.number, name, "displacement", moved)
-    return found
-
-
-def _motion_of_marker(
-    inputs: Coordinates, body: int, name: str, position: Vector3, rotation: Matrix
-) -> list[ExternalQuantity]:
-    entries = [x for row in rotation for x in row]
-    rates = _rates(inputs, [*position, *entries])
-    velocity, turning = rates[:3], [rates[3 + 3 * k : 6 + 3 * k] for k in range(3)]
-    spin = product(turning, transpose(rotation))
     indices = [(i, j) for i in range(1, 4) for j in range(1, 4)]
-    return [
-        *_vector(body, name, "position", position),
-        *_vector(body, name, "velocity", velocity),
-        *(ExternalQuantity(body, name, "rotation", at, x) for at, x in zip(indices, entries, strict=True)),
-        *_vector(body, name, "angular_velocity", [spin[2][1], spin[0][2], spin[1][0]]),
-    ]
+    for frame in frames:
+        body = frame.number
+        for name, at in frame.link.markers.items():
+            place = trace_place(inputs, frames, Place(frame.link.name, at))
+            assert place.marker is not None
+            found += [*_vector(body, name, "position", place.x), *_vector(body, name, "velocity", place.v)]
+            entries = zip(indices, (x for row in place.A for x in row), strict=True)
+            found += [ExternalQuantity(body, name, "rotation", index, x) for index, x in entries]
+            found += _vector(body, name, "angular_velocity", place.w)
+            if len(frame.link.omega):
+                moved = [x - float(x0) for x, x0 in zip(place.marker.arm, at.position, strict=True)]
+                found += _vector(body, name, "displacement", moved)
+    return found
 
 
 def stress_quantities(frames: list[MovingFrame], stresses: tuple[ElementStress, ...]) -> list[ExternalQuantity]:
@@ -158,8 +100,3 @@ def stress_quantities(frames: list[MovingFrame], stresses: tuple[ElementStress, 
 
 def _vector(body: int, place: str, kind: str, values: list[Scalar]) -> list[ExternalQuantity]:
     return [ExternalQuantity(body, place, kind, (k + 1,), value) for k, value in enumerate(values)]
-
-
-def _scalar(value: Scalar | Vector) -> Scalar:
-    assert isinstance(value, Scalar)
-    return value

@@ -7,14 +7,16 @@ from typing import Protocol
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler.algebra import Vector6, constants, cross, subtract, times, transpose
+from fmd.dynamics.compiler.algebra import Vector3, Vector6, constants, cross, subtract, times, transpose
 from fmd.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from fmd.dynamics.compiler.cleaning import clean_direction
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
-from fmd.dynamics.compiler.elements import trace_actions
+from fmd.dynamics.compiler.elements import trace_actions, trace_elongation
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
 from fmd.dynamics.compiler.laws import trace_law
+from fmd.dynamics.elements import PointSpring
+from fmd.dynamics.law_pieces import find_piecewise_laws
 from fmd.dynamics.links import PointLoad
 
 JOINT_CONSTANTS = ("spring", "rest", "damper")
@@ -142,8 +144,24 @@ def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
 
 def joint_elongation(inputs: Coordinates, frame: MovingFrame) -> tuple[Scalar, Scalar]:
     """Return position and rate of a joint with one axis, a hinge's of the section that it grips."""
+    if frame.link.motion is not None:
+        position, rate = inputs.signal(frame.link.motion, derivatives=1)
+        return position, rate
     (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
     return s + section_angle(inputs.graph, frame), ds + joint_grip(inputs.graph, frame).dot(frame.v)
+
+
+def trace_elongations(inputs: Coordinates, frames: list[MovingFrame]) -> tuple[list[Scalar], list[Scalar], Vector3]:
+    """Trace elongations, their rates, and the vectors from place to place in space, three each; zeros for joints."""
+    x, rates, vectors = list[Scalar](), list[Scalar](), list[Scalar]()
+    for law in find_piecewise_laws(inputs.mechanism):
+        if isinstance(law.holder, PointSpring):
+            elongation, rate, vector = trace_elongation(inputs, frames, law.holder)
+        else:
+            elongation, rate = joint_elongation(inputs, frames[law.holder])
+            vector = constants(inputs.graph, [0.0] * 3)
+        x, rates, vectors = [*x, elongation], [*rates, rate], [*vectors, *vector]
+    return x, rates, vectors
 
 
 def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:

@@ -6,28 +6,12 @@ acts along the joint: what bears, springs, dampers, drives, friction and gears t
 
 from __future__ import annotations
 
-from fmd.dynamics.compiler.algebra import Vector6, add, rotate, scale, subtract
-from fmd.dynamics.compiler.bodies import Inertia
-from fmd.dynamics.compiler.closures import MultiplierForces, trace_rows
+from fmd.dynamics.compiler.algebra import Vector6, rotate, scale, subtract
+from fmd.dynamics.compiler.closures import ConstrainedForces, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.forces import ActingForces
 from fmd.dynamics.compiler.frames import MovingFrame
-from fmd.dynamics.compiler.graph import Terms
 from fmd.dynamics.compiler.residual import trace_joint_forces
-
-
-class _ForcesWithLoops(ActingForces):
-    """All that acts on a mechanism, with the forces of its constraints for multipliers in the argument ``f``."""
-
-    def __init__(self, inputs: Coordinates, frames: list[MovingFrame]) -> None:
-        super().__init__(inputs, frames)
-        self._of_loops = MultiplierForces(inputs, trace_rows(inputs, frames))
-
-    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
-        """Return p of a body, and the terms of −e; see `bodies`."""
-        p, terms = super().on_body(frame, inertia)
-        of_loops, on_modes = self._of_loops.on_body(frame, inertia)
-        return add(p, of_loops), terms + on_modes
 
 
 def trace_joint_loads(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[Vector6, Vector6, Vector6]]:
@@ -35,7 +19,8 @@ def trace_joint_loads(inputs: Coordinates, frames: list[MovingFrame]) -> list[tu
 
     All are in space; moments are about the joint's place on the parent, and about the body's origin.
     """
-    acting = _ForcesWithLoops(inputs, frames) if inputs.mechanism.closures else ActingForces(inputs, frames)
+    loops = inputs.mechanism.closures
+    acting = ConstrainedForces(inputs, frames, trace_rows(inputs, frames)) if loops else ActingForces(inputs, frames)
     out = []
     for frame, found in zip(frames, trace_joint_forces(inputs, frames, acting), strict=True):
         R = frame.world[1]

@@ -13,13 +13,12 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.rank import REDUNDANT_EQUATION
-from fmd.dynamics.compiler.bodies import Inertia
-from fmd.dynamics.compiler.closures import ConstraintRow, MultiplierForces, trace_rows
+from fmd.dynamics.compiler.closures import ConstrainedForces, ConstraintRow, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.forces import ActingForces
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
-from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector
+from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.interpret import interpret
 from fmd.dynamics.compiler.recursion import BodyValues
 from fmd.dynamics.compiler.residual import trace_motion, trace_residual
@@ -42,25 +41,6 @@ class Tangents(NamedTuple):
     rates_by_q: Array  # (n_rows, n_positions): ∂ġ/∂q
     accelerations_by_q: Array  # (n_rows, n_positions): ∂g̈/∂q
     accelerations_by_v: Array  # (n_rows, n): ∂g̈/∂v
-
-
-class ConstrainedForces(ActingForces):
-    """All that acts on a mechanism, and the forces of its constraints, whose multipliers are the argument ``f``."""
-
-    def __init__(self, inputs: Coordinates, frames: list[MovingFrame], rows: list[ConstraintRow]) -> None:
-        super().__init__(inputs, frames)
-        self._multipliers = MultiplierForces(inputs, rows)
-
-    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[list[Scalar], Terms]:
-        """Return p of a body, and the terms of −e; see `bodies`."""
-        p, terms = super().on_body(frame, inertia)
-        more, more_terms = self._multipliers.on_body(frame, inertia)
-        return [x + y for x, y in zip(p, more, strict=True)], terms + more_terms
-
-    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
-        """Return what acts along each of a joint's directions."""
-        pairs = zip(super().on_joint(frame), self._multipliers.on_joint(frame), strict=True)
-        return [x + y for x, y in pairs]
 
 
 class LinearisedMechanism:

@@ -47,8 +47,7 @@ from fmd.dynamics.compiler.algebra import times
 from fmd.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.cycle import trace_cycle
-from fmd.dynamics.compiler.elongations import trace_elongations
-from fmd.dynamics.compiler.forces import ActingForces, GivenForces
+from fmd.dynamics.compiler.forces import ActingForces, GivenForces, trace_elongations
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.frozen import trace_drift, trace_fast_step, trace_single
 from fmd.dynamics.compiler.graph import Scalar, combine

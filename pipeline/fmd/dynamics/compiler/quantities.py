@@ -1,28 +1,27 @@
-"""Energies and momenta of a mechanism, and the frames of its bodies in space."""
+"""Energies and momenta of a mechanism, the frames of its bodies in space, and the structure that saves arithmetic."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross, dot, product, scale, times
+from fmd.dynamics.closures import Place
+from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross, dot, scale, times
 from fmd.dynamics.compiler.bodies import trace_inertia
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.elements import trace_element_energy
 from fmd.dynamics.compiler.forces import section_angle
-from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
+from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, total
 from fmd.dynamics.compiler.laws import trace_law_energy
+from fmd.dynamics.compiler.places import trace_place
+from fmd.dynamics.compiler.program import Program
 
 
 def trace_markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[Vector3, Matrix]]:
     """Trace position and rotation in space of the bodies' named markers, body by body."""
-    out = []
-    for frame in frames:
-        origin, R = frame.world
-        for at in frame.link.markers.values():
-            marker = trace_place_on_body(inputs, frame, at)
-            out.append((add(origin, times(R, marker.arm)), product(R, marker.R)))
-    return out
+    places = [Place(frame.link.name, at) for frame in frames for at in frame.link.markers.values()]
+    motions = [trace_place(inputs, frames, place) for place in places]
+    return [(motion.x, motion.A) for motion in motions]
 
 
 def trace_momenta(inputs: Coordinates, frames: list[MovingFrame]) -> tuple[Vector3, Vector3]:
@@ -76,3 +75,25 @@ def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Sc
             energies.append(-dot(gravity, moment))
     energies += [trace_element_energy(inputs, frames, element) for element in inputs.mechanism.elements]
     return total(energies)
+
+
+def describe_structure(inputs: Coordinates, frames: list[MovingFrame], accelerations: Program) -> list[str]:
+    """Return what saves a mechanism's equations arithmetic: plane motion, cyclic angles, constant inertia."""
+    graph, lines = inputs.graph, list[str]()
+    for axis, name in enumerate("xyz"):
+        if all(x.is_zero for frame in frames for k, x in enumerate(frame.spin) if k != axis):
+            lines.append(f"plane motion: every body turns about {name} alone")
+            break
+    reads = {node.data for node in (graph.nodes[k] for k in accelerations.nodes) if node.operation == "input"}
+    for frame in frames:
+        link, position = frame.link, int(inputs.mechanism.layout.position[frame.number])
+        if link.joint.is_hinge and link.n_rates and ("q", (position,)) not in reads:
+            lines.append(f"cyclic angle: accelerations don't depend on that of {link.name}")
+        if not link.omega.size:
+            continue
+        inertia = trace_inertia(graph, frame)
+        if all(row.constant is not None for row in inertia.W):
+            lines.append(f"constant coupling of the frame of {link.name} with its modes")
+        if all(x.constant is not None for row in inertia.J for x in row):
+            lines.append(f"constant inertia of {link.name}")
+    return lines

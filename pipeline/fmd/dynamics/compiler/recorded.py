@@ -64,9 +64,6 @@ class RecordedMechanism:
 
     def of_joint(self, body: int) -> Evaluation:
         """Position and rate of a joint with one axis, of a revolute one of the section that it grips."""
-        link = self.frames[body].link
-        if link.motion is not None:
-            return evaluate_scalars(self.inputs.signal(link.motion, derivatives=1))
         return evaluate_scalars([*joint_elongation(self.inputs, self.frames[body])])
 
     def of_strain(self, element: Element) -> Evaluation:

@@ -25,7 +25,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler.added_mass import AddedMass
 from fmd.dynamics.compiler.algebra import (
     Matrix,
     SymmetricFactor,
@@ -48,7 +47,7 @@ from fmd.dynamics.compiler.algebra import (
     times,
     transpose,
 )
-from fmd.dynamics.compiler.bodies import trace_inertia
+from fmd.dynamics.compiler.bodies import AddedMass, trace_inertia
 from fmd.dynamics.compiler.forces import Forces
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, Vector, combine

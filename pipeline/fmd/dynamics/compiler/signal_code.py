@@ -6,13 +6,20 @@ import hashlib
 from collections.abc import Collection, Sequence
 
 from fmd.dynamics.compiler.graph import Graph, Scalar, total
+from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import Output, Program
+from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.signals.signal import TABLE, Signal
 
 
 def digest_signals(signals: Sequence[Signal]) -> str:
     """Return the digest of all that the code of signals depends on."""
     return hashlib.blake2b(repr([signal.terms for signal in signals]).encode(), digest_size=16).hexdigest()
+
+
+def load_signals(signals: Sequence[Signal]) -> LoadedObject:
+    """Return the machine code of `trace_signals`."""
+    return load_program("signals", digest_signals(signals), lambda: trace_signals(signals))
 
 
 def trace_signals(signals: Sequence[Signal]) -> Program:

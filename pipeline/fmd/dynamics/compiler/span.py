@@ -1,7 +1,7 @@
 """Rows that span how a body's modes move its markers, along which the modes of a carrier are eliminated.
 
 Markers move by ``R_c η`` for modal accelerations η, and what displacements of second order add to the modal mass has
-such rows too (see `added_mass`). Shapes of the first order are constant: their span has orthonormal rows that are known
+such rows too (see `bodies`). Shapes of the first order are constant: their span has orthonormal rows that are known
 beforehand. A row with a part of second order changes with the deflection, and is made orthogonal to the others at each
 state. It may vanish, or lie among the others, as that of a second body at the same marker does, or the slope of a bar's
 end, which without deflection is a multiple of its displacement in some mode. So

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import Program
 from fmd.dynamics.compiler.programs import trace_leap
-from fmd.dynamics.compiler.signal_code import digest_signals, trace_signals
+from fmd.dynamics.compiler.signal_code import load_signals
 from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
@@ -84,13 +84,7 @@ class CompiledVariants:
     @cached_property
     def signals(self) -> list[LoadedObject]:
         """Each variant's loads and motions, compiled once for variants with the same."""
-        loads = [self._acting_on(mechanism) for mechanism in self.mechanisms]
-        digests = [digest_signals(own) for own in loads]
-        different = dict(zip(digests, loads, strict=True))
-        codes = {
-            digest: load_program("signals", digest, partial(trace_signals, own)) for digest, own in different.items()
-        }
-        return [codes[digest] for digest in digests]
+        return [load_signals(self._acting_on(mechanism)) for mechanism in self.mechanisms]
 
     @property
     def n_inputs(self) -> int:
