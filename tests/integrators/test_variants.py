@@ -67,6 +67,18 @@ def test_each_variant_moves_as_it_does_alone(seed: int) -> None:
         assert found.v[k] == pytest.approx(alone.v, abs=1e-9 * size)
 
 
+def test_what_all_variants_have_in_common_may_be_another_number_in_the_next_march() -> None:
+    seed = without_rotations_in_space()[0]
+    made = random_mechanism(seed)
+    for weight in (9.81, 1.62):
+        moon = replace(with_damping(made), gravity=np.array([0.0, -weight, 0.0]))
+        links = [replace(link, damping=np.full(len(link.omega), 0.02)) for link in moon.links]
+        mechanisms = [moon, replace(moon, links=links)]
+        found = march_variants(mechanisms, STEP, *made.state(seed), TIMES)
+        alone = CentralDifference(STEP).march(CompiledSystem(moon), *made.state(seed), TIMES)
+        assert found.q[0] == pytest.approx(alone.q, abs=1e-10 * max(1.0, np.abs(alone.v).max()))
+
+
 def test_what_is_the_same_for_all_is_no_input() -> None:
     mechanism = with_damping(random_mechanism(without_rotations_in_space()[0]))
     heavier = replace(mechanism, gravity=2.0 * mechanism.gravity + 1.0)

@@ -74,7 +74,8 @@ class CompiledVariants:
 
     @cached_property
     def _leap(self) -> LoadedObject:
-        digest = f"{self._structure} {sorted(self._places.items())} {self._acting} {self._still}"
+        shared = {key: value for key, value in _constants_of(self.mechanisms[0]).items() if key not in self._places}
+        digest = f"{self._structure} {sorted(self._places.items())} {shared} {self._acting} {self._still}"
         return load_program("leap", digest, lambda: trace_variants(self.mechanisms[0], self._places, self._acting))
 
     def leap(self) -> int:
