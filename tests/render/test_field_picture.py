@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fmd.render.camera import Camera
-from fmd.render.field_picture import draw_field
+from fmd.render.pictures import draw_field
 from fmd.render.surface import Surface
 from tests.render.test_pictures import SIZE, distance_to_top_colour
 

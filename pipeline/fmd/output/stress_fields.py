@@ -61,7 +61,7 @@ def draw_envelope(run: Pipeline, output: Envelope, folder: Path, draw: Drawer = 
     name = {"von Mises": "largest von Mises stress", "principal 1": "largest principal stress"}
     quantity = name.get(output.component, "smallest principal stress")
     draw(
-        "field_picture.draw_field",
+        "pictures.draw_field",
         body_surface(run, output.body),
         values * 1e-6,
         folder / output.file,
@@ -153,7 +153,7 @@ def draw_fatigue(run: Pipeline, output: Fatigue, folder: Path, draw: Drawer = dr
     low = 0.0 if endless else math.floor(lives[worst])
     label = "no damage anywhere" if endless else f"{_number(found.repeats[worst])} repeats"
     draw(
-        "field_picture.draw_field",
+        "pictures.draw_field",
         body_surface(run, output.body),
         np.zeros(len(lives)) + DECADES if endless else lives,
         folder / output.file,

@@ -1,4 +1,4 @@
-"""Still pictures of a part: its mesh, its mode shapes and its stress."""
+"""Still pictures of a part: its mesh, its mode shapes, its stress, and other fields on its surface."""
 
 from __future__ import annotations
 
@@ -199,13 +199,77 @@ def draw_stress(
     projection = camera.projection(axes, both)
     with open_canvas(projection, fineness=2) as canvas:
         _add_deformed(canvas, surface, points, stress * 1e-6, limits, camera)
-        if not camera.is_close_up or projection.contains(points[largest], PART):
-            value = f"{format_number(stress[largest] * 1e-6, limits[1] - limits[0])} MPa"
-            add_label(canvas, points[largest], value if visible else f"{value} (on the far side)", PART)
+        value = f"{format_number(stress[largest] * 1e-6, limits[1] - limits[0])} MPa"
+        _add_mark(canvas, camera, points[largest], value, visible)
         add_triad(canvas)
         _annotate(canvas, camera, title, "" if scale == 1 else f"deformation × {scale:g}", quantity, limits)
         canvas.save(path)
     return projection
+
+
+def draw_field(
+    surface: Surface,
+    values: Array,
+    path: Path,
+    *,
+    title: str,
+    quantity: str,
+    limits: tuple[float, float],
+    weights: Array,
+    label: str,
+    camera: Camera | None = None,
+) -> Projection:
+    """Draw a field on the undeformed part, and label one of its points.
+
+    Parameters
+    ----------
+    surface : Surface
+        The part.
+    values : ndarray, shape (n_points,)
+        Of the field.
+    path : Path
+        The picture to write.
+    title, quantity : str
+        Heading, and label of the colour bar with its unit.
+    limits : tuple of float
+        Values of the lowest and of the highest colour.
+    weights : ndarray, shape (n_points,)
+        The point with the largest is labelled; the view is chosen so that it is seen, if it can be.
+    label : str
+        Its label.
+    camera : Camera, optional
+
+    Returns
+    -------
+    Projection
+        From points in space to pixels.
+
+    Raises
+    ------
+    ValueError
+        There isn't a value for each point, or the limits don't ascend.
+    """
+    camera = camera or Camera()
+    require_shape("values", values, (len(surface.points),))
+    if not limits[0] < limits[1]:
+        raise ValueError(f"limits = {limits}: the highest colour needs a larger value than the lowest")
+    require_shape("weights", weights, (len(surface.points),))
+    axes, marked, visible = choose_axes(
+        camera.candidate_axes(surface.points), surface.points, surface.triangles, weights
+    )
+    projection = camera.projection(axes, surface.points)
+    with open_canvas(projection, fineness=2) as canvas:
+        add_part_by_values(canvas, surface, build_skin(surface), values, limits, camera.colour_map)
+        _add_mark(canvas, camera, surface.points[marked], label, visible)
+        _annotate(canvas, camera, title, "", quantity, limits)
+        canvas.save(path)
+    return projection
+
+
+def _add_mark(canvas: Canvas, camera: Camera, point: Array, label: str, visible: bool) -> None:
+    """Label a point (3,) [m], unless it lies outside of a close-up."""
+    if not camera.is_close_up or canvas.projection.contains(point, PART):
+        add_label(canvas, point, label if visible else f"{label} (on the far side)", PART)
 
 
 def _add_deformed(
