@@ -109,7 +109,7 @@ def node_deformation_shapes(body: FlexibleBody, supported: bool, of_matter: bool
 
     The straight line from a node to one of its nearest turns and stretches with the material between them. Along the
     line from the joint to a marker a cubic curve has the displacement and the rotation of both ends, as a beam has that
-    is loaded at its ends.
+    is loaded at its ends. A single marker has neither: strain isn't known then, and left out.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def _largest(field: Array, q: Array) -> float:
 
     Times come in the order of a bound, the sum of the modes' largest parts, until the bound is below what was reached.
     """
-    if not q.size:
+    if not (q.size and field.size):
         return 0.0
     bound = np.abs(q) @ np.linalg.norm(field, axis=1).max(axis=0)
     order, largest = np.argsort(-bound), 0.0
