@@ -1,5 +1,6 @@
 """The data set of a motion: names, units, values, and the same of every scene."""
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
+from fmd.core.cache import Cache
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import State, Trajectory
@@ -124,3 +126,20 @@ def test_the_file_holds_what_xarray_would_write(run: Pipeline, dataset: xarray.D
     for name in dataset.variables:
         assert {key: back[name].attrs[key] for key in dataset[name].attrs} == dataset[name].attrs
         assert back[name].dtype == reference[name].dtype
+
+
+def test_a_long_motion_is_written_piece_by_piece(tmp_path: Path) -> None:
+    """The file has as many numbers as memory never holds, and pieces have the numbers of the whole."""
+    long = Pipeline(load_scene("rod-slider", ["simulation.duration=1 s", "simulation.output_step=50 us"]), Cache(None))
+    motions = long.motions
+    tracemalloc.start()
+    write_motions(motions, tmp_path / "motion.nc")
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    size = (tmp_path / "motion.nc").stat().st_size
+    assert size > 1.5e7
+    assert peak < size / 2
+    whole, back = motion_dataset(motions), xarray.load_dataset(tmp_path / "motion.nc", engine="scipy")
+    for name in whole.variables:
+        if whole[name].dtype.kind == "f":
+            assert np.allclose(back[name], whole[name], rtol=1e-12, atol=1e-14)

@@ -6,9 +6,11 @@ of NetCDF knows, in the conventions of xarray: text as characters in UTF-8, NaN 
 
 from __future__ import annotations
 
+import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from os import SEEK_CUR
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +46,40 @@ class NetcdfVariable:
             raise ValueError(f"{self.name} has {len(self.dims)} named dimensions and {self.values.ndim} axes")
 
 
-def write_netcdf(path: Path, variables: Sequence[NetcdfVariable]) -> None:
+@dataclass(frozen=True, slots=True)
+class NetcdfBlock:
+    """Numbers of a variable that is written piece by piece, as rows along its second dimension.
+
+    Attributes
+    ----------
+    name : str
+        Of the variable.
+    first, row : int
+        Places of the first number along the first and the second dimension.
+    values : ndarray, shape (n_rows, …)
+        As the variable's further dimensions have them.
+    """
+
+    name: str
+    first: int
+    row: int
+    values: NDArray[Any]
+
+
+def empty_variable(
+    name: str, dims: tuple[str, ...], shape: tuple[int, ...], attributes: dict[str, str]
+) -> NetcdfVariable:
+    """Return a variable without values, which take no memory: blocks bring them when it is written."""
+    return NetcdfVariable(name, dims, np.broadcast_to(np.zeros((), dtype=">f8"), shape), attributes)
+
+
+def write_netcdf(path: Path, variables: Sequence[NetcdfVariable], blocks: Iterable[NetcdfBlock] = ()) -> None:
     """Write variables to a NetCDF file; dimensions of the same name are shared.
+
+    Parameters
+    ----------
+    blocks : iterable of NetcdfBlock
+        Values of those variables that are empty (`empty_variable`), one after the other.
 
     Raises
     ------
@@ -71,14 +105,25 @@ def write_netcdf(path: Path, variables: Sequence[NetcdfVariable]) -> None:
         heads.append(head + _integers(kind) + struct.pack(">I", min(length, _LARGEST)))
         lengths.append(length)
     begin = len(start) + sum(len(head) + 8 for head in heads)
+    places = {}
     with path.open("wb") as file:
         file.write(start)
-        for head, length in zip(heads, lengths, strict=True):
+        for variable, head, length in zip(variables, heads, lengths, strict=True):
             file.write(head + struct.pack(">q", begin))
+            places[variable.name] = begin
             begin += length
         for (_, values, _), length in zip(encoded, lengths, strict=True):
-            file.write(values.tobytes())
-            file.write(bytes(length - values.nbytes))
+            if _is_empty(values):
+                file.truncate(file.tell() + length)
+                file.seek(length, SEEK_CUR)
+            else:
+                file.write(values.tobytes())
+                file.write(bytes(length - values.nbytes))
+        shapes = {variable.name: variable.values.shape for variable in variables}
+        for block in blocks:
+            _, n_rows, *rest = shapes[block.name]
+            file.seek(places[block.name] + 8 * (block.first * n_rows + block.row) * math.prod(rest))
+            file.write(np.asarray(block.values, dtype=">f8").tobytes())
 
 
 def _encode(variable: NetcdfVariable) -> tuple[tuple[str, ...], NDArray[Any], list[bytes]]:
@@ -91,6 +136,11 @@ def _encode(variable: NetcdfVariable) -> tuple[tuple[str, ...], NDArray[Any], li
         return (*variable.dims, f"string{longest}"), letters, [*attributes, _text("_Encoding") + _text("utf-8", _CHAR)]
     missing = _text("_FillValue") + _integers(_DOUBLE, 1) + struct.pack(">d", np.nan)
     return variable.dims, np.asarray(variable.values, dtype=">f8"), [*attributes, missing]
+
+
+def _is_empty(values: NDArray[Any]) -> bool:
+    """Return True for the values of an `empty_variable`, which are one number in memory."""
+    return values.size > 1 and not any(values.strides)
 
 
 def _integers(*values: int) -> bytes:

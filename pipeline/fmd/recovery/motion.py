@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, short_repr
 from fmd.core.html import facts, scaled
+from fmd.core.limits.memory import TIMES_AT_ONCE
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
@@ -45,6 +46,16 @@ class Motion:
     def times(self) -> Array:
         """Output times [s], shape (n_times,)."""
         return self.trajectory.times
+
+    def part(self, first: int, stop: int | None = None) -> Motion:
+        """Return the motion at some of the output times; nothing that is computed of it stays in the whole one."""
+        t, chosen = self.trajectory, slice(first, stop)
+        return replace(self, trajectory=replace(t, times=t.times[chosen], q=t.q[chosen], v=t.v[chosen]))
+
+    def parts(self) -> Iterator[tuple[int, Motion]]:
+        """Yield the motion piece by piece, each with the number of its first output time, so that memory holds one."""
+        for first in range(0, len(self.times), TIMES_AT_ONCE):
+            yield first, self.part(first, first + TIMES_AT_ONCE)
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -179,17 +190,26 @@ class Motion:
 
     def differences(self, first: Motion) -> dict[str, Any]:
         """Return the largest differences from another motion over all output times."""
+        largest = {"position": 0.0, "deflection": 0.0} | dict.fromkeys((("joint", name) for name in self.joints), 0.0)
+        for (_, own), (_, other) in zip(self.parts(), first.parts(), strict=True):
+            found: dict[Any, float] = {
+                "position": _farthest(own.tip_position, other.tip_position),
+                "deflection": _farthest(own.tip_deflection, other.tip_deflection),
+            }
+            for joint in self.joints:
+                apart = np.abs(own.joint_position(joint) - other.joint_position(joint))
+                found["joint", joint] = float(apart.max())
+            largest = {key: max(value, found[key]) for key, value in largest.items()}
         return {
-            "tip_difference_m": _farthest(self.tip_position, first.tip_position),
-            "tip_deflection_difference_m": _farthest(self.tip_deflection, first.tip_deflection),
-            "joint_differences": {
-                joint: float(np.abs(self.joint_position(joint) - first.joint_position(joint)).max())
-                for joint in self.joints
-            },
+            "tip_difference_m": largest["position"],
+            "tip_deflection_difference_m": largest["deflection"],
+            "joint_differences": {joint: largest["joint", joint] for joint in self.joints},
         }
 
     def final(self) -> dict[str, Any]:
         """Return the state at the last output time: joints, energies and the tip."""
+        if len(self.times) > TIMES_AT_ONCE:
+            return self.part(len(self.times) - TIMES_AT_ONCE).final()
         kinetic, potential = self.energies
         return {
             "time_s": float(self.times[-1]),

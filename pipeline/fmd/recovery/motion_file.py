@@ -27,13 +27,14 @@ A joint whose variable would have the name of another one gets ``joint.`` before
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.netcdf import NetcdfVariable, write_netcdf
+from fmd.core.netcdf import NetcdfBlock, NetcdfVariable, empty_variable, write_netcdf
 from fmd.core.rotations import quaternion_of_matrix
 from fmd.recovery.motion import Motion
 
@@ -77,9 +78,22 @@ def motion_dataset(motions: Mapping[str, Motion]) -> xarray.Dataset:
 
 
 def write_motions(motions: Mapping[str, Motion], path: Path) -> None:
-    """Write the data set of several motions to a NetCDF file, without loading xarray."""
-    data, coordinates = _gather_motions(motions)
-    write_netcdf(path, [*coordinates, *data])
+    """Write the data set of several motions to a NetCDF file piece by piece, without loading xarray."""
+    first = next(iter(motions.values()))
+    sample, coordinates = _gather_motions({label: motion.part(0, 1) for label, motion in motions.items()})
+    coordinates = [replace(own, values=first.times) if own.name == "time" else own for own in coordinates]
+    n_runs, n_times = len(motions), len(first.times)
+    data = [
+        empty_variable(own.name, own.dims, (n_runs, n_times, *own.values.shape[2:]), own.attributes) for own in sample
+    ]
+    write_netcdf(path, [*coordinates, *data], _blocks(motions))
+
+
+def _blocks(motions: Mapping[str, Motion]) -> Iterator[NetcdfBlock]:
+    for k, motion in enumerate(motions.values()):
+        for first, part in motion.parts():
+            for variable in motion_variables(part):
+                yield NetcdfBlock(variable.name, k, first, variable.values)
 
 
 def gather_runs(

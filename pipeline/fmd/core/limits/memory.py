@@ -30,6 +30,7 @@ MOST_LOADED = 256  # programs that stay loaded in a process, the last used last
 STATES_AT_ONCE = 1024
 
 # Results.
+TIMES_AT_ONCE = 8192  # output times whose results are held at a time while they are written or compared
 # Numbers kept for each output time. Measured: 1.0 kB a run with two rigid bodies, 0.7 kB with one body of five modes.
 NUMBERS_OF_BODY = 60
 NUMBERS_OF_COORDINATE = 4  # the same for each coordinate
