@@ -1,7 +1,9 @@
 """Runs of scenes: refused where a scheme is unstable, and steps chosen for a wanted error."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError, StabilityError
 from fmd.core.limits.stability import ALLOWED_GROWTH
+from fmd.integrators.automatic import Automatic
 from fmd.integrators.central_difference import CentralDifference
 from fmd.stages import runs, stiffening_check
 
@@ -164,3 +167,15 @@ tip = "rod.end"
 [[simulation.run]]
 integrator = "central-difference"
 """
+
+
+def test_nothing_is_compiled_for_a_method_that_is_yet_to_be_chosen() -> None:
+    marched: list[str] = []
+
+    class Noted(Automatic):
+        def march(self, *_: Any, **__: Any) -> Any:
+            marched.append(self.name)
+
+    (plan,) = Pipeline(load_scene("rod-slider", ['simulation.run=[{ integrator = "auto" }]'])).plans.values()
+    replace(plan, integrator=Noted(1e-3, 1.0)).compile()  # a choice by no motion would be another
+    assert not marched

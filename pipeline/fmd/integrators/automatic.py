@@ -130,6 +130,7 @@ class Automatic(Integrator):
 
     name = "auto"
     step = 0.0
+    chooses_method = True
 
     def __post_init__(self) -> None:
         if not 0.0 < self.error < 1.0:

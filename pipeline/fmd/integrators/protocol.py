@@ -114,11 +114,14 @@ class Integrator(ABC):
         Fast step [s]; 0 if the method chooses its steps.
     substeps : int
         Fast steps to one slow step.
+    chooses_method : bool
+        True if it chooses another method as it marches, so that what it calls can't be compiled beforehand.
     """
 
     name: str
     step: float
     substeps: int = 1
+    chooses_method: bool = False
 
     @abstractmethod
     def order(self, system: System) -> int:

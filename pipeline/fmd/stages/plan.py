@@ -64,8 +64,9 @@ class Plan:
         require_positive_over(self.system, trajectory.times, trajectory.q)
 
     def compile(self) -> None:
-        """Compile all functions that a march calls, or read them where they are kept."""
-        self.march(np.zeros(1))
+        """Compile all functions that a march calls, or read them where they are kept; not of a method yet to choose."""
+        if not self.integrator.chooses_method:
+            self.march(np.zeros(1))
 
     def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
         """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
