@@ -217,7 +217,7 @@ length = "0.4 m"
 
 
 BEAM_RUNS = """
-base = "beam"
+base = "beam-paper"
 [ground.post]
 at = ["340 mm", "-100 mm", "0 mm"]
 [spring.tip]

@@ -145,7 +145,7 @@ def test_a_door_on_three_hinges_swings_as_on_one(tmp_path: Path) -> None:
 
 def test_a_bar_on_two_bearings_sags_as_by_beam_theory(tmp_path: Path) -> None:
     """Its ends turn by q l³ / 24 E I, and each bearing takes half its weight; the second one holds nothing along it."""
-    run = pipeline(tmp_path, BAR, "simulation.start=steady")
+    run = pipeline(tmp_path, BAR, "simulation.start=steady", "body.bar.modes.enrich=none")
     motion: Any = run.motion
     link, q = run.mechanism.links[0], motion.trajectory.q
     turned = q[:, 0] + q[:, 1:] @ link.joint_rotation
@@ -223,7 +223,7 @@ def test_a_mechanism_that_cannot_be_is_refused_in_one_message(
 
 def test_the_slider_crank_of_the_models_turns_as_a_rigid_one_but_for_its_rod(tmp_path: Path) -> None:
     """The slider's place is l₁ cos φ + √(l₂² − (l₁ sin φ)²), less what the rod shortens as it bends."""
-    run = Pipeline(load_scene("slider-crank"))
+    run = Pipeline(load_scene("slider-crank", ["body.rod.modes.enrich=none"]))
     motion: Any = run.motion
     angle = 150.0 * motion.times
     rigid = 0.15 * np.cos(angle) + np.sqrt(0.3**2 - (0.15 * np.sin(angle)) ** 2)

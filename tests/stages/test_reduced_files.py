@@ -20,7 +20,7 @@ E = "722 MPa"
 nu = 0.34
 rho = "2000 kg/m^3"
 mesh = { element = "hexahedron", order = 2, divisions = [8, 1, 1] }
-modes = { count = 4, damping = 0.02 }
+modes = { count = 4, enrich = "none", damping = 0.02 }
 marker = { root = { face = "x-" }, tip = { face = "x+" } }
 """
 SIMULATION = """

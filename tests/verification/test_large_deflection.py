@@ -24,7 +24,7 @@ E = "MODULUS Pa"
 nu = POISSON
 rho = "2700 kg/m^3"
 mesh = { divisions = [ALONG, 1, 1] }
-modes = { count = 1 }
+modes = { count = 1, enrich = "none" }
 marker = { root = { face = "x-" }, tip = { face = "x+" } }
 pieces = PIECES
 
