@@ -49,6 +49,14 @@ def box(tmp_path: Path) -> Path:
     return path
 
 
+def test_the_command_runs_nothing_of_the_working_folder(trapped: Path) -> None:
+    command = [sys.executable, "-m", "fmd", "modes", "beam", "--set", "body.beam.mesh.divisions=[8,1,1]", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    ran = trapped.read_text() if trapped.exists() else ""
+    assert ran in ("", "sitecustomize")  # which Python itself runs, before any line of ours
+
+
 def test_drawing_runs_nothing_of_the_working_folder(trapped: Path) -> None:
     assert rendering_failure() is None
     assert not trapped.exists()
