@@ -33,7 +33,7 @@ SCENES = {
     "rod-slider": ("rod-slider", ()),
     "propeller": ("propeller", ()),
     "propeller, all modes": ("propeller", ()),
-    "arm": ("arm", ()),
+    "arm": ("arm", ("simulation.step=10us",)),
 }
 
 

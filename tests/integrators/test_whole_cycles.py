@@ -1,11 +1,15 @@
 """A major cycle as one compiled function is the same cycle in its parts: accelerations, tangents, and steps in turn."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
+from fmd.core.formula import CONSTANT, MULTIPLY, TIME
 from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.signals.signal import PROGRAM, Signal, Term
 from fmd.integrators.subcycling import Subcycling
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
@@ -64,3 +68,13 @@ def test_output_times_change_no_bit_of_a_cycle_and_its_state_goes_on(drive: str)
         assert (one == two).all()
         assert (one == three).all()
     assert (few.q[-1] == many.q[-1]).all()
+
+
+def test_a_load_that_ends_with_a_jump_where_a_cycle_begins_acts_no_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = list(Pipeline(load_scene("beam-paper")).plans.values())[1]
+    link = plan.mechanism.links[0]
+    jump = Term(PROGRAM, (TIME, CONSTANT, MULTIPLY), (40.0,), support=(0.0, 0.001))  # up to 0.04 N m
+    links = [replace(link, load=Signal((jump,), (0.0, 0.001)))]
+    system = CompiledSystem(replace(plan.mechanism, links=links))
+    whole, parts = march_both(monkeypatch, system, *plan.start, 1e-5, 10, np.linspace(0.0, 0.003, 31))
+    assert np.abs(whole - parts).max() < 1e-11 * np.abs(parts).max()

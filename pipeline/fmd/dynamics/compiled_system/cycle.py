@@ -23,9 +23,9 @@ def _begin_whole_cycle(p: TreeParameters, cycle: WholeCycle, first: int, h: floa
     t, end = first * h, (first + cycle.count) * h
     cycle.varying[0] = cycle.count
     for k in range(cycle.quiet.shape[0]):
-        if cycle.quiet[k, 0] <= t and end <= cycle.quiet[k, 1]:
+        if cycle.quiet[k, 0] < t and end <= cycle.quiet[k, 1]:  # what ends acts at its end, too
             cycle.varying[0] = 0
-            if cycle.quiet[k, 0] <= p.clock[0] and p.clock[0] <= cycle.quiet[k, 1]:
+            if cycle.quiet[k, 0] < p.clock[0] < cycle.quiet[k, 1]:
                 p.clock[0] = t
     if cycle.varying[0] == 0:
         set_inputs(p, t)

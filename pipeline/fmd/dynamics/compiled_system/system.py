@@ -237,21 +237,21 @@ class CompiledSystem(ReferenceState):
         return cycle
 
     def _new_cycle(self, count: int) -> WholeCycle:
-        couplings, signals, address = self.couplings, self.compiled.signals, self.compiled.address
-        assert couplings.mass is not None
-        ahead = np.zeros((-(-max(count, STEPS_AHEAD) // LANES), 3 * len(signals), LANES))
+        signals, address, mass = self.compiled.signals, self.compiled.address, self.couplings.mass
+        assert mass is not None
+        n_blocks, n_inputs = -(-max(count, STEPS_AHEAD) // LANES), 3 * len(signals)
         return WholeCycle(
-            cross=address("damped_cycle" if couplings.damped else "cycle"),
+            cross=address("damped_cycle" if self.couplings.damped else "cycle"),
             signals_ahead=address("signals_ahead") if signals and are_smooth(signals) else 0,
             count=count,
             varying=np.zeros(1, dtype=np.int64),
             steps=np.zeros(5),
-            inverse_mass=_inverses(couplings.mass),
+            inverse_mass=_inverses(mass),
             quiet=np.array(quiet_times(signals)).reshape(-1, 2),
             start=np.zeros(2),
             numbers=np.arange(LANES, dtype=float),
-            now=np.zeros(3 * len(signals)),
-            ahead=ahead,
+            now=np.zeros(n_inputs),
+            ahead=np.zeros((n_blocks, n_inputs, LANES)),
             known=np.zeros(2, dtype=np.int64),
         )
 

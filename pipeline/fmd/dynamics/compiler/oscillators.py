@@ -73,8 +73,7 @@ class Oscillators:
         arguments = (*(x.node for x in scalars), *(x.node for x in vectors))
         data = ("ahead", (n_inputs, len(self.damping), len(self.late), *(number for number, _ in self.levers)))
         names = ("oscillated x", "oscillated v", "oscillated a")
-        made = (graph.add(name, arguments, data, self.x.size) for name in names)
-        x, v, a = (Vector(graph, node, self.x.size) for node in made)
+        x, v, a = (Vector(graph, graph.add(name, arguments, data, self.x.size), self.x.size) for name in names)
         return x, v, a
 
 
