@@ -56,7 +56,10 @@ def arguments_of(compiled: CompiledMechanism, names: tuple[str, ...], lanes: tup
     sizes |= {"inputs": 3 * len(compiled.signals), "dinputs": 3 * len(compiled.signals)}
     made = {k: 0.1 * random.normal(size=(sizes.get(k, mechanism.n), LANES if k in lanes else 1)) for k in names}
     if "q" in made:  # unit quaternions where there are some
-        made["q"] = (mechanism.rest_positions + 0.1 * random.normal(size=mechanism.n_positions))[:, None].copy()
+        size = np.full(mechanism.n_positions, 0.1)
+        for body in range(n):  # deflections at which the mass matrix is positive definite
+            size[mechanism.modes_of(body) + mechanism.n_positions - mechanism.n] = 0.001
+        made["q"] = (mechanism.rest_positions + size * random.normal(size=mechanism.n_positions))[:, None].copy()
     return made | {"inputs": compiled.signal_values(TIME)}
 
 
