@@ -403,7 +403,7 @@ def test_a_scene_with_a_step_above_the_limit_is_refused_before_it_starts(
 ) -> None:
     scene, tasks = load_scene("beam-paper", [f"{key}=300 us"]), Tasks()
     pipeline = Pipeline(scene, monitor=tasks)
-    with pytest.raises(InputError, match=rf"beam\.toml: {key} = .*0\.0003 s.*{name} would diverge") as caught:
+    with pytest.raises(InputError, match=rf"beam-paper\.toml: {key} = .*0\.0003 s.*{name} would diverge") as caught:
         _ = pipeline.motions
     limit = re.search(r"largest stable step of this model is (\S+) s .* (\S+) Hz\)", str(caught.value))
     assert limit
