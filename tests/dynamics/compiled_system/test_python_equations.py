@@ -91,7 +91,9 @@ def test_loops_stay_closed_under_a_load_of_ones_own() -> None:
 def test_coordinates_have_names_in_the_order_of_the_rates(arm: Result) -> None:
     names = arm.system.names
     assert names[:3] == ("shoulder.position", "elbow.position", "wrist.position")
-    assert names[3:] == tuple(f"forearm.mode {k}" for k in range(1, 6))
+    n_modes = len(arm.run.mechanism.links[1].omega)
+    assert n_modes >= 5
+    assert names[3:] == tuple(f"forearm.mode {k}" for k in range(1, 1 + n_modes))
     for joint in ("shoulder", "elbow"):
         assert arm.system.joint_jacobian(joint, arm.start[0])[names.index(f"{joint}.position")] == 1.0
 
