@@ -40,7 +40,7 @@ from fmd.integrators.runge_kutta import RungeKutta
 
 HERE = Path(__file__).parent
 TABLE = HERE / "auto_choice.csv"
-READY = ("rod-slider", "beam", "arm", "spin-up", "propeller", "propeller-torque", "propeller-gust", "robot")
+READY = ("rod-slider", "beam-paper", "arm", "spin-up", "propeller", "propeller-torque", "propeller-gust", "robot")
 RANDOM = 20
 PATIENCE = 12.0  # seconds of a reference
 REPEATS, SHORT = 10, 0.1  # a march is timed so often, or for so many seconds; that of auto after each other method

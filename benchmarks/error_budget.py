@@ -45,7 +45,7 @@ def _beam(name: str, *own: str, length: str = "340 mm") -> Case:
         *_CLOSER,
     )
     place = (f"body.beam.length={length}",)
-    return Case(name, "beam", (*own, *place), (*finer, *place), (*between, *place))
+    return Case(name, "beam-paper", (*own, *place), (*finer, *place), (*between, *place))
 
 
 def _mesh(order: int, sleeve: list[int], joint: list[int], blade: list[int]) -> str:
@@ -134,7 +134,7 @@ CASES = (
     # Added when the estimates had been made.
     Case(
         "further: beam of tet10",
-        "beam",
+        "beam-paper",
         ('body.beam.mesh={element="tetrahedron", order=2, size="16 mm"}', "body.beam.modes.enrich=inertia"),
         (
             'body.beam.mesh={element="tetrahedron", order=2, size="5 mm"}',
@@ -146,7 +146,7 @@ CASES = (
     ),
     Case(
         "further: beam of hex8",
-        "beam",
+        "beam-paper",
         ("body.beam.mesh={order=1, divisions=[80, 8, 2]}", "body.beam.modes.enrich=inertia"),
         (
             "body.beam.mesh={order=2, divisions=[64, 6, 2]}",

@@ -89,7 +89,7 @@ CASES = (
     _bar("flat bar", "body.bar.depth=60 mm", "body.bar.width=5 mm", "body.bar.mesh.divisions=[12, 3, 1]"),
     Case(
         "beam",
-        "beam",
+        "beam-paper",
         ("body.beam.modes.enrich=inertia", "simulation.duration=0.1 s", _AUTO),
         ("body.beam.mesh.divisions=[72, 6, 2]",),
         ("body.beam.modes.count=10", "body.beam.modes.enrich=ritz"),

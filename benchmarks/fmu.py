@@ -34,7 +34,7 @@ from fmd.output.fmu.build import TARGETS
 from fmd.output.fmu.write import list_platforms, write_fmu
 from fmd.recovery.motion import Motion
 
-SCENES = ("rod-slider", "beam", "arm", "spin-up", "propeller")
+SCENES = ("rod-slider", "beam-paper", "arm", "spin-up", "propeller")
 TOLERANCES = (1e-6, 1e-9, 1e-12)
 FINER = 8  # CVode takes 500 steps at most from one output to the next
 REPEATS = 7

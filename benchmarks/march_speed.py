@@ -35,9 +35,9 @@ REPETITIONS = 7
 MANY = 40  # coordinates, with which a first march is shorter
 SHORTEST, LONGEST = 0.01, 0.4  # s, of a march that is timed, but for what the scene's duration is too short for
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
-    "beam, 5 modes": ("beam", ()),
-    "beam, 20 modes": ("beam", ("body.beam.modes.count=20",)),
-    "beam, 60 modes": ("beam", ("body.beam.modes.count=60",)),
+    "beam, 5 modes": ("beam-paper", ()),
+    "beam, 20 modes": ("beam-paper", ("body.beam.modes.count=20",)),
+    "beam, 60 modes": ("beam-paper", ("body.beam.modes.count=60",)),
     "arm": ("arm", ()),
     "robot": (str(HERE / "scenes" / "robot.toml"), ()),
     "ten links": ("chain", ()),
@@ -56,7 +56,7 @@ METHODS_OF = {
 RATIOS = {"sub-cycling": (" 5:1", " 10:1"), "reversible": (" 10:1",)}
 METHODS = tuple(label + ratio for label in METHODS_OF for ratio in RATIOS.get(label, ("",)))
 TOO_LONG = {("ten links", "exponential-rosenbrock")}  # an earlier version takes minutes
-READY = ("rod-slider", "beam", "arm", "spin-up", "propeller", "propeller-torque", "propeller-gust")
+READY = ("rod-slider", "beam-paper", "arm", "spin-up", "propeller", "propeller-torque", "propeller-gust")
 
 
 def chain_of_links(count: int) -> str:

@@ -43,8 +43,8 @@ from tests.linear_system import LinearSystem
 _BEAM_AT_REST = "drive.spin_up.speed=0 rad/s"
 SCENES = {
     "rod-slider": ("rod-slider", ("drive.motor.torque=0 N m",)),
-    "beam": ("beam", (_BEAM_AT_REST,)),
-    "beam, free frame": ("beam", (_BEAM_AT_REST, 'simulation.frame="free"')),
+    "beam": ("beam-paper", (_BEAM_AT_REST,)),
+    "beam, free frame": ("beam-paper", (_BEAM_AT_REST, 'simulation.frame="free"')),
     "arm": ("arm", ('drive.swing.torque="0 N m"',)),
 }
 SPEEDS = (0.0, 0.5, 0.9, 1.1, 1.5, 2.0, 3.0)  # over the first frequency
