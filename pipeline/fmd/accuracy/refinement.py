@@ -101,7 +101,7 @@ class Refinement:
 
     @property
     def unmet(self) -> str:
-        """What the required accuracy lacks, and what ended the rounds; empty if it is met."""
+        """Reason why the required accuracy isn't met, and what ended the rounds; empty if it is met."""
         best, required, reasons = self.rounds[self.chosen], self.run.scene.accuracy, []
         if self.ended_by:
             assert required is not None

@@ -20,7 +20,7 @@ Changes = dict[str, Any]
 
 @dataclass(frozen=True)
 class Settings:
-    """What a scene leaves open, as it is computed.
+    """Values of the settings that a scene leaves open.
 
     Attributes
     ----------
@@ -142,6 +142,6 @@ class SolvedScene:
 
     @property
     def settings(self) -> Settings:
-        """What the scene leaves open, as it is computed; raises as `run`."""
+        """Values of the settings that the scene leaves open; raises as `run`."""
         self.run  # noqa: B018 - finds them
         return SETTINGS.of(self.given) if self.is_open else Settings()

@@ -1,4 +1,4 @@
-"""What commands make of their options: a scene that is opened or solved, a quantity."""
+"""Objects that commands make of their options: a scene that is opened or solved, a quantity."""
 
 from __future__ import annotations
 

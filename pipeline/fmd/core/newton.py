@@ -29,7 +29,7 @@ def settles(size: float, before: float, tight: float, loose: float) -> bool:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What counts as small: a residual by itself, or the last correction.
+    """Size below which a state counts as found: of the residual by itself, or of the last correction.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Solution(Generic[State]):
-    """What Newton's method has come to.
+    """State at which Newton's method ended.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """Loads that the motion of rigid bodies leaves open: those of joints whose loops are redundant, and of force elements.
 
 A bar between two walls is stretched by its own deflection, whatever rigid bodies would do there. Such loads are states
-of self-stress: multipliers λ of the constraints with ``Jᵀ λ = 0``, and the force of each element, which its ends hand
-on to all that carries them.
+of self-stress: Lagrange multipliers λ of the constraints with ``Jᵀ λ = 0``, and the force of each element, which its
+ends hand on to all that carries them.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ def joint_loads(mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, 
 
 
 def _accelerate(mechanism: Mechanism, times: Array, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return accelerations (n_times, n) and the smallest multipliers (n_times, n_rows) at each state."""
+    """Return accelerations (n_times, n) and the smallest Lagrange multipliers (n_times, n_rows) at each state."""
     compiled = share_system(mechanism).compiled
     found = [compiled.constrained_accelerations(float(t), q[k], v[k]) for k, t in enumerate(times)]
     accelerations = np.reshape([a for a, _ in found], (len(times), mechanism.n))

@@ -1,4 +1,4 @@
-"""What a notebook shows inline: pictures, films and the figures of a summary."""
+"""Pictures, films and the figures of a summary, as a notebook shows them inline."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ class _NormalStress:
 
     @property
     def directions(self) -> Array:
-        """What gives a plane's normal stress from the rows, shape (n_azimuths, 3)."""
+        """Coefficients of the rows in the planes' normal stress, shape (n_azimuths, 3)."""
         c, s = np.cos(self.azimuths), np.sin(self.azimuths)
         return np.stack([c * c, s * s, 2.0 * c * s], axis=1)
 

@@ -1,4 +1,4 @@
-"""What is refused before anything is integrated: steps, joints without inertia, results beyond the memory."""
+"""Checks before anything is integrated: of steps, of joints without inertia, of the memory for results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is shown: how much of it, and from which size on."""
+"""Limits of tables, messages and pictures: how much they show, and from which size on."""
 
 # Programs that run beside.
 LONGEST_MESSAGE = 160  # characters of another program's message

@@ -27,7 +27,7 @@ _settles = inlined(settles)
 
 @inner
 def _spread(p: ClosedParameters, q: Array, first: int) -> None:
-    """Compute X and S, from a block of unit multipliers on."""
+    """Compute X and S, from a block of unit Lagrange multipliers on."""
     for block in range(first, p.units.shape[0]):
         call_native(p.multipliers, (p.inputs, q, p.units[block], p.whole.x[block], p.whole.s[block]))
 

@@ -211,7 +211,7 @@ class CompiledMechanism:
         Parameters
         ----------
         times, q, v, multipliers : ndarray, shapes (n_times,), (n_times, n_positions), (n_times, n), (n_times, n_rows)
-            States, and the multipliers of their constraints.
+            States, and the Lagrange multipliers of their constraints.
 
         Returns
         -------
@@ -253,7 +253,7 @@ class CompiledMechanism:
         Parameters
         ----------
         times, q, v, a, multipliers : ndarray, (n_times,), (n_times, n_positions), (n_times, n) twice, (n_times, n_rows)
-            States, their accelerations, and the multipliers of their constraints.
+            States, accelerations, and the Lagrange multipliers of the constraints.
 
         Returns
         -------

@@ -1,7 +1,8 @@
 """Equations of motion and constraints at a state, differentiated exactly and evaluated without compiling them.
 
-With multipliers λ the equations are ``r = M̂ a − Q̂ − Jᵀ λ = 0``, ``ġ = 0`` and ``g̈ = J a + … = 0``. Their derivatives
-are those of the same graph that is compiled for a march; one state is evaluated faster than code is made of it.
+With Lagrange multipliers λ the equations are ``r = M̂ a − Q̂ − Jᵀ λ = 0``, ``ġ = 0`` and ``g̈ = J a + … = 0``. Their
+derivatives are those of the same graph that is compiled for a march; one state is evaluated faster than code is made of
+it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a format of flexible bodies is, and what its writer may ask a body for."""
+"""Formats of flexible bodies, and the data of a body that their writers may ask for."""
 
 from __future__ import annotations
 
