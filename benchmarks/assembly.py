@@ -49,7 +49,7 @@ def block(name: str, size: float) -> SolidMesh:
 def measured(package: str, name: str, path: Path, interpreter: str) -> dict | str:
     """What a package's process found, or why it found nothing."""
     command = [interpreter, str(PEERS), package, name, str(path)]
-    alone = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    alone = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     try:
         done = subprocess.run(
             command, env=os.environ | alone, capture_output=True, text=True, timeout=LONGEST, check=False

@@ -174,7 +174,7 @@ def compile_all(scene: str) -> dict[str, float]:
 
         return load_timed
 
-    store._read = lambda path: None  # as if nothing was kept
+    store.read_code = lambda path: None  # as if nothing was kept
     compiled.load_object, compiled.load_program = timed(compiled.load_object), timed(compiled.load_program)
     run, system = open_scene(scene, [])
     if scene == "chain":

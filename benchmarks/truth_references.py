@@ -14,7 +14,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.polynomial import legendre
 from scipy.linalg import eigh
 from truth_scenes import Case, Table
@@ -58,7 +57,6 @@ def breaks_of(value: Any) -> list[float]:
     return [number(t) for t in value["times"]]
 
 
-@njit(cache=True)
 def equations(arrays, numbers, c, v, inputs):
     """Return mass (n, n) and force (n,) of the elastica; ``inputs`` are those of `Elastica.inputs_at`."""
     B, b, W, tip, mu, J, K, tip_angle, pull = arrays
@@ -84,7 +82,6 @@ def equations(arrays, numbers, c, v, inputs):
     return M, f + inputs[4] * tip_angle + Fx * tx + Fy * ty
 
 
-@njit(cache=True)
 def march_steps(arrays, numbers, start, inputs, h, within):
     """Integrate by the classical Runge-Kutta method; every ``within`` steps a row is kept."""
     n = len(start) // 2

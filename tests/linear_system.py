@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, require_shape
-from fmd.dynamics.jit.compiled import meaning
 from fmd.dynamics.system import (
     accelerations,
     advance,
@@ -22,12 +20,13 @@ from fmd.dynamics.system import (
     velocities,
 )
 from fmd.dynamics.vibration import highest_frequency, largest_leapfrog_step
+from fmd.kernels.table import Table
 
 
-class LinearParameters(NamedTuple):
+@dataclass(frozen=True)
+class LinearParameters(Table):
     """Constants of ``a = −A q − B v`` and of the fast coordinates' ``a_S = −W (K_SS q_S + C_SS v_S + frozen)``.
 
-    Matrices lie in memory by columns, so that products run over one column after another in vector instructions.
     B, C and C_SS have no columns if no term depends on the rates.
     """
 
@@ -43,14 +42,16 @@ class LinearParameters(NamedTuple):
     v_now: Array  # (n_fast,), room to work in
 
 
-class FrozenLinear(NamedTuple):
+@dataclass(frozen=True)
+class FrozenLinear(Table):
     """Forces of the slow coordinates on the fast ones over a cycle: ``frozen = K_SL q_L + C_SL v_L + M_SL a_L``."""
 
     frozen: Array  # (n_fast,)
     right: Array  # (n_fast,), room to work in
 
 
-class MiddleLinear(NamedTuple):
+@dataclass(frozen=True)
+class MiddleLinear(Table):
     """Equations of the fast coordinates with ``y = q_L + D q_S`` frozen, and the state at the middle of a cycle."""
 
     D: Array  # (n, n_slow), a row for each fast rate
@@ -126,7 +127,7 @@ class LinearSystem:
     @property
     def parameters(self) -> LinearParameters:
         """Flat arrays for the kernels, with a work array that no other caller has."""
-        return self._packed._replace(v_now=np.zeros(self.n - self.n_slow))
+        return replace(self._packed, v_now=np.zeros(self.n - self.n_slow))
 
     @cached_property
     def _packed(self) -> LinearParameters:
@@ -135,7 +136,7 @@ class LinearSystem:
         S = slice(self.n_slow, None)
         of_fast = self.K[S, S], C[S, S], np.linalg.inv(self.M[S, S])
         arrays = (inverse @ self.K, inverse @ C, self.M, C, self.K, *of_fast, np.empty(0))
-        return LinearParameters(self.n_slow, *(np.asfortranarray(a, dtype=float) for a in arrays))
+        return LinearParameters(self.n_slow, *(np.ascontiguousarray(a, dtype=float) for a in arrays))
 
     def leapfrog(self) -> Array:
         """Return room for rates."""
@@ -203,7 +204,7 @@ class LinearSystem:
         return highest_frequency(self.M[part, part], self.K[part, part])
 
 
-@meaning(accelerations, LinearParameters)
+@accelerations.register(LinearParameters)
 def _accelerations(p: LinearParameters, t: float, q: Array, v: Array, a: Array) -> None:
     A, B = p.A, p.B
     for i in range(v.size):
@@ -216,7 +217,7 @@ def _accelerations(p: LinearParameters, t: float, q: Array, v: Array, a: Array) 
             a[i] -= B[i, j] * v[j]
 
 
-@meaning(leapfrog_step, LinearParameters)
+@leapfrog_step.register(LinearParameters)
 def _leapfrog_step(p: LinearParameters, leapfrog: Array, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     for i in range(v.size):
         leapfrog[i] = v[i] + 0.5 * h * a[i]
@@ -226,27 +227,27 @@ def _leapfrog_step(p: LinearParameters, leapfrog: Array, t: float, h: float, q: 
         q[i] += h * v[i]
 
 
-@meaning(freeze_slow, LinearParameters)
+@freeze_slow.register(LinearParameters)
 def _freeze_slow(p: LinearParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenLinear) -> None:
-    M, C, K, frozen, n_slow = p.M, p.C, p.K, frozen.frozen, p.n_slow
+    M, C, K, force, n_slow = p.M, p.C, p.K, frozen.frozen, p.n_slow
     for i in range(n_slow, v.size):
-        frozen[i - n_slow] = 0.0
+        force[i - n_slow] = 0.0
         for j in range(n_slow):
-            frozen[i - n_slow] += K[i, j] * q[j] + M[i, j] * a[j]
+            force[i - n_slow] += K[i, j] * q[j] + M[i, j] * a[j]
         for j in range(min(n_slow, C.shape[1])):
-            frozen[i - n_slow] += C[i, j] * v[j]
+            force[i - n_slow] += C[i, j] * v[j]
 
 
-@meaning(fast_steps, LinearParameters)
+@fast_steps.register(LinearParameters)
 def _fast_steps(
     p: LinearParameters, frozen: FrozenLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
-    K, C, W, v_now, frozen, right, n_fast = p.K_SS, p.C_SS, p.W, p.v_now, frozen.frozen, frozen.right, frozen.right.size
+    K, C, W, v_now, force, right, n_fast = p.K_SS, p.C_SS, p.W, p.v_now, frozen.frozen, frozen.right, frozen.right.size
     q, v, a = q[p.n_slow :], v[p.n_slow :], a[p.n_slow :]
     for _ in range(count):
         for i in range(n_fast):
             v_now[i] = v[i] + 0.5 * h * a[i]
-            right[i] = -frozen[i]
+            right[i] = -force[i]
             a[i] = 0.0
         for j in range(n_fast):
             for i in range(n_fast):
@@ -262,13 +263,13 @@ def _fast_steps(
             q[i] += h * v[i]
 
 
-@meaning(advance, LinearParameters)
+@advance.register(LinearParameters)
 def _advance(p: LinearParameters, q: Array, v: Array, h: float, first: int, last: int) -> None:
     for i in range(first, last):
         q[i] += h * v[i]
 
 
-@meaning(velocities, LinearParameters)
+@velocities.register(LinearParameters)
 def _velocities(p: LinearParameters, q: Array, v: Array, dq: Array) -> None:
     for i in range(v.size):
         dq[i] = v[i]
@@ -282,17 +283,17 @@ def middle_of(M: Array, K: Array, C: Array, n_slow: int) -> MiddleLinear:
     rows = np.concatenate([np.zeros((n_slow, n_slow)), D.T])
     W, V = np.linalg.inv(T.T @ M @ T), np.linalg.inv(M[L, L])
     arrays = (rows, W, V, T, K @ T, C @ T)
-    return MiddleLinear(*(np.asfortranarray(a) for a in arrays), *np.zeros((5, n)))
+    return MiddleLinear(*(np.ascontiguousarray(a) for a in arrays), *np.zeros((5, n)))
 
 
-@meaning(freeze_middle, LinearParameters)
+@freeze_middle.register(LinearParameters)
 def _freeze_middle(p: LinearParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleLinear) -> None:
     K, C, Q = p.K, p.C, middle.Q
     for i in range(v.size):
         Q[i], middle.q[i], middle.v[i] = 0.0, q[i], v[i]
         for j in range(p.n_slow):
             D[i, j] = middle.D[i, j]
-    for j in range(v.size):  # by columns, as the matrices lie in memory
+    for j in range(v.size):
         for i in range(v.size):
             Q[i] -= K[i, j] * q[j]
     for j in range(C.shape[1]):
@@ -300,7 +301,7 @@ def _freeze_middle(p: LinearParameters, t: float, q: Array, v: Array, D: Array, 
             Q[i] -= C[i, j] * v[j]
 
 
-@meaning(reacting_steps, LinearParameters)
+@reacting_steps.register(LinearParameters)
 def _reacting_steps(
     p: LinearParameters, middle: MiddleLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
@@ -341,7 +342,7 @@ def _reacting_steps(
             q[i] += h * v[i]
 
 
-@meaning(slow_response, LinearParameters)
+@slow_response.register(LinearParameters)
 def _slow_response(
     p: LinearParameters, middle: MiddleLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:

@@ -22,11 +22,11 @@ MOST_LINES = 420  # most files have less than 250
 
 _PHYSICS = ["fem", "reduction", "dynamics", "integrators", "recovery", "stability", "responses"]
 # The rooms of `fmd` that each may import, beside itself.
-MAY_IMPORT: dict[str, set[str]] = {"core": set(), "render": {"core"}}
-MAY_IMPORT |= {folder: {"core", *_PHYSICS[:k]} for k, folder in enumerate(_PHYSICS)}
+MAY_IMPORT: dict[str, set[str]] = {"core": set(), "kernels": {"core"}, "render": {"core"}}
+MAY_IMPORT |= {folder: {"core", "kernels", *_PHYSICS[:k]} for k, folder in enumerate(_PHYSICS)}
 MAY_IMPORT["scene"] = {"core", "integrators"}  # a run makes its integrator
 MAY_IMPORT["meshes"] = set()
-MAY_IMPORT["stages"] = {"core", "scene", "meshes", *_PHYSICS}
+MAY_IMPORT["stages"] = {"core", "kernels", "scene", "meshes", *_PHYSICS}
 MAY_IMPORT["accuracy"] = {"stages", *MAY_IMPORT["stages"]}
 MAY_IMPORT["output"] = {"accuracy", "render", *MAY_IMPORT["accuracy"]}
 MAY_IMPORT |= {folder: {"output", *MAY_IMPORT["output"]} for folder in ("verification", "sweep")}
@@ -48,7 +48,7 @@ OWNERS = {
 HEAVY = {
     *("control", "cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib"),
     *("fmpy", "llvmlite"),
-    *("matplotlib", "meshio", "numba", "petsc4py", "pint", "psutil", "pymetis", "pyvista", "rich", "scipy", "skfem"),
+    *("matplotlib", "meshio", "petsc4py", "pint", "psutil", "pymetis", "pyvista", "rich", "scipy", "skfem"),
     *("slepc4py", "vtk", "vtkmodules", "xarray"),
 }
 MISSING_ON_SOME_SYSTEMS = {"resource"}
@@ -68,15 +68,13 @@ FACTS = {
     "fmd.core.netcdf": {"_CHAR", "_DOUBLE", "_DIMENSION", "_VARIABLE", "_ATTRIBUTE", "_LARGEST"},
     "fmd.dynamics.compiler.c_source": {"_PER_LINE"},
     "fmd.dynamics.compiler.program": {"LANES"},
-    "fmd.dynamics.compiler.store": {"_DIGEST_BYTES"},
     "fmd.dynamics.compiler.functions": {"FIRST_STUMPFF", "LAST_STUMPFF", "LAST_ARC", "SERIES_LIMITS"},
     "fmd.dynamics.compiler.writer": {"_ROUNDING"},
-    "fmd.dynamics.jit.compiled": {"_LINE"},
-    "fmd.dynamics.jit.kernel_files": {"_DIGEST_BYTES"},
-    "fmd.dynamics.jit.table": {"_WORD", "_LINE"},
     "fmd.fem.formats.stl": {"_HEADER", "_RECORD"},
     "fmd.fem.local_markers": {"_POINTS"},
     "fmd.integrators.runge_kutta": {"DAMPED", "_E3", "_E5", "_D"},
+    "fmd.kernels.files": {"DIGEST_BYTES"},
+    "fmd.kernels.table": {"_WORD", "_LINE"},
     "fmd.output.campbell": {"RPM"},
     "fmd.output.fmu.build": {"_FAT_MAGIC", "_FAT_ALIGNMENT"},
     "fmd.output.fmu.equations": {"_THIRD", "_FIFTH", "_DENSE"},

@@ -127,7 +127,6 @@ class Runs:
         self.scene = folder / "small.toml"
         self.scene.write_text(SCENE)
         environment = os.environ | {"FMD_CACHE": str(folder / "kernels")}
-        environment.pop("NUMBA_CACHE_DIR", None)
         self.command = ["run", str(self.scene), *SMALL, "--no-pictures", "--no-budget"]
         self.servers = [self._server(environment) for _ in range(2)]
 
@@ -284,7 +283,7 @@ def test_a_disk_too_full_for_the_cache_alone_costs_only_time(runs: Runs, whole: 
     small = runs.new_folder()
     out = runs.new_folder()
     script = f'mount -t tmpfs -o size=16k tmpfs {small} && exec "$0" "$@"'
-    environment = os.environ | {"FMD_CACHE": str(small), "NUMBA_CACHE_DIR": str(kernels(runs))}
+    environment = os.environ | {"FMD_CACHE": str(small)}
     command = ["unshare", "-m", "sh", "-c", script, *FMD, *runs.command, "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False, timeout=300)
     assert done.returncode == 0, done.stderr
@@ -304,16 +303,11 @@ def test_a_cache_folder_that_cannot_be_written_costs_only_time(runs: Runs, whole
         pytest.skip("needs a file system of its own")
     out = runs.new_folder()
     script = f'mount -t tmpfs -o ro tmpfs {cache} && exec "$0" "$@"'
-    environment = os.environ | {"FMD_CACHE": str(cache), "NUMBA_CACHE_DIR": str(kernels(runs))}
+    environment = os.environ | {"FMD_CACHE": str(cache)}
     command = ["unshare", "-m", "sh", "-c", script, *FMD, *runs.command, "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False, timeout=300)
     assert done.returncode == 0, done.stderr
     assert read(out) == whole
-
-
-def kernels(runs: Runs) -> Path:
-    (folder,) = (runs.folder / "kernels" / "kernels").iterdir()
-    return folder
 
 
 # Poor machines ---------------------------------------------------------------------------------------------------
@@ -376,7 +370,7 @@ def test_without_a_network_results_are_the_same(frequencies: list[float]) -> Non
 def test_without_a_display_pictures_are_drawn(runs: Runs, tmp_path: Path) -> None:
     picture = 'output=[{type="stress", file="stress.png", body="beam", size=[320, 240]}]'
     small = [*runs.command[:-2], "--no-budget", "--set", picture, "--out", str(tmp_path)]
-    done = fmd(small, DISPLAY=":99", WAYLAND_DISPLAY=None, NUMBA_CACHE_DIR=str(kernels(runs)))
+    done = fmd(small, DISPLAY=":99", WAYLAND_DISPLAY=None)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "stress.png").stat().st_size > 1000
 

@@ -1,5 +1,6 @@
 """Names of the functions that a system gives a meaning."""
 
+from inspect import signature
 from typing import Any
 
 import pytest
@@ -12,4 +13,4 @@ NAMES = (accelerations, freeze_slow, freeze_middle, fast_steps, advance, velocit
 @pytest.mark.parametrize("name", NAMES, ids=lambda name: name.__name__)
 def test_a_name_without_a_system_does_nothing(name: Any) -> None:
     with pytest.raises(NotImplementedError, match=r"^$"):
-        name(*([None] * (name.__code__.co_argcount)))
+        name(*([None] * len(signature(name).parameters)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.jit.compiled import meaning
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import accelerations, advance, velocities
@@ -22,12 +20,14 @@ from fmd.integrators.adaptive import groups_of, kinds_of, step_within
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import DAMPED, RungeKutta
 from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.kernels.table import Table
 from fmd.scene.joints.spherical import SPHERICAL
 
 BOTH = pytest.mark.parametrize("method", [ExponentialRosenbrock, RungeKutta])
 
 
-class Linear(NamedTuple):
+@dataclass(frozen=True)
+class Linear(Table):
     """``q̈ = −K q − C v + f sin(Ω t) + push·(time since the jump)^power + round-off``; not a number after some time."""
 
     calls: Array  # (1,)
@@ -42,7 +42,7 @@ class Linear(NamedTuple):
     power: float
 
 
-@meaning(accelerations, Linear)
+@accelerations.register(Linear)
 def _accelerations(p: Linear, t: float, q: Array, v: Array, a: Array) -> None:
     p.calls[0] += 1
     for i in range(v.size):
@@ -54,13 +54,13 @@ def _accelerations(p: Linear, t: float, q: Array, v: Array, a: Array) -> None:
             a[i] = np.nan
 
 
-@meaning(velocities, Linear)
+@velocities.register(Linear)
 def _velocities(p: Linear, q: Array, v: Array, dq: Array) -> None:
     for i in range(v.size):
         dq[i] = v[i]
 
 
-@meaning(advance, Linear)
+@advance.register(Linear)
 def _advance(p: Linear, q: Array, v: Array, h: float, first: int, last: int) -> None:
     for i in range(first, last):
         q[i] += h * v[i]

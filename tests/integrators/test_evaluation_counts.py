@@ -2,13 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
-from fmd.dynamics.jit.compiled import meaning
 from fmd.dynamics.system import (
     accelerations,
     advance,
@@ -22,25 +21,27 @@ from fmd.dynamics.system import (
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
+from fmd.kernels.table import Table
 
 Method = Callable[[float], CentralDifference | Subcycling | ReversibleSubcycling]
 
 
-class Counted(NamedTuple):
+@dataclass(frozen=True)
+class Counted(Table):
     """Two oscillators, the first one slow, that count how often they are asked."""
 
     calls: Array  # (3,) of each of the functions below
     stiffness: Array  # (2,)
 
 
-@meaning(accelerations, Counted)
+@accelerations.register(Counted)
 def _accelerations(p: Counted, t: float, q: Array, v: Array, a: Array) -> None:
     p.calls[0] += 1
     for i in range(q.size):
         a[i] = -p.stiffness[i] * q[i]
 
 
-@meaning(leapfrog_step, Counted)
+@leapfrog_step.register(Counted)
 def _leapfrog_step(p: Counted, leapfrog: Array, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     accelerations(p, t, q, v, a)
     for i in range(q.size):
@@ -48,12 +49,12 @@ def _leapfrog_step(p: Counted, leapfrog: Array, t: float, h: float, q: Array, v:
         q[i] += h * v[i]
 
 
-@meaning(freeze_slow, Counted)
+@freeze_slow.register(Counted)
 def _freeze_slow(p: Counted, t: float, q: Array, v: Array, a: Array, frozen: Array) -> None:
     p.calls[1] += 1
 
 
-@meaning(fast_steps, Counted)
+@fast_steps.register(Counted)
 def _fast_steps(p: Counted, frozen: Array, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     for _ in range(count):
         p.calls[2] += 1
@@ -62,24 +63,24 @@ def _fast_steps(p: Counted, frozen: Array, first: int, h: float, count: int, q: 
         q[1] += h * v[1]
 
 
-@meaning(advance, Counted)
+@advance.register(Counted)
 def _advance(p: Counted, q: Array, v: Array, h: float, first: int, last: int) -> None:
     for i in range(first, last):
         q[i] += h * v[i]
 
 
-@meaning(freeze_middle, Counted)
+@freeze_middle.register(Counted)
 def _freeze_middle(p: Counted, t: float, q: Array, v: Array, D: Array, middle: Array) -> None:
     p.calls[0] += 1
     middle[0], D[1, 0] = q[0], 0.0
 
 
-@meaning(reacting_steps, Counted)
+@reacting_steps.register(Counted)
 def _reacting_steps(p: Counted, middle: Array, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     fast_steps(p, middle, first, h, count, q, v, a)
 
 
-@meaning(slow_response, Counted)
+@slow_response.register(Counted)
 def _slow_response(p: Counted, middle: Array, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     a[0] = -p.stiffness[0] * middle[0]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from math import factorial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,13 +17,13 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.jit.compiled import meaning
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.dynamics.system import accelerations
 from fmd.integrators.exponential import Exponential, _functions
 from fmd.integrators.protocol import State
 from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.kernels.table import Table
 from fmd.recovery.motion import Motion
 from fmd.reduction.body import FlexibleBody
 from tests.dynamics.hinged_body import body_of, energies, hinged
@@ -39,7 +39,8 @@ EPSILON = np.finfo(float).eps
 MILLI = 1e-3
 
 
-class Pushed(NamedTuple):
+@dataclass(frozen=True)
+class Pushed(Table):
     """Oscillators under constant forces, with a negative damper if one is wanted, that count how often they are asked.
 
     The damper's coefficient multiplies the rate: a positive one feeds the motion.
@@ -51,7 +52,7 @@ class Pushed(NamedTuple):
     growth: float
 
 
-@meaning(accelerations, Pushed)
+@accelerations.register(Pushed)
 def _accelerations(p: Pushed, t: float, q: Array, v: Array, a: Array) -> None:
     p.calls[0] += 1
     for i in range(v.size):

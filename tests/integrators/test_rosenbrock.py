@@ -11,7 +11,6 @@ from scipy.linalg import expm
 from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.jit.compiled import kernel
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant, linear_table
@@ -20,6 +19,7 @@ from fmd.integrators.automatic import Automatic
 from fmd.integrators.protocol import State, evaluate, evaluate_velocities
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.kernels.kernel import kernel
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
 from fmd.scene.joints.spherical import SPHERICAL

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,20 +15,21 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.jit.compiled import meaning
 from fmd.dynamics.signals.signal import half_sine
 from fmd.dynamics.system import accelerations, velocities
 from fmd.integrators import scipy_ivp
 from fmd.integrators.exponential import Exponential
 from fmd.integrators.protocol import Trajectory
 from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.kernels.table import Table
 from tests.dynamics.hinged_body import body_of, hinged
 
 NAMES = ("DOP853", "Radau", "LSODA")
 EACH = pytest.mark.parametrize("name", NAMES)
 
 
-class Pulse(NamedTuple):
+@dataclass(frozen=True)
+class Pulse(Table):
     """Half a sine of force."""
 
     start: float
@@ -36,7 +37,8 @@ class Pulse(NamedTuple):
     peak: float
 
 
-class Hit(NamedTuple):
+@dataclass(frozen=True)
+class Hit(Table):
     """Oscillators that a half-sine of force hits, and whose accelerations are no numbers after some time."""
 
     calls: Array  # (1,)
@@ -45,7 +47,7 @@ class Hit(NamedTuple):
     until: float
 
 
-@meaning(accelerations, Hit)
+@accelerations.register(Hit)
 def _accelerations(p: Hit, t: float, q: Array, v: Array, a: Array) -> None:
     p.calls[0] += 1
     s = (t - p.pulse.start) / p.pulse.duration
@@ -54,7 +56,7 @@ def _accelerations(p: Hit, t: float, q: Array, v: Array, a: Array) -> None:
         a[i] = force - p.stiffness * q[i] if t <= p.until else np.nan
 
 
-@meaning(velocities, Hit)
+@velocities.register(Hit)
 def _velocities(p: Hit, q: Array, v: Array, dq: Array) -> None:
     for i in range(v.size):
         dq[i] = v[i]
@@ -63,7 +65,7 @@ def _velocities(p: Hit, q: Array, v: Array, dq: Array) -> None:
 @dataclass
 class HitOscillators:
     stiffness: float = 4.0
-    pulse: Pulse = Pulse(0.0, 1.0, 0.0)  # noqa: RUF009
+    pulse: Pulse = Pulse(0.0, 1.0, 0.0)
     until: float = np.inf
     breakpoints: tuple[float, ...] = ()
     parameters: Hit = field(init=False)

@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
 
@@ -22,7 +21,7 @@ FOUND = Trajectory("", 1.0, 1, np.zeros(1), NOTHING, NOTHING, 0, 0, 2.0, State(0
 
 @pytest.fixture(autouse=True)
 def two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 2)
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
 
 
 def endless(progress: Progress | None) -> Trajectory:
@@ -46,7 +45,7 @@ def test_the_motion_is_the_same_with_one_thread_and_with_two(scene: str, monkeyp
     monkeypatch.setattr("fmd.integrators.automatic.WORTH_A_CORE", 0.0)
     motions = []
     for threads in (1, 2):
-        monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", threads)
+        monkeypatch.setenv("OMP_NUM_THREADS", str(threads))
         motions.append(Automatic(1e-3, 0.2).march(run.system, *run.start, np.linspace(0.0, 0.2, 41)))
     np.testing.assert_array_equal(motions[0].q, motions[1].q)
     np.testing.assert_array_equal(motions[0].v, motions[1].v)

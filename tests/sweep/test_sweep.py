@@ -48,9 +48,7 @@ async def dask_setup(worker):
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory):
-    """A cache of its own: kernels of the tests' own mechanisms can't be read where those aren't importable."""
-    inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    return inherited | {"FMD_CACHE": str(tmp_path_factory.mktemp("cache")), "OPENBLAS_NUM_THREADS": "1"}
+    return os.environ | {"FMD_CACHE": str(tmp_path_factory.mktemp("cache")), "OPENBLAS_NUM_THREADS": "1"}
 
 
 @pytest.fixture(scope="module")

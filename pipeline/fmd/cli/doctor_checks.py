@@ -58,7 +58,6 @@ def describe_machine() -> dict[str, str]:
     return {
         "processor cores": str(cpu_count()),
         "BLAS threads": _threads("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"),
-        "numba threads": _threads("NUMBA_NUM_THREADS"),
     }
 
 

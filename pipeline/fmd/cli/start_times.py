@@ -13,7 +13,7 @@ from fmd.render.rendering_check import TIMEOUT, rendering_failure
 _IMPORTS = {
     "NumPy": "numpy",
     "scene and stages": "fmd.cli.inputs",
-    "Numba": "numba",
+    "LLVM": "llvmlite.binding",
     "mechanism": "fmd.dynamics.compiled_system.system",
     "error budget and files": "fmd.output.write",
 }

@@ -19,7 +19,14 @@ _NUMBERS, _WORDS = re.compile(rb"^from fmd\.core\.limits(?:\.\w+)? import (?:\([
 
 _private: dict[Path, bool] = {}  # folders that were looked at in this run
 
-KERNEL_SOURCES = ("fmd/dynamics", "fmd/integrators", "fmd/recovery/kernels", "fmd/core/newton.py")
+KERNEL_SOURCES = (
+    "fmd/kernels",
+    "fmd/dynamics",
+    "fmd/integrators",
+    "fmd/recovery/kernels",
+    "fmd/core/newton.py",
+    "fmd/reduction/factor/factor_size.py",
+)
 """Folders and files whose sources kernels are compiled from."""
 
 

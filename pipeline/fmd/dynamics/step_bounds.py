@@ -15,9 +15,9 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.stepping import INTO_PIECE, LEAST_PART, MOST_PART
-from fmd.dynamics.jit.compiled import inner, kernel
-from fmd.dynamics.jit.native import call_native
-from fmd.dynamics.jit.table import Table
+from fmd.kernels.kernel import inner, kernel
+from fmd.kernels.library import call_native
+from fmd.kernels.table import Table
 
 
 @dataclass(frozen=True)

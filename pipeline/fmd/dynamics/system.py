@@ -1,22 +1,24 @@
 """Interface between integrators and the systems that they march.
 
-A system is its parameters, a `Table` or a ``NamedTuple`` of flat arrays, and compiled functions of them. The functions
-here are names only: `meaning` gives each what it does for a type of parameters, so that one integrator kernel serves
-every mechanism.
+A system is its parameters, a `Table` of flat arrays, and compiled functions of them. The functions here are names only:
+what each does is registered for a type of parameters, so that one integrator kernel serves every mechanism.
 """
 
 from __future__ import annotations
 
+from functools import singledispatch
 from typing import Any, Protocol
 
 from fmd.core.arrays import Array
 
 
+@singledispatch
 def accelerations(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     """Solve ``M̂ a = Q̂`` (eq. 4 of Miao et al. 2008) at time t [s] for coordinates q and rates v, into a."""
     raise NotImplementedError
 
 
+@singledispatch
 def project(p: Any, t: float, q: Array, v: Array) -> None:
     """Bring positions and rates at time t [s] back onto the constraints of loops, the shortest way by the mass matrix.
 
@@ -26,6 +28,7 @@ def project(p: Any, t: float, q: Array, v: Array) -> None:
     raise NotImplementedError
 
 
+@singledispatch
 def project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Close the residuals of loops at the end of a leapfrog step h, at time t [s], by forces along Jᵀ at its begin.
 
@@ -35,16 +38,19 @@ def project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: 
     raise NotImplementedError
 
 
+@singledispatch
 def leapfrog_step(p: Any, leapfrog: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Take a step h of the leapfrog method: ``a = M̂⁻¹ Q̂(t, q, v + ½ h a)``, ``v += h a``, ``q += h v``."""
     raise NotImplementedError
 
 
+@singledispatch
 def freeze_slow(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
     """Freeze M̂, the slow accelerations and the coefficients of the velocity-dependent terms over a major cycle."""
     raise NotImplementedError
 
 
+@singledispatch
 def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     """Take ``count`` leapfrog steps h with the fast coordinates alone, from time ``first · h``.
 
@@ -55,11 +61,13 @@ def fast_steps(p: Any, frozen: Any, first: int, h: float, count: int, q: Array, 
     raise NotImplementedError
 
 
+@singledispatch
 def begin_whole_cycle(p: Any, cycle: Any, first: int, h: float) -> None:
     """Evaluate the loads of a major cycle from step number ``first`` on, for `cross_cycle`."""
     raise NotImplementedError
 
 
+@singledispatch
 def cross_cycle(p: Any, cycle: Any, count: int, q: Array, v: Array, a: Array, begin: Array) -> None:
     """Take a slow step over a major cycle and ``count`` of its fast steps: all of them, or those up to a sample.
 
@@ -70,6 +78,7 @@ def cross_cycle(p: Any, cycle: Any, count: int, q: Array, v: Array, a: Array, be
     raise NotImplementedError
 
 
+@singledispatch
 def freeze_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
     """Freeze M̂, Q̂ and its tangents at a major cycle's middle; ``D = M_LL⁻¹ M_LS``, (n, n_slow), a row a rate.
 
@@ -79,6 +88,7 @@ def freeze_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -
     raise NotImplementedError
 
 
+@singledispatch
 def reacting_steps(p: Any, middle: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     """Take ``count`` leapfrog steps h with the fast coordinates while the slow ones react, from time ``first · h``.
 
@@ -89,6 +99,7 @@ def reacting_steps(p: Any, middle: Any, first: int, h: float, count: int, q: Arr
     raise NotImplementedError
 
 
+@singledispatch
 def slow_response(p: Any, middle: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
     """Solve ``M_LL a_y = Q̂_L`` for ``y = q_L + D q_S`` over the cycle of ``count`` steps h from time ``first · h``.
 
@@ -98,11 +109,13 @@ def slow_response(p: Any, middle: Any, first: int, h: float, count: int, q: Arra
     raise NotImplementedError
 
 
+@singledispatch
 def advance(p: Any, q: Array, v: Array, h: float, first: int, last: int) -> None:
     """Move the coordinates that the rates ``first … last - 1`` belong to by ``h v``; unit quaternions stay unit."""
     raise NotImplementedError
 
 
+@singledispatch
 def velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     """Time derivatives of the position coordinates, into dq: the rates, but for quaternions."""
     raise NotImplementedError

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
+from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -34,12 +35,12 @@ from fmd.core.limits.stepping import (
     STILL_GROUP,
     TIME_JITTER,
 )
-from fmd.dynamics.jit.compiled import aligned, inner, kernel
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.step_bounds import StepBounds, allowed_part, predicted_part, record_step_start, step_bounds_of
 from fmd.dynamics.system import System, advance, project
 from fmd.integrators.endless import StepsLeft
 from fmd.integrators.protocol import Progress, State, Trajectory, require_times, start_state
+from fmd.kernels.kernel import inner, kernel
+from fmd.kernels.table import Table, aligned
 
 _JITTER = TIME_JITTER * np.finfo(float).eps
 
@@ -221,26 +222,31 @@ class AdaptiveMarch(Table):
     bounds: StepBounds
 
 
+@singledispatch
 def begin_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Prepare a step from ``s.begin`` at time t [s], of which h is the first trial."""
     raise NotImplementedError
 
 
+@singledispatch
 def try_step(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
     """Take a trial step into ``s.new``; return its error over the largest values, NaN if the step is no good."""
     raise NotImplementedError
 
 
+@singledispatch
 def prepare_samples(m: Any, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Prepare what `sample_step` needs of an accepted step."""
     raise NotImplementedError
 
 
+@singledispatch
 def sample_step(m: Any, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
     """Evaluate positions and rates a time ``ahead`` [s] after the step's begin, into ``s.out``."""
     raise NotImplementedError
 
 
+@singledispatch
 def end_step(m: Any, p: Any, s: AdaptiveMarch) -> None:
     """Keep accelerations, and numbers of the method's own, of an accepted step."""
     raise NotImplementedError
@@ -332,8 +338,8 @@ def march_adaptive_steps(
     name : str
         Name of the method.
     m : Table
-        The method: its numbers and room to work in, with meanings of `begin_step`, `try_step`, `prepare_samples`,
-        `sample_step` and `end_step`.
+        The method: its numbers and room to work in; `begin_step`, `try_step`, `prepare_samples`, `sample_step` and
+        `end_step` are registered for it.
     tolerance, order, longest : float, int, float
         As in `AdaptiveMarch`.
 

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.jit.compiled import aligned, inlined, meaning
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, accelerations, advance
 from fmd.integrators.fixed_step import Samples, begin_cycle, end_cycle, runs_away, sample_within, take_steps
 from fmd.integrators.protocol import State
+from fmd.kernels.kernel import inlined
+from fmd.kernels.table import Table, aligned
 
 DEGREES = {"frozen": 0, "carried": 2}
 """Largest degree of the polynomial by which forces go on, by the name of the scheme."""
@@ -96,7 +96,7 @@ def _maps(k: Array, h: float, m: int) -> Array:
     return made
 
 
-@meaning(begin_cycle, CarriedSteps)
+@begin_cycle.register(CarriedSteps)
 def _begin_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, sampled: bool) -> None:
     """Evaluate all accelerations, and take the cycle."""
     n, H, offset, t = m.v.size, m.substeps * m.h, m.q.size - m.v.size, first * m.h
@@ -137,7 +137,7 @@ def _cross(m: CarriedSteps, maps: Array, n: int, offset: int) -> None:
         m.a[i] = last
 
 
-@meaning(take_steps, CarriedSteps)
+@take_steps.register(CarriedSteps)
 def _take_steps(m: CarriedSteps, p: Any, nothing: Any, first: int, done: int, count: int, sampled: bool) -> int:
     if sampled:
         _follow(m, done)
@@ -164,7 +164,7 @@ def _follow(m: CarriedSteps, done: int) -> None:
         m.q_now[i + offset], m.v_now[i], m.a_now[i] = x, rate, a
 
 
-@meaning(sample_within, CarriedSteps)
+@sample_within.register(CarriedSteps)
 def _sample_within(m: CarriedSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     H = m.substeps * m.h
     for i in range(q.size):
@@ -177,7 +177,7 @@ def _sample_within(m: CarriedSteps, p: Any, done: int, s: float, q: Array, v: Ar
     advance(p, q, m.v_now, s, m.n_slow, v.size)
 
 
-@meaning(end_cycle, CarriedSteps)
+@end_cycle.register(CarriedSteps)
 def _end_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Remember the forces."""
     n = m.v.size

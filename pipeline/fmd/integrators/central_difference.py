@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.jit.compiled import aligned, meaning
 from fmd.dynamics.system import System, advance, leapfrog_step
 from fmd.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
 from fmd.integrators.protocol import (
@@ -26,6 +25,7 @@ from fmd.integrators.protocol import (
     require_step,
     start_state,
 )
+from fmd.kernels.table import aligned
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class LeapfrogSteps(SingleSteps):
     v_now: Array
 
 
-@meaning(take_steps, LeapfrogSteps)
+@take_steps.register(LeapfrogSteps)
 def _take_steps(m: LeapfrogSteps, p: Any, leapfrog: Any, first: int, done: int, count: int, sampled: bool) -> int:
     if sampled:
         for i in range(m.q.size):
@@ -94,7 +94,7 @@ def _take_steps(m: LeapfrogSteps, p: Any, leapfrog: Any, first: int, done: int, 
     return count
 
 
-@meaning(sample_within, LeapfrogSteps)
+@sample_within.register(LeapfrogSteps)
 def _sample_within(m: LeapfrogSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
         m.v_now[i] = m.v[i] - 0.5 * m.h * m.a[i] + 0.5 * s * m.a[i]

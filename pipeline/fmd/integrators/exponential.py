@@ -18,7 +18,6 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.round_off import SOLVED
-from fmd.dynamics.jit.compiled import aligned, inner, kernel, meaning
 from fmd.dynamics.system import System, accelerations, project
 from fmd.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
 from fmd.integrators.protocol import (
@@ -33,6 +32,8 @@ from fmd.integrators.protocol import (
     require_times,
     start_state,
 )
+from fmd.kernels.kernel import inner, kernel
+from fmd.kernels.table import aligned
 
 
 @dataclass(frozen=True)
@@ -272,7 +273,7 @@ def _rest(m: ExponentialSteps, p: Any, t: float, q: Array, v: Array, N: Array) -
         N[i] += m.stiffness[i] * q[i]
 
 
-@meaning(take_steps, ExponentialSteps)
+@take_steps.register(ExponentialSteps)
 def _take_steps(m: ExponentialSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     for k in range(count):
         _take_step(m, p, m.origin + (first + done + k) * m.h)
@@ -324,7 +325,7 @@ def _flow(m: ExponentialSteps, i: int, s: float, x: float, phi: Array) -> tuple[
     )
 
 
-@meaning(sample_within, ExponentialSteps)
+@sample_within.register(ExponentialSteps)
 def _sample_within(m: ExponentialSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     for i in range(v.size):
         _functions(m.stiffness[i], s, m.phi)

@@ -1,8 +1,8 @@
 """Loop of the methods with a fixed step, and its test for divergence.
 
-A method is a `Table` of its numbers and arrays, among them the state's ``q``, ``v`` and ``a``, and the meanings that
-it gives to `begin_cycle`, `take_steps`, `sample_within` and `end_cycle`. A cycle is as many steps as belong together.
-Into how many calls of `take_steps` output times divide it changes no bit.
+A method is a `Table` of its numbers and arrays, among them the state's ``q``, ``v`` and ``a``, for which
+`begin_cycle`, `take_steps`, `sample_within` and `end_cycle` are registered. A cycle is as many steps as belong
+together. Into how many calls of `take_steps` output times divide it changes no bit.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,11 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, RUNAWAY
-from fmd.dynamics.jit.compiled import inlined, kernel, meaning
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, project
 from fmd.integrators.missed_work import ElongationLog, WorkCheck, note_elongations
 from fmd.integrators.protocol import Progress, State, require_times
+from fmd.kernels.kernel import inlined, kernel
+from fmd.kernels.table import Table
 
 
 @dataclass(frozen=True)
@@ -54,11 +55,13 @@ class SingleSteps(Table):
     """Base of methods without sub-cycling, of which any number of steps is a cycle."""
 
 
+@singledispatch
 def begin_cycle(m: Any, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     """Prepare the cycle that begins with step number ``first``; ``sampled`` tells if an output time is in it."""
     raise NotImplementedError
 
 
+@singledispatch
 def take_steps(m: Any, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     """Take ``count`` steps of a cycle after ``done`` ones, and return how many before `runs_away`.
 
@@ -67,22 +70,24 @@ def take_steps(m: Any, p: Any, frozen: Any, first: int, done: int, count: int, s
     raise NotImplementedError
 
 
+@singledispatch
 def sample_within(m: Any, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     """Evaluate the state a time s [s] after the begin of the last step, with ``done`` steps of its cycle before it."""
     raise NotImplementedError
 
 
+@singledispatch
 def end_cycle(m: Any, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Complete a cycle, and its samples from number ``first_sample`` to the cursor."""
     raise NotImplementedError
 
 
-@meaning(begin_cycle, SingleSteps)
+@begin_cycle.register(SingleSteps)
 def _begin_nothing(m: Any, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     pass
 
 
-@meaning(end_cycle, SingleSteps)
+@end_cycle.register(SingleSteps)
 def _end_nothing(m: Any, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     pass
 

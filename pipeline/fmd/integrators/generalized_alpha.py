@@ -29,8 +29,6 @@ from fmd.core.limits.newton import (
     VANISHED,
 )
 from fmd.core.newton import settles
-from fmd.dynamics.jit.compiled import aligned, inlined, inner, meaning
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, accelerations, advance, project
 from fmd.integrators.fixed_step import (
     Samples,
@@ -53,6 +51,8 @@ from fmd.integrators.protocol import (
     require_step,
     start_state,
 )
+from fmd.kernels.kernel import inlined, inner
+from fmd.kernels.table import Table, aligned
 
 _settles = inlined(settles)
 
@@ -317,12 +317,12 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
     return False
 
 
-@meaning(begin_cycle, NewmarkSteps)
+@begin_cycle.register(NewmarkSteps)
 def _begin_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     pass
 
 
-@meaning(take_steps, NewmarkSteps)
+@take_steps.register(NewmarkSteps)
 def _take_steps(m: NewmarkSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     """Find the step's end; the state moves there when the samples are taken."""
     if _find_end(m, p, first * m.h + m.h):
@@ -331,7 +331,7 @@ def _take_steps(m: NewmarkSteps, p: Any, frozen: Any, first: int, done: int, cou
     return 0
 
 
-@meaning(sample_within, NewmarkSteps)
+@sample_within.register(NewmarkSteps)
 def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     """Interpolate the state: cubic in time, along the mean rates."""
     n, x = v.size, s / m.h
@@ -343,7 +343,7 @@ def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Ar
     advance(p, q, m.mean, s, 0, n)
 
 
-@meaning(end_cycle, NewmarkSteps)
+@end_cycle.register(NewmarkSteps)
 def _end_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Move the state to the step's end."""
     n = m.v.size

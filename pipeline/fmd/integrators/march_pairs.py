@@ -10,8 +10,8 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.automatic import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS
-from fmd.dynamics.jit.compiled import kernel
 from fmd.integrators.protocol import Trajectory
+from fmd.kernels.kernel import kernel
 
 
 @dataclass(frozen=True)

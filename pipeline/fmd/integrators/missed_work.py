@@ -24,10 +24,10 @@ from fmd.core.limits.stepping import (
     SURE_WORK,
     WORST_STEPS,
 )
-from fmd.dynamics.jit.compiled import inlined
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.law_pieces import PiecewiseLaw
 from fmd.dynamics.step_bounds import StepBounds, no_bounds, record_step_start, record_step_start_of, step_bounds_of
+from fmd.kernels.kernel import inlined
+from fmd.kernels.table import Table
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from fmd.core.arrays import Array
-from fmd.dynamics.jit.compiled import inner
-from fmd.dynamics.jit.products import multiply_square
+from fmd.integrators.products import multiply_square
+from fmd.kernels.kernel import inner
 
 _NORMS = (0.25, 1.0, 1.8, 2.9)  # up to which φ₄'s Taylor polynomial of degree 8, 12, 16, 20 is exact to round-off
 _INVERSES = tuple(1.0 / math.factorial(k) for k in range(26))

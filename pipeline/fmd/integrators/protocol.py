@@ -12,8 +12,9 @@ import numpy as np
 from fmd.core.arrays import Array, require_finite, require_shape, short_repr
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.stability import DAMPED
-from fmd.dynamics.jit.compiled import aligned, kernel, meaning
 from fmd.dynamics.system import System, accelerations, advance, project, project_onto_constraints, velocities
+from fmd.kernels.kernel import kernel
+from fmd.kernels.table import Table, aligned
 
 Progress = Callable[[float], None]
 """Called with the part of the march that is done, 0…1."""
@@ -272,11 +273,11 @@ def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     velocities(p, q, v, dq)
 
 
-@meaning(project, tuple)
+@project.register(Table)
 def _project(p: Any, t: float, q: Array, v: Array) -> None:
-    """Leave a state as it is: parameters that are a plain tuple know of no constraints."""
+    """Leave a state as it is: parameters that say nothing else know of no constraints."""
 
 
-@meaning(project_onto_constraints, tuple)
+@project_onto_constraints.register(Table)
 def _project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Leave a step as it is, likewise."""

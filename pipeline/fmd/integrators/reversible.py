@@ -32,8 +32,6 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.jit.compiled import aligned, inner, kernel, meaning
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, advance, freeze_middle, project, reacting_steps, slow_response
 from fmd.integrators.fixed_step import (
     Samples,
@@ -53,6 +51,8 @@ from fmd.integrators.protocol import (
     require_ratio,
     start_state,
 )
+from fmd.kernels.kernel import inner, kernel
+from fmd.kernels.table import Table, aligned
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ class ReactingSteps(Table):
     before: Array
 
 
-@meaning(begin_cycle, ReactingSteps)
+@begin_cycle.register(ReactingSteps)
 def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: bool) -> None:
     """Freeze the equations in the middle, predicted with the D of the last cycle, and y from here on."""
     n, n_slow, H, offset = m.v.size, m.n_slow, m.substeps * m.h, m.q.size - m.v.size
@@ -179,7 +179,7 @@ def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: boo
         m.q[j + offset] += 0.5 * m.h * m.v[j]
 
 
-@meaning(take_steps, ReactingSteps)
+@take_steps.register(ReactingSteps)
 def _take_steps(m: ReactingSteps, p: Any, middle: Any, first: int, done: int, count: int, sampled: bool) -> int:
     if sampled:
         offset = m.q.size - m.v.size
@@ -190,7 +190,7 @@ def _take_steps(m: ReactingSteps, p: Any, middle: Any, first: int, done: int, co
     return 0 if runs_away(m.v) else count
 
 
-@meaning(sample_within, ReactingSteps)
+@sample_within.register(ReactingSteps)
 def _sample_within(m: ReactingSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     """Evaluate the fast coordinates; the slow ones are known at the cycle's end."""
     offset = q.size - v.size
@@ -199,7 +199,7 @@ def _sample_within(m: ReactingSteps, p: Any, done: int, s: float, q: Array, v: A
         q[j + offset] = m.q_now[j + offset] + s * (m.v_now[j] + 0.5 * s * m.a[j])
 
 
-@meaning(end_cycle, ReactingSteps)
+@end_cycle.register(ReactingSteps)
 def _end_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Take the slow step."""
     n, n_slow, H, offset = m.v.size, m.n_slow, m.substeps * m.h, m.q.size - m.v.size

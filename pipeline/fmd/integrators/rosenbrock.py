@@ -22,8 +22,6 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.stepping import MOST_HALVED_STEPS, RATE_ROUND_OFF, ROSENBROCK_NUDGE, TICKS
-from fmd.dynamics.jit.compiled import aligned, inner, meaning
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, accelerations, velocities
 from fmd.integrators.adaptive import (
     AdaptiveMarch,
@@ -49,6 +47,8 @@ from fmd.integrators.protocol import (
     march_from,
     require_tolerance,
 )
+from fmd.kernels.kernel import inner
+from fmd.kernels.table import Table, aligned
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ def _balance(m: RosenbrockSteps, n_positions: int, floor: float) -> None:
             m.A[i, j] = scale[i] * m.J[i, j] / scale[j]
 
 
-@meaning(begin_step, RosenbrockSteps)
+@begin_step.register(RosenbrockSteps)
 def _begin_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Linearise the equations of motion."""
     n, n_positions, start = s.begin.size, s.q.size, just_after(t)
@@ -303,7 +303,7 @@ def _begin_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float
     s.evaluations[0] += n + 2
 
 
-@meaning(try_step, RosenbrockSteps)
+@try_step.register(RosenbrockSteps)
 def _try_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
     n, n_positions, change, second = s.begin.size, s.q.size, m.marks[0], m.marks[1]
     top = fill_phi_functions(m.A, 0.5 * h, m.levels, m.matrices)
@@ -335,12 +335,12 @@ def _try_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
     return scaled_error(s.groups, s.trial, m.error)
 
 
-@meaning(prepare_samples, RosenbrockSteps)
+@prepare_samples.register(RosenbrockSteps)
 def _prepare_samples(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     pass
 
 
-@meaning(sample_step, RosenbrockSteps)
+@sample_step.register(RosenbrockSteps)
 def _sample_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
     """Solve the linearised equations, with the remainder's polynomial, up to a time within the step."""
     _set_source(m, m.F, m.dt, m.D2, m.D3, h)
@@ -349,7 +349,7 @@ def _sample_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, ahead: float, h: 
         s.out[i] = s.begin[i] + m.w[i] / m.scale[i]
 
 
-@meaning(end_step, RosenbrockSteps)
+@end_step.register(RosenbrockSteps)
 def _end_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch) -> None:
     for i in range(s.a.size):
         s.a[i] = m.F[s.q.size + i]

@@ -15,9 +15,6 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.dynamics.jit.compiled import inlined, meaning
-from fmd.dynamics.jit.sums import add_weighted_rows
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import System, accelerations, velocities
 from fmd.integrators import dop853
 from fmd.integrators.adaptive import (
@@ -43,6 +40,9 @@ from fmd.integrators.protocol import (
     march_from,
     require_tolerance,
 )
+from fmd.integrators.weighted_sums import add_weighted_rows
+from fmd.kernels.kernel import inlined
+from fmd.kernels.table import Table
 
 DAMPED = 5.5  # radians in a step at which an undamped vibration shrinks most, by 0.70
 _E3, _E5, _D = 16, 17, 18  # rows of the weights after those of the stages
@@ -176,7 +176,7 @@ def _stage(m: RungeKuttaSteps, p: Any, k: int, t: float, h: float, s: AdaptiveMa
     _slope(m, p, k, just_before(t + h) if m.C[k] == 1.0 else t + m.C[k] * h, u, s.q.size)
 
 
-@meaning(begin_step, RungeKuttaSteps)
+@begin_step.register(RungeKuttaSteps)
 def _begin_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Evaluate the first slope; unless loads jump here, the last one of the step before has its accelerations."""
     if s.fresh[0] != 0.0:
@@ -188,7 +188,7 @@ def _begin_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float
         m.K[0, s.q.size + i] = s.a[i]
 
 
-@meaning(try_step, RungeKuttaSteps)
+@try_step.register(RungeKuttaSteps)
 def _try_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
     """Take all stages; their error is that of orders 5 and 3 together: ``|e₅|² / √(|e₅|² + 0.01 |e₃|²)``."""
     for k in range(1, 13):
@@ -206,7 +206,7 @@ def _error(m: RungeKuttaSteps, row: int, h: float, s: AdaptiveMarch) -> float:
     return scaled_error(s.groups, s.trial, m.error)
 
 
-@meaning(prepare_samples, RungeKuttaSteps)
+@prepare_samples.register(RungeKuttaSteps)
 def _prepare_samples(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Compute the coefficients of the dense output, with three more stages."""
     for k in range(13, 16):
@@ -221,7 +221,7 @@ def _prepare_samples(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: 
         _add_slopes(m, _D + row, h, m.none, m.dense[3 + row])
 
 
-@meaning(sample_step, RungeKuttaSteps)
+@sample_step.register(RungeKuttaSteps)
 def _sample_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
     """Evaluate ``u + x (f₁ + (1 − x)(f₂ + x (f₃ + …)))`` with seven coefficients at a part x of the step."""
     x = ahead / h
@@ -232,7 +232,7 @@ def _sample_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, ahead: float, h: 
         s.out[i] = s.begin[i] + total
 
 
-@meaning(end_step, RungeKuttaSteps)
+@end_step.register(RungeKuttaSteps)
 def _end_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch) -> None:
     for i in range(s.a.size):
         s.a[i] = m.K[12, s.q.size + i]

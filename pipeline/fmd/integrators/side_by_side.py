@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from statistics import median
-
-import numba
 
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.stepping import MOST_REPEATS, REPEATED_SECONDS
@@ -30,18 +29,24 @@ def march_in_turn(marches: Sequence[March], progress: Progress | None = None) ->
     return found, sum(_seconds(each) for each in found)
 
 
+def threads_at_once() -> int:
+    """Return how many threads may run at the same time: what ``OMP_NUM_THREADS`` allows, else one a core."""
+    allowed = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0]
+    return int(allowed) if allowed.isdigit() else os.cpu_count() or 1
+
+
 def march_at_once(marches: Sequence[March], progress: Progress | None = None) -> tuple[list[Outcome], float]:
     """March at the same time, the last of which should take longest, and return what `march_in_turn` does.
 
-    Kernels hold no lock of Python's, so that each march runs on a core of its own. Where Numba may take fewer
-    threads, they run in turn, and find the same.
+    Kernels hold no lock of Python's, so that each march runs on a core of its own. Where there are fewer
+    cores, or ``OMP_NUM_THREADS`` allows fewer threads, they run in turn, and find the same.
 
     Parameters
     ----------
     progress : callable, optional
         Told how far the last march is; what it raises ends all.
     """
-    if len(marches) < 2 or len(marches) > numba.config.NUMBA_NUM_THREADS:  # type: ignore[attr-defined]
+    if len(marches) < 2 or len(marches) > threads_at_once():
         return march_in_turn(marches, progress)
     given_up = threading.Event()
 

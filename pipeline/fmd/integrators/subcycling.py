@@ -18,8 +18,6 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.jit.compiled import aligned, meaning
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.system import (
     System,
     accelerations,
@@ -51,6 +49,7 @@ from fmd.integrators.protocol import (
     require_ratio,
     start_state,
 )
+from fmd.kernels.table import Table, aligned
 
 
 @dataclass(frozen=True)
@@ -157,7 +156,7 @@ class FrozenSteps(Table):
     v_now: Array
 
 
-@meaning(begin_cycle, FrozenSteps)
+@begin_cycle.register(FrozenSteps)
 def _begin_cycle(m: FrozenSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     """Evaluate all accelerations, freeze the fast equation, and take the slow step."""
     t, H = first * m.h, m.substeps * m.h
@@ -175,7 +174,7 @@ def _begin_cycle(m: FrozenSteps, p: Any, frozen: Any, first: int, sampled: bool)
     advance(p, m.q, m.v, H, 0, m.n_slow)
 
 
-@meaning(take_steps, FrozenSteps)
+@take_steps.register(FrozenSteps)
 def _take_steps(m: FrozenSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     offset = m.q.size - m.v.size
     if sampled:
@@ -192,7 +191,7 @@ def _take_steps(m: FrozenSteps, p: Any, frozen: Any, first: int, done: int, coun
     return 0 if runs_away(m.v) else count
 
 
-@meaning(sample_within, FrozenSteps)
+@sample_within.register(FrozenSteps)
 def _sample_within(m: FrozenSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     s_slow, H = s + done * m.h, m.substeps * m.h
     for i in range(q.size):
@@ -205,7 +204,7 @@ def _sample_within(m: FrozenSteps, p: Any, done: int, s: float, q: Array, v: Arr
     advance(p, q, m.v_now, s, m.n_slow, v.size)
 
 
-@meaning(end_cycle, FrozenSteps)
+@end_cycle.register(FrozenSteps)
 def _end_cycle(m: FrozenSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     project_onto_constraints(p, (first + m.substeps) * m.h, m.substeps * m.h, m.q, m.v, m.a)
 
@@ -232,7 +231,7 @@ class WholeSteps(Table):
     begin: Array
 
 
-@meaning(begin_cycle, WholeSteps)
+@begin_cycle.register(WholeSteps)
 def _begin_whole_cycle(m: WholeSteps, p: Any, cycle: Any, first: int, sampled: bool) -> None:
     """Take the cycle."""
     if sampled:
@@ -242,7 +241,7 @@ def _begin_whole_cycle(m: WholeSteps, p: Any, cycle: Any, first: int, sampled: b
     cross_cycle(p, cycle, m.substeps, m.q, m.v, m.a, m.begin)
 
 
-@meaning(take_steps, WholeSteps)
+@take_steps.register(WholeSteps)
 def _take_whole_steps(m: WholeSteps, p: Any, cycle: Any, first: int, done: int, count: int, sampled: bool) -> int:
     if sampled and done == 0:
         for i in range(m.v.size):
@@ -257,7 +256,7 @@ def _take_whole_steps(m: WholeSteps, p: Any, cycle: Any, first: int, done: int, 
     return 0 if done == 0 and runs_away(m.v) else count
 
 
-@meaning(sample_within, WholeSteps)
+@sample_within.register(WholeSteps)
 def _sample_whole(m: WholeSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     H = m.substeps * m.h
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
@@ -267,6 +266,6 @@ def _sample_whole(m: WholeSteps, p: Any, done: int, s: float, q: Array, v: Array
         q[i] = m.q_now[i] + ahead * rate
 
 
-@meaning(end_cycle, WholeSteps)
+@end_cycle.register(WholeSteps)
 def _end_whole_cycle(m: WholeSteps, p: Any, cycle: Any, first: int, samples: Samples, first_sample: int) -> None:
     pass

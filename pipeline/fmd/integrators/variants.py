@@ -18,12 +18,12 @@ from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import RUNAWAY
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.variants import CompiledVariants
-from fmd.dynamics.jit.compiled import inner, kernel
-from fmd.dynamics.jit.native import call_native
-from fmd.dynamics.jit.table import Table
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.fixed_step import locate_samples
 from fmd.integrators.protocol import require_step
+from fmd.kernels.kernel import inner, kernel
+from fmd.kernels.library import call_native
+from fmd.kernels.table import Table
 
 
 @dataclass(frozen=True)

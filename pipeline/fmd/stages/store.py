@@ -17,7 +17,7 @@ from fmd.core.progress import Monitor, silent
 T = TypeVar("T")
 
 
-_WITH_THREADS = ("numpy", "scipy.linalg", "scipy.sparse.linalg", "numba", "gmsh", "petsc4py", "vtkmodules")
+_WITH_THREADS = ("numpy", "scipy.linalg", "scipy.sparse.linalg", "gmsh", "petsc4py", "vtkmodules")
 
 
 @lru_cache(maxsize=1)

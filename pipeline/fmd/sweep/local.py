@@ -22,7 +22,7 @@ from fmd.sweep.record import Record, interrupted_record
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
 
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class _Worker:

@@ -16,7 +16,7 @@ from fmd.scene.source_files import digest_files
 
 _VARY = "--vary"
 _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
-_PACKAGES = ("gmsh", "numba", "numpy", "scikit-fem", "scipy")
+_PACKAGES = ("gmsh", "llvmlite", "numpy", "scikit-fem", "scipy")
 
 
 @dataclass(frozen=True)

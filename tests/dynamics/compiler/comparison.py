@@ -8,8 +8,8 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiler.compiled import CompiledMechanism
 from fmd.dynamics.compiler.interpret import interpret
 from fmd.dynamics.compiler.llvm import emit
-from fmd.dynamics.compiler.machine import LoadedObject, compile_object
 from fmd.dynamics.compiler.program import Program
+from fmd.kernels.machine import LoadedObject, compile_object
 
 TIME = 0.37
 

@@ -11,7 +11,7 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.core.formula import parse_formula
-from fmd.dynamics.compiler import machine, store
+from fmd.dynamics.compiler import store
 from fmd.dynamics.compiler.chunks import chunk_widths
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.compiler.coordinates import Coordinates
@@ -19,12 +19,13 @@ from fmd.dynamics.compiler.digest import digest_mechanism
 from fmd.dynamics.compiler.functions import FUNCTIONS
 from fmd.dynamics.compiler.graph import Graph, combine
 from fmd.dynamics.compiler.interpret import interpret
-from fmd.dynamics.compiler.machine import LoadedObject, compile_object
 from fmd.dynamics.compiler.program import LANES, Output, Program
 from fmd.dynamics.compiler.store import constants_path, load_program, object_path
 from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant, formula
+from fmd.kernels import machine
+from fmd.kernels.machine import LoadedObject, compile_object
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted, load_code

@@ -10,9 +10,9 @@ import pytest
 from fmd.dynamics.compiler.graph import Graph
 from fmd.dynamics.compiler.interpret import interpret
 from fmd.dynamics.compiler.llvm import emit
-from fmd.dynamics.compiler.machine import LoadedObject, compile_object, register_width
 from fmd.dynamics.compiler.oscillators import Oscillators
 from fmd.dynamics.compiler.program import LANES, Output, Program
+from fmd.kernels.machine import LoadedObject, compile_object, register_width
 
 H = 0.01
 NAMES = ("x", "v", "a", "inverse_mass", "by_positions", "drift", "by_rates", "w", "late", "lever", "other")

@@ -22,3 +22,6 @@ SQUARE_SIDE = 8  # rows and columns of the square blocks of a product that is wr
 MOST_TOGETHER = 16  # fast coordinates: beyond, one function of all that is held compiles for too long
 MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long
+
+# Kernels.
+KERNEL_LEVEL = 2  # effort of LLVM's passes, 0 … 3

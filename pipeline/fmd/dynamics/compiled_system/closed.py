@@ -9,6 +9,7 @@ are is decided at a step's begin, on the constraints, and kept for its stages.
 from __future__ import annotations
 
 import math
+from functools import singledispatch
 from typing import Any
 
 from fmd.core.arrays import Array
@@ -18,9 +19,9 @@ from fmd.core.newton import settles
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, Multipliers, TreeParameters
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.jit.compiled import inlined, inner, meaning
-from fmd.dynamics.jit.native import call_native
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints
+from fmd.kernels.kernel import inlined, inner
+from fmd.kernels.library import call_native
 
 _settles = inlined(settles)
 
@@ -94,7 +95,7 @@ def _push(m: Multipliers, w: Array) -> None:
             m.push[i] += m.x[block, i, lane] * size
 
 
-@meaning(accelerations, ClosedParameters)
+@accelerations.register(ClosedParameters)
 def _accelerations(p: ClosedParameters, t: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
     call_native(p.closed, (p.inputs, q, v, p.units[0], a, p.w, p.whole.x[0], p.whole.s[0]))
@@ -115,7 +116,7 @@ def _widest(values: Array) -> float:
     return widest
 
 
-@meaning(project, ClosedParameters)
+@project.register(ClosedParameters)
 def _project(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
     set_inputs(p, float(t))
     last = math.inf
@@ -142,7 +143,7 @@ def _project(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
     p.whole.fresh[0] = 1.0
 
 
-@meaning(leapfrog_step, ClosedParameters)
+@leapfrog_step.register(ClosedParameters)
 def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     for i in range(v.size):
         leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
@@ -154,7 +155,7 @@ def _leapfrog_step(p: ClosedParameters, leapfrog: Leapfrog, t: float, h: float, 
     project_onto_constraints(p, t + h, h, q, v, a)
 
 
-@meaning(project_onto_constraints, ClosedParameters)
+@project_onto_constraints.register(ClosedParameters)
 def _project_onto_constraints(p: ClosedParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
     last, anew = math.inf, False
@@ -176,11 +177,13 @@ def _project_onto_constraints(p: ClosedParameters, t: float, h: float, q: Array,
     v[0] = math.nan  # which ends the march
 
 
+@singledispatch
 def begin_reaction(p: Any, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
     """Prepare `close_reaction` at positions of the last accelerations, with addresses of functions."""
     raise NotImplementedError
 
 
+@singledispatch
 def close_reaction(p: Any, x: Array, first: int, count: int, n_slow: int) -> None:
     """Let the slow coordinates' answers x (n, 8) to ``count`` fast ones from ``first`` on keep the constraints, too.
 
@@ -189,27 +192,28 @@ def close_reaction(p: Any, x: Array, first: int, count: int, n_slow: int) -> Non
     raise NotImplementedError
 
 
+@singledispatch
 def close_response(p: Any, f: Array, x: Array) -> None:
     """Let accelerations x = M̂⁻¹ f, (n, 8), answer forces as the constraints allow."""
     raise NotImplementedError
 
 
-@meaning(begin_reaction, TreeParameters)
+@begin_reaction.register(TreeParameters)
 def _begin_nothing(p: TreeParameters, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
     pass
 
 
-@meaning(close_reaction, TreeParameters)
+@close_reaction.register(TreeParameters)
 def _react_freely(p: TreeParameters, x: Array, first: int, count: int, n_slow: int) -> None:
     pass
 
 
-@meaning(close_response, TreeParameters)
+@close_response.register(TreeParameters)
 def _respond_freely(p: TreeParameters, f: Array, x: Array) -> None:
     pass
 
 
-@meaning(begin_reaction, ClosedParameters)
+@begin_reaction.register(ClosedParameters)
 def _begin_reaction(p: ClosedParameters, inertia: int, solve_slow: int, q: Array, n_slow: int) -> None:
     J, slow, n_rows = p.J, p.slow, p.w.size
     for block in range(J.shape[0]):
@@ -225,7 +229,7 @@ def _begin_reaction(p: ClosedParameters, inertia: int, solve_slow: int, q: Array
     _factor(slow)
 
 
-@meaning(close_reaction, ClosedParameters)
+@close_reaction.register(ClosedParameters)
 def _close_reaction(p: ClosedParameters, x: Array, first: int, count: int, n_slow: int) -> None:
     J, n_rows = p.J, p.w.size
     for lane in range(count):
@@ -238,7 +242,7 @@ def _close_reaction(p: ClosedParameters, x: Array, first: int, count: int, n_slo
             x[i, lane] += p.slow.push[i]
 
 
-@meaning(close_response, ClosedParameters)
+@close_response.register(ClosedParameters)
 def _close_response(p: ClosedParameters, f: Array, x: Array) -> None:
     X, n_rows = p.whole.x, p.w.size
     for lane in range(LANES):

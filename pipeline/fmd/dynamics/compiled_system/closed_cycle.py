@@ -12,11 +12,10 @@ from fmd.dynamics.compiled_system.frozen import step_all
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.middle import freeze_reacting
 from fmd.dynamics.compiled_system.parameters import ClosedCycle, ClosedParameters
-from fmd.dynamics.jit.compiled import meaning
 from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_slow
 
 
-@meaning(freeze_slow, ClosedParameters)
+@freeze_slow.register(ClosedParameters)
 def _freeze_slow(p: ClosedParameters, t: float, q: Array, v: Array, a: Array, closed: ClosedCycle) -> None:
     middle, D, frozen = closed.middle, closed.D, closed.middle.frozen
     n, n_slow, ahead = v.size, frozen.n_slow, closed.ahead[0]
@@ -39,7 +38,7 @@ def _freeze_slow(p: ClosedParameters, t: float, q: Array, v: Array, a: Array, cl
         frozen.slope[j] = (closed.a[j] - a[j]) / ahead
 
 
-@meaning(fast_steps, ClosedParameters)
+@fast_steps.register(ClosedParameters)
 def _fast_steps(
     p: ClosedParameters, frozen: ClosedCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:

@@ -10,12 +10,12 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.kernels import inputs_at, set_inputs
 from fmd.dynamics.compiled_system.parameters import TreeParameters, WholeCycle
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.jit.compiled import inlined, meaning
-from fmd.dynamics.jit.native import call_native
 from fmd.dynamics.system import begin_whole_cycle, cross_cycle
+from fmd.kernels.kernel import inlined
+from fmd.kernels.library import call_native
 
 
-@meaning(begin_whole_cycle, TreeParameters)
+@begin_whole_cycle.register(TreeParameters)
 def _begin_whole_cycle(p: TreeParameters, cycle: WholeCycle, first: int, h: float) -> None:
     """Evaluate loads and motions at a cycle's begin and, if any of them varies in it, at its fast steps."""
     if p.inputs.size == 0:
@@ -57,7 +57,7 @@ def _look_ahead(p: TreeParameters, cycle: WholeCycle, first: int, h: float) -> N
                 cycle.ahead[step // LANES, k, step % LANES] = cycle.now[k]
 
 
-@meaning(cross_cycle, TreeParameters)
+@cross_cycle.register(TreeParameters)
 def _cross_cycle(p: TreeParameters, cycle: WholeCycle, count: int, q: Array, v: Array, a: Array, begin: Array) -> None:
     cycle.steps[2] = count
     cycle.steps[3] = min(count - 1, cycle.varying[0])

@@ -10,10 +10,10 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.parameters import CompiledParameters
 from fmd.dynamics.compiler.compiled import CompiledMechanism
-from fmd.dynamics.jit.compiled import kernel
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import velocities
+from fmd.kernels.kernel import kernel
 
 OwnLoad = Callable[[float, Array, Array], Array]
 """Generalised forces (n,) of a time t [s], positions q (n_positions,) and rates v (n,)."""

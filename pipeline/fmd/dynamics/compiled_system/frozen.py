@@ -12,9 +12,9 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.kernels import inputs_at, set_inputs
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, FrozenCycle, TreeParameters
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.jit.compiled import contracted, inlined, meaning
-from fmd.dynamics.jit.native import call_native
 from fmd.dynamics.system import fast_steps, freeze_slow, velocities
+from fmd.kernels.kernel import contracted, inlined
+from fmd.kernels.library import call_native
 
 
 @inlined
@@ -117,7 +117,7 @@ def set_active(p: CompiledParameters, t: float, frozen: FrozenCycle) -> None:
             frozen.active[0] = 1.0
 
 
-@meaning(freeze_slow, TreeParameters)
+@freeze_slow.register(TreeParameters)
 def _freeze_slow(p: TreeParameters, t: float, q: Array, v: Array, a: Array, frozen: FrozenCycle) -> None:
     set_inputs(p, float(t))
     set_active(p, float(t), frozen)
@@ -231,7 +231,7 @@ def _step_looped(frozen: FrozenCycle, q: Array, v: Array, a: Array) -> None:
         q[i + offset] += h * v[i]
 
 
-@meaning(fast_steps, TreeParameters)
+@fast_steps.register(TreeParameters)
 def _fast_steps(
     p: TreeParameters, frozen: FrozenCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:

@@ -6,9 +6,9 @@ import math
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
-from fmd.dynamics.jit.compiled import inlined, meaning
-from fmd.dynamics.jit.native import call_native
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints, velocities
+from fmd.kernels.kernel import inlined
+from fmd.kernels.library import call_native
 
 
 @inlined
@@ -26,23 +26,23 @@ def inputs_at(p: CompiledParameters, t: float, inputs: Array) -> None:
     call_native(p.signals, (p.clock[1:], inputs))
 
 
-@meaning(accelerations, TreeParameters)
+@accelerations.register(TreeParameters)
 def _accelerations(p: TreeParameters, t: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
     call_native(p.accelerations, (p.inputs, q, v, a))
 
 
-@meaning(project, TreeParameters)
+@project.register(TreeParameters)
 def _project(p: TreeParameters, t: float, q: Array, v: Array) -> None:
     pass
 
 
-@meaning(project_onto_constraints, TreeParameters)
+@project_onto_constraints.register(TreeParameters)
 def _close_nothing(p: TreeParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     pass
 
 
-@meaning(leapfrog_step, TreeParameters)
+@leapfrog_step.register(TreeParameters)
 def _leapfrog_step(p: TreeParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     if leapfrog.leap:
         set_inputs(p, float(t))
@@ -57,7 +57,7 @@ def _leapfrog_step(p: TreeParameters, leapfrog: Leapfrog, t: float, h: float, q:
     advance(p, q, v, h, 0, v.size)
 
 
-@meaning(advance, CompiledParameters)
+@advance.register(CompiledParameters)
 def _advance(p: CompiledParameters, q: Array, v: Array, h: float, first: int, last: int) -> None:
     if p.quaternions.shape[0] == 0:
         for i in range(first, last):
@@ -71,7 +71,7 @@ def _advance(p: CompiledParameters, q: Array, v: Array, h: float, first: int, la
             _advance_quaternion(q, p.quaternions[k, 1], v, p.quaternions[k, 0], h)
 
 
-@meaning(velocities, CompiledParameters)
+@velocities.register(CompiledParameters)
 def _velocities(p: CompiledParameters, q: Array, v: Array, dq: Array) -> None:
     if p.quaternions.shape[0] == 0:
         for i in range(v.size):

@@ -19,9 +19,9 @@ from fmd.dynamics.compiled_system.frozen import (
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, MiddleCycle
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.jit.compiled import inlined, meaning
-from fmd.dynamics.jit.native import call_native
 from fmd.dynamics.system import accelerations, freeze_middle, reacting_steps, slow_response, velocities
+from fmd.kernels.kernel import inlined
+from fmd.kernels.library import call_native
 
 
 @inlined
@@ -126,7 +126,7 @@ def _complete(q: Array, v: Array, D: Array, middle: MiddleCycle, a: Array) -> No
     complete_constant(middle.frozen, q, v, a)
 
 
-@meaning(freeze_middle, CompiledParameters)
+@freeze_middle.register(CompiledParameters)
 def _freeze_middle(p: CompiledParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleCycle) -> None:
     middle.frozen.time[0] = t
     set_inputs(p, float(t))
@@ -146,7 +146,7 @@ def _freeze_middle(p: CompiledParameters, t: float, q: Array, v: Array, D: Array
         freeze_reacting(p, q, v, D, middle, middle.a)
 
 
-@meaning(reacting_steps, CompiledParameters)
+@reacting_steps.register(CompiledParameters)
 def _reacting_steps(
     p: CompiledParameters, middle: MiddleCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:
@@ -156,7 +156,7 @@ def _reacting_steps(
         step_all(p, middle.frozen, first, h, count, q, v, a)
 
 
-@meaning(slow_response, CompiledParameters)
+@slow_response.register(CompiledParameters)
 def _slow_response(
     p: CompiledParameters, middle: MiddleCycle, first: int, h: float, count: int, q: Array, v: Array, a: Array
 ) -> None:

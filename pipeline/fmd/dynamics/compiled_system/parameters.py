@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray
-from fmd.dynamics.jit.table import Table
+from fmd.kernels.table import Table
 
 
 @dataclass(frozen=True)

@@ -35,12 +35,12 @@ from fmd.dynamics.compiler.closures import scale_rows
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import are_smooth
 from fmd.dynamics.elements import PointSpring
-from fmd.dynamics.jit.compiled import aligned
 from fmd.dynamics.law_pieces import PiecewiseLaw, find_piecewise_laws
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.resolution import shortest_missed
 from fmd.dynamics.signals.signal import quiet_times
 from fmd.dynamics.step_bounds import StepBounds, make_step_bounds
+from fmd.kernels.table import aligned
 
 
 class CompiledSystem(ReferenceState):

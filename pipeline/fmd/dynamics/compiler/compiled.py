@@ -18,7 +18,6 @@ from fmd.dynamics.compiler.digest import digest_mechanism
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar
 from fmd.dynamics.compiler.interpret import evaluate_scalars
-from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.programs import trace_program
 from fmd.dynamics.compiler.quantities import describe_structure
@@ -26,6 +25,7 @@ from fmd.dynamics.compiler.signal_code import digest_signals, load_signals, trac
 from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
+from fmd.kernels.machine import LoadedObject
 
 
 class CompiledMechanism:

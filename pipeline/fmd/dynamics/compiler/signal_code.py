@@ -6,10 +6,10 @@ import hashlib
 from collections.abc import Collection, Sequence
 
 from fmd.dynamics.compiler.graph import Graph, Scalar, total
-from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import Output, Program
 from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.signals.signal import TABLE, Signal
+from fmd.kernels.machine import LoadedObject
 
 
 def digest_signals(signals: Sequence[Signal]) -> str:

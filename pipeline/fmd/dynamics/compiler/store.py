@@ -8,21 +8,18 @@ anew.
 
 from __future__ import annotations
 
-import hashlib
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from fmd.core.files import whole_file
 from fmd.core.limits.memory import MOST_LOADED
 from fmd.core.paths import kernel_folder
 from fmd.dynamics.compiler.llvm import emit
-from fmd.dynamics.compiler.machine import LoadedObject, compile_object, processor, register_width
 from fmd.dynamics.compiler.program import Program
-
-_DIGEST_BYTES = 16
+from fmd.kernels.files import DIGEST_BYTES, digest_of, read_code, write_code
+from fmd.kernels.machine import LoadedObject, compile_object, processor, register_width
 
 # Loaded in this process, the last used last: loading takes longer than many a march. What a digest names never changes.
 _loaded: OrderedDict[Path, LoadedObject] = OrderedDict()
@@ -52,54 +49,31 @@ def load_program(name: str, digest: str, trace: Callable[[], Program]) -> Loaded
 
 def _read_program(name: str, path: Path) -> LoadedObject | None:
     """Return a program whose constants are kept in a file, with the digest of its code before them."""
-    kept = _read(path)
-    content = None if kept is None else _read(object_path(name, kept[:_DIGEST_BYTES]))
+    kept = read_code(path)
+    content = None if kept is None else read_code(object_path(name, kept[:DIGEST_BYTES]))
     if kept is None or content is None:
         return None
-    return LoadedObject(content, np.frombuffer(kept[_DIGEST_BYTES:]))
+    return LoadedObject(content, np.frombuffer(kept[DIGEST_BYTES:]))
 
 
 def _make_program(name: str, path: Path, trace: Callable[[], Program]) -> LoadedObject:
     """Trace a program, compile its code unless a program of the same structure has been, and keep both."""
     source, constants = emit(trace(), register_width())
-    digest = _digest(source.encode())
+    digest = digest_of(source.encode())
     of_code = object_path(name, digest)
-    content = _read(of_code)
+    content = read_code(of_code)
     if content is None:
         content = compile_object(source)
-        _write(of_code, content)
-    _write(path, digest + constants.tobytes())
+        write_code(of_code, content)
+    write_code(path, digest + constants.tobytes())
     return LoadedObject(content, constants)
 
 
 def constants_path(name: str, digest: str) -> Path:
     """Return where a program's constants are kept."""
-    return kernel_folder() / f"{name}.{_digest(repr((digest, processor())).encode()).hex()}.constants"
+    return kernel_folder() / f"{name}.{digest_of(repr((digest, processor())).encode()).hex()}.constants"
 
 
 def object_path(name: str, digest: bytes) -> Path:
     """Return where the machine code of all programs of a structure is kept, for this processor."""
-    return kernel_folder() / f"{name}.{_digest(repr((digest, processor())).encode()).hex()}.object"
-
-
-def _read(path: Path) -> bytes | None:
-    """Return an object's bytes; ``None`` if there are none, or not those that were written."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return None
-    digest, content = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
-    return content if _digest(content) == digest else None
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Keep an object's bytes; what can't be written is compiled again another time."""
-    try:
-        with whole_file(path) as part:
-            part.write_bytes(_digest(content) + content)
-    except OSError:
-        pass
-
-
-def _digest(content: bytes) -> bytes:
-    return hashlib.blake2b(content, digest_size=_DIGEST_BYTES).digest()
+    return kernel_folder() / f"{name}.{digest_of(repr((digest, processor())).encode()).hex()}.object"

@@ -18,7 +18,6 @@ from fmd.dynamics.compiler.coordinates import Coordinates, LeapingCoordinates, c
 from fmd.dynamics.compiler.digest import digest_mechanism
 from fmd.dynamics.compiler.forces import JOINT_CONSTANTS
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
-from fmd.dynamics.compiler.machine import LoadedObject
 from fmd.dynamics.compiler.program import Program
 from fmd.dynamics.compiler.programs import trace_leap
 from fmd.dynamics.compiler.signal_code import load_signals
@@ -26,6 +25,7 @@ from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant
+from fmd.kernels.machine import LoadedObject
 from fmd.reduction.inertia import InertiaIntegrals
 
 Key = tuple[int, str]

@@ -24,7 +24,7 @@ from fmd.stages.pipeline import Pipeline
 
 _SMALL = [800, 450]  # pixels
 _LARGE = [1280, 720]
-_PACKAGES = ("numpy", "scipy", "gmsh", "scikit-fem", "numba", "pyvista", "vtk", "matplotlib")
+_PACKAGES = ("numpy", "scipy", "gmsh", "scikit-fem", "llvmlite", "pyvista", "vtk", "matplotlib")
 
 
 def draw_pictures(run: Pipeline) -> dict[str, Any]:

@@ -7,7 +7,7 @@ these bounds pass the extremes so far, and nowhere else.
 from __future__ import annotations
 
 from fmd.core.arrays import Array, IntArray
-from fmd.dynamics.jit.compiled import kernel
+from fmd.kernels.kernel import kernel
 from fmd.recovery.kernels.principal import principal_stresses
 
 

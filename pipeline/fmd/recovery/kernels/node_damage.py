@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fmd.core.arrays import Array, IntArray
-from fmd.dynamics.jit.compiled import inner, kernel
+from fmd.kernels.kernel import inner, kernel
 from fmd.recovery.kernels.principal import principal_stresses
 from fmd.recovery.kernels.rainflow import findley_damage, history_damage
 

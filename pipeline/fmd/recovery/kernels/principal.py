@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from fmd.dynamics.jit.compiled import inner
+from fmd.kernels.kernel import inner
 
 
 @inner

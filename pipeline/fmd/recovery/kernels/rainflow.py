@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from fmd.core.arrays import Array
-from fmd.dynamics.jit.compiled import inner, kernel
+from fmd.kernels.kernel import inner, kernel
 
 NO_MEAN, GOODMAN, FKM = range(3)
 """Corrections for mean stress, as numbers for kernels."""

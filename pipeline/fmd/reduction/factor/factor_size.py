@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from functools import cache
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from fmd.core.paths import kernel_folder
+from fmd.core.arrays import IntArray
 
 
 def node_graph(A: sp.csr_array, size: int) -> sp.csr_array:
@@ -29,20 +28,20 @@ def factor_nonzeros(graph: sp.csr_array, size: int = 1) -> int:
     """
     counts = np.ones(graph.shape[0], dtype=np.int64)
     work = np.full((2, graph.shape[0]), -1, dtype=np.int64)
-    _count_columns()(graph.indptr, graph.indices, counts, *work)
+    indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+    _count_columns()(indptr, indices, counts, *work)
     return int(size**2 * counts.sum() - size * (size - 1) // 2 * len(counts))
 
 
 @cache
 def _count_columns() -> Any:
-    """Compile `_counts`, and keep the machine code in the cache folder."""
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(kernel_folder()))
-    import numba
+    """Return `_counts` as a kernel."""
+    from fmd.kernels.kernel import kernel
 
-    return numba.njit(cache=True)(_counts)
+    return kernel(_counts)
 
 
-def _counts(indptr: Any, indices: Any, counts: Any, parent: Any, seen: Any) -> None:
+def _counts(indptr: IntArray, indices: IntArray, counts: IntArray, parent: IntArray, seen: IntArray) -> None:
     """Add to each column's count the rows below the diagonal, walking up the elimination tree from each row."""
     for i in range(len(counts)):
         seen[i] = i

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
-from fmd.dynamics.jit.compiled import kernel
-from fmd.dynamics.jit.products import multiply_square
+from fmd.integrators.products import multiply_square
+from fmd.kernels.kernel import kernel
 
 
 @kernel

@@ -6,6 +6,7 @@ import threading
 from functools import cache
 from typing import Any
 
+import llvmlite.binding as llvm
 import numpy as np
 
 from fmd.core.arrays import Array
@@ -13,21 +14,13 @@ from fmd.core.limits.code import DOUBLES_IN_LINE
 
 _linking = threading.Lock()
 
-
-@cache
-def _binding() -> Any:
-    """LLVM, made ready for this processor."""
-    import llvmlite.binding as llvm
-
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    return llvm
+llvm.initialize_native_target()
+llvm.initialize_native_asmprinter()
 
 
 @cache
 def processor() -> tuple[str, str, str]:
     """Return what machine code depends on: LLVM's version, and the processor's name and features."""
-    llvm = _binding()
     version = ".".join(str(part) for part in llvm.llvm_version_info)
     return version, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
@@ -37,22 +30,37 @@ def register_width() -> int:
     return 8 if "+avx512f" in processor()[2].split(",") else 4
 
 
-def _target() -> Any:
-    llvm = _binding()
+def _target(triple: str = "") -> Any:
+    """Return the code generator for this processor, or for any of a triple such as ``aarch64-apple-darwin``."""
+    if triple:
+        llvm.initialize_all_targets()
+        llvm.initialize_all_asmprinters()
+        return llvm.Target.from_triple(triple).create_target_machine(opt=3, reloc="pic")
     _, name, features = processor()
     return llvm.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=3, jit=True)
 
 
-def compile_object(source: str) -> bytes:
+def compile_object(source: str, level: int = 0, triple: str = "") -> bytes:
     """Compile a module of LLVM's language to an object file.
 
-    LLVM's code generator alone runs: what its passes look for, common subexpressions and constants, a graph doesn't
-    have, and they cost a third of the time for no speed (pairing like scalars into vectors costs four times as much).
+    Parameters
+    ----------
+    level : int
+        Effort of LLVM's passes. By default its code generator alone runs: what the passes look for, common
+        subexpressions and constants, a graph doesn't have, and they cost a third of the time for no speed (pairing
+        like scalars into vectors costs four times as much).
+    triple : str
+        Another machine, such as ``aarch64-apple-darwin``; this one by default.
     """
-    module = _binding().parse_assembly(source)
-    module.verify()
-    target = _target()
+    target = _target(triple)
+    module = llvm.parse_assembly(source)
     module.triple, module.data_layout = target.triple, str(target.target_data)
+    module.verify()
+    if level:
+        options = llvm.create_pipeline_tuning_options(speed_level=level)
+        options.loop_vectorization = options.slp_vectorization = True
+        builder = llvm.create_pass_builder(target, options)
+        builder.getModulePassManager().run(module, builder)
     return bytes(target.emit_object(module))
 
 
@@ -78,7 +86,6 @@ class LoadedObject:
     """
 
     def __init__(self, content: bytes, constants: Array | None = None) -> None:
-        llvm = _binding()
         self._constants = _aligned(np.zeros(0) if constants is None else constants)
         self.n_bytes = len(content) + self._constants.nbytes
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
@@ -92,6 +99,10 @@ class LoadedObject:
         if not (address := self._engine.get_function_address(function)):
             raise ValueError(f"the object has no function {function}")
         return int(address)
+
+    def variable(self, name: str) -> int:
+        """Return a global variable's address."""
+        return int(self._engine.get_global_value_address(name))
 
 
 def _aligned(values: Array) -> Array:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array, IntArray
-from fmd.dynamics.jit.compiled import kernel
-from fmd.dynamics.jit.sums import add_weighted_rows
+from fmd.integrators.weighted_sums import add_weighted_rows
+from fmd.kernels.kernel import kernel
 
 
 @kernel

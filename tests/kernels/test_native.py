@@ -1,13 +1,12 @@
-"""Kernels call machine code that Numba hasn't compiled, by its address."""
+"""Kernels call machine code that the kernels' translator hasn't compiled, by its address."""
 
-import numba
 import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler.machine import LoadedObject, compile_object
-from fmd.dynamics.jit.compiled import kernel
-from fmd.dynamics.jit.native import call_native
+from fmd.kernels.kernel import kernel
+from fmd.kernels.library import call_native
+from fmd.kernels.machine import LoadedObject, compile_object
 
 SOURCE = """
 define void @scale(ptr %factor, ptr %x) {
@@ -33,7 +32,8 @@ def test_a_kernel_calls_a_compiled_function_with_the_data_of_its_arrays() -> Non
     assert x.tolist() == [10.0, 20.0, 3.0]
 
 
-@pytest.mark.parametrize("x", [np.arange(6.0)[::2], np.arange(3)])
-def test_arrays_that_it_could_not_read_are_refused(x: Array) -> None:
-    with pytest.raises(numba.TypingError, match="is not a contiguous array of doubles"):
-        _scale_both(0, np.ones(1), x)
+def test_arrays_that_it_could_not_read_are_refused() -> None:
+    with pytest.raises(TypeError, match="_scale_both: x must be a C-contiguous array of 64-bit numbers"):
+        _scale_both(0, np.ones(1), np.arange(6.0)[::2])
+    with pytest.raises(TypeError, match=r"test_native.py:\d+: array of int with 1 axes is no array of doubles"):
+        _scale_both(0, np.ones(1), np.arange(3))

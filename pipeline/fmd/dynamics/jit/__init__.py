@@ -1,1 +1,0 @@
-"""Compiled kernels: how they are built, called and kept."""
