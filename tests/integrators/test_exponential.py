@@ -410,7 +410,7 @@ def test_a_scene_runs_it_with_a_step_of_its_own() -> None:
     # Order 4: the difference between two steps of it, over 1 − 2⁻⁴, is the error of the longer one.
     half = Pipeline(
         load_scene(
-            "beam",
+            "beam-paper",
             ["simulation.run.0.integrator=exponential", "simulation.step=50 us", "simulation.duration=0.05 s"],
         )
     ).motion
