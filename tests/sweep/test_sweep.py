@@ -68,7 +68,8 @@ def fmd(environment):
 def run(environment, tmp_path_factory):
     """One point by ``fmd run``; it compiles the kernels, so that no worker has to."""
     given = [*COARSE, "--set", "body.beam.modes.count=3", "--set", "body.beam.mesh.divisions=[16, 2, 1]", "--no-cache"]
-    command = [*FMD, "run", "beam", *given, "--no-pictures", "--out", str(tmp_path_factory.mktemp("run")), "--json"]
+    out = ("--no-pictures", "--out", str(tmp_path_factory.mktemp("run")), "--json")
+    command = [*FMD, "run", "beam-paper", *given, *out]
     return json.loads(subprocess.run(command, capture_output=True, check=True, timeout=300, env=environment).stdout)
 
 
@@ -81,7 +82,7 @@ def grid(run, fmd, tmp_path_factory):
     folder = tmp_path_factory.mktemp("grid")
     shapes = ["--vary", "body.beam.modes.count=2,3", "--vary", "body.beam.mesh.divisions=[12, 2, 1],[16,2,1]"]
     steps = ["--vary", "simulation.step=10us,20us,3ms,fast"]
-    return folder, fmd("beam", *COARSE, *shapes, *steps, "--out", folder, "--workers", 2)
+    return folder, fmd("beam-paper", *COARSE, *shapes, *steps, "--out", folder, "--workers", 2)
 
 
 def test_each_point_is_a_row_also_what_is_refused(grid):

@@ -34,8 +34,6 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
     least : float
         Part of its inertia in the undeformed mechanism that every motion must keep.
     """
-    from scipy.linalg import eigh
-
     mechanism = system.mechanism
     if not _stiffened(mechanism):
         return
@@ -44,7 +42,8 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
     undeformed[modes + mechanism.n_positions - mechanism.n] = 0.0
     M, M0 = system.mass_matrix(q), system.mass_matrix(undeformed)
     try:
-        kept = float(eigh(M, M0, eigvals_only=True)[0]) if np.isfinite(M).all() else -np.inf
+        half = np.linalg.inv(np.linalg.cholesky(M0))
+        kept = float(np.linalg.eigvalsh(half @ M @ half.T)[0]) if np.isfinite(M).all() else -np.inf
     except np.linalg.LinAlgError:
         raise InertiaError(
             f"{where} the mass matrix isn't positive definite, nor is that of the undeformed mechanism: {TOO_LIGHT}"
