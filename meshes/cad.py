@@ -278,10 +278,12 @@ def main(arguments: list[str]) -> str | None:
         return str(error)
     except Exception as error:  # Gmsh's own
         return " ".join(f"Gmsh can't mesh it: {error}".split())[:200]
+    finally:
+        _end_after(0.0)
     return None
 
 
 def _end_after(seconds: float) -> None:
-    """Have the system end this process after some time from now, whatever Gmsh does."""
+    """Have the system end this process after some time from now, whatever Gmsh does; 0 takes it back."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)

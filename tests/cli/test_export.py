@@ -43,7 +43,7 @@ def test_every_format_has_a_name_a_suffix_and_a_file():
 
 def test_a_body_is_written_for_python(fmd, tmp_path, capsys):
     path = tmp_path / "new" / "arm.nc"
-    assert fmd("export", "beam", "--to", "python", "--out", path, "--json") == 0
+    assert fmd("export", "beam-paper", "--to", "python", "--out", path, "--json") == 0
     assert json.loads(capsys.readouterr().out) == {"format": "python", "files": [str(path)]}
     assert len(load_body(path).body.omega) == 5
 
@@ -127,7 +127,7 @@ marker = {{ root = {{ plane = "x = 0" }} }}
 def test_a_scene_writes_bodies_among_its_outputs(fmd, tmp_path):
     output = 'output=[{type="export", format="sid", file="beam.SID_FEM", body="beam"}]'
     quick = ("--set", 'simulation.run=[{integrator="auto"}]', "--set", "simulation.duration=1ms", "--no-budget")
-    assert fmd("run", "beam", "--out", tmp_path, "--set", output, *FEW, *quick, "--no-pictures") == 0
+    assert fmd("run", "beam-paper", "--out", tmp_path, "--set", output, *FEW, *quick, "--no-pictures") == 0
     assert read_sid(tmp_path / "beam.SID_FEM").n == 5
 
 

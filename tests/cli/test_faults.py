@@ -30,7 +30,7 @@ pytestmark = [
 ]
 
 SCENE = """
-base = "beam"
+base = "beam-paper"
 title = "Small beam"
 
 [simulation]

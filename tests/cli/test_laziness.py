@@ -103,7 +103,7 @@ def test_a_second_run_loads_little_but_numpy_and_the_kernels(modules, tmp_path):
 
 
 def test_the_package_itself_loads_nothing_heavy():
-    listing = "import sys, pipeline; print(*sys.modules)"
+    listing = "import sys, fmd; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, check=True, timeout=60)
     assert not set(done.stdout.split()) & {"numpy", "scipy", "pydantic", "gmsh", "skfem", "pyvista", "llvmlite"}
 

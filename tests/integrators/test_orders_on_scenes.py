@@ -32,7 +32,7 @@ class Case(NamedTuple):
 
 
 # Duration and coarsest step: below the stability limit of sub-cycling too.
-SCENES = {"rod-slider": (2.0, 4e-3), "beam": (0.05, 2e-5), "arm": (0.05, 1e-4), "spin-up": (1.0, 2e-4)}
+SCENES = {"rod-slider": (2.0, 4e-3), "beam-paper": (0.05, 2e-5), "arm": (0.05, 1e-4), "spin-up": (1.0, 2e-4)}
 METHODS: dict[str, Callable[[float], Any]] = {
     "central-difference": CentralDifference,
     "sub-cycling 5:1": lambda step: Subcycling(step, 5),

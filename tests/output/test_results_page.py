@@ -23,7 +23,7 @@ def recipe(tmp_path_factory: pytest.TempPathFactory, fmd: Any) -> dict[str, Any]
         patch.chdir(tmp_path_factory.mktemp("recipe"))
         assert fmd(*shlex.split(command)[1:]) == 0
         exec(lines, names)
-        names["all_runs"] = xarray.load_dataset("out/beam/motion.nc")
+        names["all_runs"] = xarray.load_dataset("out/beam-paper/motion.nc")
     return names
 
 

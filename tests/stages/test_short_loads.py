@@ -145,7 +145,7 @@ def test_a_cycle_that_would_step_over_a_pulse_is_refused(method: str) -> None:
     torque = "drive.motor.torque={formula='0 if t < 0.1 else 20*sin(pi*(t-0.1)/0.015) if t < 0.115 else 0', unit='N m'}"
     only = f"simulation.run=[{{integrator='{method}', substeps=10}}]"
     given = [torque, only, "simulation.duration=0.3 s", "simulation.output_step=0.1 s", "joint.slide.position=0 m"]
-    message = r"acts for 0\.015 s only, which .* holds loads over 10 steps, .* a step of 0\.00037 s or less works"
+    message = r"acts for 0\.015 s only, which .* freezes loads over 10 steps, .* a step of 0\.00037 s or less works"
     with pytest.raises(InputError, match=message):
         _ = Pipeline(load_scene("rod-slider", given)).plans
 

@@ -130,7 +130,7 @@ def test_a_second_sweep_computes_nothing_that_is_known(grid, capsys):
     before = {path.name: path.stat().st_ino for path in (folder / "points").iterdir()}
     vary = ["--vary", "simulation.step=0.01ms,0.02 ms", "--vary", "body.beam.modes.count=3"]
     with pytest.raises(SystemExit, match="0"):
-        main(["sweep", "beam", *COARSE, *vary, "--out", str(folder), "--json"])
+        main(["sweep", "beam-paper", *COARSE, *vary, "--out", str(folder), "--json"])
     again = json.loads(capsys.readouterr().out)
     assert (again["points"], again["ok"], again["computed"]) == (2, 2, 0)
     assert [row["simulation.step [s]"] for row in again["rows"]] == [1e-5, 2e-5]

@@ -126,6 +126,8 @@ tip = {{ face = 'x+' }}
 side = {{ at = {[f"{x!r} m" for x in at]!r} }}
 [body.bar.modes]
 count = {int(rng.integers(4, 9))}
+boundary = 'joint'
+enrich = 'inertia'
 [joint.hub]
 {hub}
 parent = 'ground'

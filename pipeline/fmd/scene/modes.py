@@ -135,7 +135,7 @@ class ModeSettings(SceneTable):
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
     boundary: Literal["free", "joint", "interface"] = "free"
     interface: tuple[Annotated[Text, Words("name of a marker")], ...] = ()
-    enrich: Literal["none", "inertia", "ritz", "residual"] = "inertia"
+    enrich: Literal["none", "inertia", "ritz", "residual"] = "none"
     damping: Damping = 0.0
     solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
     ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
