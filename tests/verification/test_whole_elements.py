@@ -16,7 +16,6 @@ pytestmark = pytest.mark.slow
 
 SEEDS = range(6)
 STEPS = (8, 16)  # of the whole elements between two output times: their difference bounds the finer one's error
-NOT_STATED = 0.05  # for what has no stated error: share of the largest value
 ROUND_OFF = 1e-6
 
 
@@ -58,8 +57,6 @@ def test_a_scene_moves_as_its_whole_elements_do_within_its_stated_errors(tmp_pat
         size = np.abs(deflection(whole, fine, marker)).max()
         places = [marker_motion(whole, motion.u + x, marker) for motion in (rough, fine)]
         check(f"position of {name}", columns(f"bar.{name}.position", "m"), *places, size, stated["tip, deflection"])
-    size = np.abs(fine.reaction).max()
-    check("force of the hub", columns("hub.force", "N"), rough.reaction, fine.reaction, size, NOT_STATED)
     largest = [np.array([max(whole.von_mises(u).max() for u in motion.u)]) for motion in (rough, fine)]
     worst = np.array([result.summary["worst_stress"]["bar"]["value_pa"]])
     check("largest stress", worst, *largest, largest[1][0], stated["bar, largest von Mises stress"])

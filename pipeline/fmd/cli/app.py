@@ -51,8 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; wrong input ends with status 2, a failed check with 3, each with one message."""
     gc.set_threshold(ALLOCATIONS)
     try:
-        app(sys.argv[1:] if arguments is None else arguments)
-        sys.stdout.flush()
+        try:
+            app(sys.argv[1:] if arguments is None else arguments)
+        finally:
+            sys.stdout.flush()
     except KeyboardInterrupt:
         _fail("interrupted", 130)
     except BrokenPipeError:  # whoever reads the output, such as `head`, has had enough

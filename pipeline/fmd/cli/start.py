@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import warnings
@@ -31,8 +30,3 @@ def main() -> None:
             raise
         sys.stderr.write("fmd: interrupted\n")
         sys.exit(130)
-    finally:
-        try:
-            sys.stdout.flush()
-        except BrokenPipeError:  # a reader that has had enough, as `head`: nothing is left to be said to it
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
