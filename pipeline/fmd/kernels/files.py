@@ -1,4 +1,4 @@
-"""Machine code on disk: files that are written whole or not at all, and known to be what was written.
+"""Machine code on disk: entries of the one store, a file each in the folder of this source's kernels.
 
 Any number of processes may write and read at once; a damaged file is as good as none.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from fmd.core.files import whole_file
+from fmd.core.cache import Cache
 
 DIGEST_BYTES = 16
 """Length of `digest_of` a content."""
@@ -16,21 +16,12 @@ DIGEST_BYTES = 16
 
 def read_code(path: Path) -> bytes | None:
     """Return a file's content; ``None`` if there is none, or not what was written."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return None
-    mark, content = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
-    return content if digest_of(content) == mark else None
+    return Cache(path.parent).load_bytes(path.name)
 
 
 def write_code(path: Path, content: bytes) -> None:
     """Keep a content; what can't be written is compiled again another time."""
-    try:
-        with whole_file(path) as part:
-            part.write_bytes(digest_of(content) + content)
-    except OSError:
-        pass
+    Cache(path.parent).save_bytes(path.name, content)
 
 
 def digest_of(content: bytes) -> bytes:

@@ -59,14 +59,8 @@ class FatigueLaw:
 
     def stronger(self, share: float) -> FatigueLaw:
         """Return the law of a material that bears stress so many times as large."""
-        return replace(
-            self, amplitude=share * self.amplitude, constant=self.constant * (share if self.is_goodman else 1)
-        )
-
-    @property
-    def is_goodman(self) -> bool:
-        """True if the correction's constant is a stress."""
-        return self.correction == "goodman"
+        constant = share * self.constant if self.correction == "goodman" else self.constant
+        return replace(self, amplitude=share * self.amplitude, constant=constant)
 
 
 @dataclass(frozen=True)
@@ -110,7 +104,7 @@ class _SignedVonMises:
 
     rows: Array  # (n_nodes, 6, n_modes)
 
-    def bounds(self, peaks: Array, law: FatigueLaw) -> Array:
+    def bounds(self, peaks: Array) -> Array:
         """Return what the stress is nowhere above in stretches of time, by the peaks of the coordinates there."""
         return np.asarray(von_mises(self.rows) @ peaks)
 
@@ -146,7 +140,7 @@ class _NormalStress:
         c, s = np.cos(self.azimuths), np.sin(self.azimuths)
         return np.stack([c * c, s * s, 2.0 * c * s], axis=1)
 
-    def bounds(self, peaks: Array, law: FatigueLaw) -> Array:
+    def bounds(self, peaks: Array) -> Array:
         """Return what the stress is nowhere above in stretches of time, by the peaks of the coordinates there."""
         sizes = np.sqrt(self.rows[:, 0] ** 2 + self.rows[:, 1] ** 2 + 2.0 * self.rows[:, 2] ** 2)
         return np.asarray(sizes @ peaks)
@@ -168,15 +162,15 @@ class _NormalStress:
 class _Findley(_NormalStress):
     """Shear stress of each cycle on a plane, and its largest normal stress there."""
 
-    k: float = 0.25
+    k: float
 
-    def bounds(self, peaks: Array, law: FatigueLaw) -> Array:
+    def bounds(self, peaks: Array) -> Array:
         """Return what the parameter is nowhere above in stretches of time, as a uniaxial stress about zero.
 
         Half the difference of two principal stresses is at most 1/√2 of the tensor's norm; the normal stress of a cycle
         may be that of another stretch.
         """
-        norms = super().bounds(peaks, law)
+        norms = super().bounds(peaks)
         worst = norms.max(axis=1, keepdims=True)
         return np.asarray(2.0 * (np.sqrt(0.5) * norms + self.k * worst) / (self.k + np.hypot(1.0, self.k)))
 
@@ -306,7 +300,7 @@ def _assess(
     bounds = np.zeros(n_nodes)
     starts = np.arange(0, n_times, max(1, n_times // FATIGUE_STRETCHES))
     peaks = np.maximum.reduceat(np.abs(q), starts, axis=1)  # of each coordinate in each stretch of time
-    stresses = measure.bounds(peaks, law) * (1.0 + 1e-9)
+    stresses = measure.bounds(peaks) * (1.0 + 1e-9)
     bound_damage(stresses, np.diff(starts, append=n_times) * 1.0, numbers, bounds)
     order = np.argsort(-bounds, kind="stable")
     damage, planes = np.zeros(n_nodes), np.zeros(n_nodes, dtype=np.int64)
