@@ -11,6 +11,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.integrators.protocol import evaluate
+from fmd.output.loops import loop_warnings
 
 DOOR = """
 title = "Door"
@@ -73,6 +74,7 @@ tip = "bar.right"
 run = [{ integrator = "runge-kutta", tolerance = 1e-9 }]
 """
 
+GUIDE = 'body.slider.marker.guide={at=["0 mm", "0 mm", "0 mm"]}'
 LAST = 'C = { type = "revolute", parent = "coupler.C", child = "rocker.C", axis = [0, 0, 1] }'
 FOUR_BAR = """
 title = "Four-bar"
@@ -193,6 +195,11 @@ def test_a_loop_that_the_scene_leaves_open_is_closed_by_the_joints_that_it_gives
             ['body.track_rod={shape="rod", mass="1 kg", length="340 mm"}', TRACK_ENDS],
             "nothing has inertia",
         ),
+        (
+            "slider-crank",
+            ['body.slider.marker.pin.at=["0 mm", "0 mm", "2 mm"]', 'joint.guide.child="slider.guide"', GUIDE],
+            "that leaves this free: cylindrical",
+        ),
         (DOOR, ["joint.low.child_axis=[0, 0, 1]"], "joint.low.child_axis = [0, 0, 1]: has no effect"),
         (DOOR, ["joint.low.rate=0 rad/s", "joint.high.axis=[1, 0, 0]"], "nothing can move"),
         (
@@ -219,6 +226,16 @@ def test_a_mechanism_that_cannot_be_is_refused_in_one_message(
     print(err)
     assert said in err
     assert "Traceback" not in err
+
+
+def test_a_place_that_a_mesh_gives_some_nanometres_off_is_closed_with_a_warning(tmp_path: Path) -> None:
+    given = ["simulation.duration=1 ms", "simulation.start=undeformed"]
+    off = ['body.slider.marker.pin.at=["0 mm", "0 mm", "7e-6 mm"]', 'joint.guide.child="slider.guide"', GUIDE]
+    exact, closed = (Pipeline(load_scene("slider-crank", [*given, *more])) for more in ([], off))
+    assert not loop_warnings(exact)
+    (warning,) = loop_warnings(closed)
+    assert "joint.small_end is closed over 7e-09 m" in warning["text"]
+    np.testing.assert_allclose(closed.motion.trajectory.q, exact.motion.trajectory.q, atol=1e-10)
 
 
 def test_the_slider_crank_of_the_models_turns_as_a_rigid_one_but_for_its_rod(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.limits.mechanism import MOVED_BY_CLOSING
+from fmd.dynamics.compiler.closures import closed_distances
 from fmd.stages.assembly import constraint_rank, given_joints
 from fmd.stages.pipeline import Pipeline
 
@@ -39,6 +40,11 @@ def loop_warnings(run: Pipeline) -> list[dict[str, str]]:
             "motion is right, but how these joints share their load is not known; the smallest reactions are stated"
         )
         found.append({"code": "redundant-constraints", "text": text})
+    for name, distance in closed_distances(mechanism.rigid).items():
+        text = (
+            f"joint.{name} is closed over {distance:.2g} m that no motion closes: a mesh gives a face's centre no better"
+        )
+        found.append({"code": "closed-distance", "text": text})
     given_q, given_v = given_joints(run.divided_scene, mechanism)
     positions = ("angle", "position", given_q, q, mechanism.layout.position)
     keys = (positions, ("rate", "rate", given_v, v, mechanism.layout.rate))

@@ -10,15 +10,18 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
+from fmd.core.joint_kinds import ACROSS, AXIS, SPACE, JointKind, find_direction
 from fmd.core.limits import newton as limits
+from fmd.core.limits.mechanism import ALONG_AXIS
 from fmd.core.limits.newton import AWAY, DRIVEN_MOMENTS, SPREAD, TRIED
 from fmd.core.limits.rank import IDLE, RANK
 from fmd.core.newton import Tolerance, largest, solve
 from fmd.dynamics.closures import Closure
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.compiler.closures import ConstraintRow
+from fmd.dynamics.compiler.closures import ConstraintRow, OpenConstraintError
 from fmd.dynamics.linear_forces import gather_linear_forces
 from fmd.integrators.protocol import move_positions
+from fmd.scene.joints.any_joint import Joint, kinds_that
 from fmd.scene.joints.joint import POSITION_KEYS, RATE_KEYS
 from fmd.stages.parent_joint import joint_axes
 from fmd.stages.run_checks import require_inertia
@@ -47,8 +50,9 @@ def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
         require_inertia(scene, system)
         groups = [columns for columns in (_loose(scene, rigid, "position"), np.arange(rigid.n)) if len(columns)]
         q = _close(system, q, groups)
-    except ValueError as error:  # a residual that no motion changes
-        raise InputError(scene.file, "joint", None, str(error)) from error
+    except OpenConstraintError as error:
+        advice = _advise(scene.joint[error.joint], error.number)
+        raise InputError(scene.file, f"joint.{error.joint}", None, f"{error}; {advice}") from error
     positions = {
         link.name: tuple(q[at : at + link.n_positions])
         for link, at in zip(rigid.links, rigid.layout.position, strict=True)
@@ -56,6 +60,23 @@ def assemble(scene: Scene, mechanism: Mechanism) -> Mechanism:
     }
     _require_one_way(scene, system, q)
     return _without_idle_rows(replace(mechanism, assembled=positions), system, q)
+
+
+def _advise(joint: Joint, number: int) -> str:
+    """Return what could be done about one of a joint's scalar constraints that can't hold, by its number."""
+    kind = joint.kind
+    constraint = [*kind.points, *kind.squares, ""][number]
+    if constraint in SPACE:
+        along = abs(find_direction(constraint, joint.axis) @ find_direction(AXIS, joint.axis)) > ALONG_AXIS
+        constraint = AXIS if along else ACROSS[0]
+
+    def leaves_free(other: JointKind) -> bool:
+        points = {AXIS, *ACROSS} if other.points == SPACE else {*other.points}
+        return {*other.squares} <= {*kind.squares} and constraint not in {*points, *other.squares}
+
+    freer = ", ".join(kinds_that(lambda other: bool(other.points) and leaves_free(other)))
+    advice = "check places and axes of the loop"
+    return f"{advice}, or take a joint that leaves this free: {freer}" if freer and constraint else advice
 
 
 def given_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
