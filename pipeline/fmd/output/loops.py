@@ -41,9 +41,7 @@ def loop_warnings(run: Pipeline) -> list[dict[str, str]]:
         )
         found.append({"code": "redundant-constraints", "text": text})
     for name, distance in closed_distances(mechanism.rigid).items():
-        text = (
-            f"joint.{name} is closed over {distance:.2g} m that no motion closes: a mesh gives a face's centre no better"
-        )
+        text = f"joint.{name} is closed over {distance:.2g} m that no motion closes: a mesh gives centres of faces so"
         found.append({"code": "closed-distance", "text": text})
     given_q, given_v = given_joints(run.divided_scene, mechanism)
     positions = ("angle", "position", given_q, q, mechanism.layout.position)
