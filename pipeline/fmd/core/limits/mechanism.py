@@ -32,7 +32,7 @@ NO_FORCE = 1e-3  # largest response of a mode that is left out, over the wanted 
 
 # Loops.
 MOVED_BY_CLOSING = 1e-6  # how far a joint has to move as loops close to be named [rad or m]
-# Of the distance of a joint's places from their bodies' origins: less, where no motion can close it, is the mesh's error
+# Of the distance of joints from the origins of their bodies: less, where no motion can close it, is the mesh's error
 # of a face's centre and is taken as closed, with a warning.
 CLOSED_SHARE = 1e-5
 ALONG_AXIS = 0.9  # cosine between a direction and an axis for which it counts as along it
