@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
-from fmd.core.joint_kinds import ACROSS, AXIS, SPACE, JointKind, find_direction
+from fmd.core.joint_kinds import ACROSS, AXIS, SPACE, JointKind
 from fmd.core.limits import newton as limits
 from fmd.core.limits.mechanism import ALONG_AXIS
 from fmd.core.limits.newton import AWAY, DRIVEN_MOMENTS, SPREAD, TRIED
@@ -67,7 +67,7 @@ def _advise(joint: Joint, number: int) -> str:
     kind = joint.kind
     constraint = [*kind.points, *kind.squares, ""][number]
     if constraint in SPACE:
-        along = abs(find_direction(constraint, joint.axis) @ find_direction(AXIS, joint.axis)) > ALONG_AXIS
+        along = abs(joint.direction(AXIS)[SPACE.index(constraint)]) > ALONG_AXIS
         constraint = AXIS if along else ACROSS[0]
 
     def leaves_free(other: JointKind) -> bool:
