@@ -27,6 +27,8 @@ class WholeScene:
     gravity : tuple of float
     forces : list of (marker, amplitude (3,), frequency [Hz])
         ``F sin(2π f t)`` at markers [N].
+    blows : bool
+        The forces end with their first half wave.
     spring : tuple, optional
         Marker, place, stiffness and damper.
     duration : float
@@ -38,6 +40,7 @@ class WholeScene:
     forces: list[tuple[str, Any, float]]
     spring: tuple[str, Any, float, float] | None
     duration: float
+    blows: bool = False
 
     def whole(self, result: Result) -> WholeElements:
         """Return the whole elements on the mesh of a result."""
@@ -55,7 +58,10 @@ class WholeScene:
                 rate / over * (1 - np.cos(turn * t)),
             )
 
-        forces = [(markers[name], lambda t, F=F, f=f: F * np.sin(2 * np.pi * f * t)) for name, F, f in self.forces]
+        def force(t: float, F: Any, f: float) -> Any:
+            return F * (0.0 if self.blows and t >= 0.5 / f else np.sin(2 * np.pi * f * t))
+
+        forces = [(markers[name], lambda t, F=F, f=f: force(t, F, f)) for name, F, f in self.forces]
         springs = []
         if self.spring is not None:
             name, place, stiffness, damper = self.spring
@@ -147,3 +153,64 @@ quantities = ['marker_position', 'marker_acceleration', 'joint_reaction']
 markers = ['bar.tip', 'bar.side']
 """
     return WholeScene(text, (rate, over), gravity, forces, spring, duration)
+
+
+def random_blow(seed: int) -> WholeScene:
+    """Return a clamped bar that is struck at its tip, in few modes, without what makes up for the others."""
+    rng = np.random.default_rng([seed, 3])
+    E, nu, rho = MATERIALS[int(rng.integers(3))]
+    length = float(rng.uniform(0.2, 0.6))
+    depth, width = length / rng.uniform(20, 40), length / rng.uniform(12, 25)
+    period = 2 * np.pi * length**2 / (1.03 * np.sqrt(E / rho) * depth)
+    over = period * 10 ** rng.uniform(-1.7, -0.7)
+    stiff = 3 * E * width * depth**3 / 12 / length**3
+    F = np.array([0.0, 1.0, float(rng.uniform(-0.5, 0.5))])
+    F *= float(2e-4 * stiff * length * period / over) / np.linalg.norm(F)
+    size, f, duration = (
+        float(np.linalg.norm(F)),
+        float(f"{0.5 / over:.4g}"),
+        float(f"{rng.uniform(0.4, 1.0) * period:.3g}"),
+    )
+    at = [float(f"{length * rng.uniform(0.35, 0.8):.4g}"), depth / 2, 0.0]
+    text = f"""
+title = 'struck {seed}'
+[body.bar]
+shape = 'bar'
+length = '{length!r} m'
+depth = '{depth!r} m'
+width = '{width!r} m'
+E = '{E!r} Pa'
+nu = {nu}
+rho = '{rho!r} kg/m^3'
+mesh = {{ order = 2, divisions = [{int(rng.integers(12, 17))}, 1, 1] }}
+[body.bar.marker]
+root = {{ face = 'x-', attachment = 'rigid' }}
+tip = {{ face = 'x+' }}
+side = {{ at = {[f"{x!r} m" for x in at]!r} }}
+[body.bar.modes]
+count = {int(rng.integers(3, 9))}
+boundary = 'joint'
+enrich = '{rng.choice(["none", "inertia"])}'
+[joint.hub]
+type = 'fixed'
+parent = 'ground'
+child = 'bar.root'
+[drive.blow]
+type = 'point force'
+marker = 'bar.tip'
+direction = {F.tolist()!r}
+force = {{ formula = '{size!r}*sin(2*pi*{f!r}*t) if t < {0.5 / f!r} else 0', unit = 'N' }}
+[simulation]
+duration = '{duration!r} s'
+output_step = '{duration / 100!r} s'
+gravity = ['0 m/s^2', '0 m/s^2', '0 m/s^2']
+tip = 'bar.tip'
+[[simulation.run]]
+integrator = 'auto'
+[[output]]
+type = 'history'
+file = 'all.csv'
+quantities = ['marker_position', 'marker_acceleration', 'joint_reaction']
+markers = ['bar.tip', 'bar.side']
+"""
+    return WholeScene(text, (0.0, 1.0), (0.0, 0.0, 0.0), [("tip", F, f)], None, duration, blows=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair
+from fmd.accuracy.details import detail_quantities, leave_out_nothing
 from fmd.accuracy.quantities import Quantities, mesh_quantities, motion_quantities, stress_quantities
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.arrays import Array, IntArray
@@ -38,6 +39,8 @@ class Comparison:
         The scene's first run, by the method that an automatic choice ended with.
     of_mesh, of_motion, quantities : dict of str to Quantity
         Quantities that don't depend on the motion, that do, and all.
+    details : dict of str to Quantity
+        Those of single joints and markers, which are among the motion's.
     corrections : dict of str to float
         What finer computations add to the values of quantities so far.
     pair : Pair or str
@@ -58,6 +61,8 @@ class Comparison:
         if run.parts:
             self._choose_stress_samples()
             self.of_motion |= stress_quantities(run, self.motion, self.frames)
+        self.details = leave_out_nothing(detail_quantities(run.scene, self.motion))
+        self.of_motion |= self.details
         self.quantities = self.of_mesh | self.of_motion
 
     def require_modes(self, share: float) -> None:
@@ -96,7 +101,8 @@ class Comparison:
         quantities = motion_quantities(run, motion, fine)
         if run.parts:
             quantities |= stress_quantities(run, motion, self.frames, nodes, places, as_if)
-        return quantities
+        details = detail_quantities(run.scene, motion)
+        return quantities | {name: details[name] for name in self.details}
 
     def _choose_stress_samples(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""

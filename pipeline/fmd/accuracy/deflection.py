@@ -27,7 +27,7 @@ def deflection_errors(run: Pipeline, quantities: Quantities) -> dict[str, float]
     """Estimate the relative error of each quantity of a motion by the squares of rotation and strain.
 
     A body's stress is off by what this body leaves out, all else by what the worst body does. The tip's deflection
-    lacks the shortening of its body too where displacements of second order are left out.
+    lacks the shortening of its body too where displacements of second order are left out, and so does a marker's place.
     """
     errors = {name: _error_in_frame(run, name) for name in run.deformations}
     worst = max(errors.values(), default=0.0)
@@ -41,17 +41,27 @@ def deflection_errors(run: Pipeline, quantities: Quantities) -> dict[str, float]
     }
     if "tip, deflection" in of_bodies:
         of_bodies["tip, deflection"] = math.hypot(worst, tip_shortening(run))
+    for name, quantity in quantities.items():
+        marker, _, kind = name.rpartition(".")
+        if kind in ("position", "deflection") and "." in marker and quantity.scale:
+            of_bodies[name] = math.hypot(of_bodies[name], shortening_towards(run, marker) / quantity.scale)
     return of_bodies
 
 
 def tip_shortening(run: Pipeline) -> float:
-    """Return how far the tip comes nearer to its joint beyond what its motion has, over the largest deflection.
-
-    Of a part in pieces every piece on the way to the tip adds its own.
-    """
+    """Return how far the tip comes nearer to its joint beyond what its motion has, over the largest deflection."""
     largest = float(run.motion.tip_size.max())
-    names = {link.name: k for k, link in enumerate(run.mechanism.links)}
-    body, _, marker = run.divided_scene.simulation.tip.partition(".")
+    return shortening_towards(run, run.divided_scene.simulation.tip) / largest if largest else 0.0
+
+
+def shortening_towards(run: Pipeline, tip: str) -> float:
+    """Return how far a marker ``"body.marker"`` comes nearer to its body's joint beyond what its motion has [m].
+
+    Of a part in pieces every piece on the way to the marker adds its own.
+    """
+    body, _, marker = tip.partition(".")
+    link = run.mechanism.links[run.mechanism.find_marker(run.mechanism.number_of(body), marker)]
+    names, body = {link.name: k for k, link in enumerate(run.mechanism.links)}, link.name
     total, first = 0.0, run.mechanism.first_piece(names[body])
     while body in run.deformations and not run.bodies[body].markers[marker].displacement2.size:
         total += float(run.deformations[body].shortening.get(marker, np.zeros(1)).max())
@@ -59,7 +69,7 @@ def tip_shortening(run: Pipeline) -> float:
             break
         weld = run.divided_scene.joint[run.divided_scene.carrying[body]].parent
         body, _, marker = weld.partition(".")
-    return total / largest if largest else 0.0
+    return total
 
 
 def find_deflection_error(run: Pipeline, body: str) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fmd.accuracy.details import detail_quantities
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_PART, SOURCES, Row
 from fmd.accuracy.model_errors import ModelError, summarise_causes
 from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
@@ -25,6 +26,8 @@ class Budget:
     Attributes
     ----------
     rows : tuple of Row
+    details : tuple of Row
+        Of single joints and markers, by the names of variables in files; no required accuracy counts them.
     safety : float
         Factor on the root of the sum of the squares of a row's estimates.
     model : tuple of ModelError
@@ -36,6 +39,7 @@ class Budget:
     """
 
     rows: tuple[Row, ...]
+    details: tuple[Row, ...] = ()
     safety: float = SAFETY
     model: tuple[ModelError, ...] = ()
     left_out: tuple[str, ...] = ()
@@ -48,35 +52,32 @@ class Budget:
 
     def summary(self) -> dict[str, Any]:
         """Return the budget as plain numbers and texts."""
-        rows = [
-            {"quantity": row.name, "value": row.value, "unit": row.unit, "over_time": row.over_time}
-            | {**row.parts, "total": None if row.why else row.total, "better": row.better}
-            | {"interval": row.interval and [*row.interval]}
-            | ({"why": row.why} if row.why else {})
-            for row in self.rows
-        ]
         return {
             "safety": self.safety,
-            "rows": rows,
+            "rows": [row.summary() for row in self.rows],
+            "details": [row.summary() for row in self.details],
             "model": summarise_causes(self.model),
             "left_out": list(self.left_out),
             "seconds": self.seconds,
         }
 
 
-def true_errors(run: Pipeline, finer: Pipeline) -> dict[str, float]:
+def true_errors(run: Pipeline, finer: Pipeline, details: bool = False) -> dict[str, float]:
     """Return the relative errors of a run's quantities against those of a much finer run of the same scene.
 
-    Frequencies are matched by their modes' shapes, element stress by place.
+    Frequencies are matched by their modes' shapes, element stress by place. ``details`` adds joints and markers.
     """
     from fmd.accuracy.estimators import Estimates
 
-    quantities, motion = Estimates(run).quantities, finer.motion
+    estimates, motion = Estimates(run), finer.motion
     places = {name: part.element_places for name, part in run.parts.items() if part.elements}
     exact = mesh_quantities(finer, run) | motion_quantities(finer, motion, finer.fine_motion)
     if run.parts:
         exact |= stress_quantities(finer, motion, np.arange(len(motion.times)), places=places)
-    return {name: quantity.error(exact[name]) for name, quantity in quantities.items()}
+    if details:
+        exact |= detail_quantities(finer.scene, motion)
+    left_out = () if details else estimates.details
+    return {name: own.error(exact[name]) for name, own in estimates.quantities.items() if name not in left_out}
 
 
 def state_errors(run: Pipeline, seconds: float = math.inf) -> Budget:
@@ -103,7 +104,8 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
     limit = TimeLimit(seconds)
     estimates = Estimates(run, limit)
     by_source = estimates.by_source()
-    rows = []
+    rows: list[Row] = []
+    details: list[Row] = []
     for name, quantity in estimates.quantities.items():
         parts = {source: by_source.get(source, {}).get(name, NO_PART) for source in SOURCES}
         if name in estimates.model.missing:
@@ -112,9 +114,10 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
             parts[MORE_OF_MESH] = estimates.mesh_left_out
         over_time = not (quantity.largest or name in estimates.of_mesh)
         correction = estimates.corrections.get(name, 0.0)
-        rows.append(Row(name, quantity.unit, quantity.scale, over_time, parts, correction))
+        kind = details if name in estimates.details else rows
+        kind.append(Row(name, quantity.unit, quantity.scale, over_time, parts, correction))
     causes, left_out = tuple(estimates.model.causes), tuple(estimates.left_out)
-    return Budget(tuple(_join_pieces(rows)), model=causes, left_out=left_out, seconds=limit.spent)
+    return Budget(tuple(_join_pieces(rows)), tuple(details), model=causes, left_out=left_out, seconds=limit.spent)
 
 
 def _join_pieces(rows: list[Row]) -> list[Row]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,6 +154,18 @@ class Row:
         size, moved = max(self.value, self.better), abs(self.better - self.value)
         half = max(self.total * size - moved, moved)
         return max(self.better - half, 0.0), self.better + half
+
+    @property
+    def size(self) -> float:
+        """Stated error in the quantity's own unit: a share of its larger value, the run's or the better one."""
+        return self.total * max(self.value, self.better)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the row as plain numbers and texts."""
+        named = {"quantity": self.name, "value": self.value, "unit": self.unit, "over_time": self.over_time}
+        stated = {"total": None if self.why else self.total, "better": self.better}
+        interval = {"interval": self.interval and [*self.interval]}
+        return named | self.parts | stated | interval | ({"why": self.why} if self.why else {})
 
     @property
     def why(self) -> str:

@@ -142,7 +142,8 @@ class ModelErrors:
                 self.missing |= dict.fromkeys(self._comparison.of_motion, missing)
 
     def _add(self, cause: str, errors: dict[str, float], text: str, counted: bool = True) -> None:
-        quantity = max(errors, key=lambda name: errors[name], default="")
+        named = [name for name in errors if name not in self._comparison.details]
+        quantity = max(named, key=lambda name: errors[name], default="")
         if errors.get(quantity, 0.0) > WORTH_NAMING:
             self.causes.append(ModelError(cause, errors[quantity], quantity, text, counted))
         for name, error in errors.items() if counted else ():

@@ -16,7 +16,7 @@ from fmd.core.limits.shown import BRIEF, LINE_POLES
 from fmd.core.limits.stability import COUPLED, GROWING
 from fmd.output.explain import Forecast, forecast_run
 from fmd.output.key_figures import largest_deflection, largest_stress, run_time
-from fmd.output.stated_errors import ERROR_COLUMNS, error_cells
+from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, worst_details
 from fmd.output.summary import UNMET, UNMOVED
 from fmd.output.write import write_results
 
@@ -161,14 +161,14 @@ def _print_integrations(summary: dict[str, Any]) -> None:
 
 
 def _print_budget(budget: dict[str, Any]) -> None:
-    """Print the table of relative errors by source; of a body's frequencies it holds only the worst."""
+    """Print the table of relative errors by source; of a body's frequencies, of joints and markers only the worst."""
     title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of their squares"
     worst: dict[str, dict[str, Any]] = {}
     for row in budget["rows"]:
         group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]
         if group not in worst or (row["total"] or 0.0) > (worst[group]["total"] or 0.0):
             worst[group] = row
-    rows = [(row["quantity"], *error_cells(row)) for row in worst.values()]
+    rows = [(row["quantity"], *error_cells(row)) for row in (*worst.values(), *worst_details(budget))]
     print_table(title, dict.fromkeys(("quantity", *ERROR_COLUMNS), "{}"), rows)
 
 

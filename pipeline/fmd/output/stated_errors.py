@@ -7,10 +7,16 @@ from typing import Any
 
 from fmd.accuracy.error_estimates import NO_PART, SOURCES, percent
 from fmd.core.html import prefix_for
-from fmd.core.limits.shown import SEEN_BETTER
+from fmd.core.limits.shown import NAMED_RESULTS, SEEN_BETTER
 
 ERROR_COLUMNS = ("mesh", "modes", "time", "stress", "model", "stated", "better", "from", "to")
 """Headings of `error_cells`."""
+
+
+def worst_details(budget: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the few rows of single joints and markers with the largest stated errors."""
+    stated = [row for row in budget["details"] if row["total"] is not None]
+    return sorted(stated, key=lambda row: -float(row["total"]))[:NAMED_RESULTS]
 
 
 def error_cells(row: Mapping[str, Any]) -> list[str]:

@@ -5,7 +5,7 @@ The names of the user's scene stay: its joints, drives and force elements act on
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -334,10 +334,10 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
     return Division(found, parts, divided)
 
 
-def complete_inertia(parts: Mapping[str, FlexiblePart], mechanism: Mechanism) -> Mechanism:
-    """Add to bodies of a mechanism the inertia along the one axis that they turn about, from their parts by name."""
+def complete_inertia(along_normal: Callable[[str], Array], mechanism: Mechanism) -> Mechanism:
+    """Add to bodies of a mechanism the blocks of inertia along the one axis that they turn about, found by name."""
     links = [
-        replace(link, integrals=add_normal_blocks(link.integrals, parts[link.name].inertia_along_normal))
+        replace(link, integrals=add_normal_blocks(link.integrals, along_normal(link.name)))
         if link.integrals.normal >= 0
         else link
         for link in mechanism.links

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from fmd.core.progress import Monitor, silent
 from fmd.recovery.deformation import Deformation, measure_deformation
 from fmd.recovery.envelope import StressEnvelope, stress_envelope
 from fmd.recovery.stress import StressHistory, stress_measure
+from fmd.reduction.inertia import normal_blocks
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import collect_inputs
 from fmd.stages.division import Division, complete_inertia, divide_parts
@@ -348,9 +349,19 @@ class Pipeline:
         """Return the motion that a trajectory of one of the scene's plans describes."""
         from fmd.recovery.motion import Motion
 
-        return Motion(
-            plan.mechanism, trajectory, self.divided_scene.simulation.tip, partial(complete_inertia, self.parts)
-        )
+        return Motion(plan.mechanism, trajectory, self.divided_scene.simulation.tip, self.with_whole_inertia)
+
+    def with_whole_inertia(self, mechanism: Mechanism) -> Mechanism:
+        """Return a mechanism whose bodies have their inertia along the one axis that they turn about, too."""
+        return complete_inertia(self._find_inertia, mechanism)
+
+    def _find_inertia(self, name: str) -> Array:
+        """Return the blocks of a body's inertia integrals along the one axis that it turns about."""
+        part = self.parts[name]
+        if not self.has_other_bodies:
+            return part.inertia_along_normal
+        body = self.bodies[name]
+        return normal_blocks(body.x, part.fe.m, body.shapes, body.integrals.normal)
 
     @property
     def output_times(self) -> Array:

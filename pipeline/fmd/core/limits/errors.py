@@ -9,6 +9,7 @@ SAME_FREQUENCY_OF_MESHES = 0.02  # relative: of shapes that the mesh alone keeps
 
 # Comparison of runs.
 COMPARED_FRAMES = 60  # at which stress is compared
+COMPARED_TIMES = 2000  # at which reactions, places and accelerations are compared
 HOTTEST_FRAMES = 20  # of them around the largest stress
 HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
 

@@ -17,7 +17,7 @@ from fmd.output.notebook import draw_inline
 from fmd.output.pictures import chart_title
 from fmd.output.report.shown import image_of, show_outputs
 from fmd.output.report.view3d import collect_view
-from fmd.output.stated_errors import ERROR_COLUMNS, error_cells
+from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, worst_details
 from fmd.output.views import camera_of
 from fmd.render.camera import Camera
 from fmd.stages.pipeline import Pipeline
@@ -143,8 +143,12 @@ def _integrations(summary: dict[str, Any]) -> dict[str, Any]:
 def _budget(budget: dict[str, Any]) -> dict[str, Any]:
     return {
         "header": ("quantity", "value", *ERROR_COLUMNS),
-        "rows": [(row["quantity"], scaled(row["value"], row["unit"]), *error_cells(row)) for row in budget["rows"]],
+        "rows": [
+            (row["quantity"], scaled(row["value"], row["unit"]), *error_cells(row))
+            for row in (*budget["rows"], *worst_details(budget))
+        ],
         "note": f"Error of each result by its source [%]; stated is {budget['safety']:g} times the root of their "
         "squares. The better value has the corrections of finer computations, and lies with the true one between the "
-        "last two; where an estimate is missing (?), nothing is stated.",
+        "last two; where an estimate is missing (?), nothing is stated. Of joints and markers the worst are here, "
+        "and all in summary.json.",
     }

@@ -1,0 +1,106 @@
+"""Quantities of joints and markers in the error budget: their names, their sizes, and what is left out."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmd import Pipeline, load_scene
+from fmd.accuracy.details import detail_quantities
+from fmd.accuracy.error_budget import state_errors
+from fmd.accuracy.error_estimates import retune_body
+from fmd.core.cache import Cache
+from fmd.reduction.inertia import inertia_integrals
+
+QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
+
+
+@pytest.fixture(scope="module")
+def beam() -> Pipeline:
+    return Pipeline(load_scene("beam-paper", QUICK), Cache(None))
+
+
+def test_forces_places_rates_and_accelerations_have_the_names_of_files(beam: Pipeline) -> None:
+    found = detail_quantities(beam.scene, beam.motion)
+    units = {"hub.force": "N", "hub.moment": "N m", "beam.tip.velocity": "m/s", "beam.tip.acceleration": "m/s^2"}
+    assert {name: found[name].unit for name in units} == units
+    assert found["beam.tip.acceleration"].values == pytest.approx(
+        beam.motion.kinematics.marker_acceleration(0, "tip", beam.motion.joint_loads.accelerations)
+    )
+    place = found["beam.tip.position"]
+    moved = np.linalg.norm(beam.motion.tip_position - beam.motion.tip_position[0], axis=1)
+    assert place.scale == pytest.approx(moved.max())
+
+
+def test_an_error_of_a_place_is_relative_to_how_far_it_moves(beam: Pipeline) -> None:
+    place = detail_quantities(beam.scene, beam.motion)["beam.tip.position"]
+    shifted = type(place)(place.name, place.unit, place.values + np.array([0.0, 0.0, 0.1 * place.scale]))
+    assert place.error(shifted) == pytest.approx(0.1)
+
+
+def test_what_is_round_off_has_no_row(beam: Pipeline) -> None:
+    """The hub neither moves, nor does a beam in a plane bear a moment across it."""
+    names = {row.name for row in state_errors(beam).details}
+    assert "beam.tip.acceleration" in names
+    assert "beam.root.position" not in names
+
+
+def test_a_body_in_other_coordinates_gets_the_whole_inertia_of_its_own_shapes(beam: Pipeline) -> None:
+    """Reactions take it; the variants of a budget have bodies of other coordinates."""
+    body = beam.bodies["beam"]
+    assert body.integrals.normal >= 0  # the motion is in a plane
+    retuned, _ = retune_body(body, np.linspace(1.2, 2.0, len(body.omega)) * body.omega)
+    other = beam.with_bodies({"beam": retuned})
+    (link,) = other.with_whole_inertia(other.mechanism).links
+    whole = inertia_integrals(retuned.x, beam.parts["beam"].fe.m, retuned.shapes)
+    assert np.abs(link.integrals.G - whole.G).max() < 1e-12 * np.abs(whole.G).max()
+
+
+def test_a_blow_states_what_few_modes_leave_out_of_the_reaction(tmp_path: Path) -> None:
+    """Against the same bar in many modes, which share nothing with the load-dependent vectors of the budget."""
+    text = """
+    title = 'a blow'
+    [body.bar]
+    shape = 'bar'
+    E = '70 GPa'
+    nu = 0.33
+    rho = '2700 kg/m^3'
+    length = '400 mm'
+    depth = '10 mm'
+    width = '20 mm'
+    mesh = { order = 2, divisions = [12, 1, 1] }
+    [body.bar.marker]
+    root = { face = 'x-', attachment = 'rigid' }
+    tip = { face = 'x+' }
+    [body.bar.modes]
+    count = 3
+    boundary = 'joint'
+    enrich = 'none'
+    [joint.hub]
+    type = 'fixed'
+    parent = 'ground'
+    child = 'bar.root'
+    [drive.blow]
+    type = 'point force'
+    marker = 'bar.tip'
+    direction = [0.0, 1.0, 0.0]
+    force = { formula = '100*sin(pi*t/0.0003) if t < 0.0003 else 0', unit = 'N' }
+    [simulation]
+    duration = '5 ms'
+    output_step = '0.05 ms'
+    gravity = ['0 m/s^2', '0 m/s^2', '0 m/s^2']
+    tip = 'bar.tip'
+    [[simulation.run]]
+    integrator = 'auto'
+    """
+    (tmp_path / "blow.toml").write_text(text)
+    few, many = (
+        Pipeline(load_scene(tmp_path / "blow.toml", [f"body.bar.modes.count={n}"]), Cache(None)) for n in (3, 40)
+    )
+    rows = {row.name: row for row in state_errors(few).details}
+    better = detail_quantities(many.scene, many.motion)
+    own = detail_quantities(few.scene, few.motion)
+    for name in ("hub.force", "hub.moment", "bar.tip.velocity", "bar.tip.acceleration"):
+        true = own[name].error(better[name]) * better[name].scale
+        assert true > 0.3 * better[name].scale, name
+        assert true <= rows[name].size <= 10 * true, name
