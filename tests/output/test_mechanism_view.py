@@ -17,7 +17,7 @@ from fmd.integrators.protocol import Trajectory
 from fmd.output.joint_marks import GROUND, JOINT
 from fmd.output.mechanism_view import view_mechanism
 from fmd.output.picture_files import picture_key
-from fmd.output.pictures import DRAWINGS
+from fmd.output.pictures import draw_mechanism
 from fmd.output.rigid_shapes import shape_surfaces
 from fmd.recovery.motion import Motion
 from fmd.stages.mechanism import place_joints
@@ -216,7 +216,7 @@ def test_a_shape_that_there_is_not_is_refused(tmp_path, visual, said):
 def test_a_picture_after_the_end_is_refused(arm, tmp_path):
     (output,) = load_scene("arm", [*ARM, 'output=[{type="mechanism", file="late.png", time="1 s"}]']).output
     with pytest.raises(InputError, match=r"time = 1\.0: is after the end of the motion at 0\.06 s"):
-        DRAWINGS["mechanism"].draw(arm, output, tmp_path)
+        draw_mechanism(arm, output, tmp_path)
 
 
 def test_the_pin_of_a_turned_joint_lies_along_its_axis(tmp_path):

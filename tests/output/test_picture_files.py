@@ -8,7 +8,7 @@ import pytest
 from fmd import Result, load_scene
 from fmd.core.cache import Cache
 from fmd.output.explain import forecast_run
-from fmd.output.pictures import DRAWINGS
+from fmd.output.output_kinds import kind_of
 from fmd.output.write import write_results
 
 pytestmark = pytest.mark.slow
@@ -58,8 +58,7 @@ def test_a_second_run_draws_nothing_and_leaves_the_same_files(first, monkeypatch
     def draw_again(*_):
         raise AssertionError("drawn again")
 
-    drawings = {type: replace(drawing, draw=draw_again) for type, drawing in DRAWINGS.items()}
-    monkeypatch.setattr("fmd.output.picture_files.DRAWINGS", drawings)
+    monkeypatch.setattr("fmd.output.picture_files.kind_of", lambda output: replace(kind_of(output), draw=draw_again))
     plan, run = draw(folder, [])
     assert fate_of(plan) == "cached"
     assert "pictures" not in run.log.run
@@ -86,8 +85,7 @@ def test_what_has_changed_is_drawn_anew(first, override, drawn, monkeypatch):
         (out / name).write_bytes(b"")
         return [name]
 
-    drawings = {type: replace(drawing, draw=note) for type, drawing in DRAWINGS.items()}
-    monkeypatch.setattr("fmd.output.picture_files.DRAWINGS", drawings)
+    monkeypatch.setattr("fmd.output.picture_files.kind_of", lambda output: replace(kind_of(output), draw=note))
     plan, run = draw(folder, [override])
     assert ALL & again == drawn
     assert fate_of(plan) == "run"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
@@ -10,12 +9,8 @@ from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.solved_scene import SETTINGS, SolvedScene
 from fmd.core.cache import stage_key
 from fmd.core.paths import KERNEL_SOURCES, source_digest
-from fmd.output.exports import EXPORTS
+from fmd.output.output_kinds import kind_of, outputs_of
 from fmd.output.picture_files import picture_key
-from fmd.output.pictures import DRAWINGS
-from fmd.scene.outputs import Export, is_drawn
-from fmd.scene.pictures import MechanismView
-from fmd.stages.division import part_of
 from fmd.stages.part import PART_STAGES, FlexiblePart
 from fmd.stages.pipeline import RUN_STAGES, Pipeline
 from fmd.stages.runs import MACHINE_CODE
@@ -96,39 +91,20 @@ def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
         planner.note(SETTINGS.name, "skipped", "the scene leaves nothing open")
     for name in _OF_SUMMARY:
         planner.want(name)
-    drawn = [output for output in run.scene.output if is_drawn(output)]
-    listed = [output for output in run.scene.output if not is_drawn(output)]
+    drawn, files, responses = (outputs_of(run.scene, stage) for stage in ("pictures", "files", "responses"))
     missing = [output for output in drawn if pictures and not planner.has_drawn(output)]
-    for output in (*listed, *missing):
-        for name, body in _reads(run, output):
+    for output in (*files, *responses, *missing):
+        for name, body in kind_of(output).reads(run, output):
             planner.want(name, body)
     if budget:
         planner.want(ERROR_BUDGET.name)
     else:
         planner.note(ERROR_BUDGET.name, "skipped", "left out by --no-budget")
-    files, responses = (sum((output.type == "frf") is own for output in listed) for own in (False, True))
-    planner.note("responses", "run" if responses else "skipped", _COUNTED.format(responses))
-    planner.note("files", "run" if files else "skipped", _COUNTED.format(files))
+    for stage, outputs in (("responses", responses), ("files", files)):
+        planner.note(stage, "run" if outputs else "skipped", _COUNTED.format(len(outputs)))
     planner.note("pictures", *_fate_of_pictures(len(drawn), len(missing), pictures))
     planner.skip_others()
     return planner.forecast()
-
-
-def _reads(run: Pipeline, output: Any) -> Iterator[tuple[str, str]]:
-    """Iterate over the stages of bodies that an output takes, with the names of the bodies or pieces."""
-    kind, body = output.type, getattr(output, "body", None)
-    if isinstance(output, Export):
-        if output.body is not None:  # the whole mechanism is in the motion anyway
-            suffix = "." + output.file.rpartition(".")[2]
-            reads = EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body")
-            yield from ((name, part.name) for part in run.pieces_of(output.body) for name in reads)
-    elif isinstance(output, MechanismView):
-        for own, part in run.parts.items():
-            coloured = body in (None, part_of(own) or own)
-            if part.has_stress and (coloured or not output.alone):
-                yield from ((name, own) for name in DRAWINGS[kind].reads if coloured or name != "stress")
-    elif kind in DRAWINGS and body is not None:
-        yield from ((name, part.name) for part in run.pieces_of(body) for name in DRAWINGS[kind].reads)
 
 
 def _fate_of_pictures(n_drawn: int, n_missing: int, wanted: bool) -> tuple[Fate, str]:
@@ -147,11 +123,8 @@ def _forecast_rounds(solved: SolvedScene, pictures: bool) -> Forecast:
     for stage in (*PART_STAGES, *RUN_STAGES, ERROR_BUDGET.name):
         for name in scene.flexible if stage in PART_STAGES else [""]:
             planner.note(stage, "open", "the settings that are found decide", name)
-    frf = sum(output.type == "frf" for output in scene.output)
-    drawn = sum(map(is_drawn, scene.output))
-    for stage, count in (
-        ("responses", frf), ("files", len(scene.output) - drawn - frf), ("pictures", pictures * drawn)
-    ):  # fmt: skip
+    for stage in ("responses", "files", "pictures"):
+        count = len(outputs_of(scene, stage)) * (pictures or stage != "pictures")
         planner.note(stage, "run" if count else "skipped", _COUNTED.format(count))
     return planner.forecast()
 

@@ -5,22 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmd.output.formats import write_format
-from fmd.output.histories import write_extremes, write_history
-from fmd.output.stress_fields import write_envelope, write_fatigue
+from fmd.output.output_kinds import OutputKind, read_body
 from fmd.recovery.stress import choose_frames, von_mises
 from fmd.scene.outputs import Export
 from fmd.stages.pipeline import Pipeline
-
-
-def write_file(run: Pipeline, output: Any, folder: Path) -> list[str]:
-    """Write the file of an output that isn't drawn into a folder and return its name."""
-    return FILES[output.type](run, output, folder)
 
 
 def write_export(run: Pipeline, output: Export, folder: Path) -> list[str]:
@@ -87,11 +80,12 @@ EXPORTS: dict[str, FileFormat] = {
     ".nc": FileFormat(_write_body, ("modes", "body", "surface", "stress", "inertia")),
 }
 
-FILES: dict[str, Callable[[Pipeline, Any, Path], list[str]]] = {
-    "export": write_export,
-    "history": write_history,
-    "table": write_extremes,
-    "envelope": write_envelope,
-    "fatigue": write_fatigue,
-}
-"""Writers of outputs that aren't drawn, by their types."""
+
+def _read_export(run: Pipeline, output: Export) -> Iterator[tuple[str, str]]:
+    """Iterate over the stages of the body that an export holds; the whole mechanism is in the motion anyway."""
+    if output.body is not None:
+        suffix = Path(output.file).suffix
+        yield from read_body(*(EXPORTS[suffix].reads if suffix in EXPORTS else ("modes", "body")))(run, output)
+
+
+KINDS = {"export": OutputKind(write=write_export, reads=_read_export)}

@@ -14,6 +14,7 @@ from fmd.core.files import whole_file
 from fmd.core.limits.shown import DIGITS
 from fmd.core.netcdf import write_netcdf
 from fmd.output.csv_rows import write_rows
+from fmd.output.output_kinds import OutputKind
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import Variable, gather_runs
 from fmd.recovery.quantities import (
@@ -52,6 +53,11 @@ def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[s
         texts = ([f"{x:.{DIGITS}g}" if isinstance(x, float) else str(x) for x in row.values()] for row in rows)
         write_rows(part, list(rows[0]), texts)
     return [output.file]
+
+
+def summarise_extremes(run: Pipeline, output: ExtremesTable) -> dict[str, dict[str, Any]]:
+    """Return the rows of a table of extremes."""
+    return {"tables": {output.file: extremes(run, output)}}
 
 
 def extremes(run: Pipeline, output: Quantities) -> list[dict[str, Any]]:
@@ -164,3 +170,9 @@ def _columns(variables: Iterable[Variable], with_sizes: bool = False) -> Iterato
             yield f"{variable.name}.{name}", variable.units, column
         if with_sizes and variable.dims == ("axis",):
             yield f"{variable.name}.size", variable.units, np.linalg.norm(values, axis=1)
+
+
+KINDS = {
+    "history": OutputKind(write=write_history),
+    "table": OutputKind(write=write_extremes, summarise=summarise_extremes),
+}

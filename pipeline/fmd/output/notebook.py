@@ -14,12 +14,11 @@ from pydantic import TypeAdapter, ValidationError
 from fmd.core.errors import InputError
 from fmd.core.html import facts
 from fmd.output.key_figures import key_figures
-from fmd.output.pictures import DRAWINGS, draw_modes
-from fmd.scene.outputs import Output
+from fmd.output.output_kinds import kind_of, kinds_that
+from fmd.output.pictures import draw_modes
+from fmd.scene.outputs import OUTPUT_MODELS, Output
 from fmd.scene.reading import Fault, join_errors, list_faults, suggest_name
 from fmd.stages.pipeline import Pipeline
-
-_PICTURES = ("chart", "mesh", "modes", "mode sheet", "stress", "mechanism", "envelope", "fatigue")
 
 
 @dataclass(frozen=True)
@@ -98,20 +97,19 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
     InputError
         There is no such output, or the scene lacks what it shows.
     """
-    if type not in _PICTURES:
-        raise InputError("picture", "type", type, suggest_name(type, _PICTURES, "the pictures"))
+    pictures = kinds_that(lambda kind: kind.draw is not None and kind.section != "motion")
+    if type not in pictures:
+        raise InputError("picture", "type", type, suggest_name(type, pictures, "the pictures"))
     given = {"type": type, "file": "mode-{mode}.png" if type == "modes" else "picture.png", **settings}
-    if type in ("mesh", "modes", "mode sheet", "envelope", "fatigue"):
+    if (body := OUTPUT_MODELS[type].model_fields.get("body")) is not None and body.is_required():
         given.setdefault("body", run.part.name)
-    if type == "stress" and not any(part.has_stress for part in run.parts.values()):
-        raise InputError(run.scene.file, "body", sorted(run.scene.body), "no flexible body with a mesh: no stress")
     output = read_output(given)
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:
         folder = Path(name)
         files = (
             draw_modes(run, output, folder, numbers=numbers)
             if type == "modes"
-            else DRAWINGS[output.type].draw(run, output, folder)
+            else kind_of(output).make(run, output, folder)
         )
         return tuple(Picture((folder / file).read_bytes()) for file in files)
 

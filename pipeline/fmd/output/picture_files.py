@@ -11,7 +11,7 @@ from typing import Any
 from fmd.core.cache import stage_key
 from fmd.core.files import whole_file
 from fmd.output.drawing_process import DrawingProcess
-from fmd.output.pictures import DRAWINGS
+from fmd.output.output_kinds import kind_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.visual_files import find_visual_files
 
@@ -22,7 +22,7 @@ _PACKAGES = ("numpy", "pyvista", "vtk", "matplotlib", "imageio-ffmpeg")
 def picture_key(run: Pipeline, output: Any) -> str:
     """Return the key that an output's files are kept under, from everything that it shows and is drawn by."""
     shown = {"output": output.model_dump(mode="json"), "title": run.scene.title}
-    if DRAWINGS[output.type].still:
+    if kind_of(output).still:
         sources = ("fmd/render", "fmd/output/pictures.py")
         return stage_key(_STAGE, shown | {"part": run.wholes[output.body].key("body")}, sources, _PACKAGES)
     shapes = {name: body.model_dump(mode="json", include={"visual"}) for name, body in run.scene.body.items()}
@@ -72,7 +72,7 @@ class Pictures:
     def begin(self, run: Pipeline, still: bool) -> None:
         """Begin to draw the outputs that show a part alone, or those that show its motion."""
         for output in self._outputs:
-            if DRAWINGS[output.type].still is still:
+            if kind_of(output).still is still:
                 kept = run.store.cache.load(picture_key(run, output), "dict[str, bytes]")
                 if kept is None:
                     self._draw(run, output)
@@ -80,7 +80,8 @@ class Pictures:
                     self._kept[output.file] = kept
 
     def _draw(self, run: Pipeline, output: Any) -> None:
-        draw, folder = DRAWINGS[output.type].draw, self._process.folder
+        draw, folder = kind_of(output).draw, self._process.folder
+        assert draw is not None
         self._drawn[output.file] = run.store.compute(_STAGE, lambda: draw(run, output, folder, self._process))
 
     def write(self, run: Pipeline, folder: Path) -> list[str]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,13 +13,14 @@ from fmd.core.errors import InputError
 from fmd.core.units import unit_ratio
 from fmd.output.curves import curves_of
 from fmd.output.mechanism_view import body_surface, view_mechanism
-from fmd.output.stress_fields import draw_envelope, draw_fatigue
+from fmd.output.output_kinds import OutputKind, Reads, read_body
 from fmd.output.views import camera_of
 from fmd.recovery.stress import choose_frames, stress_measure
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.camera import FILM_PIXELS, SHEET_PIXELS
 from fmd.render.chart_data import Band, Curve
 from fmd.render.colours import usual_limits
+from fmd.stages.division import part_of
 
 if TYPE_CHECKING:
     from fmd.render.moving_bodies import MovingMechanism
@@ -128,8 +128,10 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw the stress at the worst instant: of the whole mechanism, or of a body alone in its own frame."""
-    names = [name for name, part in run.wholes.items() if part.has_stress] if output.body is None else [output.body]
-    worst = {name: run.stress_of(name).worst() for name in names}
+    names = [name for name, part in run.wholes.items() if part.has_stress]
+    if not names:
+        raise InputError(run.scene.file, "body", sorted(run.scene.body), "no flexible body with a mesh: no stress")
+    worst = {name: run.stress_of(name).worst() for name in (names if output.body is None else [output.body])}
     body = max(worst, key=lambda name: worst[name][2])
     time, _, _ = worst[body]
     stress = run.stress_of(body)
@@ -206,38 +208,6 @@ def _factor(output: MechanismView) -> str:
     return f", deformation × {output.scale:g}" if output.scale != 1 else ""
 
 
-@dataclass(frozen=True)
-class Drawing:
-    """How one type of output is drawn.
-
-    Attributes
-    ----------
-    draw : callable
-        Has an output of a run drawn into a folder by a `Drawer` and returns the names of its files.
-    reads : tuple of str
-        Stages of the body that it shows.
-    still : bool
-        It shows a part, and nothing of its motion.
-    """
-
-    draw: Callable[..., list[str]]
-    reads: tuple[str, ...] = ()
-    still: bool = False
-
-
-DRAWINGS: dict[str, Drawing] = {
-    "chart": Drawing(draw_chart),
-    "mesh": Drawing(draw_mesh, ("mesh", "surface", "body"), still=True),
-    "modes": Drawing(draw_modes, ("modes", "surface", "body"), still=True),
-    "mode sheet": Drawing(draw_mode_sheet, ("modes", "surface", "body"), still=True),
-    "stress": Drawing(draw_stress, ("surface", "stress", "body")),
-    "mechanism": Drawing(draw_mechanism, ("mesh", "surface", "stress", "body")),
-    "envelope": Drawing(draw_envelope, ("surface", "stress", "body")),
-    "fatigue": Drawing(draw_fatigue, ("surface", "stress", "body")),
-    "film": Drawing(draw_film, ("mesh", "surface", "stress", "body")),
-}
-
-
 def _name(output: BodyPicture) -> str:
     """Return a body's name for a title, which the scene's, of its motion, wouldn't suit."""
     return output.body[:1].upper() + output.body[1:]
@@ -246,3 +216,29 @@ def _name(output: BodyPicture) -> str:
 def _quantity(component: str) -> str:
     name = {"von Mises": component}.get(component, component if component.startswith("principal") else f"σ{component}")
     return f"{name} [MPa]"
+
+
+def _read_view(*stages: str) -> Reads:
+    """Return what iterates over these stages of all bodies that a picture of the mechanism shows."""
+
+    def read(run: Pipeline, output: MechanismView) -> Iterator[tuple[str, str]]:
+        for own, part in run.parts.items():
+            coloured = output.body in (None, part_of(own) or own)
+            if part.has_stress and (coloured or not output.alone):
+                yield from ((name, own) for name in stages if coloured or name != "stress")
+
+    return read
+
+
+_SEEN = _read_view("mesh", "surface", "stress", "body")
+_MODES = read_body("modes", "surface", "body")
+
+KINDS = {
+    "chart": OutputKind(draw_chart, section="charts"),
+    "mesh": OutputKind(draw_mesh, reads=read_body("mesh", "surface", "body"), still=True),
+    "modes": OutputKind(draw_modes, reads=_MODES, still=True, section="modes"),
+    "mode sheet": OutputKind(draw_mode_sheet, reads=_MODES, still=True, section="modes"),
+    "stress": OutputKind(draw_stress, reads=_read_view("surface", "stress", "body"), gives_view=("scale",)),
+    "mechanism": OutputKind(draw_mechanism, reads=_SEEN),
+    "film": OutputKind(draw_film, reads=_SEEN, section="motion", gives_view=("scale", "camera")),
+}

@@ -15,6 +15,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import whole_file
 from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RESONANT, UNBOUNDED, UNDAMPED
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
+from fmd.output.output_kinds import OutputKind, ResponseKind
 from fmd.responses.frequencies import choose_frequencies
 from fmd.responses.random_vibration import RandomResponse, random_response
 from fmd.scene.outputs import FrequencyResponseChart
@@ -162,6 +163,13 @@ def write_scene_response(
     return {**found.summary(), "files": write_response(found, folder / output.file, title, chart)}
 
 
+def tabulate_poles(summary: dict[str, Any]) -> dict[str, Any]:
+    """Return the table of poles and damping of a response's summary."""
+    pairs = zip(summary["poles_hz"], summary["damping"], strict=True)
+    rows = [(k, f"{hertz:.5g}", f"{damping:.3g}") for k, (hertz, damping) in enumerate(pairs, start=1)]
+    return {"header": ("pole", "Hz", "damping ratio"), "rows": rows}
+
+
 def compute_scene_response(run: Pipeline, output: FrequencyResponseChart) -> FrequencyResponse:
     """Compute a frequency response that a scene lists.
 
@@ -253,3 +261,6 @@ def _write_netcdf(found: FrequencyResponse, path: Path) -> None:
     ]
     with whole_file(path) as part:
         write_netcdf(part, variables)
+
+
+KINDS = {"frf": OutputKind(response=ResponseKind(compute_scene_response, write_scene_response, tabulate_poles))}

@@ -17,7 +17,7 @@ from fmd.core.limits.shown import MANY_BODIES
 from fmd.core.progress import Monitor, bars, silent
 from fmd.output.body_matrices import BodyMatrices
 from fmd.output.notebook import Animation, Picture, Summary, draw_inline, read_output
-from fmd.output.pictures import DRAWINGS
+from fmd.output.pictures import draw_film
 from fmd.output.summary import summarise_solved
 from fmd.output.write import write_results
 from fmd.recovery.motion_file import motion_dataset
@@ -159,7 +159,7 @@ class Result(SolvedScene):
         """
         output = read_output({"type": "film", "file": "film.mp4", "frames": 60, "rate": 20.0, **settings})
         with tempfile.TemporaryDirectory(prefix="fmd-") as name:
-            (file,) = DRAWINGS["film"].draw(self.run, output, Path(name))
+            (file,) = draw_film(self.run, output, Path(name))
             return Animation((Path(name) / file).read_bytes())
 
     def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:

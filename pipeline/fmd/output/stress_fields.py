@@ -14,6 +14,7 @@ from fmd.core.limits.shown import DECADES, DIGITS
 from fmd.fem.surface import surface_normals
 from fmd.output.csv_rows import write_rows
 from fmd.output.mechanism_view import body_surface
+from fmd.output.output_kinds import OutputKind, read_body
 from fmd.output.views import camera_of
 from fmd.recovery.fatigue import (
     FatigueLaw,
@@ -173,47 +174,44 @@ def _turned_round(output: AnyField) -> AnyField:
     return output.model_copy(update={"colour_map": name.removesuffix("_r") if name.endswith("_r") else f"{name}_r"})
 
 
-def summarise_fields(run: Pipeline) -> dict[str, Any]:
-    """Return the worst node of each envelope and of each assessment of fatigue that a scene asks for."""
-    summary: dict[str, Any] = {}
-    for output in run.scene.output:
-        if output.type == "envelope":
-            found = run.envelope_of(output.body)
-            summary.setdefault("envelope", {})[output.body] = {
-                name: {"value_pa": float(values[k]), "time_s": float(times[k]), **_place(run, output.body, int(k))}
-                for name, worst in (("von Mises", 1), ("principal 1", 1), ("principal 3", -1))
-                for values, times in (found.measure(name),)
-                for k in (int((worst * values).argmax()),)
-            }
-        elif output.type == "fatigue":
-            life = find_fatigue(run, output)
-            k = int(life.damage.argmax())
-            repeats = 1.0 / float(life.damage[k]) if life.damage[k] > 0.0 else None
-            summary.setdefault("fatigue", {})[output.file] = {
-                "body": output.body,
-                "damage": float(life.damage[k]),
-                "repeats_to_failure": repeats,
-                "repeats_interval": None,
-                "why": "no error budget states the stress",
-                "life_s": None if repeats is None else repeats * float(np.ptp(run.motion.times)),
-                "nodes": len(life.nodes),
-                "assessed_nodes": int(life.assessed.sum()),
-                **_place(run, output.body, k),
-            }
-    return summary
+def summarise_envelope(run: Pipeline, output: Envelope) -> dict[str, dict[str, Any]]:
+    """Return the worst node of an envelope by each measure."""
+    found, worst = run.envelope_of(output.body), {}
+    for name, sign in (("von Mises", 1), ("principal 1", 1), ("principal 3", -1)):
+        values, times = found.measure(name)
+        k = int((sign * values).argmax())
+        worst[name] = {"value_pa": float(values[k]), "time_s": float(times[k]), **_place(run, output.body, k)}
+    return {"envelope": {output.body: worst}}
 
 
-def state_lives(run: Pipeline, summary: dict[str, Any], budget: Budget) -> None:
-    """State between what the lives of a summary lie, by the errors of the largest stress."""
-    for output in run.scene.output:
-        if output.type == "fatigue":
-            row = next((row for row in budget.rows if row.name == f"{output.body}, largest von Mises stress"), None)
-            life = summary["fatigue"][output.file]
-            if row is None or row.is_lower_bound:
-                life["why"] = "the error of the largest stress is not whole"
-                continue
-            life["repeats_interval"] = life_interval(run, output, row.total)
-            del life["why"]
+def summarise_fatigue(run: Pipeline, output: Fatigue) -> dict[str, dict[str, Any]]:
+    """Return the worst node of an assessment of fatigue."""
+    life = find_fatigue(run, output)
+    k = int(life.damage.argmax())
+    repeats = 1.0 / float(life.damage[k]) if life.damage[k] > 0.0 else None
+    worst = {
+        "body": output.body,
+        "damage": float(life.damage[k]),
+        "repeats_to_failure": repeats,
+        "repeats_interval": None,
+        "why": "no error budget states the stress",
+        "life_s": None if repeats is None else repeats * float(np.ptp(run.motion.times)),
+        "nodes": len(life.nodes),
+        "assessed_nodes": int(life.assessed.sum()),
+        **_place(run, output.body, k),
+    }
+    return {"fatigue": {output.file: worst}}
+
+
+def state_life(run: Pipeline, output: Fatigue, summary: dict[str, Any], budget: Budget) -> None:
+    """State between what a life in a summary lies, by the error of the largest stress."""
+    row = next((row for row in budget.rows if row.name == f"{output.body}, largest von Mises stress"), None)
+    life = summary["fatigue"][output.file]
+    if row is None or row.is_lower_bound:
+        life["why"] = "the error of the largest stress is not whole"
+        return
+    life["repeats_interval"] = life_interval(run, output, row.total)
+    del life["why"]
 
 
 def _place(run: Pipeline, body: str, k: int) -> dict[str, Any]:
@@ -251,3 +249,11 @@ def _number(value: float) -> str:
         mantissa, _, exponent = f"{value:.2e}".partition("e")
         return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}".replace("-", "−")
     return f"{value:.3g}".replace("-", "−")
+
+
+_READS = read_body("surface", "stress", "body")
+
+KINDS = {
+    "envelope": OutputKind(draw_envelope, write_envelope, reads=_READS, summarise=summarise_envelope),
+    "fatigue": OutputKind(draw_fatigue, write_fatigue, reads=_READS, summarise=summarise_fatigue, state=state_life),
+}

@@ -19,13 +19,11 @@ from fmd.core.version import __version__
 from fmd.output.coupling import coupling_warnings
 from fmd.output.explain import STAGES
 from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
-from fmd.output.histories import extremes
 from fmd.output.loops import loop_figures, loop_warnings
+from fmd.output.output_kinds import kind_of
 from fmd.output.output_times import output_time_warnings
 from fmd.output.spot_stress import limitless_warnings, spot_stress_warnings
-from fmd.output.stress_fields import state_lives, summarise_fields
 from fmd.recovery.motion import Motion
-from fmd.scene.histories import ExtremesTable
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.signals import find_idle_drives, find_jumping_tables
@@ -105,15 +103,18 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         summary["worst_stress"] = largest | {key: worst[where][key] for key in ("time_s", "position_m")} | worst
         summary["warnings"] += limitless_warnings(run, found)
         summary["warnings"] += output_time_warnings(run, {name: node for name, (_, node, _) in found.items()})
-    if tables := {o.file: extremes(run, o) for o in run.scene.output if isinstance(o, ExtremesTable)}:
-        summary["tables"] = tables
-    summary |= summarise_fields(run)
+    outputs = [(output, kind_of(output)) for output in run.scene.output]
+    for output, kind in outputs:
+        for key, values in kind.summarise(run, output).items() if kind.summarise else ():
+            summary.setdefault(key, {}).update(values)
     _state_figures(summary, None)
     if budget and ERROR_BUDGET.applies(run):
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()
         _state_figures(summary, stated)
-        state_lives(run, summary, stated)
+        for output, kind in outputs:
+            if kind.state:
+                kind.state(run, output, summary, stated)
         summary["warnings"] += [*uncertain_warnings(run.scene, stated), *_budget_warnings(run, stated, budget_seconds)]
     return summary | {
         "files": files,

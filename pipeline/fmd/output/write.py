@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import InputError
 from fmd.core.files import require_finite, whole_file
 from fmd.output.explain import remember_times
-from fmd.output.exports import write_file
+from fmd.output.output_kinds import ResponseKind, kind_of, outputs_of
 from fmd.output.picture_files import Pictures
 from fmd.output.summary import summarise_solved
 from fmd.recovery.motion_file import write_motions
-from fmd.scene.outputs import FrequencyResponseChart, is_drawn
 from fmd.stages.pipeline import Pipeline
-
-if TYPE_CHECKING:
-    from fmd.output.responses import FrequencyResponse
 
 
 def write_results(
@@ -50,7 +46,7 @@ def write_results(
     scene = solved.scene
     if scene.accuracy is not None and not budget:
         raise InputError("--no-budget", "", None, "can't be: the scene wants an accuracy, which the budget proves")
-    with Pictures([output for output in scene.output if is_drawn(output)] if pictures else [], scene.file) as drawing:
+    with Pictures(outputs_of(scene, "pictures") if pictures else [], scene.file) as drawing:
         drawing.start(solved.run if solved.is_settled else solved.given)
         if not solved.is_settled:
             drawing.require_ready()
@@ -58,15 +54,14 @@ def write_results(
         run.bodies  # noqa: B018 - the process that draws gets ready meanwhile
         drawing.require_ready()
         drawing.begin(run, still=True)
-        asked = [output for output in run.scene.output if output.type == "frf"]
-        answers = _compute_responses(run, asked) if asked else []
+        responses = _compute_responses(run)
         run.while_timed = drawing.paused
         run.motions  # noqa: B018 - refuses or diverges before anything is written
         drawing.begin(run, still=False)
         try:
             summary = _write(solved, folder, drawing, budget, budget_seconds)
-            if asked:
-                _add_responses(run, list(zip(asked, answers, strict=True)), folder, pictures, summary)
+            if responses:
+                _add_responses(run, responses, folder, pictures, summary)
             _write_summary(summary, folder)
         except OSError as error:
             raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
@@ -79,11 +74,11 @@ def _write(
 ) -> dict[str, Any]:
     """Write all files of a run that has been integrated, but the summary, while its pictures are drawn."""
     run = solved.run
-    wanted = [output for output in run.scene.output if not is_drawn(output) and output.type != "frf"]
+    asked = outputs_of(run.scene, "files")
     folder.mkdir(parents=True, exist_ok=True)
     files = [_write_motion(run, folder)]
-    if wanted:
-        files += run.store.compute("files", lambda: [name for o in wanted for name in write_file(run, o, folder)])
+    if asked:
+        files += run.store.compute("files", lambda: [name for o in asked for name in kind_of(o).make(run, o, folder)])
     seconds = allowed_seconds(run) if budget_seconds is None else budget_seconds
     if budget and ERROR_BUDGET.applies(run):
         state_errors(run, seconds)
@@ -97,24 +92,19 @@ def _write_summary(summary: dict[str, Any], folder: Path) -> None:
         part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
 
 
-def _compute_responses(run: Pipeline, asked: list[FrequencyResponseChart]) -> list[FrequencyResponse]:
-    """Compute the frequency responses that a scene lists, before anything is integrated."""
-    from fmd.output.responses import compute_scene_response
-
-    return run.store.compute("responses", lambda: [compute_scene_response(run, output) for output in asked])
+def _compute_responses(run: Pipeline) -> list[tuple[Any, ResponseKind, Any]]:
+    """Compute the responses that a scene lists, before anything is integrated; each with its output and its type."""
+    asked = [(output, kind) for output in run.scene.output if (kind := kind_of(output).response) is not None]
+    if not asked:
+        return []
+    return run.store.compute("responses", lambda: [(one, kind, kind.compute(run, one)) for one, kind in asked])
 
 
 def _add_responses(
-    run: Pipeline,
-    answers: list[tuple[FrequencyResponseChart, FrequencyResponse]],
-    folder: Path,
-    pictures: bool,
-    summary: dict[str, Any],
+    run: Pipeline, responses: list[tuple[Any, ResponseKind, Any]], folder: Path, pictures: bool, summary: dict[str, Any]
 ) -> None:
-    """Write frequency responses, and add their figures, files and warnings to the summary."""
-    from fmd.output.responses import write_scene_response
-
-    summary["responses"] = [write_scene_response(run, output, found, folder, pictures) for output, found in answers]
+    """Write responses, and add their figures, files and warnings to the summary."""
+    summary["responses"] = [kind.write(run, output, found, folder, pictures) for output, kind, found in responses]
     for response in summary["responses"]:
         summary["files"] += response["files"]
         summary["warnings"] += [warning for warning in response["warnings"] if warning not in summary["warnings"]]

@@ -14,7 +14,7 @@ from fmd.scene.histories import Quantities
 from fmd.scene.joints.any_joint import Joint, kinds_that
 from fmd.scene.joints.joint import RATE_KEYS, CarryingJoint
 from fmd.scene.loads import Drive, MarkerLoad, MotionDrive
-from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export, FrequencyResponseChart
+from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.runs import name_methods
@@ -145,19 +145,18 @@ class CrossCheck:
 
     def _check_outputs(self) -> Iterator[FaultError]:
         for number, output in enumerate(self.scene.output):
+            for key, check in (("marker", self._check_marker), ("element", self._check_element)):
+                if (name := getattr(output, key, None)) is not None:
+                    yield from check(name, "output", number, key)
             if isinstance(output, Chart):
                 yield from self._check_chart(output, "output", number)
             elif isinstance(output, Quantities):
                 yield from self._check_quantities(output, "output", number)
-            elif not isinstance(output, FrequencyResponseChart):  # whose names are looked up in the mechanism
+            elif isinstance(output, BodyPicture | MechanismView | Export):
                 yield from self._check_picture(output, "output", number)
         yield from self._check_files()
 
     def _check_chart(self, chart: Chart, *path: str | int) -> Iterator[FaultError]:
-        if chart.element is not None:
-            yield from self._check_element(chart.element, *path, "element")
-        if chart.marker is not None:
-            yield from self._check_marker(chart.marker, *path, "marker")
         if chart.body is not None and chart.body not in self.scene.flexible:
             yield UnknownNameError(
                 "flexible body", chart.body, self.scene.flexible, "the flexible bodies", *path, "body"

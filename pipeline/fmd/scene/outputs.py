@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
@@ -290,9 +290,7 @@ Output = Annotated[
     Field(discriminator="type"),
 ]
 
-_DRAWN = (".png", ".pdf", ".svg", ".mp4", ".gif")
-
-
-def is_drawn(output: Output) -> bool:
-    """Return True if an output shows the motion or a part: a picture, a chart or a film, and not a file of numbers."""
-    return output.file.endswith(_DRAWN) and output.type != "frf"
+OUTPUT_MODELS: dict[str, type[SceneTable]] = {
+    get_args(model.model_fields["type"].annotation)[0]: model for model in get_args(get_args(Output)[0])
+}
+"""Tables of outputs by their types."""

@@ -14,6 +14,7 @@ from fmd.core.limits.shown import REPORTED_MODES, TICKS_OF_BAR
 from fmd.core.version import __version__
 from fmd.output.key_figures import key_figures, run_time
 from fmd.output.notebook import draw_inline
+from fmd.output.output_kinds import kind_of
 from fmd.output.pictures import chart_title
 from fmd.output.report.shown import image_of, show_outputs
 from fmd.output.report.view3d import collect_view
@@ -68,9 +69,9 @@ def versions_table() -> str:
 
 def _collect_motion(run: Pipeline) -> dict[str, Any]:
     """Collect the data of the viewer, its colour bar, and the picture that stands for it without WebGL."""
-    scale = next((output.scale for output in run.scene.output if output.type in ("film", "stress")), 1.0)
-    films = [output for output in run.scene.output if output.type == "film"]
-    view = collect_view(run, scale, camera_of(run, films[0]) if films else Camera())
+    scaled_by, seen_by = (_giving_view(run, key) for key in ("scale", "camera"))
+    scale = scaled_by.scale if scaled_by else 1.0
+    view = collect_view(run, scale, camera_of(run, seen_by) if seen_by else Camera())
     stressed = view["worst"] is not None
     still = draw_inline(run, "stress" if stressed else "mechanism", scale=scale, size=_LARGE)[0]
     colours = np.frombuffer(base64.b64decode(view["colours"]), dtype=np.uint8).reshape(-1, 3)[::15]
@@ -84,6 +85,11 @@ def _collect_motion(run: Pipeline) -> dict[str, Any]:
     }
 
 
+def _giving_view(run: Pipeline, key: str) -> Any:
+    """Return the first of a scene's outputs that gives the view in motion its scale or camera; ``None`` without one."""
+    return next((output for output in run.scene.output if key in kind_of(output).gives_view), None)
+
+
 def _draw_modes(run: Pipeline) -> list[dict[str, str]]:
     drawn = draw_inline(run, "modes", range(1, REPORTED_MODES + 1), size=_SMALL)
     return [
@@ -92,12 +98,13 @@ def _draw_modes(run: Pipeline) -> list[dict[str, str]]:
 
 
 def _draw_charts(run: Pipeline) -> list[dict[str, str]]:
-    charts = []
-    for chart in (output for output in run.scene.output if output.type == "chart"):
+    charts: list[Any] = [output for output in run.scene.output if kind_of(output).section == "charts"]
+    images = []
+    for chart in charts:
         settings = chart.model_dump(exclude={"type", "file", "band"}, exclude_defaults=True)
         title = chart.title or chart_title(chart)
-        charts.append(image_of(draw_inline(run, "chart", **settings)[0].png, title))
-    return charts
+        images.append(image_of(draw_inline(run, chart.type, **settings)[0].png, title))
+    return images
 
 
 def _frequencies(summary: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,133 @@
+"""Types of outputs: how each is made, what it reads, and where the summary and the report have it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    from fmd.accuracy.error_budget import Budget
+    from fmd.scene.scene import Scene
+    from fmd.stages.pipeline import Pipeline
+
+Reads = Callable[["Pipeline", Any], Iterator[tuple[str, str]]]
+
+_DRAWN = (".png", ".pdf", ".svg", ".mp4", ".gif")
+_MODULES = {
+    "chart": "pictures",
+    "mesh": "pictures",
+    "modes": "pictures",
+    "mode sheet": "pictures",
+    "stress": "pictures",
+    "mechanism": "pictures",
+    "film": "pictures",
+    "envelope": "stress_fields",
+    "fatigue": "stress_fields",
+    "history": "histories",
+    "table": "histories",
+    "export": "exports",
+    "frf": "responses",
+}
+"""File of this folder whose ``KINDS`` hold each type, loaded on first use."""
+
+
+def read_nothing(_run: Pipeline, _output: Any) -> Iterator[tuple[str, str]]:
+    """Iterate over no stages: the motion has all that an output takes."""
+    return iter(())
+
+
+def read_body(*stages: str) -> Reads:
+    """Return what iterates over these stages of an output's body, or of its pieces."""
+    return lambda run, output: ((name, part.name) for part in run.pieces_of(output.body) for name in stages)
+
+
+class ResponseKind(NamedTuple):
+    """How an output is made that takes no motion, and is computed before anything is integrated.
+
+    Attributes
+    ----------
+    compute : callable
+        Computes what an output of a run shows.
+    write : callable
+        Writes it into a folder, with or without its chart, and returns its summary with its files and warnings.
+    tabulate : callable
+        Returns the table that the report has of a summary.
+    """
+
+    compute: Callable[[Pipeline, Any], Any]
+    write: Callable[[Pipeline, Any, Any, Path, bool], dict[str, Any]]
+    tabulate: Callable[[dict[str, Any]], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class OutputKind:
+    """How one type of output is made.
+
+    Attributes
+    ----------
+    draw : callable, optional
+        Has an output of a run drawn into a folder by a `Drawer`, and returns the names of its files.
+    write : callable, optional
+        Writes an output of a run into a folder, and returns the names of its files.
+    response : ResponseKind, optional
+        How it is made if it takes no motion.
+    reads : callable
+        Iterates over the stages of bodies that an output takes, with the names of the bodies or pieces.
+    still : bool
+        It shows a part, and nothing of its motion.
+    summarise : callable, optional
+        Returns what the summary has of a run's output: under a key, values by the file or the body.
+    state : callable, optional
+        States the errors of an output in the summary, by the error budget.
+    section : str
+        Section of the report that has it; the view in motion has what films show.
+    gives_view : tuple of str
+        What the first such output gives the report's view: ``scale``, ``camera``.
+    """
+
+    draw: Callable[..., list[str]] | None = None
+    write: Callable[[Pipeline, Any, Path], list[str]] | None = None
+    response: ResponseKind | None = None
+    reads: Reads = read_nothing
+    still: bool = False
+    summarise: Callable[[Pipeline, Any], dict[str, dict[str, Any]]] | None = None
+    state: Callable[[Pipeline, Any, dict[str, Any], Budget], None] | None = None
+    section: Literal["outputs", "charts", "modes", "motion"] = "outputs"
+    gives_view: tuple[str, ...] = ()
+
+    def make(self, run: Pipeline, output: Any, folder: Path) -> list[str]:
+        """Draw or write an output that takes the motion, as its file's suffix wants; return the files' names."""
+        make = self.draw if output.file.endswith(_DRAWN) else self.write
+        assert make is not None  # a suffix that it can't have is a fault of the scene
+        return make(run, output, folder)
+
+
+def kind_named(type: str) -> OutputKind:
+    """Return the type of output of a name, loaded on first use."""
+    found: OutputKind = import_module(f"fmd.output.{_MODULES[type]}").KINDS[type]
+    return found
+
+
+def kind_of(output: Any) -> OutputKind:
+    """Return the type of an output."""
+    return kind_named(output.type)
+
+
+def stage_of(output: Any) -> str:
+    """Return the stage that makes an output: ``"responses"``, ``"pictures"`` or ``"files"``."""
+    if kind_of(output).response is not None:
+        return "responses"
+    return "pictures" if output.file.endswith(_DRAWN) else "files"
+
+
+def outputs_of(scene: Scene, stage: str) -> list[Any]:
+    """List the outputs of a scene that a stage makes."""
+    return [output for output in scene.output if stage_of(output) == stage]
+
+
+def kinds_that(test: Callable[[OutputKind], bool]) -> tuple[str, ...]:
+    """Return the names of all types that pass a test."""
+    return tuple(type for type in _MODULES if test(kind_named(type)))
