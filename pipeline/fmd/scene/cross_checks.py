@@ -21,8 +21,6 @@ from fmd.scene.runs import name_methods
 from fmd.scene.scene_tables import SceneTables
 
 _SINGLE = kinds_that(lambda kind: bool(kind.unit))
-_ALONG = kinds_that(lambda kind: kind.unit == "m")
-_ABOUT = kinds_that(lambda kind: kind.unit == "rad")
 _HINGES = kinds_that(lambda kind: kind.is_hinge)
 
 
@@ -71,7 +69,7 @@ class CrossCheck:
             if isinstance(drive, MarkerLoad):
                 yield from self._check_marker(drive.marker, "drive", name, "marker")
                 continue
-            fitting = {"force": _ALONG, "motion": _SINGLE}.get(drive.type, _ABOUT)
+            fitting = _joints_along(*drive.joint_units)
             faults = [*self._check_joint(drive.joint, fitting, f"a {drive.type}", "drive", name, "joint")]
             yield from faults
             if not faults and isinstance(drive, MotionDrive):
@@ -88,7 +86,7 @@ class CrossCheck:
     def _check_couplers(self) -> Iterator[FaultError]:
         for name, coupler in self.scene.coupler.items():
             for key, unit in coupler.ends:
-                fitting = _ALONG if unit == "m" else _HINGES
+                fitting = _joints_along("m") if unit == "m" else _HINGES
                 yield from self._check_joint(getattr(coupler, key), fitting, f"a {coupler.type}", "coupler", name, key)
             if len({getattr(coupler, key) for key, _ in coupler.ends}) == 1:
                 yield FaultError("couples a joint with itself", "coupler", name, coupler.ends[1][0])
@@ -300,6 +298,11 @@ class CrossCheck:
         elements = [f"{name}.{element}" for name, body in self.scene.flexible.items() for element in body.element]
         if place not in elements:
             yield UnknownNameError("element", place, elements, "the named elements", *path)
+
+
+def _joints_along(*units: str) -> tuple[str, ...]:
+    """Return the kinds of joints whose one coordinate is in one of these units."""
+    return kinds_that(lambda kind: kind.unit in units)
 
 
 def _leads_round(body: str, parents: Mapping[str, str]) -> bool:

@@ -2,23 +2,56 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from fmd.core.units import AngularRate, NonNegativeTime, PositiveTime, Torque
-from fmd.scene.curves import AngleOverTime, ForceOverTime, PositionOverTime, TorqueOverTime
+from fmd.scene.curves import AngleOverTime, ForceOverTime, PositionOverTime, TimeFunction, TorqueOverTime
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Axis, JointName, MarkerName
 
 
-class PulseDrive(SceneTable):
-    """A torque about a revolute joint that rises and falls as half a sine, given by its effect or by its peak.
+class JointDrive(SceneTable):
+    """Something that acts on a joint.
 
     Parameters
     ----------
     joint : str
-        Revolute joint that it drives.
+        Joint that it drives: revolute for a torque, prismatic for a force, either for a motion.
+    """
+
+    joint_units: ClassVar[tuple[str, ...]] = ("rad",)
+    unit: ClassVar[str] = "N m"
+
+    joint: JointName
+
+    @property
+    def input_unit(self) -> str:
+        """Unit of what it is as an input of a linear model: its load, or the acceleration of its motion."""
+        return self.unit
+
+    @property
+    def load(self) -> TimeFunction | None:
+        """Its force or torque over time; ``None`` for a pulse and for a motion."""
+        return None
+
+    def pulse(self, _inertia: float) -> tuple[float, float, float] | None:
+        """Return begin, duration [s] and peak [N m] of a half sine on an inertia [kg m²], ``None`` if it isn't one."""
+        return None
+
+    def rests_until(self, _time: float) -> bool:
+        """Return True if it is no load before a time [s], whatever its function of time."""
+        return False
+
+
+class PulseDrive(JointDrive):
+    """A torque about a revolute joint that rises and falls as half a sine, given by its effect or by its peak.
+
+    Parameters
+    ----------
     duration : float
         Time that it lasts [s].
     start : float
@@ -40,7 +73,6 @@ class PulseDrive(SceneTable):
     """
 
     type: Literal["torque pulse"]
-    joint: JointName
     duration: PositiveTime
     start: NonNegativeTime = 0.0
     speed: AngularRate | None = None
@@ -54,14 +86,23 @@ class PulseDrive(SceneTable):
             raise FaultError("can't stand beside speed: give one of the two", "torque")
         return self
 
+    def pulse(self, inertia: float) -> tuple[float, float, float]:
+        """Return begin, duration [s] and peak [N m] of its half sine, which gives an inertia [kg m²] its speed."""
+        if self.speed is None:
+            assert self.torque is not None
+            return self.start, self.duration, self.torque
+        return self.start, self.duration, math.pi / 2 * inertia * self.speed / self.duration
 
-class TorqueDrive(SceneTable):
+    def rests_until(self, time: float) -> bool:
+        """Return True if it begins at a time [s] or later."""
+        return self.start >= time
+
+
+class TorqueDrive(JointDrive):
     """A torque about a revolute joint, constant or changing with time.
 
     Parameters
     ----------
-    joint : str
-        Revolute joint that it drives.
     torque : TorqueOverTime
         Torque on the child; the parent takes its opposite [N m].
 
@@ -76,17 +117,19 @@ class TorqueDrive(SceneTable):
     """
 
     type: Literal["torque"]
-    joint: JointName
     torque: TorqueOverTime
 
+    @property
+    def load(self) -> TimeFunction:
+        """Its torque over time."""
+        return self.torque
 
-class ForceDrive(SceneTable):
+
+class ForceDrive(JointDrive):
     """A force along a prismatic joint, constant or changing with time.
 
     Parameters
     ----------
-    joint : str
-        Prismatic joint that it drives.
     force : ForceOverTime
         Force on the child; the parent takes its opposite [N].
 
@@ -100,18 +143,23 @@ class ForceDrive(SceneTable):
         force = "10 N"
     """
 
+    joint_units: ClassVar[tuple[str, ...]] = ("m",)
+    unit: ClassVar[str] = "N"
+
     type: Literal["force"]
-    joint: JointName
     force: ForceOverTime
 
+    @property
+    def load(self) -> TimeFunction:
+        """Its force over time."""
+        return self.force
 
-class MotionDrive(SceneTable):
+
+class MotionDrive(JointDrive):
     """A prescribed motion of a joint, which then has no coordinate of its own, no spring and no damper.
 
     Parameters
     ----------
-    joint : str
-        Revolute or prismatic joint that it moves.
     angle : AngleOverTime, optional
         Angle of a revolute joint [rad]; required for one.
     position : PositionOverTime, optional
@@ -127,10 +175,23 @@ class MotionDrive(SceneTable):
         angle = { formula = "837.758*t", unit = "rad" }
     """
 
+    joint_units: ClassVar[tuple[str, ...]] = ("m", "rad")
+
     type: Literal["motion"]
-    joint: JointName
     angle: AngleOverTime | None = None
     position: PositionOverTime | None = None
+
+    @property
+    def input_unit(self) -> str:
+        """Unit of the acceleration of its motion."""
+        return "m/s^2" if self.angle is None else "rad/s^2"
+
+    @property
+    def motion(self) -> TimeFunction:
+        """Its angle or position over time."""
+        given = self.angle or self.position
+        assert given is not None  # the scene's own check
+        return given
 
 
 class MarkerLoad(SceneTable):
@@ -146,9 +207,17 @@ class MarkerLoad(SceneTable):
         True if the direction is in the marker's axes and turns with them, false if it is fixed in space.
     """
 
+    turns: ClassVar[bool] = False
+    unit: ClassVar[str] = "N"
+
     marker: MarkerName
     direction: Axis
     following: bool = False
+
+    @property
+    def size(self) -> TimeFunction:
+        """Its force or torque over time."""
+        raise NotImplementedError
 
 
 class PointForce(MarkerLoad):
@@ -173,6 +242,11 @@ class PointForce(MarkerLoad):
     type: Literal["point force"]
     force: ForceOverTime
 
+    @property
+    def size(self) -> TimeFunction:
+        """Its force over time."""
+        return self.force
+
 
 class PointTorque(MarkerLoad):
     """A torque on a marker of a body, about a direction that is fixed in space or turns with the marker.
@@ -194,10 +268,24 @@ class PointTorque(MarkerLoad):
         following = true
     """
 
+    turns: ClassVar[bool] = True
+    unit: ClassVar[str] = "N m"
+
     type: Literal["point torque"]
     torque: TorqueOverTime
+
+    @property
+    def size(self) -> TimeFunction:
+        """Its torque over time."""
+        return self.torque
 
 
 Drive = Annotated[
     PulseDrive | TorqueDrive | ForceDrive | MotionDrive | PointForce | PointTorque, Field(discriminator="type")
 ]
+
+
+def find_motion(drives: Mapping[str, Drive], joint: str) -> tuple[str, MotionDrive] | None:
+    """Find the motion that a scene prescribes to a joint, with the drive's name; ``None`` if the joint moves freely."""
+    found = ((name, drive) for name, drive in drives.items() if isinstance(drive, MotionDrive) and drive.joint == joint)
+    return next(found, None)

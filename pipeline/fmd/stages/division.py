@@ -21,6 +21,7 @@ from fmd.scene.any_body import Flexible
 from fmd.scene.bodies import Solid
 from fmd.scene.joints.any_joint import Joint
 from fmd.scene.joints.fixed import Fixed
+from fmd.scene.loads import MarkerLoad
 from fmd.scene.places import MARKER_WAYS, MarkerPlace, NamedElement
 from fmd.scene.scene import Scene
 from fmd.stages.part import FlexiblePart
@@ -116,7 +117,7 @@ def _iterate_loaded(scene: Scene) -> Iterator[str]:
         yield joint.parent
         yield joint.child
     for drive in scene.drive.values():
-        if drive.type in ("point force", "point torque"):
+        if isinstance(drive, MarkerLoad):
             yield drive.marker
     for table in scene.elements.values():
         for element in table.values():

@@ -17,7 +17,7 @@ from fmd.responses.ports import (
     MotionPort,
     Port,
 )
-from fmd.scene.loads import Drive, PointForce, PointTorque
+from fmd.scene.loads import Drive, MarkerLoad, MotionDrive, PointForce, PointTorque, find_motion
 from fmd.scene.reading import suggest_name
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def _marker_input(name: str, place: str, way: str) -> NamedInput:
         drive = PointTorque.model_validate({"type": "point torque", "torque": "0 N m", **settings})
     else:
         drive = PointForce.model_validate({"type": "point force", "force": "0 N", **settings})
-    return NamedInput(lambda mechanism: _marker_port(mechanism, name, place, way, "N m" if turns else "N", 0), drive)
+    return NamedInput(lambda mechanism: _marker_port(mechanism, name, place, way, drive.unit, 0), drive)
 
 
 def _marker_port(mechanism: Mechanism, name: str, place: str, way: str, unit: str, order: int) -> MarkerPort:
@@ -150,9 +150,8 @@ def _find_joint_input(scene: Scene, name: str, joint: str, kind: str) -> NamedIn
         raise InputError("--in", "", name, f"{problem}; a torque or force acts along a revolute or prismatic one")
     if kind != needed:
         raise InputError("--in", "", name, f"is a {given.type} joint: '{joint}.{needed}' works")
-    driver = next((k for k, d in scene.drive.items() if d.type == "motion" and d.joint == joint), None)
-    if driver:
-        raise InputError("--in", "", name, f"moves as prescribed: 'drive.{driver}' is its motion as an input")
+    if driver := find_motion(scene.drive, joint):
+        raise InputError("--in", "", name, f"moves as prescribed: 'drive.{driver[0]}' is its motion as an input")
     body, unit = given.child.partition(".")[0], "N" if kind == "force" else "N m"
     return NamedInput(lambda mechanism: JointPort(name, unit, mechanism.number_of(body)))
 
@@ -163,15 +162,12 @@ def _find_drive(scene: Scene, name: str, rest: str) -> NamedInput:
         names = [f"drive.{other}" for other in scene.drive]
         raise InputError("--in", "", name, f"no such input; {suggest_name(name, names, 'the drives')}")
     drive = scene.drive[key]
-    if isinstance(drive, PointForce | PointTorque):
-        points = [k for k, d in scene.drive.items() if isinstance(d, PointForce | PointTorque)]
-        unit = "N" if isinstance(drive, PointForce) else "N m"
-        return NamedInput(lambda mechanism: LoadPort(name, unit, points.index(key)))
-    body = scene.joint[drive.joint].child.partition(".")[0]
-    if drive.type == "motion":
-        unit = "m/s^2" if drive.angle is None else "rad/s^2"
+    if isinstance(drive, MarkerLoad):
+        points = [other for other, load in scene.drive.items() if isinstance(load, MarkerLoad)]
+        return NamedInput(lambda mechanism: LoadPort(name, drive.unit, points.index(key)))
+    body, unit = scene.joint[drive.joint].child.partition(".")[0], drive.input_unit
+    if isinstance(drive, MotionDrive):
         return NamedInput(lambda mechanism: MotionPort(f"drive.{key}.acceleration", unit, mechanism.number_of(body)))
-    unit = "N" if drive.type == "force" else "N m"
     return NamedInput(lambda mechanism: JointPort(name, unit, mechanism.number_of(body)))
 
 

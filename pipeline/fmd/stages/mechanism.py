@@ -18,6 +18,7 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, half_sine, total
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
+from fmd.scene.loads import JointDrive, MarkerLoad, find_motion
 from fmd.scene.modes import damping_ratios
 from fmd.stages.assembly import assemble, close_start, following_joints, given_joints
 from fmd.stages.division import part_of
@@ -232,47 +233,37 @@ def _load(scene: Scene, joint: str, integrals: InertiaIntegrals, axis: Array) ->
     """Torque or force on a joint; a pulse that is given by a speed is sized by the body that the joint carries."""
     loads = []
     for drive in scene.drive.values():
-        if drive.type == "torque" and drive.joint == joint:
-            loads.append(signal_of(drive.torque, scene.simulation.duration))
-        elif drive.type == "force" and drive.joint == joint:
-            loads.append(signal_of(drive.force, scene.simulation.duration))
-        elif drive.type == "torque pulse" and drive.joint == joint:
-            e = axis / np.linalg.norm(axis)
-            inertia = float(e @ integrals.inertia(np.eye(1, integrals.G.shape[-1])[0]) @ e)
-            loads.append(half_sine(drive.start, drive.duration, _peak(drive, inertia)))
+        if not isinstance(drive, JointDrive) or drive.joint != joint:
+            continue
+        e = axis / np.linalg.norm(axis)
+        inertia = float(e @ integrals.inertia(np.eye(1, integrals.G.shape[-1])[0]) @ e)
+        if drive.load is not None:
+            loads.append(signal_of(drive.load, scene.simulation.duration))
+        elif (pulse := drive.pulse(inertia)) is not None:
+            loads.append(half_sine(*pulse))
     return total(loads) if loads else constant(0.0)
 
 
-def _peak(drive: Any, inertia: float) -> float:
-    """Largest torque of a pulse whose impulse gives an inertia [kg m²] the requested rate [N m]."""
-    return float(drive.torque) if drive.speed is None else np.pi / 2 * inertia * drive.speed / drive.duration
-
-
 def _motion(scene: Scene, joint: str) -> Signal | None:
-    for drive in scene.drive.values():
-        if drive.type == "motion" and drive.joint == joint:
-            moves = drive.angle or drive.position
-            assert moves is not None  # the scene's own check
-            return signal_of(moves, scene.simulation.duration)
-    return None
+    found = find_motion(scene.drive, joint)
+    return None if found is None else signal_of(found[1].motion, scene.simulation.duration)
 
 
 def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
     loads = []
     for drive in scene.drive.values():
-        if drive.type in ("point force", "point torque"):
+        if isinstance(drive, MarkerLoad):
             at = places.marker(drive.marker)
-            given = drive.force if drive.type == "point force" else drive.torque
-            size = signal_of(given, scene.simulation.duration)
+            size = signal_of(drive.size, scene.simulation.duration)
             direction = np.array(drive.direction, dtype=float)
             if drive.following:
                 direction = place_axes(scene, drive.marker) @ direction
-            body, turns = drive.marker.partition(".")[0], drive.type == "point torque"
+            body = drive.marker.partition(".")[0]
             place = {
                 "place": at.position,
                 "shapes": at.translation,
                 "rotations": at.rotation,
                 "displacement2": at.displacement2,
             }
-            loads.append(PointLoad(body, direction, size, turns, drive.following, **place))
+            loads.append(PointLoad(body, direction, size, drive.turns, drive.following, **place))
     return loads

@@ -10,7 +10,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.round_off import EXACT, SUMMED
 from fmd.scene.joints.any_joint import Joint
 from fmd.scene.joints.joint import CarryingJoint
-from fmd.scene.loads import Drive
+from fmd.scene.loads import Drive, MarkerLoad, find_motion
 from fmd.scene.scene import Scene
 
 Direction = tuple[float, float, float]
@@ -73,7 +73,7 @@ def read_parent_joint(scene: Scene, body: str) -> ParentJoint:
         return ParentJoint("", axis, (), floating=True, prescribed=False, in_plane=False, loaded=loaded)
     name = scene.carrying[body]
     joint = scene.joint[name]
-    prescribed = any(drive.type == "motion" and drive.joint == name for drive in scene.drive.values())
+    prescribed = find_motion(scene.drive, name) is not None
     hinges = [_axis_in_space(scene, other) for other in scene.joint.values() if other.kind.keeps_plane_across_axis]
     into_body = axes_in_space(scene, body).T
     axis = _turned(into_body, hinges[0]) if hinges else (0.0, 0.0, 1.0)
@@ -117,7 +117,7 @@ def _loaded_markers(scene: Scene, body: str, normal: Direction) -> tuple[tuple[s
         clamps = [joint for joint in scene.joint.values() if joint.kind.is_weld]
         places |= {at: False for joint in clamps for at in (joint.parent, joint.child)}
     for drive in scene.drive.values():
-        if drive.type in ("point force", "point torque"):
+        if isinstance(drive, MarkerLoad):
             places[drive.marker] = places.get(drive.marker, True) and _acts_in_plane(scene, drive, normal)
     places |= {at: False for table in scene.elements.values() for element in table.values() for at in element.between}
     own = {place.partition(".")[2]: flat for place, flat in places.items() if place.partition(".")[0] == body}
@@ -126,12 +126,12 @@ def _loaded_markers(scene: Scene, body: str, normal: Direction) -> tuple[tuple[s
 
 def _acts_in_plane(scene: Scene, drive: Drive, normal: Direction) -> bool:
     """Return False for a force or torque at a point that acts out of the plane across a direction in space."""
-    if drive.type not in ("point force", "point torque"):
+    if not isinstance(drive, MarkerLoad):
         return True
     turned = axes_in_space(scene, drive.marker.partition(".")[0]) if drive.following else np.eye(3)
     turned = turned @ place_axes(scene, drive.marker) if drive.following else turned
     direction = _turned(turned, drive.direction)
-    return _parallel(normal, direction) if drive.type == "point torque" else _across(normal, direction)
+    return _parallel(normal, direction) if drive.turns else _across(normal, direction)
 
 
 def _axis_in_space(scene: Scene, joint: Joint) -> Direction:

@@ -26,12 +26,10 @@ from fmd.core.limits.scene import CLOSES
 from fmd.dynamics.signals.activity import find_activity
 from fmd.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
 from fmd.scene.curves import TimeFunction
-from fmd.scene.loads import PulseDrive
+from fmd.scene.loads import JointDrive, MotionDrive
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
-
-_KEYS = ("torque", "force", "angle", "position")
 
 
 def signal_of(given: TimeFunction, until: float = 0.0) -> Signal:
@@ -54,8 +52,7 @@ def require_sound_drives(scene: Scene) -> None:
         the time and the remedy.
     """
     assert scene.simulation is not None
-    for path, given in _formulas(scene):
-        moves = path.endswith(("angle", "position"))
+    for path, given, moves in _formulas(scene):
         signal = signal_of(given)
         if (time := _time_without_value(signal, scene.simulation.duration, 3 if moves else 1)) is not None:
             raise InputError(scene.file, path, given.formula, _describe_fault(signal, time, moves))
@@ -68,11 +65,11 @@ def find_idle_drives(scene: Scene) -> list[str]:
     assert scene.simulation is not None
     end, idle = scene.simulation.duration, []
     for name, drive in scene.drive.items():
-        given = getattr(drive, "force", None) or getattr(drive, "torque", None)
-        if isinstance(given, TimeFunction) and given.constant is None:
+        given = drive.load if isinstance(drive, JointDrive) else drive.size
+        if given is not None and given.constant is None:
             rests = bool(find_activity(signal_of(given, end), end).quiet.all())
         else:
-            rests = isinstance(drive, PulseDrive) and drive.start >= end
+            rests = isinstance(drive, JointDrive) and drive.rests_until(end)
         if rests:
             idle.append(name)
     return idle
@@ -88,13 +85,12 @@ def find_jumping_tables(scene: Scene) -> list[tuple[str, float]]:
     ]
 
 
-def _formulas(scene: Scene) -> Iterator[tuple[str, TimeFunction]]:
-    """Go through the formulas of all drives with their paths; constants, tables and pulses are sound as read."""
+def _formulas(scene: Scene) -> Iterator[tuple[str, TimeFunction, bool]]:
+    """Go through the formulas of all drives with their paths; True for motions."""
     for name, drive in scene.drive.items():
-        for key in _KEYS:
-            given = getattr(drive, key, None)
+        for key, given in drive:
             if isinstance(given, TimeFunction) and given.formula is not None:
-                yield f"drive.{name}.{key}", given
+                yield f"drive.{name}.{key}", given, isinstance(drive, MotionDrive)
 
 
 def _time_without_value(signal: Signal, duration: float, n_derivatives: int) -> float | None:

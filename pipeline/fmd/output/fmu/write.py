@@ -23,6 +23,7 @@ from fmd.output.fmu.build import FMI2_FOLDERS, build_binaries, build_own_binary,
 from fmd.output.fmu.description import Heading, describe_build, describe_fmi2, describe_fmi3
 from fmd.output.fmu.equations import write_coefficients, write_equations
 from fmd.output.fmu.variables import Interface, make_interface
+from fmd.scene.loads import MarkerLoad
 from fmd.stages.pipeline import Pipeline
 
 _FIXED = (
@@ -90,7 +91,7 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
         )
     mechanism = run.mechanism
     external = ExternalMechanism(mechanism, run.with_whole_inertia(mechanism), _element_stresses(run))
-    point_loads = [name for name, drive in scene.drive.items() if drive.type in ("point force", "point torque")]
+    point_loads = [name for name, drive in scene.drive.items() if isinstance(drive, MarkerLoad)]
     q0, v0 = run.start
     nominal = _nominal_sizes(mechanism, q0, v0)
     interface = make_interface(external, point_loads, q0, v0, nominal, CO_SIMULATED)
