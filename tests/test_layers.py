@@ -29,8 +29,8 @@ MAY_IMPORT["meshes"] = set()
 MAY_IMPORT["stages"] = {"core", "kernels", "scene", "meshes", *_PHYSICS}
 MAY_IMPORT["accuracy"] = {"stages", *MAY_IMPORT["stages"]}
 MAY_IMPORT["output"] = {"accuracy", "render", *MAY_IMPORT["accuracy"]}
-MAY_IMPORT |= {folder: {"output", *MAY_IMPORT["output"]} for folder in ("verification", "sweep")}
-MAY_IMPORT["cli"] = {"verification", "sweep", *MAY_IMPORT["sweep"]}
+MAY_IMPORT |= {folder: {"output", *MAY_IMPORT["output"]} for folder in ("verification", "sweep", "fitting")}
+MAY_IMPORT["cli"] = {"verification", "sweep", "fitting", *MAY_IMPORT["sweep"]}
 
 # Packages that only one place may load.
 OWNERS = {

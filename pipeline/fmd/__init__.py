@@ -12,6 +12,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.version import __version__
 
 if TYPE_CHECKING:
+    from fmd.fitting.sensitivities import jacobian
     from fmd.output.result import Result, load, solve
     from fmd.scene.scene import Scene, load_scene
     from fmd.stages.pipeline import Pipeline
@@ -23,6 +24,7 @@ __all__ = [
     "Result",
     "Scene",
     "__version__",
+    "jacobian",
     "load",
     "load_scene",
     "solve",
@@ -39,6 +41,10 @@ def __getattr__(name: str) -> Any:
         from fmd.output import result
 
         return getattr(result, name)
+    if name == "jacobian":
+        from fmd.fitting.sensitivities import jacobian
+
+        return jacobian
     if name == "Pipeline":
         from fmd.stages.pipeline import Pipeline
 

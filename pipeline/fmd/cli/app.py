@@ -33,6 +33,7 @@ _COMMANDS = {
     "compile:compile": "Equations of motion as machine code: operations, size, structure.",
     "export:export": "A flexible body, or the whole mechanism, for another program.",
     "sweep:sweep": "A scene at every combination of values, on all cores or a cluster.",
+    "sensitivities:sensitivities": "How results depend on numbers of a scene, in per cent per per cent.",
     "report:report": "One web page of all results, to be opened without a network.",
     "verify:verify": "Published and closed-form results beside ours.",
     "bench:bench": "Run time against error of every integrator on a scene.",

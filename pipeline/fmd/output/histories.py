@@ -39,7 +39,7 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
             used = {dim for variable in data for dim in variable.dims}
             write_netcdf(part, [*(axis for axis in coordinates if axis.name in used), *data])
         else:
-            columns = list(_columns(history_variables(run, output, run.motion)))
+            columns = list(number_columns(history_variables(run, output, run.motion)))
             header = ["time [s]", *(f"{name} [{units}]" for name, units, _ in columns)]
             table = np.column_stack([run.motion.times, *(values for *_, values in columns)])
             write_rows(part, header, ([f"{x:.{DIGITS}g}" for x in row] for row in table))
@@ -66,7 +66,7 @@ def extremes(run: Pipeline, output: Quantities) -> list[dict[str, Any]]:
     A vector has a row for its size, too.
     """
     rows, times = [], run.motion.times
-    for name, units, values in _columns(history_variables(run, output, run.motion), with_sizes=True):
+    for name, units, values in number_columns(history_variables(run, output, run.motion), with_sizes=True):
         low, high = int(values.argmin()), int(values.argmax())
         rows.append(
             {
@@ -158,8 +158,8 @@ def _modal_stress_of_nodes(run: Pipeline, names: Sequence[str]) -> dict[str, tup
     return found
 
 
-def _columns(variables: Iterable[Variable], with_sizes: bool = False) -> Iterator[tuple[str, str, Array]]:
-    """Name, unit and values (n_times,) of each number, and with them the sizes of vectors."""
+def number_columns(variables: Iterable[Variable], with_sizes: bool = False) -> Iterator[tuple[str, str, Array]]:
+    """Yield name, unit and values (n_times,) of each number, and with them the sizes of vectors."""
     for variable in variables:
         values = variable.values.reshape(len(variable.values), -1)
         if not variable.dims:

@@ -1,0 +1,163 @@
+"""Results of a run by their names: numbers, and histories as in files of histories."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.limits.round_off import SUMMED
+from fmd.output.histories import history_variables, number_columns
+from fmd.recovery.stress import von_mises
+from fmd.scene.histories import Quantities
+from fmd.scene.reading import suggest_name
+from fmd.stages.pipeline import Pipeline
+
+_MARKERS = ("position", "displacement", "velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class ResultChannel:
+    """A result of a run, which variants of its scene have, too.
+
+    Attributes
+    ----------
+    name : str
+        As it is asked for.
+    unit : str
+        SI unit.
+    read : callable
+        Takes a run's stages to the result, a number or a history (n_times,).
+    moves : bool
+        True if it takes a motion.
+    part, mode : str, int
+        Flexible body and number, from 0, of a frequency; an empty name of another result.
+    largest : callable, optional
+        Finds a run's largest value wherever and whenever it is; ``read`` follows it where this run has it.
+    """
+
+    name: str
+    unit: str
+    read: Callable[[Pipeline], Array]
+    moves: bool = True
+    part: str = ""
+    mode: int = 0
+    largest: Callable[[Pipeline], float] | None = None
+
+
+def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[ResultChannel]:
+    """Find the results of a name: one, or a vector's components.
+
+    Parameters
+    ----------
+    run : Pipeline
+        The scene's stages; largest values are those of its motion.
+    name : str
+        ``tip`` (the largest deflection of the tip), ``BODY.stress`` (the largest von Mises stress of a flexible body),
+        ``BODY.frequency.N``, or a column of a file of histories without its unit, e.g. ``forearm.wrist.position.y``,
+        ``elbow.position``, ``shoulder.force.x`` or, for all components of a vector but those that are round-off,
+        ``shoulder.force``.
+    origin : str
+        Option that names it, for messages.
+
+    Raises
+    ------
+    InputError
+        The run has no such result.
+    """
+    parts = name.split(".")
+    if len(parts) == 3 and parts[0] in run.wholes and parts[1] == "frequency":
+        return [_frequency(run, name, parts[0], parts[2], origin)]
+    run.scene.simulation  # noqa: B018 - refuses a scene without motion
+    if name == "tip":
+        return [_tip(run, origin)]
+    if len(parts) == 2 and parts[0] in run.wholes and parts[1] == "stress":
+        return [_stress(run, parts[0], origin)]
+    return _histories(run, name, origin)
+
+
+def _tip(run: Pipeline, origin: str) -> ResultChannel:
+    frame = int(run.motion.tip_size.argmax())
+    if not run.motion.tip_size[frame] > 0.0:
+        raise InputError(origin, "tip", run.motion.tip, "doesn't deflect; its '.position.x' or '.velocity.x' works")
+    return ResultChannel(
+        "tip",
+        "m",
+        lambda other: other.motion.tip_size[frame],
+        largest=lambda other: float(other.motion.tip_size.max()),
+    )
+
+
+def _stress(run: Pipeline, body: str, origin: str) -> ResultChannel:
+    if not run.wholes[body].has_stress:
+        raise InputError(origin, f"{body}.stress", None, f"{body} has no stress: it has no mesh")
+    time, node, value = run.stress_of(body).worst()
+    if not value > 0.0:
+        raise InputError(origin, f"{body}.stress", None, f"{body} has no stress in this motion")
+    frame = int(np.flatnonzero(run.motion.times == time)[0])
+
+    def read(other: Pipeline) -> Array:
+        stress = other.stress_of(body)
+        return np.asarray(von_mises((stress.modal[node] @ stress.q[frame])[None])[0])
+
+    return ResultChannel(f"{body}.stress", "Pa", read, largest=lambda other: other.stress_of(body).worst()[2])
+
+
+def _frequency(run: Pipeline, name: str, body: str, number: str, origin: str) -> ResultChannel:
+    count = len(run.wholes[body].modes.omega)
+    if not number.isdigit() or not 1 <= int(number) <= count:
+        raise InputError(origin, name, None, f"{body} has the modes 1 to {count}")
+    mode = int(number) - 1
+    return ResultChannel(name, "Hz", lambda other: other.wholes[body].modes.frequencies_hz[mode], False, body, mode)
+
+
+def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:
+    asked = _asked_quantity(run, name)
+    if asked is None:
+        raise InputError(origin, name, None, f"no such result; {suggest_name(name, _examples(run), 'such as')}")
+    quantities = Quantities.model_validate({"file": "", **asked})
+
+    def columns(other: Pipeline) -> dict[str, tuple[str, Array]]:
+        variables = history_variables(other, quantities, other.motion)
+        return {column: (unit, values) for column, unit, values in number_columns(variables)}
+
+    there = columns(run)
+    chosen = [column for column in there if column == name or column.startswith(f"{name}.")]
+    if not chosen:
+        raise InputError(origin, name, None, f"no such result; {suggest_name(name, there, 'there are')}")
+    size = max(float(np.abs(there[column][1]).max()) for column in chosen)
+    kept = [column for column in chosen if column == name or np.abs(there[column][1]).max() > SUMMED * size]
+    return [ResultChannel(column, there[column][0], _reader(columns, column)) for column in kept]
+
+
+def _reader(columns: Callable[[Pipeline], dict[str, tuple[str, Array]]], name: str) -> Callable[[Pipeline], Array]:
+    return lambda other: columns(other)[name][1]
+
+
+def _asked_quantity(run: Pipeline, name: str) -> dict[str, Any] | None:
+    """Return the keys of a history that holds a quantity; ``None`` if no quantity has such a name."""
+    if name in ("kinetic_energy", "potential_energy"):
+        return {"quantities": ["energy"]}
+    parts = name.split(".")
+    first, second, kind = parts[0], ".".join(parts[:2]), parts[2] if len(parts) > 2 else ""
+    if first in run.scene.body and kind in _MARKERS and parts[1] in run.scene.body[first].marker:
+        return {"quantities": [f"marker_{kind}"], "markers": [second]}
+    if first in run.wholes and kind and parts[1] in getattr(run.scene.body[first], "element", {}):
+        return {"quantities": ["element_stress"], "elements": [second], "components": [kind.replace("_", " ")]}
+    if first in run.scene.joint and len(parts) > 1:
+        if parts[1] in ("force", "moment"):
+            return {"quantities": ["joint_reaction"], "joints": [first]}
+        return {"quantities": ["joint_position", "joint_rate"], "joints": [first]}
+    return None
+
+
+def _examples(run: Pipeline) -> list[str]:
+    """Return names of results that a run has."""
+    found = ["tip", *(f"{body}.{kind}" for body in run.wholes for kind in ("stress", "frequency.1"))]
+    found += [f"{joint}.force" for joint in run.scene.joint]
+    markers = [f"{body}.{marker}" for body, table in run.scene.body.items() for marker in table.marker]
+    return [*found, *(f"{marker}.position" for marker in markers)]

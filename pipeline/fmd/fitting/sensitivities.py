@@ -1,0 +1,144 @@
+"""Derivatives of results by numbers of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmd.accuracy.solved_scene import SolvedScene
+from fmd.core.arrays import Array
+from fmd.core.limits.fitting import DIFFERENCE, JUMP
+from fmd.fitting.channels import ResultChannel, find_channels
+from fmd.fitting.frequency_slopes import frequency_change
+from fmd.fitting.held_run import HeldRun
+from fmd.fitting.parameters import Parameter, find_parameter
+from fmd.stages.pipeline import Pipeline
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivative of one result by one number of a scene.
+
+    Attributes
+    ----------
+    channel, parameter
+        The result and the number.
+    value : ndarray, shape () or (n_times,)
+        The result itself, in its SI unit.
+    slope, error : ndarray, shape () or (n_times,)
+        Its derivative by the number, in SI units, and what that may be off by.
+    jumps : bool
+        True if the largest value is at another place, or long before or after, as soon as the number changes a little.
+    """
+
+    channel: ResultChannel
+    parameter: Parameter
+    value: Array
+    slope: Array
+    error: Array
+    jumps: bool = False
+
+    @property
+    def relative(self) -> float:
+        """Per cent of the result per per cent of the number; of a history the ratio of root mean squares over time."""
+        return self._share(self.slope)
+
+    @property
+    def relative_error(self) -> float:
+        """What `relative` may be off by."""
+        return abs(self._share(self.error))
+
+    def _share(self, slope: Array) -> float:
+        size = _rms(self.value) if self.value.ndim else float(self.value)
+        change = abs(self.parameter.value) * _rms(slope) if self.value.ndim else self.parameter.value * float(slope)
+        return change / size + 0.0 if size else (0.0 if not change else float(np.copysign(np.inf, change)))
+
+    def row(self) -> dict[str, Any]:
+        """Return the figures by name; a history's value, derivative and error are root mean squares over time."""
+        size, slope, error = (float(x) if not x.ndim else _rms(x) for x in (self.value, self.slope, self.error))
+        share, off = self.relative, self.relative_error
+        known = np.isfinite(share)
+        return {
+            "of": self.channel.name,
+            "to": self.parameter.key,
+            "value": size,
+            "unit": self.channel.unit,
+            "history": bool(self.value.ndim),
+            "number": self.parameter.value,
+            "number_unit": self.parameter.unit,
+            "derivative": slope,
+            "derivative_error": error,
+            "relative": share if known else None,
+            "interval": [share - off, share + off] if known else None,
+            "jumps": self.jumps,
+        }
+
+
+def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[Sensitivity]:
+    """Return the derivatives of results by numbers of a scene, the numbers of each result together.
+
+    Results are those of the scene's first run, whose method and steps are held; a largest value is followed where and
+    when it is largest. Derivatives are extrapolated from central differences of two lengths; the stated error is what
+    the extrapolation changes. Those of frequencies are Rayleigh quotients, also within groups of one frequency; the
+    stated error is their difference from those of the frequencies solved anew.
+
+    Parameters
+    ----------
+    result : SolvedScene
+        What `fmd.load` or `fmd.solve` returns.
+    of : sequence of str
+        Names of results, as `fmd.fitting.channels.find_channels` lists them.
+    to : sequence of str
+        Keys of numbers, as for ``--set``, e.g. ``joint.elbow.spring``.
+
+    Raises
+    ------
+    InputError
+        There is no such result or number.
+    """
+    run = result.run
+    parameters = [find_parameter(run.scene, key) for key in dict.fromkeys(to)]
+    channels = [channel for name in dict.fromkeys(of) for channel in find_channels(run, name)]
+    by_parameter = [list(_differentiate(HeldRun(run), channels, parameter)) for parameter in parameters]
+    return [row for rows in zip(*by_parameter, strict=True) for row in rows]
+
+
+def _differentiate(held: HeldRun, channels: Sequence[ResultChannel], parameter: Parameter) -> Iterator[Sensitivity]:
+    """Yield the derivative of each result by one number."""
+    moves = any(channel.moves for channel in channels)
+    steps = [DIFFERENCE * parameter.value, 0.5 * DIFFERENCE * parameter.value]
+    pairs = [
+        tuple(held.at({parameter: parameter.value + sign * step}, moves) for sign in (-1.0, 1.0)) for step in steps
+    ]
+    for channel in channels:
+        value = np.asarray(channel.read(held.run))
+        rough, fine = (
+            _change(channel, held.run, *pair) / (2.0 * step) for pair, step in zip(pairs, steps, strict=True)
+        )
+        slope = (4.0 * fine - rough) / 3.0
+        if channel.part:
+            slope, mean, solved = slope
+            yield Sensitivity(channel, parameter, value, slope, np.abs(mean - solved))
+        else:
+            yield Sensitivity(channel, parameter, value, slope, np.abs(slope - fine), _jumps(channel, pairs[1]))
+
+
+def _change(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeline) -> Array:
+    """Return the change of a result from one variant to another; that of a frequency is `frequency_change`'s."""
+    if channel.part:
+        return frequency_change(run, minus, plus, channel.part, channel.mode)
+    return np.asarray(channel.read(plus) - channel.read(minus))
+
+
+def _jumps(channel: ResultChannel, variants: Sequence[Pipeline]) -> bool:
+    """Return whether a largest value grows at another place or time by more than where it is followed."""
+    if channel.largest is None:
+        return False
+    return any(channel.largest(each) > float(channel.read(each)) * (1.0 + JUMP * 0.5 * DIFFERENCE) for each in variants)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

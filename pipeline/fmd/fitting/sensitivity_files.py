@@ -1,0 +1,69 @@
+"""Sensitivities as files: a table, a chart, and the derivatives of histories over time."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+from fmd.core.arrays import Array
+from fmd.core.files import whole_file
+from fmd.core.limits.shown import DIGITS
+from fmd.fitting.sensitivities import Sensitivity
+
+
+def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folder: Path, title: str) -> list[str]:
+    """Write sensitivities into a folder and return the names of the files.
+
+    Parameters
+    ----------
+    found : sequence of Sensitivity
+        One at least.
+    times : ndarray, optional
+        Output times of the histories among them [s].
+    title : str
+        Heading of the chart.
+
+    Raises
+    ------
+    OSError
+        The folder can't be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = [each.row() for each in found]
+    cells = [{**row, **_bounds(row.pop("interval"))} for row in rows]
+    _write(folder / "sensitivities.csv", list(cells[0]), [[*row.values()] for row in cells])
+    files = ["sensitivities.csv"]
+    histories = [each for each in found if each.value.ndim]
+    if histories and times is not None:
+        columns = {each.channel.name: (each.channel, each.value) for each in histories}
+        header = ["time [s]", *(f"{channel.name} [{channel.unit}]" for channel, _ in columns.values())]
+        header += [f"d {each.channel.name} / d ln {each.parameter.key} [{each.channel.unit}]" for each in histories]
+        arrays = [times, *(value for _, value in columns.values())]
+        arrays += [each.slope * each.parameter.value for each in histories]
+        _write(
+            folder / "sensitivity-histories.csv", header, [[float(x) for x in row] for row in zip(*arrays, strict=True)]
+        )
+        files.append("sensitivity-histories.csv")
+    bars: dict[str, list[tuple[str, float, float]]] = {}
+    for each in found:
+        if each.row()["relative"] is not None:
+            bars.setdefault(each.channel.name, []).append((each.parameter.key, each.relative, each.relative_error))
+    if bars:
+        from fmd.render.tornado_chart import draw_tornado
+
+        draw_tornado(bars, folder / "sensitivities.png", title=title)
+        files.append("sensitivities.png")
+    return files
+
+
+def _bounds(interval: list[float] | None) -> dict[str, float | None]:
+    low, high = interval or (None, None)
+    return {"relative_low": low, "relative_high": high}
+
+
+def _write(path: Path, header: list[str], rows: Sequence[Sequence[object]]) -> None:
+    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(header)
+        table.writerows([f"{x:.{DIGITS}g}" if isinstance(x, float) else x for x in row] for row in rows)

@@ -1,0 +1,255 @@
+"""Derivatives of results by numbers of a scene, against closed forms, laws of scale and scenes solved anew."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fmd as package
+from fmd.core.errors import InputError
+from fmd.fitting.parameters import change_parameters, find_parameter
+from fmd.fitting.sensitivities import Sensitivity
+
+MASS, STIFFNESS, START = 2.0, 800.0, 0.01
+OSCILLATOR: dict[str, Any] = {
+    "title": "Mass on a spring",
+    "body": {
+        "block": {
+            "shape": "rigid",
+            "mass": "2 kg",
+            "inertia": ["0.1 kg m^2", "0.1 kg m^2", "0.1 kg m^2"],
+            "marker": {"hook": {"at": ["0 m", "0 m", "0 m"]}},
+        }
+    },
+    "joint": {
+        "slide": {
+            "type": "prismatic",
+            "parent": "ground",
+            "child": "block.hook",
+            "axis": [1, 0, 0],
+            "spring": "800 N/m",
+            "position": "10 mm",
+        }
+    },
+    "simulation": {
+        "duration": "0.5 s",
+        "output_step": "10 ms",
+        "step": "50 us",
+        "tip": "block.hook",
+        "run": [{"integrator": "central-difference"}],
+    },
+}
+SMALL_ARM = (
+    "simulation.run=[{integrator='central-difference'}]",
+    "body.forearm.mesh.divisions=[12,1,1]",
+    "simulation.duration=0.2 s",
+)
+BAR = """
+title = "Bar"
+
+[body.bar]
+shape = "bar"
+length = "400 mm"
+depth = "20 mm"
+width = "20 mm"
+E = "210 GPa"
+nu = 0.3
+rho = "7850 kg/m^3"
+mesh = { divisions = [10, 2, 2] }
+modes = { count = 6 }
+marker = { end = { face = "x-" } }
+"""
+
+
+def by_key(found: list[Sensitivity], name: str) -> dict[str, Sensitivity]:
+    return {each.parameter.key: each for each in found if each.channel.name == name}
+
+
+def with_force(value: Any) -> dict[str, Any]:
+    slide = OSCILLATOR["joint"]["slide"] | {"position": "0 m"}
+    return OSCILLATOR | {
+        "joint": {"slide": slide},
+        "drive": {"push": {"type": "force", "joint": "slide", "force": value}},
+    }
+
+
+def test_an_oscillator_has_the_derivatives_of_its_closed_form() -> None:
+    result = package.load(OSCILLATOR)
+    keys = ["joint.slide.spring", "body.block.mass", "joint.slide.position"]
+    found = by_key(package.jacobian(result, ["slide.position"], keys), "slide.position")
+    omega, t = np.sqrt(STIFFNESS / MASS), result.run.output_times
+    by_omega = -START * t * np.sin(omega * t)
+    expected = {
+        "joint.slide.spring": by_omega * omega / (2.0 * STIFFNESS),
+        "body.block.mass": -by_omega * omega / (2.0 * MASS),
+        "joint.slide.position": np.cos(omega * t),
+    }
+    for key, slope in expected.items():
+        # Steps of 50 µs are 1e-3 of a radian: the method's own error is some 1e-7 of the phase.
+        np.testing.assert_allclose(found[key].slope, slope, atol=1e-5 * np.abs(slope).max())
+        assert np.abs(found[key].error).max() < 1e-4 * np.abs(slope).max()
+    assert found["joint.slide.position"].relative == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        "3 N",
+        {"formula": "3*sin(20*t)", "unit": "N"},
+        {"times": ["0 s", "0.2 s", "0.5 s"], "values": [0.0, 2.0, 0.0], "unit": "N"},
+    ],
+)
+def test_a_load_counts_as_one_number_to_which_a_linear_motion_is_proportional(force: Any) -> None:
+    found = package.jacobian(package.load(with_force(force)), ["slide.position"], ["drive.push.force"])
+    assert [each.relative for each in found] == [pytest.approx(1.0, abs=1e-9)]
+
+
+def test_results_of_the_arm_have_the_derivatives_of_scenes_solved_anew() -> None:
+    """Numbers that pass through the mesh, the basis, the mechanism and the load, set in the scene's own words."""
+    names = ["tip", "forearm.stress", "forearm.wrist.position.y", "elbow.moment.z"]
+    numbers = {
+        "body.forearm.depth": (0.012, "m"),
+        "body.gripper.mass": (0.4, "kg"),
+        "joint.elbow.spring": (60.0, "N m"),
+        "body.forearm.modes.damping": (0.002, ""),
+    }
+    result = package.load("arm", *SMALL_ARM)
+    found = package.jacobian(result, names, list(numbers))
+    assert not any(each.jumps for each in found)
+    for key, (value, unit) in numbers.items():
+        sides = [package.load("arm", *SMALL_ARM, f"{key}={value * (1 + s)!r} {unit}".strip()) for s in (-0.01, 0.01)]
+        for each in found:
+            if each.parameter.key != key:
+                continue
+            low, high = (np.asarray(each.channel.read(side.run)) for side in sides)
+            slope = (high - low) / (0.02 * value)
+            np.testing.assert_allclose(each.slope, slope, rtol=0, atol=3e-3 * np.abs(slope).max())
+
+
+def test_frequencies_go_with_the_root_of_stiffness_and_density_and_inversely_with_size(tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(BAR.replace('width = "20 mm"', 'width = "30 mm"'))
+    sizes = ["body.bar.length", "body.bar.depth", "body.bar.width"]
+    for number in (1, 2, 5):
+        name = f"bar.frequency.{number}"
+        found = by_key(package.jacobian(package.load(path), [name], ["body.bar.E", "body.bar.rho", *sizes]), name)
+        assert found["body.bar.E"].relative == pytest.approx(0.5, abs=1e-6)
+        assert found["body.bar.rho"].relative == pytest.approx(-0.5, abs=1e-9)
+        assert sum(found[key].relative for key in sizes) == pytest.approx(-1.0, abs=1e-6)
+        assert all(each.relative_error < 1e-6 for each in found.values())
+
+
+def test_modes_of_one_frequency_turn_into_those_that_part(tmp_path: Path) -> None:
+    """Of a square bar's pair one bends over the depth and one over the width; both lose with length alike."""
+    path = tmp_path / "bar.toml"
+    path.write_text(BAR)
+    names = ["bar.frequency.1", "bar.frequency.2"]
+    found = package.jacobian(package.load(path), names, ["body.bar.depth", "body.bar.width", "body.bar.length"])
+    lower, upper = (by_key(found, name) for name in names)
+    stays, grows = lower["body.bar.depth"].relative, upper["body.bar.depth"].relative
+    assert stays == pytest.approx(lower["body.bar.width"].relative, abs=1e-5)
+    assert grows == pytest.approx(upper["body.bar.width"].relative, abs=1e-5)
+    assert abs(stays) < 0.01  # a Bernoulli bar's are 0 and 1
+    assert 0.95 < grows < 1.0
+    assert stays + grows + lower["body.bar.length"].relative == pytest.approx(-1.0, abs=1e-5)
+    path.write_text(BAR.replace('depth = "20 mm"', 'depth = "20.02 mm"'))
+    parted = package.load(path).run.modes.frequencies_hz[:2]
+    together = package.load(BAR_TABLES).run.modes.frequencies_hz[:2]
+    np.testing.assert_allclose((parted / together - 1.0) / 1e-3, [stays, grows], atol=2e-3)
+
+
+def test_a_number_is_changed_where_it_stands_and_nowhere_else() -> None:
+    scene = package.load_scene("arm")
+    mass, angle = (find_parameter(scene, key) for key in ("body.gripper.mass", "joint.shoulder.angle"))
+    assert (mass.value, mass.unit, angle.unit) == (0.4, "kg", "rad")
+    assert find_parameter(scene, "simulation.gravity.1").unit == "m/s^2"
+    changed = change_parameters(scene, {mass: 0.5})
+    expected = package.load_scene("arm", ["body.gripper.mass=0.5 kg"])
+    assert changed.model_dump(mode="json") == expected.model_dump(mode="json")
+    assert scene.body["gripper"].mass == 0.4
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("joint.elbow.sprung", "did you mean 'spring'"),
+        ("joint.elbow", "the numbers there: angle"),
+        ("simulation.step", "no number that results change with smoothly"),
+        ("joint.elbow.rest", "is 0, of which there is no per cent"),
+        ("body.forearm.mesh.divisions.0", "no number that results change with smoothly"),
+        ("joint.elbow.axis.7", "there is no '7' in joint.elbow.axis"),
+    ],
+)
+def test_a_key_that_is_no_number_is_refused(key: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        find_parameter(package.load_scene("arm"), key)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("slide.positoin", "did you mean 'slide.position'"),
+        ("tip", "doesn't deflect"),
+        ("stress", "no such result"),
+        ("block.hook.position.k", "there are: block.hook.position.x"),
+    ],
+)
+def test_a_result_that_there_is_not_is_refused(name: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        package.jacobian(package.load(OSCILLATOR), [name], ["body.block.mass"])
+
+
+def test_a_mesh_whose_elements_change_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(BAR.replace("divisions = [10, 2, 2]", 'element = "tetrahedron", size = "15 mm"'))
+    with pytest.raises(InputError, match="changes the elements of bar, so that results jump"):
+        package.jacobian(package.load(path), ["bar.frequency.1"], ["body.bar.length"])
+    with pytest.raises(InputError, match="bar has the modes 1 to"):
+        package.jacobian(package.load(path), ["bar.frequency.70"], ["body.bar.E"])
+
+
+def test_the_command_prints_rows_and_writes_table_chart_and_histories(
+    fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    given = ["--of", "tip,forearm.wrist.position", "--to", "joint.elbow.spring,body.gripper.mass", "--out", tmp_path]
+    settings = [word for text in SMALL_ARM for word in ("--set", text)]
+    assert fmd("sensitivities", "arm", *given, *settings, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["files"] == ["sensitivities.csv", "sensitivity-histories.csv", "sensitivities.png"]
+    # The arm moves in a plane: z is round-off.
+    assert [row["of"] for row in found["rows"][::2]] == ["tip", "forearm.wrist.position.x", "forearm.wrist.position.y"]
+    for row in found["rows"]:
+        low, high = row["interval"]
+        assert low <= row["relative"] <= high
+    with (tmp_path / "sensitivity-histories.csv").open() as file:
+        header, *rows = csv.reader(file)
+    assert header[3] == "d forearm.wrist.position.x / d ln joint.elbow.spring [m]"
+    assert len(rows) == 101
+    assert fmd("sensitivities", "arm", *given, *settings) == 0
+    assert "of histories: ratios of root mean squares" in capsys.readouterr().out
+    assert fmd("sensitivities", "arm", "--of", "tip,", "--to", "joint.elbow.spring") == 2
+    assert "has an empty name" in capsys.readouterr().err
+
+
+BAR_TABLES = {
+    "title": "Bar",
+    "body": {
+        "bar": {
+            "shape": "bar",
+            "length": 0.4,
+            "depth": 0.02,
+            "width": 0.02,
+            "E": 210e9,
+            "nu": 0.3,
+            "rho": 7850.0,
+            "mesh": {"divisions": [10, 2, 2]},
+            "modes": {"count": 6},
+            "marker": {"end": {"face": "x-"}},
+        }
+    },
+}
