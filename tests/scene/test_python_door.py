@@ -108,6 +108,9 @@ def test_a_dict_takes_overrides_and_bodies_like_another() -> None:
     scene = load_scene(ROD | {"body": body, "joint": joint}, ["body.rod.length=2 m"])
     assert (scene.body["second"].mass, scene.body["second"].length) == (3.0, 2.0)
     assert (scene.file, scene.simulation.gravity) == ("", (0.0, -9.81, 0.0))
+    tables = {"title": "Own", "body": {"rod": {"shape": "rod", "mass": "2 kg", "length": "1 m", "marker": {}}}}
+    assert load_scene(tables, ["body.rod.mass=3 kg"]).body["rod"].mass == 3.0
+    assert tables["body"]["rod"]["mass"] == "2 kg"  # the caller's own tables stay as they are
     assert load_scene({"base": "beam", "title": "Another"}).body == load_scene("beam").body
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +13,7 @@ from fmd.fitting.parameters import Parameter, change_parameters
 from fmd.scene.variants import change_simulation
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.plan import Plan, repeat_choice
-from fmd.stages.runs import plan_like
+from fmd.stages.runs import plan_held
 
 
 class HeldRun:
@@ -68,7 +67,7 @@ class HeldRun:
         for name in self.run.wholes:
             self._require_like_mesh(other, name, values)
         if moves:
-            plan = replace(plan_like(self.plan, other), integrator=self.plan.integrator)
+            plan = plan_held(self.plan, other)
             motion = other.motion_by(plan, plan.march(self.times))
             other.results[Pipeline.motions.name] = {next(iter(self.run.plans)): motion}
         return other

@@ -91,6 +91,19 @@ def change_parameters(scene: Scene, values: Mapping[Parameter, float]) -> Scene:
     return scene
 
 
+def list_settings(scene: Scene, parameter: Parameter, value: float) -> list[str]:
+    """Return what sets a number to a value [SI], as for ``--set``: of a formula or a table its own key."""
+    if not parameter.is_factor:
+        return [f"{parameter.key}={value!r} {parameter.unit}".rstrip()]
+    node: Any = scene
+    for part in parameter.key.split("."):
+        node = _get(node, part)
+    scaled = _scale(node, value)
+    if scaled.formula is not None:
+        return [f"{parameter.key}.formula={scaled.formula}"]
+    return [f"{parameter.key}.values={[*(scaled.values or ())]!r}"]
+
+
 def _list_keys(node: Any) -> Sequence[str]:
     """Return the keys of a table, or the numbers of a list's items, as text."""
     if isinstance(node, BaseModel):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from fmd.core.arrays import Array
 from fmd.core.files import whole_file
 from fmd.core.limits.shown import DIGITS
 from fmd.fitting.sensitivities import Sensitivity
+from fmd.output.csv_rows import write_rows
 
 
 def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folder: Path, title: str) -> list[str]:
@@ -63,7 +63,8 @@ def _bounds(interval: list[float] | None) -> dict[str, float | None]:
 
 
 def _write(path: Path, header: list[str], rows: Sequence[Sequence[object]]) -> None:
-    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(header)
-        table.writerows([f"{x:.{DIGITS}g}" if isinstance(x, float) else x for x in row] for row in rows)
+    with whole_file(path) as part:
+        texts = [
+            [f"{x:.{DIGITS}g}" if isinstance(x, float) else "" if x is None else str(x) for x in row] for row in rows
+        ]
+        write_rows(part, header, texts)

@@ -55,7 +55,7 @@ class SceneSource:
 def read_source(source: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> SceneSource:
     """Read a scene and apply overrides; the arguments are those of ``fmd.scene.scene.load_scene``."""
     if isinstance(source, Mapping):
-        file, folder, (data, places) = "", Path(), _complete(dict(source), {(): find_caller()}, Path(), ())
+        file, folder, (data, places) = "", Path(), _complete(deepcopy(dict(source)), {(): find_caller()}, Path(), ())
     else:
         found = find_scene(str(source))
         file, folder = str(found), Path(str(found)).parent

@@ -86,6 +86,11 @@ def read_columns(
     return TableColumns(arguments, values)
 
 
+def read_header(folder: Path, file: str) -> list[str]:
+    """Return the cells of a CSV file's first row; raises ``FaultError`` if the file can't be read."""
+    return _split_rows(_read_text(folder / file), file)[0][0].cells
+
+
 def _read_text(path: Path) -> str:
     try:
         with path.open("rb") as stream:

@@ -154,12 +154,16 @@ def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
 
     The step is a shorter one where the variant's highest frequency takes that.
     """
-    first = _draft_plan(variant, 0, _given_step(variant))
+    first = plan_held(plan, variant)
     method: Any = plan.integrator
     limit = method.largest_step(first.system)
-    if method.step >= limit:
-        method = replace(method, step=SURELY_STABLE * limit)
-    return _leave_out_modes(variant, replace(first, integrator=method))
+    return first if method.step < limit else replace(first, integrator=replace(method, step=SURELY_STABLE * limit))
+
+
+def plan_held(plan: Plan, variant: BuiltScene) -> Plan:
+    """Plan the first run of a scene's variant by the method and the step of a run, whatever the variant's limit."""
+    first = _draft_plan(variant, 0, _given_step(variant))
+    return _leave_out_modes(variant, replace(first, integrator=plan.integrator))
 
 
 def _draft_plan(built: BuiltScene, k: int, given: float | None) -> Plan:

@@ -3,3 +3,16 @@
 # Derivatives by differences.
 DIFFERENCE = 2e-3  # of a number: the longer of the two steps that differences are extrapolated from
 JUMP = 0.05  # per cent per per cent that a largest value gains elsewhere, from which on it is said to jump
+
+# Fits to measurements.
+NORMAL_95 = 1.959963984540054  # standard deviations to each side that hold 95 % of a normal distribution
+FIT_DIFFERENCE = 2e-4  # of a number: the step of central differences in the Jacobian of a fit
+DETERMINED = 0.5  # largest half-width of a 95 % interval, of the number's logarithm or relative, that a fit begins with
+NOISE_ORDER = 4  # of the differences of successive values by which the noise of a channel is estimated
+STRONG_CORRELATION = 0.9  # from which on two numbers are named together
+AT_BOUND = 1e-4  # of the way between two bounds: a number so near to one is said to be at it
+WHITE = 1e-3  # probability of white residuals' correlations, below which they are said not to be white
+LAGS = 10  # samples up to which correlations of residuals are looked at
+POOR_FIT = 1e-3  # probability of chi-squared below which noise alone doesn't explain the residuals
+MOST_EVALUATIONS = 50  # of a fit
+FIT_TOLERANCE = 1e-5  # of the change of chi-squared and of the numbers at which a fit ends

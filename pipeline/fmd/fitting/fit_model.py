@@ -1,0 +1,143 @@
+"""A scene as a function of some of its numbers: residuals against measurements, and their Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmd.core.arrays import Array, BoolArray
+from fmd.core.errors import AccuracyError, StabilityError
+from fmd.core.limits.fitting import FIT_DIFFERENCE
+from fmd.fitting.held_run import HeldRun
+from fmd.fitting.measurements import Measurements
+from fmd.fitting.parameters import Parameter
+from fmd.stages.pipeline import Pipeline
+
+
+@dataclass(frozen=True)
+class VariedNumber:
+    """A number of a scene that a fit varies.
+
+    A fit counts in its logarithm if it and its bounds are above 0, else in shares of its value at the start.
+
+    Attributes
+    ----------
+    parameter : Parameter
+        The number.
+    low, high : float
+        Bounds in the SI unit; infinite if there are none.
+    prior : float
+        Standard deviation of what is known of it beforehand, relative to its value in the scene; infinite if nothing.
+    """
+
+    parameter: Parameter
+    low: float = -np.inf
+    high: float = np.inf
+    prior: float = np.inf
+
+    @property
+    def by_logarithm(self) -> bool:
+        """True if a fit counts in the number's logarithm."""
+        return self.parameter.value > 0.0 and (self.low > 0.0 or not np.isfinite(self.low))
+
+    def to_share(self, value: float) -> float:
+        """Return a value [SI] as a fit counts it: 0 is that in the scene."""
+        if self.by_logarithm:
+            return float(np.log(value / self.parameter.value)) if value > 0.0 else -np.inf
+        return (value - self.parameter.value) / abs(self.parameter.value)
+
+    def from_share(self, share: float) -> float:
+        """Return the value [SI] of what a fit counts."""
+        if self.by_logarithm:
+            return float(self.parameter.value * np.exp(share))
+        return self.parameter.value + share * abs(self.parameter.value)
+
+
+@dataclass
+class FitModel:
+    """Residuals of a scene's first run against measurements, over their noise.
+
+    Parameters
+    ----------
+    run : Pipeline
+        Stages of the scene as it is computed.
+    measured : Measurements
+        What is measured.
+    varied : tuple of VariedNumber
+        Numbers that vary; all else, method and steps too, is held.
+
+    Attributes
+    ----------
+    marches : int
+        Number of motions that have been computed.
+    """
+
+    run: Pipeline
+    measured: Measurements
+    varied: tuple[VariedNumber, ...]
+    marches: int = 0
+    _known: dict[bytes, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        times = self.measured.times
+        self._first = int(times[0] > 0.0)  # displacements count from the start
+        self._held = HeldRun(self.run, np.r_[0.0, times] if self._first else times)
+
+    def histories(self, shares: Array) -> Array:
+        """Return the results over the measured times at some numbers, shape (n_channels, n_times), in SI units."""
+        key = np.asarray(shares, dtype=float).tobytes()
+        if key not in self._known:
+            self._known = {key: self._read(self._march(shares))}
+        return self._known[key]
+
+    def residuals(self, shares: Array) -> Array:
+        """Return results less measurements over their noise, and priors over theirs, shape (n_residuals,)."""
+        scale = np.array([each.sigma for each in self.measured.channels])[:, None]
+        apart = (self.histories(shares) / scale).ravel() - self.measured.values
+        return np.concatenate([apart, np.asarray(shares)[self._with_prior] / self._priors])
+
+    def jacobian(self, shares: Array) -> Array:
+        """Return the residuals' derivatives by what a fit counts, (n_residuals, n_varied), by central differences."""
+        shares = np.asarray(shares, dtype=float)
+        scale = np.array([each.sigma for each in self.measured.channels])[:, None]
+        columns = []
+        for number in range(len(self.varied)):
+            step = np.zeros(len(shares))
+            step[number] = FIT_DIFFERENCE
+            low, high = (self._read(self._march(shares + sign * step)) for sign in (-1.0, 1.0))
+            columns.append(((high - low) / (2.0 * FIT_DIFFERENCE * scale)).ravel())
+        priors = np.diag(1.0 / np.array([each.prior for each in self.varied]))[self._with_prior]
+        return np.concatenate([np.column_stack(columns), priors])
+
+    @property
+    def n_data(self) -> int:
+        """Number of measured values."""
+        return self.measured.values.size
+
+    def values(self, shares: Sequence[float] | Array) -> list[float]:
+        """Return the numbers [SI] of what a fit counts."""
+        return [each.from_share(float(share)) for each, share in zip(self.varied, shares, strict=True)]
+
+    @property
+    def _with_prior(self) -> BoolArray:
+        return np.array([np.isfinite(each.prior) for each in self.varied])
+
+    @property
+    def _priors(self) -> Array:
+        return np.array([each.prior for each in self.varied if np.isfinite(each.prior)])
+
+    def _march(self, shares: Array) -> Pipeline:
+        self.marches += 1
+        values = self.values(shares)
+        try:
+            return self._held.at(dict(zip([each.parameter for each in self.varied], values, strict=True)))
+        except StabilityError as error:
+            at = ", ".join(f"{each.parameter.key} = {x:.6g}" for each, x in zip(self.varied, values, strict=True))
+            raise AccuracyError(
+                f"the fit came to {at}, where {error}; narrow the bounds or shorten the step"
+            ) from error
+
+    def _read(self, other: Pipeline) -> Array:
+        return np.array([each.channel.read(other)[self._first :] for each in self.measured.channels])

@@ -1,0 +1,80 @@
+"""What data can tell of numbers: bounds of their errors, correlations, and tests of residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.limits.fitting import LAGS, NORMAL_95, STRONG_CORRELATION
+from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
+
+
+@dataclass(frozen=True)
+class Information:
+    """What residuals with unit noise tell of the numbers that they depend on.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (n, n)
+        Smallest covariance of any unbiased estimate, of which infinite entries of the diagonal aren't told at all
+        (Cramér–Rao; Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, chapter 3).
+    """
+
+    covariance: Array
+
+    @property
+    def half_widths(self) -> Array:
+        """Half-widths of the 95 % intervals, shape (n,)."""
+        return NORMAL_95 * np.sqrt(self.covariance.diagonal())
+
+    @property
+    def correlation(self) -> Array:
+        """Correlations, (n, n); 0 with a number that isn't told."""
+        known = np.isfinite(self.covariance.diagonal())
+        sizes = np.sqrt(np.where(known, self.covariance.diagonal(), 1.0))
+        whole = np.where(np.outer(known, known), self.covariance, np.eye(len(known)))
+        return np.asarray(whole / np.outer(sizes, sizes))
+
+    def partners(self, number: int) -> list[int]:
+        """Return the numbers that are strongly correlated with one, strongest first."""
+        sizes = np.abs(self.correlation[number])
+        sizes[number] = 0.0
+        return [int(k) for k in np.argsort(-sizes) if sizes[k] > STRONG_CORRELATION]
+
+
+def find_information(J: Array) -> Information:
+    """Return the inverse of ``Jᵀ J``, with infinite variances where columns of J depend on each other or are 0.
+
+    Parameters
+    ----------
+    J : ndarray, shape (n_residuals, n)
+        Derivatives of residuals over their noise.
+    """
+    sizes = np.linalg.norm(J, axis=0)
+    told = sizes > 0.0
+    scaled = J / np.where(told, sizes, 1.0)
+    _, values, V = np.linalg.svd(scaled, full_matrices=False)
+    kept = values > DEPENDENT_CONSTRAINT * max(values.max(initial=0.0), 1e-300)
+    untold = ~told | (V[~kept] ** 2 > DEPENDENT_CONSTRAINT).any(axis=0)
+    half = V[kept] / values[kept, None]
+    covariance = (half.T @ half) / np.outer(np.where(told, sizes, 1.0), np.where(told, sizes, 1.0))
+    covariance[untold, :] = covariance[:, untold] = 0.0
+    covariance[untold, untold] = np.inf
+    return Information(covariance)
+
+
+def whiteness(residuals: Array) -> float:
+    """Return the probability that white noise has correlations over time as large as those of residuals (n_times,).
+
+    Ljung & Box, On a measure of lack of fit in time series models, Biometrika 65, 1978.
+    """
+    from scipy.stats import chi2
+
+    n, apart = len(residuals), residuals - residuals.mean()
+    lags = np.arange(1, min(LAGS, n // 4) + 1)
+    if not lags.size or not apart.any():
+        return 1.0
+    r = np.array([apart[lag:] @ apart[:-lag] for lag in lags]) / (apart @ apart)
+    return float(chi2.sf(n * (n + 2) * np.sum(r**2 / (n - lags)), len(lags)))

@@ -1,0 +1,142 @@
+"""Measured histories from a table, with the noise of each channel."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.limits.fitting import NOISE_ORDER
+from fmd.core.units import unit_ratio
+from fmd.fitting.channels import ResultChannel, find_channels
+from fmd.scene.reading import FaultError, suggest_name
+from fmd.scene.table_files import read_columns, read_header
+from fmd.stages.pipeline import Pipeline
+
+_COLUMN = re.compile(r"(.+?)\s*(?:\[(.*)\])?\s*")
+
+
+@dataclass(frozen=True)
+class MeasuredChannel:
+    """A measured history of one result.
+
+    Attributes
+    ----------
+    channel : ResultChannel
+        The result.
+    values : ndarray, shape (n_times,)
+        In its SI unit.
+    sigma : float
+        Standard deviation of the noise, in the same unit.
+    given : bool
+        True if that is given, false if it is estimated from the values.
+    """
+
+    channel: ResultChannel
+    values: Array
+    sigma: float
+    given: bool
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Measured histories at common times.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n_times,)
+        From the start of the scene's motion, ascending [s].
+    channels : tuple of MeasuredChannel
+        One at least.
+    """
+
+    times: Array
+    channels: tuple[MeasuredChannel, ...]
+
+    @property
+    def values(self) -> Array:
+        """All values over their noise, channel by channel, shape (n_channels n_times,)."""
+        return np.concatenate([each.values / each.sigma for each in self.channels])
+
+
+def read_measurements(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> Measurements:
+    """Read measured histories from a table as `History` writes them: times in the first column, a result in each other.
+
+    Parameters
+    ----------
+    run : Pipeline
+        The scene whose results they are.
+    file : str
+        CSV file. Its first row has names with units, ``time [s]`` and e.g. ``forearm.wrist.position.y [mm]``; a column
+        without a unit is in SI units.
+    sigmas : mapping of str to float
+        Standard deviations of the noise by names of results [SI]; that of another is estimated from differences of its
+        successive values, in which a smooth history cancels.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, a column is no result of the scene or in a wrong unit, or times lie outside the motion.
+    """
+    try:
+        header = read_header(Path(), file)
+        table = [read_columns(Path(), file, ("time", 1), ("column", k + 1)) for k in range(1, len(header))]
+    except FaultError as fault:
+        raise InputError(file, "", None, str(fault)) from None
+    if not table:
+        raise InputError(file, "", None, "has one column; give times and, in each further column, a result")
+    names, units = zip(*(_name_and_unit(file, text) for text in header), strict=True)
+    times = np.array(table[0].arguments) * _ratio(file, header[0], units[0] or "s", "s")
+    end = run.scene.simulation.duration
+    if times[0] < 0.0 or times[-1] > end * (1.0 + 1e-9):
+        mend = f"times go from {times[0]:g} s to {times[-1]:g} s, the scene's motion from 0 s to {end:g} s"
+        raise InputError(file, header[0], None, mend)
+    for name in sigmas:
+        if name not in names[1:]:
+            raise InputError("--sigma", name, None, f"no such channel; {suggest_name(name, names[1:], 'measured are')}")
+    channels = []
+    for text, name, unit, columns in zip(header[1:], names[1:], units[1:], table, strict=True):
+        found = find_channels(run, name, file)
+        if len(found) != 1 or found[0].name != name or not found[0].moves or found[0].largest is not None:
+            raise InputError(file, text, None, "is no history of one number; those of a vector have .x, .y and .z")
+        values = np.array(columns.values) * _ratio(file, text, unit or found[0].unit, found[0].unit)
+        sigma = sigmas.get(name) or estimate_noise(values)
+        if not sigma > 0.0:
+            mend = f"shows no noise, which would give it infinite weight; give it, e.g. --sigma {name}=1e-6"
+            raise InputError(file, text, None, mend)
+        channels.append(MeasuredChannel(found[0], values, sigma, name in sigmas))
+    return Measurements(times, tuple(channels))
+
+
+def estimate_noise(values: Array) -> float:
+    """Estimate the standard deviation of white noise on a smooth history by its differences of fourth order.
+
+    Those of a polynomial of third degree are 0, those of noise have the variance of the binomial coefficients' squares.
+    """
+    if len(values) <= NOISE_ORDER:
+        return 0.0
+    gain = sum(math.comb(NOISE_ORDER, k) ** 2 for k in range(NOISE_ORDER + 1))
+    return float(np.sqrt(np.mean(np.diff(values, NOISE_ORDER) ** 2) / gain))
+
+
+def _name_and_unit(file: str, text: str) -> tuple[str, str]:
+    match = _COLUMN.fullmatch(text)
+    if match is None:
+        raise InputError(file, "", text, "is no name of a column; the first row has names, e.g. 'time [s]'")
+    return match[1], match[2] or ""
+
+
+def _ratio(file: str, column: str, unit: str, si: str) -> float:
+    """Return the factor from a column's unit to its SI unit."""
+    if unit == si:
+        return 1.0
+    try:
+        return unit_ratio(unit, si)
+    except ValueError:
+        raise InputError(file, column, unit, f"is no unit of this result; {si} works") from None

@@ -1,0 +1,68 @@
+"""Charts of a fit: measured, first and fitted histories, and what the fit leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fmd.core.arrays import Array
+from fmd.render.charts import COLOURS, GREY
+from fmd.render.figure import open_figure, style_axes
+
+_WIDTH = 11.0
+_ROW_INCHES = 2.7
+_DOTS_PER_INCH = 120
+
+
+@dataclass(frozen=True)
+class FittedHistory:
+    """A channel of a fit.
+
+    Attributes
+    ----------
+    label : str
+        Its name with its unit in brackets.
+    measured, first, fitted : ndarray, shape (n_times,)
+        As it was measured, and the scene's before and after the fit.
+    sigma : float
+        Standard deviation of its noise.
+    """
+
+    label: str
+    measured: Array
+    first: Array
+    fitted: Array
+    sigma: float
+
+
+def draw_fit(times: Array, histories: Sequence[FittedHistory], path: Path, *, title: str) -> None:
+    """Draw each channel of a fit, and beside it what the fit leaves over the noise.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_times,)
+        Times of the measurement [s].
+    histories : sequence of FittedHistory
+        At least one.
+    path : Path
+        PNG, PDF or SVG.
+    title : str
+        Heading.
+    """
+    size = (_WIDTH, _ROW_INCHES * len(histories) + 0.7)
+    with open_figure(path, size, _DOTS_PER_INCH, padding=0.08) as figure:
+        figure.suptitle(title, fontsize=14)
+        frames = figure.subplots(len(histories), 2, squeeze=False, sharex=True, gridspec_kw={"width_ratios": [3, 2]})
+        for (left, right), history in zip(frames, histories, strict=True):
+            left.plot(times, history.measured, ".", markersize=3, color="0.6", label="measured")
+            left.plot(times, history.first, "--", linewidth=1.2, color=COLOURS[1], label="first")
+            left.plot(times, history.fitted, linewidth=1.4, color=COLOURS[0], label="fitted")
+            style_axes(left, "", history.label)
+            right.plot(times, (history.measured - history.fitted) / history.sigma, ".", markersize=3, color=COLOURS[0])
+            for level in (-2.0, 2.0):
+                right.axhline(level, color=GREY, linewidth=0.8, linestyle=":")
+            style_axes(right, "", "left over, of noise")
+        for axes in frames[-1]:
+            axes.set_xlabel("time [s]", fontsize=12)
+        frames[0, 0].legend(fontsize=10, frameon=False)
