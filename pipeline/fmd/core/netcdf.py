@@ -33,13 +33,13 @@ class NetcdfVariable:
         Name of each dimension.
     values : ndarray
         Floats or text.
-    attributes : dict of str to str
+    attributes : dict of str to str or float
     """
 
     name: str
     dims: tuple[str, ...]
     values: NDArray[Any]
-    attributes: dict[str, str] = field(default_factory=dict)
+    attributes: dict[str, str | float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if len(self.dims) != self.values.ndim:
@@ -67,7 +67,7 @@ class NetcdfBlock:
 
 
 def empty_variable(
-    name: str, dims: tuple[str, ...], shape: tuple[int, ...], attributes: dict[str, str]
+    name: str, dims: tuple[str, ...], shape: tuple[int, ...], attributes: dict[str, str | float]
 ) -> NetcdfVariable:
     """Return a variable without values, which take no memory: blocks bring them when it is written."""
     return NetcdfVariable(name, dims, np.broadcast_to(np.zeros((), dtype=">f8"), shape), attributes)
@@ -128,19 +128,26 @@ def write_netcdf(path: Path, variables: Sequence[NetcdfVariable], blocks: Iterab
 
 def _encode(variable: NetcdfVariable) -> tuple[tuple[str, ...], NDArray[Any], list[bytes]]:
     """Return the dimensions, the values as they are stored, and the attributes of a variable."""
-    attributes = [_text(name) + _text(text, _CHAR) for name, text in variable.attributes.items()]
+    attributes = [
+        _text(name) + (_text(value, _CHAR) if isinstance(value, str) else _number(value))
+        for name, value in variable.attributes.items()
+    ]
     if variable.values.dtype.kind == "U":
         texts = np.char.encode(variable.values, "utf-8")
         longest = max(1, texts.dtype.itemsize)
         letters = np.ascontiguousarray(texts.astype(f"S{longest}")).view("S1").reshape(*texts.shape, longest)
         return (*variable.dims, f"string{longest}"), letters, [*attributes, _text("_Encoding") + _text("utf-8", _CHAR)]
-    missing = _text("_FillValue") + _integers(_DOUBLE, 1) + struct.pack(">d", np.nan)
+    missing = _text("_FillValue") + _number(np.nan)
     return variable.dims, np.asarray(variable.values, dtype=">f8"), [*attributes, missing]
 
 
 def _is_empty(values: NDArray[Any]) -> bool:
     """Return True for the values of an `empty_variable`, which are one number in memory."""
     return values.size > 1 and not any(values.strides)
+
+
+def _number(value: float) -> bytes:
+    return _integers(_DOUBLE, 1) + struct.pack(">d", value)
 
 
 def _integers(*values: int) -> bytes:

@@ -123,7 +123,7 @@ def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:
 
     def columns(other: Pipeline) -> dict[str, tuple[str, Array]]:
         variables = history_variables(other, quantities, other.motion)
-        return {column: (unit, values) for column, unit, values in number_columns(variables)}
+        return {column: (variable.units, values) for variable, column, values in number_columns(variables)}
 
     there = columns(run)
     chosen = [column for column in there if column == name or column.startswith(f"{name}.")]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fmd.accuracy.details import named_markers
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import whole_file
@@ -15,6 +17,7 @@ from fmd.core.limits.shown import DIGITS
 from fmd.core.netcdf import write_netcdf
 from fmd.output.csv_rows import write_rows
 from fmd.output.output_kinds import OutputKind
+from fmd.output.variable_errors import VariableErrors, write_errors
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import Variable, gather_runs
 from fmd.recovery.quantities import (
@@ -31,26 +34,31 @@ _COMPONENTS = {"axis": "xyz", "quaternion": "xyzw"}
 
 
 def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
-    """Write the file of a history into a folder and return its name."""
+    """Write the file of a history into a folder, of a table of columns their errors beside it, and return the names."""
+    errors = partial(VariableErrors(run).of, in_body=output.axes == "body")
     with whole_file(folder / output.file) as part:
         if output.file.endswith(".nc"):
             runs = {label: history_variables(run, output, motion) for label, motion in run.motions.items()}
-            data, coordinates = gather_runs(run.motion.times, runs)
+            data, coordinates = gather_runs(run.motion.times, runs, errors)
             used = {dim for variable in data for dim in variable.dims}
             write_netcdf(part, [*(axis for axis in coordinates if axis.name in used), *data])
         else:
             columns = list(number_columns(history_variables(run, output, run.motion)))
-            header = ["time [s]", *(f"{name} [{units}]" for name, units, _ in columns)]
+            header = ["time [s]", *(f"{name} [{variable.units}]" for variable, name, _ in columns)]
             table = np.column_stack([run.motion.times, *(values for *_, values in columns)])
             write_rows(part, header, ([f"{x:.{DIGITS}g}" for x in row] for row in table))
-    return [output.file]
+    if output.file.endswith(".nc"):
+        return [output.file]
+    beside = f"{output.file.removesuffix('.csv')}-errors.csv"
+    write_errors([(name, variable.units, errors(variable)) for variable, name, _ in columns], folder / beside)
+    return [output.file, beside]
 
 
 def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[str]:
     """Write a table of extremes into a folder and return its name."""
     rows = extremes(run, output)
     with whole_file(folder / output.file) as part:
-        texts = ([f"{x:.{DIGITS}g}" if isinstance(x, float) else str(x) for x in row.values()] for row in rows)
+        texts = ([_text(x) for x in row.values()] for row in rows)
         write_rows(part, list(rows[0]), texts)
     return [output.file]
 
@@ -63,21 +71,24 @@ def summarise_extremes(run: Pipeline, output: ExtremesTable) -> dict[str, dict[s
 def extremes(run: Pipeline, output: Quantities) -> list[dict[str, Any]]:
     """Return the smallest and the largest value of each number over the first run's output times, and when, in SI.
 
-    A vector has a row for its size, too.
+    A vector has a row for its size, too. None of the values is off by more than the error, the largest over time.
     """
     rows, times = [], run.motion.times
-    for name, units, values in number_columns(history_variables(run, output, run.motion), with_sizes=True):
+    errors = partial(VariableErrors(run).of, in_body=output.axes == "body")
+    for variable, name, values in number_columns(history_variables(run, output, run.motion), with_sizes=True):
         low, high = int(values.argmin()), int(values.argmax())
         rows.append(
             {
                 "quantity": name,
-                "unit": units,
+                "unit": variable.units,
                 "smallest": float(values[low]),
                 "smallest_at_s": float(times[low]),
                 "largest": float(values[high]),
                 "largest_at_s": float(times[high]),
                 "mean": float(values.mean()),
                 "rms": float(np.sqrt((values**2).mean())),
+                "error": error if isinstance(error := errors(variable), float) else None,
+                "why": error if isinstance(error, str) else "",
             }
         )
     return rows
@@ -106,20 +117,11 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
         elif quantity == "node_stress":
             found += _stresses(output, _modal_stress_of_nodes(run, output.nodes), motion)
         else:
-            found += marker_variables(motion, quantity, output.markers or _all_markers(run), in_body)
+            found += marker_variables(motion, quantity, output.markers or named_markers(motion), in_body)
     if not found:
         problem = "holds nothing: no joint of the scene has a coordinate; 'joint_reaction' works"
         raise InputError(run.scene.file, "output.quantities", list(output.quantities), problem)
     return found
-
-
-def _all_markers(run: Pipeline) -> tuple[str, ...]:
-    return tuple(
-        f"{link.part or link.name}.{marker}"
-        for link in run.motion.mechanism.links
-        for marker in link.markers
-        if not marker.startswith("cut:")
-    )
 
 
 def _stresses(output: Quantities, modal: dict[str, tuple[str, Array]], motion: Motion) -> Iterator[Variable]:
@@ -158,18 +160,22 @@ def _modal_stress_of_nodes(run: Pipeline, names: Sequence[str]) -> dict[str, tup
     return found
 
 
-def number_columns(variables: Iterable[Variable], with_sizes: bool = False) -> Iterator[tuple[str, str, Array]]:
-    """Yield name, unit and values (n_times,) of each number, and with them the sizes of vectors."""
+def _text(value: float | str | None) -> str:
+    return "" if value is None else f"{value:.{DIGITS}g}" if isinstance(value, float) else value
+
+
+def number_columns(variables: Iterable[Variable], with_sizes: bool = False) -> Iterator[tuple[Variable, str, Array]]:
+    """Yield variable, name and values (n_times,) of each number, and with them the sizes of vectors."""
     for variable in variables:
         values = variable.values.reshape(len(variable.values), -1)
         if not variable.dims:
-            yield variable.name, variable.units, values[:, 0]
+            yield variable, variable.name, values[:, 0]
             continue
         names = _COMPONENTS.get(variable.dims[0], [str(k + 1) for k in range(values.shape[1])])
         for name, column in zip(names, values.T, strict=True):
-            yield f"{variable.name}.{name}", variable.units, column
+            yield variable, f"{variable.name}.{name}", column
         if with_sizes and variable.dims == ("axis",):
-            yield f"{variable.name}.size", variable.units, np.linalg.norm(values, axis=1)
+            yield variable, f"{variable.name}.size", np.asarray(np.linalg.norm(values, axis=1))
 
 
 KINDS = {

@@ -19,6 +19,7 @@ from fmd.output.body_matrices import BodyMatrices
 from fmd.output.notebook import Animation, Picture, Summary, draw_inline, read_output
 from fmd.output.pictures import draw_film
 from fmd.output.summary import summarise_solved
+from fmd.output.variable_errors import VariableErrors
 from fmd.output.write import write_results
 from fmd.recovery.motion_file import motion_dataset
 from fmd.scene.scene import Scene, load_scene
@@ -109,8 +110,11 @@ class Result(SolvedScene):
         return self.run.motions
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the motions of all runs as a labelled data set with units, as docs/results.md describes it."""
-        return motion_dataset(self.motions)
+        """Return the motions of all runs as a labelled data set with units, as docs/results.md describes it.
+
+        Their errors are among the attributes once the budget is computed.
+        """
+        return motion_dataset(self.motions, VariableErrors(self.run).of)
 
     @property
     def stress(self) -> StressHistory:

@@ -14,6 +14,7 @@ from fmd.output.explain import remember_times
 from fmd.output.output_kinds import ResponseKind, kind_of, outputs_of
 from fmd.output.picture_files import Pictures
 from fmd.output.summary import summarise_solved
+from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion_file import write_motions
 from fmd.stages.pipeline import Pipeline
 
@@ -76,12 +77,12 @@ def _write(
     run = solved.run
     asked = outputs_of(run.scene, "files")
     folder.mkdir(parents=True, exist_ok=True)
+    seconds = allowed_seconds(run) if budget_seconds is None else budget_seconds
+    if budget and ERROR_BUDGET.applies(run):
+        state_errors(run, seconds)  # files state them
     files = [_write_motion(run, folder)]
     if asked:
         files += run.store.compute("files", lambda: [name for o in asked for name in kind_of(o).make(run, o, folder)])
-    seconds = allowed_seconds(run) if budget_seconds is None else budget_seconds
-    if budget and ERROR_BUDGET.applies(run):
-        state_errors(run, seconds)
     files += drawing.write(run, folder)
     return summarise_solved(solved, files, budget, seconds)
 
@@ -112,5 +113,5 @@ def _add_responses(
 
 def _write_motion(run: Pipeline, folder: Path) -> str:
     with whole_file(folder / "motion.nc") as part:
-        write_motions(run.motions, part)
+        write_motions(run.motions, part, VariableErrors(run).of)
     return "motion.nc"

@@ -21,12 +21,13 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``tip.deflection``                   of the scene's tip
 ========================== ========= =====================================================================
 
-A joint whose variable would have the name of another one gets ``joint.`` before its name.
+A joint whose variable would have the name of another one gets ``joint.`` before its name. The attribute ``error`` is
+the largest error over time of the first run, in the variable's unit, or the reason why it is not stated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -66,21 +67,25 @@ class Variable(NamedTuple):
     long_name: str
 
 
-def motion_dataset(motions: Mapping[str, Motion]) -> xarray.Dataset:
+Errors = Callable[[Variable], float | str]
+"""Gives a variable's largest error over time in its unit, or why it is not stated."""
+
+
+def motion_dataset(motions: Mapping[str, Motion], errors: Errors | None = None) -> xarray.Dataset:
     """Gather several motions of a scene with common output times in one labelled data set, units as attributes."""
     import xarray
 
-    data, coordinates = _gather_motions(motions)
+    data, coordinates = _gather_motions(motions, errors)
     return xarray.Dataset(
         {own.name: (own.dims, own.values, own.attributes) for own in data},
         {own.name: (own.dims, own.values, own.attributes) for own in coordinates},
     )
 
 
-def write_motions(motions: Mapping[str, Motion], path: Path) -> None:
+def write_motions(motions: Mapping[str, Motion], path: Path, errors: Errors | None = None) -> None:
     """Write the data set of several motions to a NetCDF file piece by piece, without loading xarray."""
     first = next(iter(motions.values()))
-    sample, coordinates = _gather_motions({label: motion.part(0, 1) for label, motion in motions.items()})
+    sample, coordinates = _gather_motions({label: motion.part(0, 1) for label, motion in motions.items()}, errors)
     coordinates = [replace(own, values=first.times) if own.name == "time" else own for own in coordinates]
     n_runs, n_times = len(motions), len(first.times)
     data = [
@@ -97,7 +102,7 @@ def _blocks(motions: Mapping[str, Motion]) -> Iterator[NetcdfBlock]:
 
 
 def gather_runs(
-    times: Array, runs: Mapping[str, Sequence[Variable]]
+    times: Array, runs: Mapping[str, Sequence[Variable]], errors: Errors | None = None
 ) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
     """Stack the variables of several runs, and return them and the coordinates of their common dimensions.
 
@@ -107,6 +112,8 @@ def gather_runs(
         Output times [s].
     runs : mapping of str to sequence of Variable
         The same variables of each run, by the runs' labels.
+    errors : callable, optional
+        Gives the attribute ``error`` of a variable.
     """
     tables = [{variable.name: variable for variable in variables} for variables in runs.values()]
     data = [
@@ -114,7 +121,7 @@ def gather_runs(
             name,
             ("run", "time", *variable.dims),
             np.stack([table[name].values for table in tables]),
-            {"units": variable.units, "long_name": variable.long_name},
+            _attributes(variable, errors),
         )
         for name, variable in tables[0].items()
     ]
@@ -126,10 +133,20 @@ def gather_runs(
     ]
 
 
-def _gather_motions(motions: Mapping[str, Motion]) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
+def _attributes(variable: Variable, errors: Errors | None) -> dict[str, str | float]:
+    attributes: dict[str, str | float] = {"units": variable.units, "long_name": variable.long_name}
+    if errors is not None:
+        attributes["error"] = errors(variable)
+    return attributes
+
+
+def _gather_motions(
+    motions: Mapping[str, Motion], errors: Errors | None
+) -> tuple[list[NetcdfVariable], list[NetcdfVariable]]:
     """Gather the variables of several motions, stacked over the runs, and the coordinates of their dimensions."""
     first = next(iter(motions.values()))
-    data, coordinates = gather_runs(first.times, {label: motion_variables(motion) for label, motion in motions.items()})
+    runs = {label: motion_variables(motion) for label, motion in motions.items()}
+    data, coordinates = gather_runs(first.times, runs, errors)
     frequencies = [
         NetcdfVariable(
             f"{link.name}.mode",
