@@ -8,6 +8,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from fmd.scene.outputs import OUTPUT_MODELS
+
 if TYPE_CHECKING:
     from fmd.accuracy.error_budget import Budget
     from fmd.scene.scene import Scene
@@ -31,7 +33,7 @@ _MODULES = {
     "export": "exports",
     "frf": "responses",
 }
-"""File of this folder whose ``KINDS`` hold each type, loaded on first use."""
+"""Files of this folder whose ``KINDS`` hold types that share them; another type has a file of its own name."""
 
 
 def read_nothing(_run: Pipeline, _output: Any) -> Iterator[tuple[str, str]]:
@@ -107,7 +109,7 @@ class OutputKind:
 
 def kind_named(type: str) -> OutputKind:
     """Return the type of output of a name, loaded on first use."""
-    found: OutputKind = import_module(f"fmd.output.{_MODULES[type]}").KINDS[type]
+    found: OutputKind = import_module(f"fmd.output.{_MODULES.get(type, type)}").KINDS[type]
     return found
 
 
@@ -130,4 +132,4 @@ def outputs_of(scene: Scene, stage: str) -> list[Any]:
 
 def kinds_that(test: Callable[[OutputKind], bool]) -> tuple[str, ...]:
     """Return the names of all types that pass a test."""
-    return tuple(type for type in _MODULES if test(kind_named(type)))
+    return tuple(type for type in OUTPUT_MODELS if test(kind_named(type)))
