@@ -35,7 +35,7 @@ from fmd.scene.joints.joint import CarryingJoint
 from fmd.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
 from fmd.scene.modes import ModeSettings, RayleighDamping, ReducedModes
 from fmd.scene.orientation import AxisDirections, Orientation
-from fmd.scene.outputs import Chart, Export, FrequencyResponseChart
+from fmd.scene.outputs import Chart, Export, FrequencyResponseChart, Orbit
 from fmd.scene.pictures import (
     BodyPicture,
     Film,
@@ -267,6 +267,7 @@ SECTIONS = (
     Section("### Chart", Chart),
     Section("### Every picture and film", PictureSettings),
     Section("### Every picture of a body", BodyPicture),
+    Section("### Orbit", Orbit),
     Section("### Frequency response", FrequencyResponseChart),
     Section("### Picture of the mesh", MeshPicture),
     Section("### Pictures of modes", ModePictures),

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from fmd.core.units import Frequency, NonNegative, PositiveFrequency, Stress, unit_ratio
+from fmd.core.units import Frequency, NonNegative, NonNegativeTime, PositiveFrequency, Stress, unit_ratio
 from fmd.scene.histories import ExtremesTable, History
 from fmd.scene.pictures import (
     Component,
@@ -159,6 +159,45 @@ class Chart(SceneTable):
         return self
 
 
+class Orbit(SceneTable):
+    """Path of a marker in a plane of space, drawn with equal scales or as a table.
+
+    A ``.png``, ``.pdf`` or ``.svg`` has a curve for each run, with a dot where it begins; a ``.csv`` has time and place
+    over the first run.
+
+    Parameters
+    ----------
+    file : str
+        File of the chart or the table.
+    marker : str
+        Marker whose path is drawn.
+    plane : str
+        Axes of space across and upwards.
+    start : float
+        Time from which the path is drawn, to leave out a run-up [s].
+    title : str
+        Text above the chart.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "orbit"
+        file = "orbit.png"
+        marker = "rotor.disc"
+        plane = "yz"
+        start = "0.5 s"
+    """
+
+    type: Literal["orbit"]
+    file: Annotated[str, FileCheck((".png", ".pdf", ".svg", ".csv"))]
+    marker: MarkerName
+    plane: Literal["xy", "xz", "yz", "yx", "zx", "zy"] = "xy"
+    start: NonNegativeTime = 0.0
+    title: str = ""
+
+
 class FrequencyResponseChart(SceneTable):
     """Frequency response of the scene, linearised about a state: chart, table and NetCDF file.
 
@@ -275,6 +314,7 @@ class Export(SceneTable):
 
 Output = Annotated[
     Chart
+    | Orbit
     | FrequencyResponseChart
     | MeshPicture
     | ModePictures
