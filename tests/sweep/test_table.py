@@ -51,3 +51,14 @@ def test_messages_and_warnings_are_printed_once_with_the_numbers_of_their_points
     )
     print_messages(Sweep((), (), records, 4))
     assert capsys.readouterr().out.splitlines() == ["1, 3: warning: arm turns far", "2: no such key"]
+
+
+def test_a_designs_keys_are_coordinates_along_its_points():
+    values = (("1 mm", "3 mm", "2 mm"), ("7 N", "5 N", "6 N"))
+    points = tuple(Point(pair, None, "key") for pair in zip(*values, strict=True))
+    records = tuple(Record("ok", summary={"tip_m": float(k)}) for k in range(3))
+    variations = (Variation("length", values[0]), Variation("load", values[1]))
+    data = SweepTable(Sweep(variations, points, records, 3)).dataset
+    assert data["tip_m"].dims == ("point",)
+    np.testing.assert_allclose(data["length"], [1e-3, 3e-3, 2e-3])
+    np.testing.assert_allclose(data["load"], [7.0, 5.0, 6.0])

@@ -17,15 +17,18 @@ from fmd.core.html import scaled
 from fmd.core.limits.shown import SWEPT_JOINTS
 from fmd.core.progress import bars
 from fmd.sweep.cluster import compute_on_cluster
+from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally
 from fmd.sweep.plot import draw_sweep
-from fmd.sweep.points import make_points, parse_variations
+from fmd.sweep.points import make_points, parse_variations, sample_variations
 from fmd.sweep.study import Sweep, run_sweep
 from fmd.sweep.table import write_tables
 
 Vary = Annotated[
     list[str],
-    Parameter(name="--vary", negative=(), help="A key and its values: key=a,b,c, e.g. simulation.step=1us,2us."),
+    Parameter(
+        name="--vary", negative=(), help="A key and its values: key=a,b,c, or a range: key=low..high:count unit [log]."
+    ),
 ]
 # Figures that fit a terminal, with their column and unit; the files have all.
 _FIGURES = {
@@ -46,6 +49,9 @@ def sweep(
     out: Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
+    design: Design | None = None,
+    points: int | None = None,
+    seed: int = 0,
     json: Json = False,
 ) -> None:
     """Run a scene at every combination of values, on all cores or a cluster; a sweep that was stopped goes on.
@@ -58,14 +64,27 @@ def sweep(
         Number of processes, all cores by default.
     scheduler
         Address of a Dask scheduler, e.g. tcp://host:8786, to send the points to; needs the extra 'cluster'.
+    design
+        Sample ranges key=low..high unit in place of combining values.
+    points
+        Number of points of the design.
+    seed
+        Of the design's random numbers.
     """
     from joblib import cpu_count
 
     if workers is not None and (workers < 1 or scheduler is not None):
         raise InputError("--workers", "", workers, "must be 1 or more, and can't stand beside --scheduler")
     tick = time.perf_counter()
-    variations = parse_variations(vary)
-    points = make_points(scene, variations, set_ or ())
+    if (design is None) != (points is None):
+        raise InputError("--design", "", design, "and --points belong together")
+    if design is None or points is None:
+        variations = parse_variations(vary)
+        chosen = make_points(scene, variations, set_ or ())
+    else:
+        variations = sample_variations(vary, design, points, seed)
+        rows_of_values = list(zip(*(variation.values for variation in variations), strict=True))
+        chosen = make_points(scene, variations, set_ or (), rows_of_values)
     name = Path(scene).stem
     folder = out or Path("out") / f"{name}-sweep"
     compute = (
@@ -74,7 +93,7 @@ def sweep(
         else partial(compute_on_cluster, address=scheduler)
     )
     try:
-        result = run_sweep(variations, points, folder / "points", compute, bars)
+        result = run_sweep(variations, chosen, folder / "points", compute, bars)
         files, rows = write_tables(result, folder)
         files += draw_sweep(result, rows, folder, f"{name}: {len(rows)} points")
     except OSError as error:

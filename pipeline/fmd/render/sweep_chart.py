@@ -61,7 +61,9 @@ class SweepPanel:
     names: tuple[str, ...] = ()
 
 
-def draw_sweep_lines(axis: SweepAxis, panels: Sequence[SweepPanel], path: Path, *, title: str) -> None:
+def draw_sweep_lines(
+    axis: SweepAxis, panels: Sequence[SweepPanel], path: Path, *, title: str, joined: bool = True
+) -> None:
     """Draw figures over one varied key, each in a frame of its own.
 
     Parameters
@@ -73,15 +75,18 @@ def draw_sweep_lines(axis: SweepAxis, panels: Sequence[SweepPanel], path: Path, 
         PNG, PDF or SVG.
     title : str
         Heading.
+    joined : bool
+        True if lines join the points: not if other keys change beside this one.
     """
     with _open_panels(len(panels), path, title) as (figure, frames):
+        width = 1.8 if joined else 0.0
         x = np.arange(len(axis.texts), dtype=float) if axis.numbers is None else np.array(axis.numbers)
         order = np.argsort(x, kind="stable")
         for panel, axes in zip(panels, frames, strict=True):
             for number, line in enumerate(panel.values):
                 colour = COLOURS[number % len(COLOURS)]
                 name = panel.names[number] if panel.names else ""
-                axes.plot(x[order], line[order], marker="o", markersize=4.5, linewidth=1.8, color=colour, label=name)
+                axes.plot(x[order], line[order], marker="o", markersize=4.5, linewidth=width, color=colour, label=name)
             style_axes(axes, axis.label, panel.label)
             _set_ticks(axes, axis, x)
             if len(panel.names) > 1:

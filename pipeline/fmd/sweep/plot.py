@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"\s*[\"']?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s
 
 
 def draw_sweep(sweep: Sweep, rows: Sequence[dict[str, Any]], folder: Path, title: str) -> list[str]:
-    """Draw the main figures of a sweep over one or two keys into ``sweep.png``.
+    """Draw the main figures of a sweep into ``sweep.png``: over one or two keys, or of a design over its first key.
 
     Parameters
     ----------
@@ -47,25 +47,26 @@ def draw_sweep(sweep: Sweep, rows: Sequence[dict[str, Any]], folder: Path, title
     Returns
     -------
     list of str
-        The file's name; none with three keys or more, or if no point has a figure.
+        The file's name; none with three keys or more but for a design, or if no point has a figure.
 
     Raises
     ------
     OSError
         The folder can't be written.
     """
-    shape = tuple(len(variation.values) for variation in sweep.variations)
+    shown = sweep.variations if sweep.is_grid else sweep.variations[:1]
+    shape = tuple(len(variation.values) for variation in shown)
     figures = [*_figures(rows)] if len(shape) in (1, 2) else []
     if not figures or max(shape) < 2:
         return []
     from fmd.render.sweep_chart import draw_sweep_lines, draw_sweep_maps
 
-    axes = [_axis(variation) for variation in sweep.variations]
+    axes = [_axis(variation) for variation in shown]
     panels = [_panel(label, unit, [(name, values.reshape(shape)) for name, values in lines], len(shape))
               for label, unit, lines in figures[:SWEPT_PANELS]]  # fmt: skip
     path = folder / FILE
     if len(axes) == 1:
-        draw_sweep_lines(axes[0], panels, path, title=title)
+        draw_sweep_lines(axes[0], panels, path, title=title, joined=sweep.is_grid)
     else:
         draw_sweep_maps(axes[0], axes[1], panels, path, title=title)
     return [FILE]

@@ -13,6 +13,7 @@ from fmd.core.errors import InputError
 from fmd.core.limits.scene import MOST_POINTS
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.source_files import digest_files
+from fmd.sweep.designs import Design, Range, parse_range, require_points, sample_ranges
 
 _VARY = "--vary"
 _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
@@ -50,7 +51,9 @@ class Point:
 
 
 def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
-    """Parse texts like ``simulation.step=1us,2us``; a comma within brackets or quotes belongs to its value.
+    """Parse texts like ``simulation.step=1us,2us`` or ``joint.hinge.spring=1..4:7 N m/rad``, a range of values.
+
+    A comma within brackets or quotes belongs to its value.
 
     Raises
     ------
@@ -60,9 +63,10 @@ def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
     variations: list[Variation] = []
     for text in texts:
         key, equals, given = (part.strip() for part in text.partition("="))
-        values = tuple(value.strip() for value in _split(given))
-        if not key or not equals or not all(values):
-            raise InputError(_VARY, "", text, "must look like simulation.step=1us,2us,5us")
+        parts = [part.strip() for part in _split(given)]
+        if not key or not equals or not all(parts):
+            raise InputError(_VARY, "", text, "must look like simulation.step=1us,2us,5us or simulation.step=1..5:9 us")
+        values = tuple(value for part in parts for value in _expand(key, part))
         if len(set(values)) < len(values):
             raise InputError(_VARY, key, given, "has a value twice")
         if any(other.key == key for other in variations):
@@ -73,20 +77,73 @@ def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
     return tuple(variations)
 
 
-def make_points(scene: str | Path, variations: Sequence[Variation], overrides: Sequence[str] = ()) -> list[Point]:
-    """Load the scene at each combination of values, the last key varying fastest.
+def sample_variations(texts: Sequence[str], design: Design, points: int, seed: int) -> tuple[Variation, ...]:
+    """Parse texts like ``joint.hinge.spring=1..4 N m/rad``, and take the values at the points of a design.
+
+    Raises
+    ------
+    InputError
+        A text is no range, a key is given twice, or there are too few or too many points.
+    """
+    require_points(points)
+    ranges: dict[str, Range] = {}
+    for text in texts:
+        key, _, given = (part.strip() for part in text.partition("="))
+        found = _parse_range(key, given)
+        if not key or found is None or found.count or key in ranges:
+            raise InputError(_VARY, "", text, "must be the only range of its key, like joint.hinge.spring=1..4 N m/rad")
+        ranges[key] = found
+    samples = sample_ranges([*ranges.values()], design, points, seed)
+    return tuple(Variation(key, values) for key, values in zip(ranges, samples, strict=True))
+
+
+def _parse_range(key: str, text: str) -> Range | None:
+    try:
+        return parse_range(text)
+    except ValueError as error:
+        raise InputError(_VARY, key, text, str(error)) from error
+
+
+def _expand(key: str, text: str) -> tuple[str, ...]:
+    """Return the values that a part of a list gives: itself, or those of a range."""
+    found = _parse_range(key, text)
+    if found is not None and not found.count:
+        raise InputError(
+            _VARY, key, text, f"needs a number of values, like {found.low:g}..{found.high:g}:8, or --design"
+        )
+    return (text,) if found is None else found.values
+
+
+def combine(variations: Sequence[Variation]) -> list[tuple[str, ...]]:
+    """Return all combinations of values, the last key varying fastest.
+
+    Raises
+    ------
+    InputError
+        There are too many.
+    """
+    count = math.prod(len(v.values) for v in variations)
+    if count > MOST_POINTS:
+        raise InputError(_VARY, "", None, f"makes {count} points; at most {MOST_POINTS} in one sweep")
+    return list(itertools.product(*(v.values for v in variations)))
+
+
+def make_points(
+    scene: str | Path,
+    variations: Sequence[Variation],
+    overrides: Sequence[str] = (),
+    combinations: Sequence[tuple[str, ...]] | None = None,
+) -> list[Point]:
+    """Load the scene at combinations of values, all of them by default.
 
     Raises
     ------
     InputError
         There is no such scene, or it is refused at every point; the message is that of the first.
     """
-    count = math.prod(len(v.values) for v in variations)
-    if count > MOST_POINTS:
-        raise InputError(_VARY, "", None, f"makes {count} points; at most {MOST_POINTS} in one sweep")
     points: list[Point] = []
     first: InputError | None = None
-    for values in itertools.product(*(v.values for v in variations)):
+    for values in combine(variations) if combinations is None else combinations:
         try:
             own = [f"{v.key}={x}" for v, x in zip(variations, values, strict=True)]
             loaded = load_scene(scene, [*overrides, *own])

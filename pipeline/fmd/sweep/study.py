@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 from fmd.core.progress import Monitor, silent
@@ -24,7 +25,7 @@ class Sweep:
     variations : tuple of Variation
         Keys and their values.
     points : tuple of Point
-        All combinations, the last key varying fastest.
+        All combinations, the last key varying fastest, or those of a design.
     records : tuple of Record
         The result of each point.
     computed : int
@@ -35,6 +36,11 @@ class Sweep:
     points: tuple[Point, ...]
     records: tuple[Record, ...]
     computed: int
+
+    @property
+    def is_grid(self) -> bool:
+        """True if the points are all combinations of the values, not those of a design."""
+        return [point.values for point in self.points] == list(product(*(v.values for v in self.variations)))
 
     @property
     def counts(self) -> dict[str, int]:

@@ -85,27 +85,33 @@ class SweepTable:
 
     @property
     def dataset(self) -> xarray.Dataset:
-        """Figures over a dimension for each varied key and each list (``run``, ``mode`` ...); NaN or "" if missing."""
+        """Figures over a dimension for each varied key and each list (``run``, ``mode`` ...); NaN or "" if missing.
+
+        Those of a design are over one dimension ``point`` in place of the keys, whose values are coordinates along it.
+        """
         import xarray
 
-        axes = {variation.key: axis_values(variation) for variation in self.sweep.variations}
-        shape = tuple(len(values) for values, _ in axes.values())
+        values = {variation.key: axis_values(variation) for variation in self.sweep.variations}
+        axes = tuple(values) if self.sweep.is_grid else ("point",)
+        shape = tuple(len(numbers) for numbers, _ in values.values())[: len(axes)]
         inner = self._inner_sizes()
         data: dict[str, Any] = {}
         for name, words in (("status", "status"), ("message", "message")):
-            values = np.array([getattr(record, words) for record in self.sweep.records], dtype=object)
-            data[name] = (tuple(axes), values.reshape(shape))
+            texts = np.array([getattr(record, words) for record in self.sweep.records], dtype=object)
+            data[name] = (axes, texts.reshape(shape))
         for name, places in self._variables().items():
             dimensions = _inner_dimensions(places[0])
-            texts = any(isinstance(figures.get(place), str) for figures in self._figures for place in places)
+            is_text = any(isinstance(figures.get(place), str) for figures in self._figures for place in places)
             full = (len(self._figures), *(inner[dimension] for dimension in dimensions))
-            array = np.full(full, "", dtype=object) if texts else np.full(full, np.nan)
+            array = np.full(full, "", dtype=object) if is_text else np.full(full, np.nan)
             for number, figures in enumerate(self._figures):
                 for place in places:
                     if (value := figures.get(place)) is not None:
                         array[(number, *(step for step in place if isinstance(step, int)))] = value
             data[name] = ((*axes, *dimensions), array.reshape(*shape, *full[1:]), _attributes(name))
-        return xarray.Dataset(data, {key: (key, list(values), {"units": unit}) for key, (values, unit) in axes.items()})
+        along = {key: key if self.sweep.is_grid else "point" for key in values}
+        coordinates = {key: (along[key], list(numbers), {"units": unit}) for key, (numbers, unit) in values.items()}
+        return xarray.Dataset(data, coordinates)
 
     def write_netcdf(self, path: Path) -> None:
         """Write the data set as NetCDF."""

@@ -8,6 +8,7 @@ LONGEST_FORMULA = 500  # characters
 LONGEST_QUANTITY = 60  # characters of a number with its unit
 MOST_CUT_PIECES = 1000  # of a part
 MOST_POINTS = 100_000  # of a sweep
+RANGE_DIGITS = 9  # of a value between the ends of a range
 LONGEST_SYMBOL = 3  # letters; only words have a plural
 SQUARE = 1e-3  # cosine between two axes that are written with few digits
 SHORTEST_DIRECTION = 1e-100  # largest component of a direction
