@@ -9,7 +9,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.formula import CONSTANT, MULTIPLY, TIME
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.signals.signal import PROGRAM, Signal, Term
+from fmd.dynamics.signals.signal import PROGRAM, Signal, Term, constant
 from fmd.integrators.subcycling import Subcycling
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
@@ -78,3 +78,19 @@ def test_a_load_that_ends_with_a_jump_where_a_cycle_begins_acts_no_longer(monkey
     system = CompiledSystem(replace(plan.mechanism, links=links))
     whole, parts = march_both(monkeypatch, system, *plan.start, 1e-5, 10, np.linspace(0.0, 0.003, 31))
     assert np.abs(whole - parts).max() < 1e-11 * np.abs(parts).max()
+
+
+@pytest.mark.parametrize("after", [0.0, 0.02])
+def test_accelerations_after_a_load_are_by_what_acts_then(after: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = list(Pipeline(load_scene("beam-paper")).plans.values())[1]
+    link = plan.mechanism.links[0]
+    until = 0.00104  # within a cycle, so that the load of the last cycle in which it varies isn't 0
+    pulse = Term(PROGRAM, (TIME, CONSTANT, MULTIPLY), (40.0,), support=(0.0, until))
+    load = Signal((pulse, *constant(after).terms), (0.0, until))
+    system = CompiledSystem(replace(plan.mechanism, links=[replace(link, load=load)]))
+    times = np.linspace(0.0, 0.003, 31)
+    whole = Subcycling(1e-5, 10).march(system, *plan.start, times).end
+    monkeypatch.setattr(CompiledSystem, "cycle", lambda *_: None)
+    parts = Subcycling(1e-5, 10).march(system, *plan.start, times).end
+    fast = slice(system.n_slow, None)  # each set's own are those of its last step
+    np.testing.assert_allclose(whole.a[fast], parts.a[fast], rtol=0.0, atol=1e-11 * np.abs(parts.a[fast]).max())

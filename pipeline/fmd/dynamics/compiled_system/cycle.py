@@ -29,6 +29,10 @@ def _begin_whole_cycle(p: TreeParameters, cycle: WholeCycle, first: int, h: floa
                 p.clock[0] = t
     if cycle.varying[0] == 0:
         set_inputs(p, t)
+        if cycle.known[1] >= 0:  # the last step is by the loads that are known ahead, too
+            cycle.known[1], cycle.steps[4] = -1, 0.0
+            for k in range(p.inputs.size):
+                cycle.ahead[0, k, 0] = p.inputs[k]
         return
     if first < cycle.known[0] or cycle.known[1] < first + cycle.count:
         _look_ahead(p, cycle, first, h)

@@ -130,7 +130,7 @@ class WholeCycle(Table):
     numbers: Array  # (8,): 0 … 7
     now: Array  # (3 n_signals,): inputs at one time
     ahead: Array  # (n_blocks, 3 n_signals, 8): inputs at fast steps, eight to a block
-    known: IntArray  # (2,): number of the first of these steps, and of the first one after them
+    known: IntArray  # (2,): number of the first of these steps, and of the first one after them, -1 while none varies
 
 
 @dataclass(frozen=True)
