@@ -87,3 +87,18 @@ def test_a_state_is_left_as_it_was(rod_slider, method):
     first = chosen.resume(system, end, times)
     assert pickle.dumps(end) == before
     np.testing.assert_array_equal(chosen.resume(system, end, times).q, first.q)
+
+
+@EACH
+def test_ends_of_many_states_are_those_of_marches_from_each(struck, method):
+    system, q0, v0 = struck
+    step = {"central-difference": 1e-5, "sub-cycling": 1e-5, "reversible-sub-cycling": 1e-5, "exponential": 1e-4}
+    chosen = METHODS[method]
+    if method in step:
+        chosen = replace(chosen, step=step[method])
+    first = chosen.march(system, q0, v0, np.array([1.2e-3])).end
+    starts = [replace(first, q=first.q * scale) for scale in (1.0, 1.01, -1.0)]
+    for start, end in zip(starts, chosen.ends(system, starts, 1.9e-3), strict=True):
+        one = chosen.resume(system, start, np.array([1.9e-3])).end
+        for name in ("step", "q", "v", "a", "time", "memory"):
+            np.testing.assert_array_equal(getattr(end, name), getattr(one, name))

@@ -14,11 +14,17 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.system import System, advance, leapfrog_step
-from fmd.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
+from fmd.integrators.fixed_step import (
+    FixedMarch,
+    FixedStepIntegrator,
+    SingleSteps,
+    runs_away,
+    sample_within,
+    take_steps,
+)
 from fmd.integrators.protocol import (
     Integrator,
     Progress,
-    ResumableIntegrator,
     State,
     Trajectory,
     march_from,
@@ -29,7 +35,7 @@ from fmd.kernels.table import aligned
 
 
 @dataclass(frozen=True)
-class CentralDifference(ResumableIntegrator):
+class CentralDifference(FixedStepIntegrator):
     """Central difference method with a constant step [s]: explicit, of order 2."""
 
     step: float
@@ -59,14 +65,16 @@ class CentralDifference(ResumableIntegrator):
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        h = self.step
+        end, q, v, seconds = self.fixed_march(system).run(start, times, progress)
+        return Trajectory(self.name, self.step, 1, times, q, v, end.step - start.step, 0, seconds, end)
+
+    def fixed_march(self, system: System) -> FixedMarch:
+        """Return what a system is marched with."""
 
         def make(state: State) -> LeapfrogSteps:
-            return LeapfrogSteps(h, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
+            return LeapfrogSteps(self.step, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
 
-        march = (self.name, make, system, system.leapfrog(), start, h, 1, times, progress)
-        end, q, v, seconds = march_fixed_steps(*march)
-        return Trajectory(self.name, h, 1, times, q, v, end.step - start.step, 0, seconds, end)
+        return FixedMarch(self.name, make, system, system.leapfrog(), self.step, 1)
 
 
 @dataclass(frozen=True)

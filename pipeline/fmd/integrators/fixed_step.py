@@ -8,7 +8,8 @@ together. Into how many calls of `take_steps` output times divide it changes no 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Any
@@ -20,7 +21,7 @@ from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, RUNAWAY
 from fmd.dynamics.system import System, project
 from fmd.integrators.missed_work import ElongationLog, WorkCheck, note_elongations
-from fmd.integrators.protocol import Progress, State, require_times
+from fmd.integrators.protocol import Progress, ResumableIntegrator, State, require_times
 from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.table import Table
 
@@ -139,6 +140,70 @@ def locate_samples(times: Array, step: float) -> tuple[IntArray, Array]:
     offset = np.maximum(times - number * step, 0.0)
     offset[offset < 1e-9 * step] = 0.0
     return number, offset
+
+
+@dataclass(frozen=True)
+class FixedMarch:
+    """What a method with a fixed step marches a system with.
+
+    Attributes
+    ----------
+    name : str
+        The method's.
+    make : callable
+        Make the method's table for a state, into whose arrays it writes.
+    system : System
+        What is marched.
+    frozen : Any
+        Its storage for the method.
+    step : float
+        Fast step [s].
+    substeps : int
+        Fast steps to a major cycle, which is never divided.
+    """
+
+    name: str
+    make: Callable[[State], Table]
+    system: System
+    frozen: Any
+    step: float
+    substeps: int
+
+    def run(self, start: State, times: Array, progress: Progress | None) -> tuple[State, Array, Array, float]:
+        """March as `march_fixed_steps` does from step number 0 at time 0."""
+        own = (self.name, self.make, self.system, self.frozen)
+        return march_fixed_steps(*own, start, self.step, self.substeps, times, progress)
+
+
+class FixedStepIntegrator(ResumableIntegrator):
+    """Base of explicit methods with a fixed step, which march many states with one set of tables."""
+
+    @abstractmethod
+    def fixed_march(self, system: System) -> FixedMarch:
+        """Return what a system is marched with."""
+
+    def ends(self, system: System, starts: Sequence[State], time: float) -> list[State]:
+        """Return the states in which marches end that pass a time [s], from states that differ in values alone."""
+        march = self.fixed_march(system)
+        check = WorkCheck(system, 0.0, march.step, march.substeps)
+        if check.follows_laws or getattr(system, "has_loops", False):  # what these remember is each march's own
+            return super().ends(system, starts, time)
+        state, p, m = starts[0].copy(), system.parameters, march.substeps
+        method, found = march.make(state), []
+        (sample_step,), _ = locate_samples(np.array([time]), march.step)
+        nothing = np.zeros(0)
+        rows = (np.zeros((0, x.size)) for x in (state.q, state.v))
+        none = Samples(nothing, nothing.astype(np.int64), nothing, *rows, np.zeros(1, dtype=np.int64))
+        for start in starts:
+            for own, given in zip(state.arrays, start.arrays, strict=True):
+                own[:] = given
+            wanted = -(-(int(sample_step) + 1 - start.step) // m) * m
+            done = int(_march(method, p, march.frozen, none, check.log, m, start.step, wanted // m))
+            if done < wanted or not np.isfinite(state.q).all():
+                at = (start.step + done) * march.step
+                raise StabilityError(f"{self.name} diverges at t = {at:.6g} s; take a smaller step")
+            found.append(replace(state.copy(), step=start.step + done, time=(start.step + done) * march.step))
+        return found
 
 
 def march_fixed_steps(

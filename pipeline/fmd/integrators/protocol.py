@@ -55,6 +55,11 @@ class State:
         q[:], v[:], a[:] = self.q, self.v, self.a
         return replace(self, q=q, v=v, a=a, memory=self.memory.copy())
 
+    @property
+    def arrays(self) -> tuple[Array, Array, Array, Array]:
+        """Coordinates, rates, accelerations and memory."""
+        return self.q, self.v, self.a, self.memory
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -187,6 +192,10 @@ class ResumableIntegrator(Integrator):
 
         The numbers are bit for bit those of one march without a break.
         """
+
+    def ends(self, system: System, starts: Sequence[State], time: float) -> list[State]:
+        """Return the states in which marches end that pass a time [s], from states that differ in values alone."""
+        return [self.resume(system, start, np.array([time])).end for start in starts]
 
 
 def march_from(

@@ -34,17 +34,17 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.dynamics.system import System, advance, freeze_middle, project, reacting_steps, slow_response
 from fmd.integrators.fixed_step import (
+    FixedMarch,
+    FixedStepIntegrator,
     Samples,
     begin_cycle,
     end_cycle,
-    march_fixed_steps,
     runs_away,
     sample_within,
     take_steps,
 )
 from fmd.integrators.protocol import (
     Progress,
-    ResumableIntegrator,
     State,
     Trajectory,
     march_from,
@@ -56,7 +56,7 @@ from fmd.kernels.table import Table, aligned
 
 
 @dataclass(frozen=True)
-class ReversibleSubcycling(ResumableIntegrator):
+class ReversibleSubcycling(FixedStepIntegrator):
     """Reversible sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
     A state's rates are at its own time; ``a`` holds the accelerations of y and q_S, ``memory`` the last change of q_S,
@@ -100,6 +100,12 @@ class ReversibleSubcycling(ResumableIntegrator):
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
+        end, q, v, seconds = self.fixed_march(system).run(start, times, progress)
+        m, n_steps = self.substeps, end.step - start.step
+        return Trajectory(self.name, self.step, m, times, q, v, n_steps // m, n_steps, seconds, end)
+
+    def fixed_march(self, system: System) -> FixedMarch:
+        """Return what a system is marched with."""
         h, m, n, n_slow = self.step, self.substeps, system.n, system.n_slow
 
         def make(state: State) -> ReactingSteps:
@@ -107,10 +113,7 @@ class ReversibleSubcycling(ResumableIntegrator):
             room = aligned(system.n_positions, n, n, n)
             return ReactingSteps(h, m, n_slow, state.q, state.v, state.a, move, D, *room)
 
-        march = (self.name, make, system, system.middle(m * h), start, h, m, times, progress)
-        end, q, v, seconds = march_fixed_steps(*march)
-        n_steps = end.step - start.step
-        return Trajectory(self.name, h, m, times, q, v, n_steps // m, n_steps, seconds, end)
+        return FixedMarch(self.name, make, system, system.middle(m * h), h, m)
 
 
 @kernel

@@ -31,10 +31,11 @@ from fmd.dynamics.system import (
 from fmd.integrators.carried import DEGREES, CarriedSteps, carried_steps
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import (
+    FixedMarch,
+    FixedStepIntegrator,
     Samples,
     begin_cycle,
     end_cycle,
-    march_fixed_steps,
     runs_away,
     sample_within,
     take_steps,
@@ -42,7 +43,6 @@ from fmd.integrators.fixed_step import (
 from fmd.integrators.protocol import (
     Integrator,
     Progress,
-    ResumableIntegrator,
     State,
     Trajectory,
     march_from,
@@ -53,7 +53,7 @@ from fmd.kernels.table import Table, aligned
 
 
 @dataclass(frozen=True)
-class Subcycling(ResumableIntegrator):
+class Subcycling(FixedStepIntegrator):
     """Sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
     Where slow and fast coordinates couple through the mass matrix, the slow acceleration frozen over the cycle makes
@@ -119,7 +119,16 @@ class Subcycling(ResumableIntegrator):
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         if self.substeps == 1:
             return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
+        end, q, v, seconds = self.fixed_march(system).run(start, times, progress)
+        m, n_steps = self.substeps, end.step - start.step
+        fast = 0 if self.remembered else n_steps - n_steps // m
+        return Trajectory(self.name, self.step, m, times, q, v, n_steps // m, fast, seconds, end)
+
+    def fixed_march(self, system: System) -> FixedMarch:
+        """Return what a system is marched with."""
         h, m, n_slow, n = self.step, self.substeps, system.n_slow, system.n
+        if m == 1:
+            return replace(CentralDifference(h).fixed_march(system), name=self.name)
         whole = system.cycle(h, m) if hasattr(system, "cycle") and not self.remembered else None
 
         def make(state: State) -> FrozenSteps | WholeSteps | CarriedSteps:
@@ -131,12 +140,7 @@ class Subcycling(ResumableIntegrator):
             return WholeSteps(h, m, n_slow, state.q, state.v, state.a, *now, *aligned(n, n, n, n, n))
 
         storage = system.leapfrog() if self.remembered else whole
-        storage = system.frozen(m * h) if storage is None else storage
-        march = (self.name, make, system, storage, start, h, m, times, progress)
-        end, q, v, seconds = march_fixed_steps(*march)
-        n_steps = end.step - start.step
-        fast = 0 if self.remembered else n_steps - n_steps // m
-        return Trajectory(self.name, h, m, times, q, v, n_steps // m, fast, seconds, end)
+        return FixedMarch(self.name, make, system, system.frozen(m * h) if storage is None else storage, h, m)
 
 
 @dataclass(frozen=True)

@@ -113,17 +113,17 @@ def scheme_tangent(method: ResumableIntegrator, system: System, at: OperatingPoi
         base = _moved(system, base, at, (first - m) * h)
     base = method.resume(system, base, np.array([(first - 1) * h])).end
     history = base.memory[:-1] if getattr(method, "remembered", False) else base.memory[:0]
-    parts, end = np.cumsum([base.q.size, base.v.size, base.a.size]), np.array([(first + cycles * m - 1) * h])
-
-    def march(values: Array) -> Array:
-        q, v, a, earlier = np.split(values, parts)
-        memory = np.concatenate([earlier, base.memory[history.size :]])
-        last = method.resume(system, replace(base, q=q, v=v, a=a, memory=memory), end).end
-        return np.concatenate([last.q, last.v, last.a, last.memory[: history.size]])
+    parts, end = np.cumsum([base.q.size, base.v.size, base.a.size]), (first + cycles * m - 1) * h
 
     sizes = [base.q.size, base.v.size, base.a.size + history.size]  # some methods keep two accelerations
     nudges = np.repeat([NUDGE, RATE_NUDGE, ACCELERATION_NUDGE], sizes)
-    return differentiate(march, np.concatenate([base.q, base.v, base.a, history]), nudges), cycles * m * h
+    centre, starts = np.concatenate([base.q, base.v, base.a, history]), []
+    for values in (centre + sign * nudge for nudge in np.diag(nudges) for sign in (1.0, -1.0)):
+        q, v, a, earlier = np.split(values, parts)
+        starts.append(replace(base, q=q, v=v, a=a, memory=np.concatenate([earlier, base.memory[history.size :]])))
+    ends = method.ends(system, starts, end)
+    values = np.array([np.concatenate([x.q, x.v, x.a, x.memory[: history.size]]) for x in ends])
+    return (values[::2] - values[1::2]).T / (2 * nudges), cycles * m * h
 
 
 def _has_driven_loops(system: System) -> bool:
