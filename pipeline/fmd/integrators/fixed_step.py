@@ -191,9 +191,9 @@ class FixedStepIntegrator(ResumableIntegrator):
         state, p, m = starts[0].copy(), system.parameters, march.substeps
         method, found = march.make(state), []
         (sample_step,), _ = locate_samples(np.array([time]), march.step)
-        nothing = np.zeros(0)
-        rows = (np.zeros((0, x.size)) for x in (state.q, state.v))
-        none = Samples(nothing, nothing.astype(np.int64), nothing, *rows, np.zeros(1, dtype=np.int64))
+        nothing, numbers = np.zeros(0), np.zeros(0, dtype=np.int64)
+        q, v = np.zeros((0, state.q.size)), np.zeros((0, state.v.size))
+        none = Samples(nothing, numbers, nothing, q, v, np.zeros(1, dtype=np.int64))
         for start in starts:
             for own, given in zip(state.arrays, start.arrays, strict=True):
                 own[:] = given

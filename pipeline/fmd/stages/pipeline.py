@@ -115,6 +115,8 @@ class Pipeline:
         The flexible bodies as the scene has them.
     while_timed : callable
         Makes a context in which each run is timed; it may hold up whatever else uses the processor.
+    compares_times : bool
+        Short marches are repeated, so that their run times can be compared.
     store : StageStore
         Runs the stages and keeps their results.
     like : Division, optional
@@ -162,6 +164,7 @@ class Pipeline:
     ) -> None:
         self.scene, self.keep_all, self.whole_energy = scene, keep_all, False
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
+        self.compares_times = True
         self.store = StageStore(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
         self.wholes = {name: FlexiblePart(scene, name, self.store) for name in scene.flexible}
         if division is not None:
@@ -184,7 +187,7 @@ class Pipeline:
     ) -> Pipeline:
         """Return a pipeline for another scene that takes over all results that both have in common."""
         other = Pipeline(scene, self.store.cache, monitor, self.keep_all, stiffening_loads=stiffening_loads)
-        other.whole_energy = self.whole_energy
+        other.whole_energy, other.compares_times = self.whole_energy, self.compares_times
         for name, part in self.wholes.items():
             other.wholes[name] = FlexiblePart(scene, name, other.store, like=part)
         other.like = self.results.get(Pipeline.division.name)

@@ -131,6 +131,8 @@ class BuiltScene(Protocol):
         Results of stages by their names.
     while_timed : callable
         Makes a context in which each run is timed.
+    compares_times : bool
+        Short marches are repeated, so that their run times can be compared.
     whole_energy : bool
         Displacements of second order count with their whole kinetic energy.
     has_other_bodies : bool
@@ -142,6 +144,7 @@ class BuiltScene(Protocol):
     store: StageStore
     results: dict[str, Any]
     while_timed: Callable[[], AbstractContextManager[None]]
+    compares_times: bool
     whole_energy: bool
     has_other_bodies: bool
 

@@ -307,7 +307,7 @@ def _find_motions(run: BuiltScene) -> dict[str, Motion]:
     require_unbuckled(run.scene, run.stiffness_changes)
     plans = run.compiled_plans  # refuses a step before anything is timed
     trajectories = {label: _march(run, label, plan) for label, plan in plans.items()}
-    if len(plans) > 1:  # their run times are compared
+    if len(plans) > 1 and run.compares_times:
         again = {label: partial(plan.march, run.output_times) for label, plan in plans.items()}
         trajectories = time_by_turns(trajectories, again)
     for label, plan in plans.items():
