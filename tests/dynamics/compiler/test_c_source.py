@@ -53,7 +53,7 @@ def arguments_of(compiled: CompiledMechanism, names: tuple[str, ...], lanes: tup
     sizes = {"q": mechanism.n_positions, "dq": mechanism.n_positions, "step": 1, "energies": 2, "momenta": 6}
     n = len(mechanism.links)
     sizes |= {"origins": 3 * n, "spins": 3 * n, "rotations": 9 * max(n, sum(len(x.markers) for x in mechanism.links))}
-    sizes |= {"inputs": 3 * len(compiled.signals), "dinputs": 3 * len(compiled.signals)}
+    sizes |= dict.fromkeys(("inputs", "dinputs"), compiled.signal_values(TIME).size)
     made = {k: 0.1 * random.normal(size=(sizes.get(k, mechanism.n), LANES if k in lanes else 1)) for k in names}
     if "q" in made:  # unit quaternions where there are some
         size = np.full(mechanism.n_positions, 0.1)

@@ -229,11 +229,12 @@ def test_every_constant_of_a_mechanism_is_in_its_digest() -> None:
     loads = [PointLoad("body 0", np.eye(3)[0], constant(1.0))]
     any_one = next(made for made in map(random_mechanism, range(50)) if len(made.mechanism.links[0].omega) > 1)
     one = changed(any_one.mechanism, name="body 0", load=constant(1.0), joint=REVOLUTE, motion=None)
-    one = replace(one, loads=loads, slow_modes={}, fast_joints=[])
+    one = changed(replace(one, loads=loads, slow_modes={}, fast_joints=[]), spring=0.0, rest=0.0, damper=0.0)
     first = one.links[0]
     others = [
         changed(one, omega=1.01 * first.omega),
-        changed(one, spring=first.spring + 1.0),
+        changed(one, spring=1.0, damper=0.0),
+        changed(one, spring=0.0, damper=1.0),
         changed(one, place=first.place + 1e-9),
         changed(one, axis=first.axis[::-1]),
         changed(one, integrals=replace(first.integrals, mass=first.integrals.mass + 1.0)),
@@ -255,6 +256,20 @@ def test_what_is_an_input_or_a_name_is_not_in_the_digest() -> None:
     one = replace(one, loads=[], fast_joints=[], slow_modes={})
     assert digest(changed(one, load=formula(parse_formula("2*cos(t)")))) == digest(one)
     assert digest(changed(one, name="another")) == digest(one)
+    sprung = changed(one, spring=2.0, rest=0.1, damper=3.0)
+    assert digest(changed(one, spring=1.0, rest=0.3, damper=4.0)) == digest(sprung) != digest(one)
+
+
+def test_springs_and_dampers_are_read_from_the_inputs() -> None:
+    one = changed(random_mechanism(0).mechanism, joint=REVOLUTE, motion=None, spring=2.0, rest=0.1, damper=3.0)
+    q, v = np.full(one.n_positions, 0.2), np.full(one.n, 0.3)
+    other = changed(one, spring=5.0, rest=0.4, damper=7.0)
+    first, second = compile_mechanism(one), compile_mechanism(other)
+    push = first.residual(TIME, q, v, np.zeros(one.n)) - second.residual(TIME, q, v, np.zeros(one.n))
+    section = one.links[0].joint_rotation @ q[one.modes_of(0) + one.n_positions - one.n]
+    rate = v[0] + one.links[0].joint_rotation @ v[one.modes_of(0)]
+    x = q[0] + section
+    assert push[0] == pytest.approx(2.0 * (x - 0.1) + 3.0 * rate - 5.0 * (x - 0.4) - 7.0 * rate, rel=1e-12)
 
 
 def _accelerate(folder: Path) -> bytes:

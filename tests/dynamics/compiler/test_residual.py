@@ -45,7 +45,7 @@ def test_lanes_of_machine_code_do_what_the_interpreter_does(seed: int) -> None:
     compiled, mechanism = made.compiled, made.mechanism
     q, v = made.state(seed)
     rng = np.random.default_rng(seed)
-    sizes = {"dinputs": 3 * len(compiled.signals), "dq": len(q), "dv": len(v), "da": len(v)}
+    sizes = {"dinputs": compiled.signal_values(TIME).size, "dq": len(q), "dv": len(v), "da": len(v)}
     directions = {name: rng.normal(size=(size, 8)) for name, size in sizes.items()}
     dr, a = np.zeros((mechanism.n, 8)), rng.normal(size=mechanism.n)
     compiled.call("tangents", compiled.signal_values(TIME), q, v, a, *directions.values(), dr)

@@ -68,7 +68,7 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
     driven = np.zeros(3 * len(compiled.signals), dtype=bool)
     for inputs, q, v, a in states:
         by_q, by_v, M = compiled.tangents(inputs, q, v, a)
-        driven |= np.any(compiled.input_tangents(inputs, q, v, a)[fast], axis=0)
+        driven |= np.any(compiled.input_tangents(inputs, q, v, a)[fast, : len(driven)], axis=0)
         K, C = by_q[fast, n_slow + shift :], by_v[fast, fast]
         elastic |= _exceed(K, NEGLIGIBLE_STIFFNESS + SOLVED * _scale(K)) or _exceed(C, NEGLIGIBLE_DAMPING)
         damped |= bool(np.any(np.abs(C) > NEGLIGIBLE_DAMPING * np.sqrt(np.abs(M.diagonal()[fast]))))
@@ -103,16 +103,17 @@ def _states(compiled: CompiledMechanism) -> list[tuple[Array, Array, Array, Arra
                 last = mechanism.layout.position[number] + link.n_positions
                 q[last - 4 : last] /= np.linalg.norm(q[last - 4 : last])
         v, a = random.uniform(-1.0, 1.0, (2, mechanism.n))
-        states.append((random.uniform(0.5, 1.0, len(largest)) * largest, q, v, a))
+        inputs = np.concatenate([random.uniform(0.5, 1.0, len(largest)) * largest, compiled.joint_numbers])
+        states.append((inputs, q, v, a))
     return states
 
 
 def _largest_inputs(compiled: CompiledMechanism) -> Array:
-    """Return the largest of each input's values at even times and between breakpoints; 1 where these are all 0."""
+    """Return the largest of each signal's values at even times and between breakpoints; 1 where these are all 0."""
     mechanism = compiled.mechanism
     even = np.linspace(0.0, mechanism.horizon, COUPLED_TIMES)
     breaks = np.unique([0.0, mechanism.horizon, *(t for signal in compiled.signals for t in signal.breakpoints)])
     times = [*even, *(0.5 * (breaks[:-1] + breaks[1:]))]
-    values = np.array([compiled.signal_values(t) for t in times])
+    values = np.array([compiled.signal_values(t)[: 3 * len(compiled.signals)] for t in times])
     largest = values[np.abs(values).argmax(axis=0), np.arange(values.shape[1])]
     return np.where(largest == 0.0, 1.0, largest)

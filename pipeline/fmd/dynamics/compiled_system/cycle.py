@@ -18,7 +18,7 @@ from fmd.kernels.library import call_native
 @begin_whole_cycle.register(TreeParameters)
 def _begin_whole_cycle(p: TreeParameters, cycle: WholeCycle, first: int, h: float) -> None:
     """Evaluate loads and motions at a cycle's begin and, if any of them varies in it, at its fast steps."""
-    if p.inputs.size == 0:
+    if p.signals == 0:
         return
     t, end = first * h, (first + cycle.count) * h
     cycle.varying[0] = cycle.count
@@ -31,14 +31,14 @@ def _begin_whole_cycle(p: TreeParameters, cycle: WholeCycle, first: int, h: floa
         set_inputs(p, t)
         if cycle.known[1] >= 0:  # the last step is by the loads that are known ahead, too
             cycle.known[1], cycle.steps[4] = -1, 0.0
-            for k in range(p.inputs.size):
+            for k in range(cycle.now.size):
                 cycle.ahead[0, k, 0] = p.inputs[k]
         return
     if first < cycle.known[0] or cycle.known[1] < first + cycle.count:
         _look_ahead(p, cycle, first, h)
     place = first - cycle.known[0]
     cycle.steps[4] = place
-    for k in range(p.inputs.size):
+    for k in range(cycle.now.size):
         p.inputs[k] = cycle.ahead[place // LANES, k, place % LANES]
     p.clock[0] = t
 

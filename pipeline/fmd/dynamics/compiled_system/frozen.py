@@ -104,7 +104,7 @@ def set_active(p: CompiledParameters, t: float, frozen: FrozenCycle) -> None:
     if frozen.driven.size == 0:
         return
     inputs_at(p, t + frozen.cycle[0], frozen.now)
-    for k in range(p.inputs.size // 3):
+    for k in range(frozen.before.size // 3):
         frozen.before[3 * k] = p.inputs[3 * k]
         for i in range(1, 3):
             frozen.before[3 * k + i] = p.inputs[3 * k + i]

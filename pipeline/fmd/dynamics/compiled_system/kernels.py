@@ -14,7 +14,7 @@ from fmd.kernels.library import call_native
 @inlined
 def set_inputs(p: CompiledParameters, t: float) -> None:
     """Evaluate the signals at a time t [s], unless they are there from the last call."""
-    if p.inputs.size and p.clock[0] != t:
+    if p.signals != 0 and p.clock[0] != t:
         inputs_at(p, t, p.inputs)
         p.clock[0] = t
 

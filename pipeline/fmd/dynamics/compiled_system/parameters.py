@@ -14,7 +14,7 @@ class CompiledParameters(Table):
 
     accelerations: int  # addresses of the compiled functions
     signals: int
-    inputs: Array  # (3 n_signals,): value, rate and acceleration of each signal
+    inputs: Array  # (3 n_signals + n_numbers,): each signal, with its derivatives, and joints' springs, rests, dampers
     clock: Array  # (2,): the time that the inputs are of, and one for which others are evaluated [s]
     position: IntArray  # (n,): position that each rate moves, -1 for a rotation in space
     quaternions: IntArray  # (n_rotations, 2): first rate and first position of each rotation in space

@@ -26,7 +26,8 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     joined = [(closure.name, *closure.bodies) for closure in mechanism.closures]
     placed = [(name, *position) for name, position in mechanism.assembled.items()]
     named = tuple(tuple(part) for part in (names, acting, joined, placed))
-    key = (system.compiled.digest, system.compiled.signals, named, mechanism.horizon)
+    numbers = tuple(system.compiled.joint_numbers.tolist())
+    key = (system.compiled.digest, system.compiled.signals, numbers, named, mechanism.horizon)
     system = _shared.pop(key, system)
     _shared[key] = system
     while len(_shared) > MOST_SHARED:

@@ -126,7 +126,7 @@ class CompiledSystem(ReferenceState):
         own: dict[str, Any] = {
             "accelerations": 0 if rows else address("accelerations"),
             "signals": address("signals") if self.compiled.signals else 0,
-            "inputs": np.zeros(3 * len(self.compiled.signals)),
+            "inputs": np.concatenate([np.zeros(3 * len(self.compiled.signals)), self.compiled.joint_numbers]),
             "clock": np.full(2, np.nan),
             "position": position,
             "quaternions": np.array(quaternions, dtype=np.int64).reshape(-1, 2),

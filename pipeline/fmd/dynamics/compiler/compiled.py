@@ -103,10 +103,15 @@ class CompiledMechanism:
         """Loads and motions that vary with time, in the order of the argument ``inputs``."""
         return self._inputs.signals
 
+    @cached_property
+    def joint_numbers(self) -> Array:
+        """Springs, rests and dampers of joints, which stand after the signals in the argument ``inputs``."""
+        return np.array(list(self._inputs.joint_numbers.values()))
+
     def signal_values(self, t: float) -> Array:
-        """Return the argument ``inputs`` at a time t [s], shape (3 n_signals,)."""
-        out = np.zeros(3 * len(self.signals))
-        if out.size:
+        """Return the argument ``inputs`` at a time t [s], shape (3 n_signals + n_numbers,)."""
+        out = np.concatenate([np.zeros(3 * len(self.signals)), self.joint_numbers])
+        if self.signals:
             self.call("signals", np.array([float(t)]), out)
         return out
 
@@ -137,7 +142,7 @@ class CompiledMechanism:
         return by_q, by_v, by_a
 
     def input_tangents(self, inputs: Array, q: Array, v: Array, a: Array) -> Array:
-        """Return the residual's derivatives by the argument ``inputs``, shape (n, 3 n_signals)."""
+        """Return the residual's derivatives by the argument ``inputs``, shape (n, 3 n_signals + n_numbers)."""
         state = _contiguous(q, v, a)
         fixed = [np.zeros((len(x), LANES)) for x in state]
 

@@ -11,9 +11,11 @@ from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import ALWAYS, CONSTANT, Signal
 
+JOINT_CONSTANTS = ("spring", "rest", "damper")
+
 
 class Coordinates:
-    """Inputs of a mechanism's graph: positions, rates and the values of its signals.
+    """Inputs of a mechanism's graph: positions, rates, the values of its signals, and joints' springs and dampers.
 
     Parameters
     ----------
@@ -27,6 +29,9 @@ class Coordinates:
     signals : tuple of Signal
         Those that vary, each once: signal k has its value, rate and acceleration at 3 k, 3 k + 1 and 3 k + 2 of the
         argument ``inputs``.
+    joint_numbers : dict
+        Springs, rests and dampers of joints by body and name, but for those that are 0; they come after the signals in
+        the argument ``inputs``, so that other ones take no other code.
     threshold : float
         Share of its natural scale below which an entry of the mechanism's constants is round-off; see `cleaning`.
     """
@@ -37,6 +42,8 @@ class Coordinates:
         self.graph, self.mechanism = graph, mechanism
         signals = [link.motion or link.load for link in mechanism.links] + [load.size for load in mechanism.loads]
         self.signals = tuple(dict.fromkeys(signal for signal in signals if constant_value(signal) is None))
+        self.joint_numbers = _joint_numbers(mechanism)
+        self._number_places = {key: 3 * len(self.signals) + k for k, key in enumerate(self.joint_numbers)}
 
     def joint_positions(self, body: int) -> list[Scalar]:
         """Position coordinates of the joint that carries a body."""
@@ -78,7 +85,8 @@ class Coordinates:
 
     def number(self, body: int, name: str, value: float) -> Scalar:
         """A constant of a body or of its joint, or of the mechanism for body -1."""
-        return self.graph.number(value)
+        place = self._number_places.get((body, name))
+        return self.graph.number(value) if place is None else self.graph.scalar_input("inputs", place)
 
     def scaled(self, body: int, name: str, values: Array, vector: Vector) -> Vector:
         """A modal vector, each entry times a constant of a body."""
@@ -87,6 +95,7 @@ class Coordinates:
     def columns(self, times: Array, q: Array, v: Array) -> dict[str, Array]:
         """Arguments at states, (n_times,), (n_times, n_positions) and (n_times, n), with a column for each."""
         values = [row for signal in self.signals for row in signal.values(times).T]
+        values += [np.full(len(times), number) for number in self.joint_numbers.values()]
         inputs = np.reshape(values, (len(values), len(times)))
         return {"inputs": inputs, "q": np.ascontiguousarray(q.T), "v": np.ascontiguousarray(v.T)}
 
@@ -132,6 +141,15 @@ class LeapingCoordinates(Coordinates):
     def modal_rates(self, body: int) -> Vector:
         """Return a body's modal rates half a step later."""
         return combine([(1.0, super().modal_rates(body)), (self.step * 0.5, self.inputs_of_modes(body, "a"))])
+
+
+def _joint_numbers(mechanism: Mechanism) -> dict[tuple[int, str], float]:
+    found: dict[tuple[int, str], float] = {}
+    for body, link in enumerate(mechanism.links):
+        if link.unit:
+            names = JOINT_CONSTANTS if link.spring else ("damper",)
+            found |= {(body, name): float(getattr(link, name)) for name in names if getattr(link, name)}
+    return found
 
 
 def constant_value(signal: Signal) -> float | None:

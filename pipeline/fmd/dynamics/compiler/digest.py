@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -19,10 +20,17 @@ _NAMES = {"name", "joint_name", "section", "body", "part"}
 
 
 def digest_mechanism(inputs: Coordinates) -> str:
-    """Return the digest of all that a mechanism's functions are traced from; varying signals are inputs of these."""
+    """Return the digest of all that a mechanism's functions are traced from.
+
+    Varying signals, and joints' springs and dampers, are inputs of these.
+    """
     mechanism, pieces = inputs.mechanism, list[bytes]()
     numbers = {link.name: number for number, link in enumerate(mechanism.links)}
-    _add(pieces, inputs, [mechanism.links, mechanism.layout, mechanism.gravity])
+    links = list(mechanism.links)
+    for body, name in inputs.joint_numbers:
+        changes: dict[str, Any] = {name: math.nan}  # no number, so that none of them counts
+        links[body] = replace(links[body], **changes)
+    _add(pieces, inputs, [links, mechanism.layout, mechanism.gravity])
     for load in mechanism.loads:
         _add(pieces, inputs, [numbers[load.body], load])
     for element in mechanism.elements:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.compiler.coordinates import Coordinates
+from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.external_quantities import (
     ElementStress,
@@ -23,7 +23,6 @@ from fmd.dynamics.compiler.external_quantities import (
     reaction_quantities,
     stress_quantities,
 )
-from fmd.dynamics.compiler.forces import JOINT_CONSTANTS
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.program import Output, Program

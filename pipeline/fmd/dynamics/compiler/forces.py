@@ -10,7 +10,7 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiler.algebra import Vector3, Vector6, constants, cross, subtract, times, transpose
 from fmd.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from fmd.dynamics.compiler.cleaning import clean_direction
-from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
+from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.elements import trace_actions, trace_elongation
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
@@ -18,8 +18,6 @@ from fmd.dynamics.compiler.laws import trace_law
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.law_pieces import find_piecewise_laws
 from fmd.dynamics.links import PointLoad
-
-JOINT_CONSTANTS = ("spring", "rest", "damper")
 
 
 class Forces(Protocol):

@@ -62,6 +62,7 @@ class LinearisedMechanism:
         rows = trace_rows(inputs, frames) if mechanism.closures else []
         acting = ConstrainedForces(inputs, frames, rows) if rows else ActingForces(inputs, frames)
         self.n_rows, self.signals, self._graph = len(rows), inputs.signals, inputs.graph
+        self._numbers = np.array(list(inputs.joint_numbers.values()))
         self._values, self._places = _trace(inputs, frames, acting, rows)
         self._slopes = differentiate(inputs.graph, self._values, direction_inputs(inputs.graph, _ARGUMENTS))
 
@@ -82,8 +83,9 @@ class LinearisedMechanism:
             Accelerations of all rates (n,), if forces that don't vary keep a mechanism without loops so.
         """
         n, m = self.mechanism.n, self.n_rows
-        inputs = np.zeros(3 * len(self.signals))
-        inputs[::3] = [signals[signal] for signal in self.signals]
+        values = np.zeros(3 * len(self.signals))
+        values[::3] = [signals[signal] for signal in self.signals]
+        inputs = np.concatenate([values, self._numbers])
         a, f = np.zeros(n), np.zeros(m)
         a[self.given] = given
         left = self._evaluate(self._values, {"inputs": inputs, "q": q, "v": v, "a": a, "f": f}, ())
@@ -99,7 +101,7 @@ class LinearisedMechanism:
             by["a"][r],
             by["v"][r],
             by["q"][r],
-            by["inputs"][r, ::3],
+            by["inputs"][r, : len(values) : 3],
             by["a"][second],
             by["q"][rates],
             by["q"][second],

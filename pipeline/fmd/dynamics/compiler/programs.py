@@ -3,12 +3,13 @@
 All have the C signature ``void name(const double *…, double *…)`` with these arguments; the last, which are no state,
 are filled:
 
-- ``inputs`` (3 n_signals,): value, rate and acceleration of each varying signal at the state's time;
+- ``inputs`` (3 n_signals + n_numbers,): value, rate and acceleration of each varying signal at the state's time, and
+  springs, rests and dampers of joints;
 - ``q`` (n_positions,) and ``v`` (n,): positions and rates in the mechanism's order;
 - ``step`` (1,): length of a leapfrog step, which takes ``q``, ``v`` and ``a`` on in their places;
 - ``a`` (n,): accelerations, and ``r`` (n,): the residual ``M̂ a − Q̂``;
-- ``dinputs`` (3 n_signals, 8), ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and ``dr`` (n, 8):
-  the residual's derivatives; ``M̂ da`` by ``inertia``;
+- ``dinputs`` (3 n_signals + n_numbers, 8), ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and
+  ``dr`` (n, 8): the residual's derivatives; ``M̂ da`` by ``inertia``;
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
   zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
 - of a mechanism with loops (see `closures`) ``f`` (n_rows, 8): eight sets of multipliers, ``x`` and ``s`` (n_rows, 8):

@@ -63,9 +63,9 @@ def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Sc
         energies.append(frame.q.dot(frame.q.multiplied_by(np.diag(link.omega**2))) * 0.5)
         if link.spring:
             known = inputs.signal(link.motion) if link.motion is not None else inputs.joint_positions(frame.number)
-            stretch = known[0] - link.rest
-            stretch = stretch + section_angle(inputs.graph, frame)
-            energies.append(stretch * stretch * (0.5 * link.spring))
+            spring, rest = (inputs.number(frame.number, name, getattr(link, name)) for name in ("spring", "rest"))
+            stretch = known[0] - rest + section_angle(inputs.graph, frame)
+            energies.append(stretch * stretch * (spring * 0.5))
         for law, position in zip(link.laws, inputs.joint_positions(frame.number), strict=bool(link.laws)):
             energies.append(trace_law_energy(law, position + section_angle(inputs.graph, frame)))
         if any(not g.is_zero for g in gravity):

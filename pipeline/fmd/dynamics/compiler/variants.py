@@ -14,9 +14,8 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.cleaning import inertia_forms, rigid_constants
-from fmd.dynamics.compiler.coordinates import Coordinates, LeapingCoordinates, constant_value
+from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates, LeapingCoordinates, constant_value
 from fmd.dynamics.compiler.digest import digest_mechanism
-from fmd.dynamics.compiler.forces import JOINT_CONSTANTS
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
 from fmd.dynamics.compiler.program import Program
 from fmd.dynamics.compiler.programs import trace_leap
