@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, Names, SceneName, print_json
-from fmd.cli.tables import print_files, print_table, print_warnings
+from fmd.cli.tables import open_console, print_files, print_table, print_warnings
+from fmd.core.errors import InputError
+from fmd.core.units import parse_percentage
+
+if TYPE_CHECKING:
+    from fmd.responses.model_reduction import ReducedModel
+    from fmd.responses.state_space import StateSpace
 
 _FORMATS = (".npz", ".mat")
 
@@ -20,6 +27,8 @@ def linearise(
     in_: Annotated[Names | None, Parameter(name="--in")] = None,
     out: Annotated[Names | None, Parameter(name="--out")] = None,
     about: str = "start",
+    order: int | None = None,
+    error: str | None = None,
     format_: Annotated[Literal["npz", "mat"] | None, Parameter(name="--format")] = None,
     folder: Folder = None,
     options: Options = DEFAULTS,
@@ -34,6 +43,10 @@ def linearise(
         Outputs, as for fmd frf; the tip's displacement and all joints' positions by default.
     about
         State of linearisation: start, equilibrium, steady, or a time of the first run in seconds.
+    order
+        Reduce the model to so many states.
+    error
+        Reduce the model to as few states as this error allows, e.g. "1 %".
     format_
         Write this format alone.
     """
@@ -43,19 +56,45 @@ def linearise(
     run = settle(options.open(scene, linear=True))
     inputs, outputs = in_ or default_inputs(run.scene), out or default_outputs(run.scene)
     linear = linearise_scene(run, inputs, outputs, about)
+    reduced = reduce_states(linear.model, order, error)
+    if reduced is not None:
+        n_states, linear = len(linear.model.states), replace(linear, model=reduced.model)
     where = folder or Path("out") / run.scene.name
     files = write_model(linear, where, _FORMATS if format_ is None else (f".{format_}",))
     model = linear.model
     if options.json:
-        channels = {
+        channels: dict[str, Any] = {
             kind: [{"name": channel.name, "unit": channel.unit} for channel in getattr(model, kind)]
             for kind in ("states", "inputs", "outputs")
         }
         poles = {"poles_hz": model.poles_hz.tolist(), "damping": model.damping.tolist()}
+        if reduced is not None:
+            channels["reduction"] = {"states_of_whole": n_states, "error": reduced.error, "bound": reduced.bound}
         print_json({**channels, "about": linear.about, **poles, "warnings": linear.warnings, "files": files})
         return
     for kind in ("inputs", "outputs", "states"):
         rows = [(k, channel.name, channel.unit) for k, channel in enumerate(getattr(model, kind), start=1)]
         print_table(f"{kind.capitalize()} about {linear.about}", {"number": "{}", "name": "{}", "unit": "{}"}, rows)
+    if reduced is not None:
+        open_console().print(
+            f"{len(reduced.model.states)} of {n_states} states: responses are off by {100 * reduced.error:.2g} % of an "
+            f"output's largest (bound: {100 * reduced.bound:.2g} %)"
+        )
     print_warnings(linear.warnings)
     print_files(where, files)
+
+
+def reduce_states(model: StateSpace, order: int | None, error: str | None) -> ReducedModel | None:
+    """Return a model with fewer states, as ``--order`` or ``--error`` requests it; ``None`` if neither does."""
+    if order is None and error is None:
+        return None
+    if order is not None and error is not None:
+        raise InputError("--order", "", order, "can't stand beside --error")
+    from fmd.responses.model_reduction import ModelReduction
+
+    option, value = ("--order", order) if error is None else ("--error", error)
+    try:
+        reduction = ModelReduction(model)
+        return reduction.to_order(order) if order is not None else reduction.to_error(parse_percentage(error))
+    except ValueError as wrong:
+        raise InputError(option, "", value, str(wrong)) from wrong

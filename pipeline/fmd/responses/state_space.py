@@ -73,7 +73,7 @@ class StateSpace:
         return float(np.abs(self.poles).max(initial=0.0))
 
     @cached_property
-    def _still(self) -> float:
+    def slowest_pole(self) -> float:
         """Size of a pole that is a rigid motion's, of 0 but for round-off [1/s].
 
         It is measured by the fastest oscillation: what strong dampers hold decays faster by many orders.
@@ -84,7 +84,7 @@ class StateSpace:
     @property
     def oscillating_poles(self) -> Array:
         """Poles with a positive imaginary part [1/s], by their size."""
-        return self.poles[self.poles.imag > self._still]
+        return self.poles[self.poles.imag > self.slowest_pole]
 
     @property
     def poles_hz(self) -> Array:
@@ -101,7 +101,7 @@ class StateSpace:
     def growth(self) -> float:
         """Largest rate at which a small motion grows [1/s]; 0 if none does."""
         fastest = float(self.poles.real.max(initial=0.0))
-        return fastest if fastest > self._still else 0.0
+        return fastest if fastest > self.slowest_pole else 0.0
 
     def zeros_hz(self, number_in: int = 0, number_out: int = 0) -> Array:
         """Frequencies of the oscillating zeros of one output by one input ``|z|/2π`` [Hz], ascending.
@@ -124,7 +124,7 @@ class StateSpace:
         pair = eigvals(pencil, np.diag(np.r_[np.ones(n), 0.0]), homogeneous_eigvals=True)
         finite = np.abs(pair[0]) < INFINITE_ZERO * np.abs(pair[1])
         zeros = pair[0][finite] / pair[1][finite]
-        zeros = zeros[(zeros.imag > self._still / speed) & (np.abs(zeros.real) < FAR_ZERO * zeros.imag)]
+        zeros = zeros[(zeros.imag > self.slowest_pole / speed) & (np.abs(zeros.real) < FAR_ZERO * zeros.imag)]
         apart = np.abs(zeros[:, None] * speed - self.oscillating_poles).min(axis=1, initial=np.inf)
         zeros = zeros[apart > CANCELS * np.abs(zeros) * speed]
         return np.sort(np.abs(zeros)) * speed / (2 * np.pi)

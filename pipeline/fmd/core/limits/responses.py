@@ -31,3 +31,9 @@ UNSTABLE_EDGE = 1e-4  # of the highest rate: how near the edges of unstable rang
 # Models over the rate of rotation.
 INTERPOLATED = 1e-8  # of a pole: what interpolation may move it by
 NARROWEST_PANEL = 1e-3  # of the highest rate: where narrower ones are needed, every model is computed
+
+# Models with fewer states.
+RESPONSE_POINTS = 400  # evenly spaced frequencies at which an error is looked for, beside those about resonances
+BEYOND_POLES = 1.5  # of the fastest pole: up to there a response is looked at
+ROUNDED_GRAMIAN = 1e-13  # of the largest singular value: a state that is reached or seen less is round-off
+WORST_VIBRATIONS = 1e-8  # relative round-off of coordinates in which vibrations are apart, above which they go unused
