@@ -190,15 +190,15 @@ class Estimates(Comparison):
         Of what few elements from side to side lack both know nothing.
         """
         part, body, pair = self.run.parts[name], self.run.bodies[name], self.pair
-        of_modes, excess = _energy_excess(part, body)
+        of_modes, excess = energy_excess(part, body)
         if isinstance(pair, str):
             return of_modes, excess
         changed, alike = pair.excess_of_shapes(name)
         recovered = np.diag(excess)
         static = body.omega > part.modes.omega.max()
         most = np.where(static, MOST_OF_CHANGE * np.abs(changed), np.inf)
-        required = np.where(alike, _root_mean_square(np.minimum(recovered, most), changed), recovered)
-        return _root_mean_square(of_modes, pair.excess_of_modes(name)), _with_diagonal(excess, required)
+        required = np.where(alike, root_mean_square(np.minimum(recovered, most), changed), recovered)
+        return root_mean_square(of_modes, pair.excess_of_modes(name)), _with_diagonal(excess, required)
 
     def _coarse_pair(self) -> Pair | str:
         """Return the run and its scene on a coarser mesh, or the reason why there is none."""
@@ -307,7 +307,7 @@ class Estimates(Comparison):
         return plan_like(shorter, rich), self.march(self.run, shorter)
 
 
-def _energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
+def energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
     """Return the excess of a part's squared mode frequencies and of its body's eigenvalues by recovered stress."""
     from fmd.recovery.energy_error import energy_errors
 
@@ -329,7 +329,7 @@ def _with_diagonal(excess: Array, required: Array) -> Array:
     return np.asarray(scaled)
 
 
-def _root_mean_square(recovered: Array, changed: Array) -> Array:
+def root_mean_square(recovered: Array, changed: Array) -> Array:
     """Return the root mean square of the estimates by recovered stress and by a coarser mesh, signed as the larger.
 
     Neither is a bound: recovered stress states too much where stress jumps, a coarser mesh too little where corners

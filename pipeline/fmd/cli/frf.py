@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from fmd.accuracy.error_estimates import percent
 from fmd.cli.inputs import DEFAULTS, Options, read_quantity, settle
-from fmd.cli.options import Folder, Names, SceneName, print_json
+from fmd.cli.options import Flag, Folder, Names, SceneName, print_json
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import TABLE_POLES
+from fmd.output.stated_errors import with_plain_error
 
 if TYPE_CHECKING:
     from fmd.output.responses import FrequencyResponse
@@ -27,6 +29,7 @@ def frf(
     points: int = 1000,
     about: str = "start",
     psd: str | None = None,
+    no_budget: Flag = False,
     folder: Folder = None,
     options: Options = DEFAULTS,
 ) -> None:
@@ -51,6 +54,8 @@ def frf(
     psd
         Spectral density of a random input, in its SI unit squared per Hz: a number, a formula of f in Hz, or a .csv
         file of frequencies and densities. Root mean squares of the outputs are printed.
+    no_budget
+        Don't estimate the errors of the response.
     """
     highest = read_quantity("--to", to, "frequency")
     lowest = None if from_ is None else read_quantity("--from", from_, "frequency")
@@ -63,6 +68,7 @@ def frf(
     run = settle(options.open(scene, linear=True))
     density = None if psd is None else (psd, Path(), ("--psd", ""))
     found = compute_response(run, in_, out, highest, lowest, points, about, density)
+    found = found if no_budget else found.with_errors(run)
     where = folder or Path("out") / run.scene.name
     files = write_response(found, where / "frf.png", f"{run.scene.title}: frequency response")
     if options.json:
@@ -92,6 +98,14 @@ def _as_data(found: FrequencyResponse, files: list[str]) -> dict[str, Any]:
     return data
 
 
+def _say_error(row: dict[str, Any]) -> str:
+    """Return a line about the largest error of a pair's response, or about why none is stated."""
+    if "why" in row:
+        return f"errors not stated: {row['why']}"
+    size = f"{row['error']:.3g} {row['unit']}, {percent(row['of_largest'])} % of its largest value"
+    return f"{row['output']} by {row['input']} is off by up to {size}"
+
+
 def _print(found: FrequencyResponse) -> None:
     console, summary = open_console(), found.summary()
     pairs = list(zip(summary["poles_hz"], summary["damping"], strict=True))
@@ -103,5 +117,9 @@ def _print(found: FrequencyResponse) -> None:
         console.print(f"zeros of {pair}: {', '.join(f'{zero:.4f}' for zero in zeros) or 'none'} Hz", soft_wrap=True)
     for row in summary.get("random", ()):
         rate = f"{row['crossings_hz']:.4g} upward crossings of zero a second"
-        console.print(f"RMS of {row['output']}: {row['rms']:.4g} {row['unit']}, {rate}")
+        console.print(f"RMS of {row['output']}: {with_plain_error(row['rms'], row['error'], row['unit'])}, {rate}")
+    for row in summary["largest_errors"]:
+        console.print(_say_error(row), soft_wrap=True)
+    if summary["holds_to_hz"] is not None and found.frequencies_hz[-1] > summary["holds_to_hz"]:
+        console.print(f"above {summary['holds_to_hz']:.4g} Hz, half of what the modes reach, more modes are needed")
     print_warnings(summary["warnings"])

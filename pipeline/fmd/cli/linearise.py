@@ -70,7 +70,8 @@ def linearise(
         poles = {"poles_hz": model.poles_hz.tolist(), "damping": model.damping.tolist()}
         if reduced is not None:
             channels["reduction"] = {"states_of_whole": n_states, "error": reduced.error, "bound": reduced.bound}
-        print_json({**channels, "about": linear.about, **poles, "warnings": linear.warnings, "files": files})
+        held = {"holds_to_hz": linear.holds_to_hz, "warnings": linear.warnings, "files": files}
+        print_json({**channels, "about": linear.about, **poles, **held})
         return
     for kind in ("inputs", "outputs", "states"):
         rows = [(k, channel.name, channel.unit) for k, channel in enumerate(getattr(model, kind), start=1)]
@@ -79,6 +80,10 @@ def linearise(
         open_console().print(
             f"{len(reduced.model.states)} of {n_states} states: responses are off by {100 * reduced.error:.2g} % of an "
             f"output's largest (bound: {100 * reduced.bound:.2g} %)"
+        )
+    if linear.holds_to_hz is not None:
+        open_console().print(
+            f"holds up to {linear.holds_to_hz:.4g} Hz, half of what the modes reach; more modes reach further"
         )
     print_warnings(linear.warnings)
     print_files(where, files)

@@ -16,7 +16,7 @@ from fmd.core.limits.shown import BRIEF, LINE_POLES
 from fmd.core.limits.stability import COUPLED, GROWING
 from fmd.output.explain import Forecast, forecast_run
 from fmd.output.key_figures import largest_deflection, largest_stress, run_time
-from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, worst_details
+from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, with_plain_error, worst_details
 from fmd.output.summary import UNMET, UNMOVED
 from fmd.output.write import write_results
 
@@ -205,7 +205,10 @@ def _answers(summary: dict[str, Any]) -> list[str]:
     for response in summary.get("responses", ()):
         poles = ", ".join(f"{pole:.4g}" for pole in response["poles_hz"][:LINE_POLES])
         lines.append(f"{response['files'][0]}: linear about {response['about']}, poles at {poles} … Hz")
-        lines += [f"RMS of {row['output']}: {row['rms']:.4g} {row['unit']}" for row in response.get("random", ())]
+        lines += [
+            f"RMS of {row['output']}: {with_plain_error(row['rms'], row['error'], row['unit'])}"
+            for row in response.get("random", ())
+        ]
     for file, life in summary.get("fatigue", {}).items():
         repeats, place = life["repeats_to_failure"], f"node {life['node']} of {life['body']}"
         lasts = "nothing is damaged" if repeats is None else f"{place} lasts {repeats:.3g} repeats of the motion"

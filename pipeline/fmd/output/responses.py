@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.accuracy.response_errors import Request, ResponseErrors, estimate_response_errors
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import whole_file
@@ -36,14 +38,28 @@ class FrequencyResponse:
         [Hz]
     values : ndarray, shape (n_frequencies, n_outputs, n_inputs)
         Complex.
+    request : tuple
+        Names of inputs and outputs, and the state, that it was computed for.
     random : RandomResponse, optional
         Answer of the outputs to a random input, the first.
+    density : callable, optional
+        Spectral density of that.
+    errors : ResponseErrors, optional
+        Stated errors, if they were estimated.
     """
 
     linear: LinearModel
     frequencies_hz: Array
     values: Array
+    request: Request
     random: RandomResponse | None = None
+    density: Callable[[Array], Array] | None = None
+    errors: ResponseErrors | None = None
+
+    @property
+    def why(self) -> str:
+        """Why no errors are stated; empty if they are."""
+        return "no errors were estimated" if self.errors is None else self.errors.why
 
     @property
     def inputs(self) -> list[tuple[str, str]]:
@@ -65,6 +81,8 @@ class FrequencyResponse:
             "poles_hz": model.poles_hz.tolist(),
             "damping": model.damping.tolist(),
             "warnings": self.linear.warnings,
+            "holds_to_hz": self.linear.holds_to_hz,
+            "largest_errors": self._largest_errors(),
         }
         top = self.frequencies_hz[-1]
         found["zeros_hz"] = {
@@ -73,12 +91,34 @@ class FrequencyResponse:
             for j, (output, _) in enumerate(self.outputs)
         }
         if self.random is not None:
-            rows = zip(self.outputs, self.random.rms, self.random.rates_hz, strict=True)
+            rows = zip(self.outputs, self.random.rms, self.random.rates_hz, self._errors_of_rms(), strict=True)
             found["random"] = [
-                {"output": name, "unit": unit, "rms": float(rms), "crossings_hz": float(rate)}
-                for (name, unit), rms, rate in rows
+                {"output": name, "unit": unit, "rms": float(rms), "crossings_hz": float(rate), "error": error}
+                for (name, unit), rms, rate, error in rows
             ]
         return found
+
+    def _largest_errors(self) -> list[dict[str, Any]]:
+        """Return the largest error of each pair's response over the largest response, or why none is stated."""
+        if self.errors is None or self.why:
+            return [{"why": self.why}]
+        largest = np.abs(self.values).max(axis=0)
+        worst = self.errors.values.max(axis=0)
+        return [
+            {"output": output, "input": name, "unit": response_unit(of, by), "error": float(worst[j, k])}
+            | {"of_largest": float(worst[j, k] / largest[j, k]) if largest[j, k] else 0.0}
+            for k, (name, by) in enumerate(self.inputs)
+            for j, (output, of) in enumerate(self.outputs)
+        ]
+
+    def _errors_of_rms(self) -> list[float | None]:
+        stated = self.errors is not None and not self.why
+        return [float(x) for x in self.errors.rms] if stated and self.errors else [None] * len(self.outputs)
+
+    def with_errors(self, run: Pipeline) -> FrequencyResponse:
+        """Return the response with its stated errors."""
+        found = estimate_response_errors(run, self.linear, self.request, self.frequencies_hz, self.density)
+        return replace(self, errors=found)
 
 
 def compute_response(
@@ -124,7 +164,8 @@ def compute_response(
         _require_stationary(linear, lowest, highest)
         fine = choose_frequencies(linear.model, lowest, highest, points, FINE_RATIO)
         random = random_response(fine, linear.frequency_response(fine)[:, :, 0], density)
-    return FrequencyResponse(linear, frequencies[finite], values[finite], random)
+    request = (inputs, outputs, about)
+    return FrequencyResponse(linear, frequencies[finite], values[finite], request, random, density)
 
 
 def _require_stationary(linear: LinearModel, lowest: float, highest: float) -> None:
@@ -160,6 +201,9 @@ def write_scene_response(
 ) -> dict[str, Any]:
     """Write a frequency response that a scene lists; return its summary with its files."""
     title = output.title or f"{run.scene.title}: response to {output.input}"
+    if ERROR_BUDGET.name in run.results:  # errors are asked for
+        answer = found
+        found = run.store.compute("errors of responses", lambda: answer.with_errors(run))
     return {**found.summary(), "files": write_response(found, folder / output.file, title, chart)}
 
 
@@ -195,8 +239,9 @@ def compute_scene_response(run: Pipeline, output: FrequencyResponseChart) -> Fre
 def write_model(linear: LinearModel, folder: Path, formats: Sequence[str]) -> list[str]:
     """Write a linear model as ``model.npz`` and ``model.mat``, those whose suffixes are given; return their names."""
     folder.mkdir(parents=True, exist_ok=True)
+    holds = {} if linear.holds_to_hz is None else {"holds_to_hz": linear.holds_to_hz}
     for suffix in formats:
-        linear.model.save(folder / f"model{suffix}")
+        linear.model.save(folder / f"model{suffix}", holds)
     return [f"model{suffix}" for suffix in formats]
 
 
@@ -215,7 +260,8 @@ def _draw(found: FrequencyResponse, path: Path, title: str) -> None:
         for j, (output, of_output) in enumerate(found.outputs):
             label = f"{output} by {name}" if len(found.inputs) > 1 else output
             values = np.where(np.abs(found.values[:, j, k]) < UNBOUNDED, found.values[:, j, k], np.nan)
-            curves.append(ResponseCurve(label, response_unit(of_output, unit), values))
+            error = None if found.errors is None or found.why else found.errors.values[:, j, k]
+            curves.append(ResponseCurve(label, response_unit(of_output, unit), values, error))
     if found.random is not None:
         for j, (output, unit) in enumerate(found.outputs):
             at = found.frequencies_hz
@@ -235,6 +281,9 @@ def _write_table(found: FrequencyResponse, path: Path) -> None:
             header += [f"{pair} {part} [{unit_of}]" for part in ("real", "imaginary", "magnitude")]
             header.append(f"{pair} phase [deg]")
             columns += [values.real, values.imag, np.abs(values), np.degrees(np.angle(values))]
+            if found.errors is not None and not found.why:
+                header.append(f"{pair} error [{unit_of}]")
+                columns.append(found.errors.values[:, j, k])
     if found.random is not None:
         for j, (output, unit) in enumerate(found.outputs):
             header.append(f"{output} spectral density [({unit})^2/Hz]")
@@ -249,16 +298,20 @@ def _write_netcdf(found: FrequencyResponse, path: Path) -> None:
     dims = ("frequency", "output", "input")
     units = [[response_unit(of, by) for _, by in found.inputs] for _, of in found.outputs]
     model = found.linear.model
+    error = f"not stated: {found.why}" if found.why else "variable error"
     variables = [
         NetcdfVariable("frequency", dims[:1], found.frequencies_hz, {"units": "Hz", "long_name": "frequency"}),
         NetcdfVariable("output", dims[1:2], np.array([name for name, _ in found.outputs])),
         NetcdfVariable("input", dims[2:], np.array([name for name, _ in found.inputs])),
         NetcdfVariable("units", dims[1:], np.array(units)),
-        NetcdfVariable("real", dims, found.values.real, {"long_name": "real part, in units"}),
-        NetcdfVariable("imaginary", dims, found.values.imag, {"long_name": "imaginary part, in units"}),
+        NetcdfVariable("real", dims, found.values.real, {"long_name": "real part, in units", "error": error}),
+        NetcdfVariable("imaginary", dims, found.values.imag, {"long_name": "imaginary part, in units", "error": error}),
         NetcdfVariable("pole", ("pole",), model.poles_hz, {"units": "Hz", "long_name": "natural frequencies"}),
         NetcdfVariable("damping", ("pole",), model.damping, {"units": "1", "long_name": "damping ratios"}),
     ]
+    if found.errors is not None and not found.why:
+        text: dict[str, str | float] = {"long_name": "stated size of the complex response's error, in units"}
+        variables.append(NetcdfVariable("error", dims, found.errors.values, text))
     with whole_file(path) as part:
         write_netcdf(part, variables)
 

@@ -49,6 +49,11 @@ def with_error(value: float, unit: str, summary: Mapping[str, Any], quantity: st
     return alone
 
 
+def with_plain_error(value: float, error: float | None, unit: str) -> str:
+    """Write a value and its stated error, if there is one, in its own unit."""
+    return f"{value:.4g} {unit}" if error is None else f"{value:.4g} ± {error:.2g} {unit}"
+
+
 def _in_unit(values: tuple[float, ...], unit: str) -> list[str]:
     """Write values with one prefix, that of the last one, which is the largest."""
     factor, prefix = prefix_for(values[-1], unit)

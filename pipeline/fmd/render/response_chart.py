@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.shown import BAND_OPACITY, LEAST_OF_BAND
 from fmd.render.charts import COLOURS
 from fmd.render.figure import open_figure, style_axes
 
@@ -26,11 +27,14 @@ class ResponseCurve(NamedTuple):
         Of the response, e.g. ``m/N``.
     values : ndarray
         Complex, shape (n_frequencies,); real values have no phase, such as spectral densities.
+    error : ndarray, optional
+        Stated size of the values' errors, drawn as a band where it can be seen.
     """
 
     label: str
     unit: str
     values: Array
+    error: Array | None = None
 
 
 def draw_response(frequencies_hz: Array, curves: Sequence[ResponseCurve], path: Path, *, title: str) -> None:
@@ -57,6 +61,11 @@ def draw_response(frequencies_hz: Array, curves: Sequence[ResponseCurve], path: 
             magnitude = np.abs(curve.values)
             frame = frames[units.index(curve.unit)]
             frame.plot(frequencies_hz, np.where(magnitude > 0, magnitude, np.nan), color=colour, label=curve.label)
+            if curve.error is not None:
+                low = np.maximum(magnitude - curve.error, LEAST_OF_BAND * magnitude)
+                frame.fill_between(
+                    frequencies_hz, low, magnitude + curve.error, color=colour, alpha=BAND_OPACITY, linewidth=0
+                )
             if not np.iscomplexobj(curve.values):
                 continue
             phase = np.degrees(np.angle(curve.values))

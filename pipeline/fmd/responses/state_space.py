@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -151,8 +151,8 @@ class StateSpace:
                 x[k] = known / (omega - T[k, k])[:, None]
             return np.asarray(np.einsum("ok,kfi->foi", left, x) + direct)
 
-    def save(self, path: Path) -> None:
-        """Write the matrices, names and units as ``.npz`` (NumPy) or ``.mat`` (MATLAB, Octave).
+    def save(self, path: Path, more: Mapping[str, float] | None = None) -> None:
+        """Write the matrices, names and units as ``.npz`` (NumPy) or ``.mat`` (MATLAB, Octave), and ``more`` numbers.
 
         Raises
         ------
@@ -161,7 +161,7 @@ class StateSpace:
         """
         if path.suffix not in (".npz", ".mat"):
             raise ValueError(f"{path.suffix!r} isn't a format of state-space models; .npz and .mat are")
-        contents: dict[str, Any] = {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
+        contents: dict[str, Any] = {"A": self.A, "B": self.B, "C": self.C, "D": self.D, **(more or {})}
         for kind in ("states", "inputs", "outputs"):
             channels: tuple[Channel, ...] = getattr(self, kind)
             contents[kind] = [channel.name for channel in channels]

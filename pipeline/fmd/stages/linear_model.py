@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.responses import SETTLED_STATE, STILL
+from fmd.core.limits.responses import RELIABLE_SHARE, SETTLED_STATE, STILL
 from fmd.core.units import to_si
 from fmd.responses.linearisation import Linearisation
 from fmd.responses.ports import MotionPort
@@ -41,12 +41,16 @@ class LinearModel:
         Inputs that are the acceleration of a prescribed motion.
     warnings : list of dict
         ``code`` and ``text`` of what the answers suffer from.
+    holds_to_hz : float, optional
+        Half of the highest frequency that the modes of every body reach, up to which the model is close to that of the
+        whole meshes [Hz]; ``None`` without modes, which leave nothing out.
     """
 
     model: StateSpace
     about: str
     motions: Array
     warnings: list[dict[str, str]]
+    holds_to_hz: float | None = None
 
     def input_names(self, as_positions: bool) -> list[tuple[str, str]]:
         """Return names and units of the inputs; prescribed motions by position, or by acceleration as in the model."""
@@ -100,7 +104,9 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
     accelerations = linearisation.accelerations(state)
     motions = np.array([isinstance(port, MotionPort) for port in ports_in], dtype=bool)
     warnings = _find_warnings(model, mechanism, state, accelerations, name)
-    return LinearModel(model, name, motions, [*warnings, *_reduced_bodies(corrected)])
+    highest = [float(part.modes.frequencies_hz.max()) for part in run.parts.values() if len(part.modes.frequencies_hz)]
+    holds = RELIABLE_SHARE * min(highest) if highest else None
+    return LinearModel(model, name, motions, [*warnings, *_reduced_bodies(corrected)], holds)
 
 
 def _reduced_bodies(run: Pipeline) -> list[dict[str, str]]:

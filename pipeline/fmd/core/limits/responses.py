@@ -8,6 +8,9 @@ UNDAMPED = 1e-8  # damping ratio
 NEAR_POLE, AWAY_FROM_POLE, RESONANT = 1e-7, 1e-3, 100.0  # a resonance is so much larger at the first of two distances
 UNBOUNDED = 1e12  # a response beyond is that of an undamped pole itself
 
+# Modes.
+RELIABLE_SHARE = 0.5  # of the highest mode: up to there a response is that of the whole mesh within 5e-3
+
 # Poles and zeros.
 SLOW_POLE = 1e-6  # of the fastest oscillation: one that moves slower is a rigid motion
 ROUNDED_POLES = 10.0  # round-off of the fastest pole that slow ones may have

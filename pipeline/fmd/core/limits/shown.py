@@ -47,6 +47,9 @@ WEIGHTLESS = 1e-9  # gravity that is none [m/s²]
 # Errors.
 SEEN_BETTER = 0.002  # part of a value that a better one differs by, from which on that is shown in its place
 
+BAND_OPACITY = 0.2  # of an error in a chart
+LEAST_OF_BAND = 1e-3  # of a magnitude: where a band ends that would reach zero on a logarithmic axis
+
 # Report.
 REPORTED_MODES = 6  # whose shapes are shown
 TICKS_OF_BAR = 5  # of a colour bar

@@ -1,0 +1,173 @@
+"""Errors of frequency responses and root mean squares, by more modes and other meshes.
+
+The response of a model with twice as many modes tells what the modes leave out. Recovered stress, a coarser mesh and
+one of more elements from side to side tell by how much the mesh shifts the frequencies of all these modes, by which the
+response is moved, and what it takes of the flexibility. As in an error budget the stated error is `SAFETY` times the
+root of the sum of their squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
+from fmd.accuracy.estimators import energy_excess, root_mean_square
+from fmd.accuracy.time_limit import FAULTS
+from fmd.core.arrays import Array
+from fmd.core.limits.errors import SAFETY
+from fmd.core.limits.responses import FINE_RATIO
+from fmd.responses.frequencies import choose_frequencies
+from fmd.responses.random_vibration import random_response
+from fmd.scene.variants import change_modes
+from fmd.stages.linear_model import LinearModel, linearise_scene
+
+if TYPE_CHECKING:
+    from fmd.stages.pipeline import Pipeline
+
+_SHIFTS = (0.5, 1.0, 1.5)  # multiples: beside a resonance a larger shift may change less
+
+Request = tuple[Sequence[str], Sequence[str], str]
+"""Names of inputs and outputs, and the state of linearisation."""
+
+
+@dataclass(frozen=True)
+class ResponseErrors:
+    """Stated errors of a frequency response.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n_frequencies, n_outputs, n_inputs)
+        Size of the complex response's error; empty where none is stated.
+    rms : ndarray, shape (n_outputs,)
+        Errors of the root mean squares; empty without a random input.
+    why : str
+        Why none is stated; empty if they are.
+    """
+
+    values: Array
+    rms: Array
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class _Variants:
+    """A model with more modes, and what the mesh does to the given one.
+
+    Attributes
+    ----------
+    given, rich : LinearModel
+    shift : callable
+        Share by which the mesh raises frequencies, at frequencies [Hz].
+    share : ndarray, shape (n_outputs, n_inputs)
+        Share of the response that the mesh takes away, or adds, whatever the frequency.
+    """
+
+    given: LinearModel
+    rich: LinearModel
+    shift: Callable[[Array], Array]
+    share: Array
+
+
+def estimate_response_errors(
+    run: Pipeline,
+    linear: LinearModel,
+    request: Request,
+    frequencies_hz: Array,
+    density: Callable[[Array], Array] | None = None,
+) -> ResponseErrors:
+    """Estimate the errors of a scene's frequency response, and of root mean squares in its range.
+
+    Parameters
+    ----------
+    run : Pipeline
+        The scene's.
+    linear : LinearModel
+        By which the response was computed.
+    request : tuple
+        Of what the model was made.
+    frequencies_hz : ndarray, shape (n_frequencies,)
+        [Hz], ascending.
+    density : callable, optional
+        Spectral density of the only input.
+    """
+    try:
+        found = _find_variants(run, linear, request, float(frequencies_hz[0]))
+    except FAULTS as fault:  # of a variant: the response itself is there
+        found = f"{fault}"
+    if isinstance(found, str):
+        return ResponseErrors(np.zeros(0), np.zeros(0), found)
+    own = linear.frequency_response(frequencies_hz)
+    more = found.rich.frequency_response(frequencies_hz)
+    moved = np.max([_change_by_shift(found, frequencies_hz, more, times) for times in _SHIFTS], axis=0)
+    values = _total(np.abs(more - own), moved, found.share * np.abs(more))
+    if density is None:
+        return ResponseErrors(values, np.zeros(0))
+    return ResponseErrors(values, _errors_of_rms(found, frequencies_hz, density))
+
+
+def _change_by_shift(found: _Variants, frequencies_hz: Array, response: Array, times: float) -> Array:
+    """Return what a multiple of the shift of frequencies changes in a response."""
+    shifted = frequencies_hz * (1.0 + times * found.shift(frequencies_hz))
+    return np.abs(found.rich.frequency_response(shifted) - response)
+
+
+def _find_variants(run: Pipeline, linear: LinearModel, request: Request, lowest: float) -> _Variants | str:
+    """Return the variants of a run that errors come from, or why there are none."""
+    if not run.parts:
+        return _Variants(linear, linear, np.zeros_like, np.zeros(linear.model.D.shape))
+    lacking = [name for name, part in run.parts.items() if part.is_reduced or not part.has_mesh]
+    if lacking:
+        return f"{lacking[0]} has no mesh, and tells nothing of its own error"
+    twice = change_modes(run.scene, lambda body: {"count": 2 * body.modes.count + 2})
+    richer = run.variant(twice)
+    rich = linearise_scene(richer, *request)
+    pair = make_coarse_pair(richer)
+    if isinstance(pair, str):
+        return pair.removeprefix("not estimated: ")
+    coarse = linearise_scene(pair.coarse.variant(pair.coarse.scene), *request)
+    at = np.array([lowest])
+    own, other = (np.abs(each.frequency_response(at)[0]) for each in (rich, coarse))
+    of_stress = np.array([channel.unit == "Pa" for channel in linear.model.outputs])[:, None]
+    gains = np.where(of_stress, pair.gains["spot stress"], pair.gains["displacement"])
+    share = np.divide(np.abs(other - own), own * gains, out=np.zeros_like(own), where=own > 0)
+    hertz, excess = _excess_of_modes(richer, pair)
+    share = np.where(of_stress, share, np.maximum(share, excess[0]))  # what is too stiff yields too little
+    return _Variants(linear, rich, lambda at: np.asarray(np.interp(at, hertz, 0.5 * excess)), share)
+
+
+def _excess_of_modes(run: Pipeline, pair: Pair) -> tuple[Array, Array]:
+    """Return the frequencies of all parts' modes, ascending, and the excess of their squares by the mesh up to each.
+
+    As in the error budget: by recovered stress and by a coarser mesh, and by more elements from side to side.
+    """
+    across = make_pair_across(run)
+    hertz, excess = [], []
+    for name, part in run.parts.items():
+        own = root_mean_square(energy_excess(part, part.body)[0], pair.excess_of_modes(name))
+        if across is not None and across.divides(name):
+            own = own + across.excess_of_modes(name)
+        hertz.append(part.modes.frequencies_hz)
+        excess.append(np.abs(own))
+    every = np.concatenate(hertz)
+    order = np.argsort(every)
+    return every[order], np.asarray(np.maximum.accumulate(np.concatenate(excess)[order]))
+
+
+def _errors_of_rms(found: _Variants, frequencies_hz: Array, density: Callable[[Array], Array]) -> Array:
+    """Return the errors of root mean squares in a range of frequencies, each integrated about its own resonances."""
+    ends = float(frequencies_hz[0]), float(frequencies_hz[-1])
+
+    def rms(linear: LinearModel, shift: Callable[[Array], Array] = np.zeros_like) -> Array:
+        at = choose_frequencies(linear.model, *ends, len(frequencies_hz), FINE_RATIO)
+        return random_response(at / (1.0 + shift(at)), linear.frequency_response(at)[:, :, 0], density).rms
+
+    own, more = rms(found.given), rms(found.rich)
+    return _total(np.abs(more - own), np.abs(rms(found.rich, found.shift) - more), found.share[:, 0] * own)
+
+
+def _total(*estimates: Array) -> Array:
+    return np.asarray(SAFETY * np.sqrt(sum(estimate**2 for estimate in estimates)))
