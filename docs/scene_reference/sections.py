@@ -47,6 +47,7 @@ from fmd.scene.pictures import (
     PictureSettings,
     StressPicture,
 )
+from fmd.scene.links import FaceLink, MassOnLink
 from fmd.scene.places import GroundPlace, MarkerPlace, NamedElement, Support
 from fmd.scene.propeller import Propeller, PropellerMesh
 from fmd.scene.reading import SceneTable
@@ -195,7 +196,7 @@ class Section(NamedTuple):
 
     @property
     def anchor(self) -> str:
-        """Link to the section."""
+        """FaceLink to the section."""
         return "#" + self.title.lower().replace(" ", "-")
 
 
@@ -223,6 +224,8 @@ SECTIONS = (
     Section("### Rayleigh damping", RayleighDamping),
     Section("### Markers of a flexible body", MarkerPlace),
     Section("### Supports", Support),
+    Section("### Links", FaceLink),
+    Section("### Masses on links", MassOnLink),
     Section("### Named elements", NamedElement),
     Section("### Rod", Rod),
     Section("### Point mass", PointMass),

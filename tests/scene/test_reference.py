@@ -77,7 +77,7 @@ def test_the_example_of_a_table_is_right(table: type[SceneTable]):
     parts = 1 if header[0] == "output" else 2  # outputs have no names, so what follows is a table in one
     kind: Any = Run if header[:2] == ["simulation", "run"] else kinds.get(header[0]) if len(header) <= parts else table
     kind = TorqueOverTime if table is TimeFunction else kind or table
-    by_name = header[-1] in ("marker", "element")
+    by_name = header[-1] in ("marker", "element", "link", "mass")
     values = value if isinstance(value, list) else value.values() if by_name else [value]
     for one in values:
         assert isinstance(TypeAdapter(kind).validate_python(one), table)

@@ -262,7 +262,7 @@ def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Arra
     gains = []
     other_part = rigid.parts[name]  # stiffening would change neither shapes nor frequencies
     for own, other in ((part.modes, other_part.modes), (part.body, other_part.body)):
-        x = part.space.x
+        x = part.fe.x
         numbers, alike = find_counterparts(x, own.shapes, x, m, other.shapes, other.omega)
         gains.append(np.where(alike > ALIKE, (other.omega[numbers] / own.omega) ** 2 - 1, 0.0))
     return gains[0], gains[1]

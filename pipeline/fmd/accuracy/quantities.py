@@ -38,7 +38,7 @@ def mesh_quantities(run: Pipeline, like: Pipeline | None = None) -> Quantities:
 def match_modes(part: FlexiblePart, other: FlexiblePart) -> Modes:
     """Return the modes of another mesh's part that are most like a part's, in its order."""
     modes = other.modes
-    numbers = match_shapes(part.space.x, part.modes.shapes, other.fe.x, other.fe.m, modes.shapes)
+    numbers = match_shapes(part.fe.x, part.modes.shapes, other.fe.x, other.fe.m, modes.shapes)
     places = tuple(modes.numbers[k] for k in numbers)
     return replace(modes, omega=modes.omega[numbers], shapes=modes.shapes[:, :, numbers], numbers=places)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import Array, short_repr
 from fmd.core.rotations import rigid_motions
+from fmd.fem.arms import Arms
 from fmd.fem.material import AnyMaterial
 from fmd.fem.space import Discretisation
 
@@ -24,12 +25,22 @@ class FEModel:
         Stiffness [N/m]; unknown ``3 i + a`` is node i along axis a.
     m : sparse array, shape (n_nodes, n_nodes)
         Consistent scalar mass matrix [kg]; the full mass matrix is ``m ⊗ 1₃``.
+    T : sparse array, shape (3 n_nodes, n), optional
+        How the nodes move by the independent unknowns, ``u = T y``; ``None`` if each node's displacements are such.
+        Solutions are those of ``Tᵀ K T`` and ``Tᵀ M T``, all else is of nodes.
+    link_unknowns : int
+        Number of independent unknowns that are displacements and rotations of links; they come last.
+    arms : Arms, optional
+        Nodes on rigid arms, which move in second order.
     """
 
     discretisation: Discretisation
     material: AnyMaterial
     K: sp.csr_array
     m: sp.csr_array
+    T: sp.csr_array | None = field(default=None, kw_only=True)
+    link_unknowns: int = field(default=0, kw_only=True)
+    arms: Arms | None = field(default=None, kw_only=True)
 
     __repr__ = short_repr
 

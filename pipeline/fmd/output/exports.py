@@ -42,7 +42,7 @@ def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
 
     part, motion = run.wholes[body], run.motion
     chosen, nodes = choose_frames(len(motion.times), frames), np.arange(len(part.space.x))
-    x, origin = run.node_positions(body), run.bodies[run.frame_of(body)].origin
+    x, origin = run.node_positions(body)[: len(nodes)], run.bodies[run.frame_of(body)].origin
 
     def fields() -> Iterator[dict[str, NDArray[np.floating]]]:
         for k in chosen:

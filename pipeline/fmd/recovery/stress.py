@@ -34,7 +34,7 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     material : AnyMaterial
         Material of each element.
     shapes : ndarray, shape (n_nodes, 3, n)
-        Displacement fields.
+        Displacement fields; points of links, behind the nodes, have no stress.
     nodes : ndarray, shape (n_chosen,)
         Node numbers; only the elements that touch them are evaluated.
 
@@ -50,6 +50,7 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     """
     from fmd.fem.strain import stresses
 
+    shapes = shapes[: len(space.x)]
     require_shape("shapes", shapes, (len(space.x), 3, None))
     if len(np.unique(nodes)) < len(nodes):
         raise ValueError("nodes names a node twice")

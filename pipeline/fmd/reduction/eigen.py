@@ -79,18 +79,18 @@ class FreeBodySolver:
         fixed: IntArray | None = None,
         factorise: Callable[[Any], Factor] = factorise,
     ) -> None:
-        n_pieces = count_pieces(fe.K)
+        n_pieces = count_pieces(fe.K, fe.T)
         if n_pieces > 1:
             raise AccuracyError(
                 f"the mesh is in {n_pieces} unconnected pieces, so it has {6 * n_pieces} rigid-body modes "
                 "instead of 6; join the pieces"
             )
         self._fe, self._factorise = fe, factorise
-        self._T = tie_rigid_faces(fe, rigid) if rigid else None
+        self._T = tie_rigid_faces(fe, rigid) if rigid else fe.T
         self.rigid_modes, self._supported = fe.rigid_modes, fixed is not None
         if fixed is not None:
             T = sp.eye_array(fe.K.shape[0], format="csr") if self._T is None else self._T
-            self._T = remove_fixed_unknowns(T, fixed, len(rigid))
+            self._T = remove_fixed_unknowns(T, fixed, 6 * len(rigid) + fe.link_unknowns)
             self.rigid_modes = remaining_rigid_motions(fe, fixed)
         self._K, self._M, self._R = fe.K, fe.M, self.rigid_modes
         if self._T is not None:
@@ -308,7 +308,7 @@ class FreeBodySolver:
         return float(np.sqrt(defect @ inverse(defect) / (eigenvalue - self.shift)))
 
 
-def count_pieces(K: sp.csr_array) -> int:
+def count_pieces(K: sp.csr_array, T: sp.csr_array | None = None) -> int:
     """Count the pieces of a body that its stiffness matrix leaves unconnected.
 
     Masses say nothing of it: lumped ones connect no node with another.
@@ -317,7 +317,17 @@ def count_pieces(K: sp.csr_array) -> int:
     ----------
     K : sparse array, shape (3 n_nodes, 3 n_nodes)
         Stiffness matrix, three unknowns a node; its pattern is symmetric.
+    T : sparse array, shape (3 n_nodes, n), optional
+        How the nodes move by independent unknowns, which connect them, too.
     """
+    if T is not None:
+        entries, n_points = sp.coo_array(T), K.shape[0]
+        extended = sp.coo_array(K)
+        rows = [extended.coords[0], entries.coords[0], np.arange(0, n_points, 3), np.arange(0, n_points, 3)]
+        columns = [extended.coords[1], n_points + entries.coords[1], *(np.arange(k, n_points, 3) for k in (1, 2))]
+        place = np.concatenate(rows), np.concatenate(columns)
+        graph = sp.coo_array((np.ones(len(place[0])), place), shape=(sum(T.shape),) * 2)
+        return int(connected_components(graph, directed=False, return_labels=False))
     # Strongly connected parts are connected ones where the pattern is symmetric, and take no transpose.
     _, piece = connected_components(K, directed=True, connection="strong")
     x, y, z = piece.reshape(-1, 3).T

@@ -41,6 +41,7 @@ def stiffen_body(
     linear: bool = True,
     moving: Mapping[str, Marker] | None = None,
     free: Array | None = None,
+    elements: bool = True,
 ) -> FlexibleBody:
     """Add the displacement of second order to a reduced body: to its inertia, and to its markers.
 
@@ -62,6 +63,8 @@ def stiffen_body(
         Markers whose displacement of second order is wanted: those that bodies or loads act on, and any to look at.
     free : ndarray, shape (k, 3), optional
         Directions about which the joint lets a body turn that stands on supports.
+    elements : bool
+        False for the arms of links alone, which need no stress.
 
     Returns
     -------
@@ -75,7 +78,9 @@ def stiffen_body(
     inertia = inertia_of(fe, [field for group in fields for field in group])
     columns = [marker.columns(len(x), np.eye(3)) for marker in moving.values()]
     support = _Support(body, fe, solver, constraints, np.zeros((0, 3)) if free is None else free)
-    K_G = support.geometric_stiffness(np.concatenate([inertia, *columns], axis=2))  # one solution for all loads
+    K_G = support.geometric_stiffness(
+        np.concatenate([inertia, *columns], axis=2), elements
+    )  # one solution for all loads
     ends = np.cumsum([*(len(group) for group in fields), *(6 for _ in moving)])
     spin, push, turn, *unit = np.split(K_G, ends[:-1])
     KG = np.zeros((3, 3, n, n))
@@ -86,6 +91,8 @@ def stiffen_body(
         for (a, b), K in zip(PRODUCTS, spin, strict=True):
             KG[a, b] = KG[b, a] = K
     G = body.integrals.G.copy()
+    if body.integrals.stiffening.size:  # by its arms alone, which KG has again
+        G[:, :, 1:, 1:] += body.integrals.stiffening
     G[:, :, 1:, 1:] -= KG
     displacement2 = -push if linear else np.zeros((3, 0, 0))
     rotation2 = -np.einsum("ka,kij->aij", turns, turn) if turn.any() else np.zeros((3, 0, 0))
@@ -119,7 +126,7 @@ class _Support:
             self._tests = np.cross(free, body.x[:, None]).swapaxes(1, 2).reshape(fe.M.shape[0], -1)
             self._balance = fe.M @ self._tests
 
-    def geometric_stiffness(self, loads: Array) -> Array:
+    def geometric_stiffness(self, loads: Array, elements: bool) -> Array:
         """Return the geometric stiffness of the body's shapes under nodal loads (n_nodes, 3, k), shape (k, n, n)."""
         flat = loads.reshape(-1, loads.shape[-1])
         T, P = self._tests, self._balance
@@ -130,7 +137,11 @@ class _Support:
         at_a_time = max(1, ENTRIES_AT_ONCE // self._fe.discretisation.element_nodes.shape[1] ** 2)
         for first in range(0, len(felt), at_a_time):
             part = slice(first, first + at_a_time)
-            out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
+            if elements:
+                out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
+        if (arms := self._fe.arms) is not None:
+            left = rest[:, felt] - self._fe.K @ u.reshape(len(rest), -1)
+            out[felt] += arms.stiffness(left.reshape(u.shape), self._shapes)
         return out
 
 
@@ -167,6 +178,7 @@ def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
     ndarray, shape (k, n, n)
         Symmetric [N/m per unit of the shapes squared].
     """
-    flat, n = shapes.reshape(len(shapes), -1), shapes.shape[2]
+    n_nodes, n = len(fe.discretisation.x), shapes.shape[2]
+    flat = shapes[:n_nodes].reshape(n_nodes, -1)
     K = np.array([flat.reshape(-1, n).T @ (k_G @ flat).reshape(-1, n) for k_G in geometric_stiffness(fe, u)])
     return np.asarray(0.5 * (K + K.swapaxes(1, 2)))

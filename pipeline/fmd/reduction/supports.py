@@ -53,47 +53,56 @@ def tie_rigid_faces(fe: FEModel, markers: Sequence[Marker]) -> sp.csr_array:
     Returns
     -------
     sparse array, shape (3 n_nodes, n)
-        Columns: the unknowns of all other nodes, then displacement and rotation of each marker.
+        Columns: the unknowns of all other nodes, those of links, then displacement and rotation of each marker.
 
     Raises
     ------
     ValueError
-        Two faces share nodes.
+        Two faces share nodes, or a face and a link.
     """
     tied = np.concatenate([marker.nodes for marker in markers])
     if len(np.unique(tied)) < len(tied):
         raise ValueError("two rigid faces share nodes; make one of the attachments 'averaged'")
-    others = np.setdiff1d(np.arange(len(fe.x)), tied)
-    unknowns = (3 * others[:, None] + np.arange(3)).ravel()
-    kept = sp.csr_array((np.ones(len(unknowns)), (unknowns, np.arange(len(unknowns)))), (fe.K.shape[0], len(unknowns)))
-    blocks = [kept]
+    own = (3 * tied[:, None] + np.arange(3)).ravel()
+    n = fe.K.shape[0]
+    if fe.T is not None:
+        rows, n = sp.csr_array(fe.T[own]), fe.T.shape[1]
+        own = rows.indices
+        if len(own) != rows.shape[0] or (rows.data != 1.0).any():
+            raise ValueError("a rigid face and a link share nodes; make the attachment 'averaged'")
+    others = np.setdiff1d(np.arange(n), own)
+    blocks = [sp.csr_array((np.ones(len(others)), (others, np.arange(len(others)))), (n, len(others)))]
+    first = 0
     for marker in markers:
-        r = fe.x[marker.nodes] - marker.position
-        moves = rigid_motions(r)
-        rows = np.repeat((3 * marker.nodes[:, None] + np.arange(3)).ravel(), 6)
-        columns = np.tile(np.arange(6), 3 * len(r))
-        blocks.append(sp.csr_array((moves.ravel(), (rows, columns)), (fe.K.shape[0], 6)))
-    return sp.csr_array(sp.hstack(blocks))
+        moves = rigid_motions(fe.x[marker.nodes] - marker.position)
+        rows = np.repeat(own[first : first + 3 * len(moves)], 6)
+        columns = np.tile(np.arange(6), 3 * len(moves))
+        blocks.append(sp.csr_array((moves.ravel(), (rows, columns)), (n, 6)))
+        first += 3 * len(moves)
+    tie = sp.csr_array(sp.hstack(blocks))
+    return tie if fe.T is None else sp.csr_array(fe.T @ tie)
 
 
-def remove_fixed_unknowns(T: Any, fixed: IntArray, n_rigid_faces: int) -> sp.csr_array:
-    """Take the fixed unknowns out of a transformation ``u = T u_r``, whose last columns move rigid faces.
+def remove_fixed_unknowns(T: Any, fixed: IntArray, n_linked: int) -> sp.csr_array:
+    """Take the fixed unknowns out of a transformation ``u = T u_r``, whose last columns move rigid faces and links.
 
     Parameters
     ----------
     T : sparse array, shape (3 n_nodes, n)
-        Transformation as `tie_rigid_faces` makes it, or the identity.
+        Transformation as `tie_rigid_faces` or `fmd.fem.links` makes it, or the identity.
     fixed : ndarray of int
         Fixed unknowns; ``3 i + a`` is node i along axis a.
-    n_rigid_faces : int
-        Number of faces that move as rigid pieces.
+    n_linked : int
+        Number of the last columns that move rigid faces and links.
 
     Raises
     ------
     ValueError
-        A rigid face is fixed at a node: its other nodes would be fixed too.
+        A rigid face, or another node that a link moves, is fixed: what moves with it would be fixed too.
     """
-    columns = np.unique(T[fixed].indices)
-    if columns.size and columns[-1] >= T.shape[1] - 6 * n_rigid_faces:
+    rows = sp.csr_array(T[fixed])
+    columns = np.unique(rows.indices)
+    alone = len(rows.indices) == len(fixed) and bool((rows.data == 1.0).all())
+    if columns.size and (columns[-1] >= T.shape[1] - n_linked or not alone):
         raise ValueError("a support and a rigid face share nodes; make the attachment 'averaged'")
     return sp.csr_array(T[:, np.setdiff1d(np.arange(T.shape[1]), columns)])

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from fmd.core.limits.scene import MOST_CUT_PIECES
 from fmd.core.units import PositiveDensity, PositiveStress
+from fmd.scene.links import FaceLink, MassOnLink
 from fmd.scene.modes import ModeSettings, RayleighDamping
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
@@ -91,6 +92,10 @@ class Solid(Deformable):
         Nodes that can't move in the body's frame.
     element : dict of str to NamedElement
         Elements whose stress is wanted over time, by name.
+    link : dict of str to FaceLink
+        Reference points that faces are linked to, by name.
+    mass : dict of str to MassOnLink
+        Rigid bodies on links, by name.
     pieces : int or str
         Number of pieces that the body is cut into for large deflections. Each has a frame of its own, ``modes.count``
         modes fixed at its cuts, and static deflections by these. ``"auto"`` doubles it until deflections within the
@@ -109,6 +114,8 @@ class Solid(Deformable):
     marker: dict[Name, MarkerPlace] = Field(default_factory=dict)
     support: tuple[Support, ...] = ()
     element: dict[Name, NamedElement] = Field(default_factory=dict)
+    link: dict[Name, FaceLink] = Field(default_factory=dict)
+    mass: dict[Name, MassOnLink] = Field(default_factory=dict)
     pieces: Pieces = 1
     sections: Literal["tractions", "averaged", "rigid"] = "tractions"
 
@@ -144,6 +151,20 @@ class Solid(Deformable):
         for name, element in self.element.items():
             if self.parts is not None and element.part not in (None, *self.parts):
                 raise UnknownNameError("part", str(element.part), self.parts, "the parts", "element", name, "part")
+        return self
+
+    @model_validator(mode="after")
+    def _on_links(self) -> Solid:
+        for name, link in self.link.items():
+            self._check_faces(link.faces, "link", name, "face")
+        for name, mass in self.mass.items():
+            if mass.at not in self.link:
+                raise UnknownNameError("link", mass.at, self.link, "the body's links", "mass", name, "at")
+        for name, marker in self.marker.items():
+            if marker.link is not None and marker.link not in self.link:
+                raise UnknownNameError("link", marker.link, self.link, "the body's links", "marker", name, "link")
+        if self.link and self.pieces != 1:
+            raise FaultError("is of a body without links: they aren't cut with it yet", "pieces")
         return self
 
     @model_validator(mode="after")

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import Deformable, DividedMesh, Poisson, Solid, require_interface
+from fmd.scene.links import FaceLink, MassOnLink
 from fmd.scene.modes import ModeSettings, ReducedModes
 from fmd.scene.orientation import Orientation
 from fmd.scene.places import MarkerPlace, NamedElement, Support
@@ -192,9 +193,11 @@ class CadPart(Imported):
 
 
 class Meshless(Deformable):
-    """A body without a mesh of its own, which has no elements and no supports."""
+    """A body without a mesh of its own, which has no elements, no links and no supports."""
 
     element: ClassVar[Mapping[str, NamedElement]] = MappingProxyType({})
+    link: ClassVar[Mapping[str, FaceLink]] = MappingProxyType({})
+    mass: ClassVar[Mapping[str, MassOnLink]] = MappingProxyType({})
     support: ClassVar[tuple[Support, ...]] = ()
 
 

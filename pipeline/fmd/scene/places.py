@@ -9,9 +9,9 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 from fmd.core.units import QuantityReader
 from fmd.scene.orientation import Orientation
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import FaceName, PartName, Plane, Point, Turn, Words
+from fmd.scene.values import FaceName, Name, PartName, Plane, Point, Turn, Words
 
-MARKER_WAYS = ("face", "near", "plane", "edge", "at", "node", "nodes")
+MARKER_WAYS = ("face", "near", "plane", "edge", "at", "node", "nodes", "link")
 
 
 def _read_edge(edge: object, info: ValidationInfo) -> object:
@@ -31,9 +31,9 @@ Edge = Annotated[tuple[Any, Any], BeforeValidator(_read_edge), Words("list of 2 
 class MarkerPlace(Orientation):
     """A named place on a flexible body, where joints and loads act and motion is recorded, with axes of its own.
 
-    Exactly one of ``face``, ``near``, ``plane``, ``edge``, ``at``, ``node`` and ``nodes`` says where it is. A force at
-    a point or on an edge has no finite deflection under it: on finer meshes it grows, and so does the stress around it,
-    which is left out of the largest stress. Take faces for joints and loads, points for results.
+    Exactly one of ``face``, ``near``, ``plane``, ``edge``, ``at``, ``node``, ``nodes`` and ``link`` says where it is. A
+    force at a point or on an edge has no finite deflection under it: on finer meshes it grows, and so does the stress
+    around it, which is left out of the largest stress. Take faces for joints and loads, points for results.
 
     Parameters
     ----------
@@ -52,6 +52,8 @@ class MarkerPlace(Orientation):
         A point [m]; the marker is the node nearest to it.
     nodes : tuple of int, optional
         Numbers of the nodes in the file, for a body that is given by its matrices.
+    link : str, optional
+        Name of a link of the body; the marker is its reference point.
     attachment : str
         How the marker follows its nodes: their mean motion (``"averaged"``, RBE3), which leaves the face free to
         deform, or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``.
@@ -76,6 +78,7 @@ class MarkerPlace(Orientation):
     at: Point | None = None
     node: Point | None = None
     nodes: tuple[int, ...] | None = None
+    link: Name | None = None
     attachment: Literal["averaged", "rigid"] = "averaged"
 
     @property
@@ -100,8 +103,8 @@ class MarkerPlace(Orientation):
             raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
         if len(ways) > 1:
             raise FaultError(f"can't stand beside {ways[0]}: a marker's place is told in one way", ways[1])
-        if ways[0] in ("edge", "at", "node") and self.attachment == "rigid":
-            raise FaultError("needs a face; a marker at a point or on an edge is averaged", "attachment")
+        if ways[0] in ("edge", "at", "node", "link") and self.attachment == "rigid":
+            raise FaultError("needs a face; a marker at a point, on an edge or on a link is averaged", "attachment")
         return self
 
     @property

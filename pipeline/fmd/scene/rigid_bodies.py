@@ -16,6 +16,13 @@ from fmd.scene.visuals import Visuals
 Moment = Annotated[MomentOfInertia, NonNegative]
 
 
+def require_possible_moments(inertia: tuple[float, float, float]) -> None:
+    """Raise ``FaultError`` for principal moments of inertia that no body has."""
+    largest = max(inertia)
+    if largest > (sum(inertia) - largest) * (1 + SOLVED):
+        raise FaultError("isn't any body's: no moment is greater than the sum of the other two", "inertia")
+
+
 class PointMarker(Orientation):
     """A named point of a rigid body, where joints and loads act and motion is recorded, with axes of its own.
 
@@ -121,7 +128,5 @@ class RigidBody(Undeformable):
 
     @model_validator(mode="after")
     def _inertia_of_a_body(self) -> RigidBody:
-        largest = max(self.inertia)
-        if largest > (sum(self.inertia) - largest) * (1 + SOLVED):
-            raise FaultError("isn't any body's: no moment is greater than the sum of the other two", "inertia")
+        require_possible_moments(self.inertia)
         return self

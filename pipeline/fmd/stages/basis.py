@@ -131,14 +131,22 @@ def compute_modes(model: ConstrainedModel, settings: AnyModes) -> Modes:
 def reduce_body(model: ConstrainedModel, modes: Modes, settings: AnyModes, frame: str) -> FlexibleBody:
     """Reduce a body to its modes and static responses, with the frame that its joint asks for.
 
+    What is on rigid arms moves in second order, too, whatever the scene says about stiffening.
+
     Raises
     ------
     InputError
         The body hangs on no joint, or its supports don't fix it.
     """
-    fe, markers, joint, fixed = model.fe, model.markers, model.joint, model.fixed
-    if not joint.marker:
+    if not model.joint.marker:
         raise InputError(model.file, f"body.{model.name}", None, "hangs on no joint: it has modes, but no motion")
+    body = _on_its_joint(model, modes, settings, frame)
+    return body if model.fe.arms is None else stiffen_reduced(model, body, elements=False)
+
+
+def _on_its_joint(model: ConstrainedModel, modes: Modes, settings: AnyModes, frame: str) -> FlexibleBody:
+    """Reduce a body to first order, with the frame that its joint asks for."""
+    fe, markers, joint, fixed = model.fe, model.markers, model.joint, model.fixed
     omega, shapes = modes.omega, modes.shapes
     if settings.enrich != "none":
         omega, shapes = _enriched_shapes(model, modes, settings)
@@ -153,12 +161,13 @@ def reduce_body(model: ConstrainedModel, modes: Modes, settings: AnyModes, frame
     return reduced_body(*common, joint.free_directions, joint.normal)
 
 
-def stiffen_reduced(model: ConstrainedModel, body: FlexibleBody) -> FlexibleBody:
-    """Stiffen a reduced body by the loads that a scene can put on it."""
+def stiffen_reduced(model: ConstrainedModel, body: FlexibleBody, elements: bool = True) -> FlexibleBody:
+    """Stiffen a reduced body by the loads that a scene can put on it, or what is on rigid arms alone."""
     joint = model.joint
     reaction = None if joint.floating or model.fixed is not None else model.reaction
     common = (body, model.fe, model.solver, reaction, joint.plane, joint.accelerated)
-    return stiffen_body(*common, model.markers, joint.free_directions if model.fixed is not None else None)
+    free = joint.free_directions if model.fixed is not None else None
+    return stiffen_body(*common, model.markers, free, elements)
 
 
 def _enriched_shapes(model: ConstrainedModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:

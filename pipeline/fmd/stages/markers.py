@@ -1,4 +1,4 @@
-"""Markers and supports of a flexible body on its mesh or on the nodes of its matrices."""
+"""Markers, links and supports of a flexible body on its mesh or on the nodes of its matrices."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ import numpy as np
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError
 from fmd.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
+from fmd.fem.links import LinkedFace, LumpedMass, link_points
 from fmd.fem.local_markers import edge_marker, point_marker, single_node_marker
 from fmd.fem.markers import Marker, face_marker, facets_on_face
+from fmd.fem.model import FEModel
 from fmd.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces
 from fmd.fem.space import Discretisation
 from fmd.scene.any_body import Flexible
+from fmd.scene.links import FaceLink
 from fmd.scene.places import MarkerPlace
 from fmd.stages.meshing.bodies import find_name
 
@@ -25,7 +28,7 @@ T = TypeVar("T")
 def place_markers(
     shape: Flexible, space: Discretisation, file: str, body: str, given: Mapping[str, Marker] | None = None
 ) -> dict[str, Marker]:
-    """Place a body's markers on the surface of its mesh, but for those that are given.
+    """Place a body's markers on the surface of its mesh, but for those that are given, as those of links are.
 
     Raises
     ------
@@ -37,32 +40,54 @@ def place_markers(
         if given is not None and name in given:
             return given[name]
         rigid = marker.attachment == "rigid"
-        if marker.plane is not None:
-            return face_marker(space, facets_in_plane(space, *marker.plane), rigid)
-        if marker.near is not None:
-            return face_marker(space, facets_near(space, np.array(marker.near), _cad_faces(shape, space)), rigid)
         if marker.at is not None:
             return point_marker(space, np.array(marker.at))
         if marker.node is not None:
             return single_node_marker(space, int(node_at(space, np.array(marker.node))[0]))
         if marker.edge is not None and not marker.edge_faces:
             return edge_marker(space, nodes_on_edge(space, np.array(marker.edge)))
-        key = f"body.{body}.marker.{name}.face"
         if marker.edge_faces:
             key = f"body.{body}.marker.{name}.edge"
             names = [find_name(space.mesh.faces, face, file, key) for face in marker.edge_faces]
             return edge_marker(space, nodes_on_faces(space, [space.mesh.faces[face] for face in names]))
-        faces = [space.mesh.faces[find_name(space.mesh.faces, face, file, key)] for face in marker.faces]
-        return face_marker(space, faces, rigid)
+        return face_marker(space, _faces(shape, space, marker, file, f"body.{body}.marker.{name}"), rigid)
 
     return _placed(shape, place, file, body)
+
+
+def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
+    """Return the model of a body with its links and lumped masses; the model itself if it has none.
+
+    Raises
+    ------
+    InputError
+        A face isn't there, or two rigid links share nodes.
+    """
+    if not shape.link:
+        return fe
+    links, space = dict[str, LinkedFace](), fe.discretisation
+    for name, given in shape.link.items():
+        key = f"body.{body}.link.{name}"
+        try:
+            marker = face_marker(space, _faces(shape, space, given, file, key), given.type == "rigid")
+        except ValueError as error:
+            raise InputError(file, key, given.face or given.plane or given.near, str(error)) from error
+        links[name] = LinkedFace(marker, marker.position if given.at is None else np.array(given.at))
+    masses = []
+    for own in shape.mass.values():
+        centre = links[own.at].at if own.centre is None else np.array(own.centre)
+        masses.append(LumpedMass(own.at, own.mass, centre, np.diag(own.inertia)))
+    try:
+        return link_points(fe, links, masses)
+    except ValueError as error:
+        raise InputError(file, f"body.{body}.link", None, str(error)) from error
 
 
 def find_marker_facets(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, IntArray]:
     """Find the boundary facets of each marker of a body that is on a face; raises as `place_markers`."""
 
     def find(name: str, marker: MarkerPlace) -> IntArray:
-        faces = _faces(shape, space, name, marker, file, body)
+        faces = _faces(shape, space, marker, file, f"body.{body}.marker.{name}")
         facets = np.unique(np.concatenate([facets_on_face(space, face) for face in faces]))
         if not facets.size:
             raise ValueError("no boundary facet of the mesh lies on the face")
@@ -73,15 +98,14 @@ def find_marker_facets(shape: Flexible, space: Discretisation, file: str, body: 
 
 
 def _faces(
-    shape: Flexible, space: Discretisation, name: str, marker: MarkerPlace, file: str, body: str
+    shape: Flexible, space: Discretisation, place: MarkerPlace | FaceLink, file: str, key: str
 ) -> list[IntArray]:
-    """Return the faces that a marker is on, as `face_marker` takes them."""
-    if marker.plane is not None:
-        return [facets_in_plane(space, *marker.plane)]
-    if marker.near is not None:
-        return [facets_near(space, np.array(marker.near), _cad_faces(shape, space))]
-    key = f"body.{body}.marker.{name}.face"
-    return [space.mesh.faces[find_name(space.mesh.faces, face, file, key)] for face in marker.faces]
+    """Return the faces that a marker or a link is on, as `face_marker` takes them."""
+    if place.plane is not None:
+        return [facets_in_plane(space, *place.plane)]
+    if place.near is not None:
+        return [facets_near(space, np.array(place.near), _cad_faces(shape, space))]
+    return [space.mesh.faces[find_name(space.mesh.faces, face, file, f"{key}.face")] for face in place.faces]
 
 
 def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str) -> dict[str, Marker]:

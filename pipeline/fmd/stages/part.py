@@ -102,7 +102,12 @@ def _assemble(part: FlexiblePart) -> FEModel:
     if part.formulation == "plain" and not part.space.kind.can_be_enhanced:
         problem = f"belongs to linear hexahedra; the elements here are {part.space.kind.name}"
         raise InputError(part.file, f"body.{part.name}.mesh.formulation", "plain", problem)
-    return assemble(part.mesh, part.order, part.material, part.formulation)
+    solid = assemble(part.mesh, part.order, part.material, part.formulation)
+    if not part.shape.link:
+        return solid
+    from fmd.stages.markers import add_links
+
+    return add_links(part.shape, solid, part.file, part.name)
 
 
 def _compute_modes(part: FlexiblePart) -> Modes:
@@ -317,11 +322,12 @@ class FlexiblePart:
 
     @property
     def mass(self) -> float:
-        """Mass from the volumes of the elements [kg]."""
+        """Mass from the volumes of the elements, and of what is linked to them [kg]."""
+        linked = sum(own.mass for own in self.shape.mass.values())
         if isinstance(self.shape, Bar | Propeller):
-            return self.shape.rho * self.mesh.volume
+            return self.shape.rho * self.mesh.volume + linked
         volumes, material = self.space.volumes, self.material
-        return float(sum(own.rho * volumes[mine].sum() for own, mine in material.over(slice(None))))
+        return float(sum(own.rho * volumes[mine].sum() for own, mine in material.over(slice(None)))) + linked
 
     @cached_property
     def markers(self) -> dict[str, Marker]:
@@ -330,7 +336,10 @@ class FlexiblePart:
         from fmd.stages.markers import place_markers, place_node_markers
 
         if self.has_mesh:
-            given = self.piece.given if self.piece else None
+            given = dict(self.piece.given) if self.piece else {}
+            for name, at in self.shape.marker.items():
+                if at.link is not None:
+                    given[name] = self.fe.marker(at.link)
             return place_markers(self.shape, self.space, self.file, self.name, given)
         if self.is_reduced:
             return place_file_markers(self.fe, self.shape, self.file, self.name)

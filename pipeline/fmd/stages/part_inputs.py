@@ -34,7 +34,7 @@ class KeyedPart(Protocol):
 
 def mesh_inputs(part: KeyedPart) -> Any:
     """Return what a mesh depends on: the shape, and neither its material nor what is attached to it."""
-    of_no_shape = ("E", "nu", "rho", "material", "modes", "marker", "support", "element")
+    of_no_shape = ("E", "nu", "rho", "material", "modes", "marker", "support", "element", "link", "mass")
     return _identify(part, dict.fromkeys(of_no_shape, True) | {"mesh": {"formulation"}})
 
 

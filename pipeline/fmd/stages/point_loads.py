@@ -28,7 +28,10 @@ def loaded_points(scene: Scene, part: FlexiblePart) -> tuple[str, ...]:
     return tuple(
         name
         for name, place in part.shape.marker.items()
-        if f"{part.name}.{name}" in places and isinstance(place, MarkerPlace) and not place.is_face
+        if f"{part.name}.{name}" in places
+        and isinstance(place, MarkerPlace)
+        and not place.is_face
+        and place.link is None  # whose forces enter through a face
     )
 
 

@@ -50,14 +50,15 @@ def _reduce(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
         body = part.for_any_motion(part.body)
     else:
         body = reduce_body(model, part.modes, part.shape.modes, part.frame)
-    if not (part.has_mesh and stiffened):
+    elements = part.has_mesh and stiffened
+    if not elements and model.fe.arms is None:
         return body
     from fmd.reduction.stiffening import stiffen_body
 
     joint = model.joint
     reaction = None if joint.floating or model.fixed is not None else model.reaction
     free = joint.free_directions if model.fixed is not None else None
-    return stiffen_body(body, model.fe, model.solver, reaction, None, True, model.markers, free)
+    return stiffen_body(body, model.fe, model.solver, reaction, None, True, model.markers, free, elements)
 
 
 def surface_stress(part: FlexiblePart, body: FlexibleBody) -> Array | None:

@@ -36,3 +36,6 @@ SAME_PLACE = 1e-6  # distance of nodes that coincide when turned, of the body's 
 # Shapes.
 CAD_ELEMENTS = 4000  # of a mesh whose size nobody gave; around bores and fillets there are more
 CAD_DIGITS = 2  # of the size of elements that nobody gave
+
+# Links.
+DEEPEST_LINKS = 20  # links that hang on links

@@ -1,0 +1,82 @@
+"""Points on rigid arms, and their displacement of second order.
+
+A point at the end of an arm r that turns by θ moves by ``θ × r``, and in second order by ``½ θ × (θ × r)``: the arm is
+drawn in. A load f on it does work there, and so an arm has a geometric stiffness of its own, ``−f·(½ θ × (θ × r))``
+over the square of the coordinates, without any stress. It keeps a disc on a shaft, whose inertia is that of points on
+arms, from being weakened by its own turning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from fmd.core.arrays import EPSILON, Array, IntArray
+
+
+@dataclass(frozen=True)
+class Arms:
+    """Points that turn with the links that they belong to, many to each.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k,)
+        Numbers of the points.
+    link : ndarray, shape (k,)
+        Number of the link of each.
+    turn : sparse array, shape (3 n_links, 3 n_points)
+        Rotation of each link by the displacements of all points [1/m].
+    second : ndarray, shape (k, 3, 3, 3)
+        Displacement of second order by the link's rotation θ, ``½ Σ_ab second[:, :, a, b] θ_a θ_b`` [m].
+    """
+
+    points: IntArray
+    link: IntArray
+    turn: sp.csr_array
+    second: Array
+
+    def stiffness(self, forces: Array, shapes: Array) -> Array:
+        """Return the geometric stiffness of shapes by forces on the arms' ends.
+
+        Parameters
+        ----------
+        forces : ndarray, shape (n_points, 3, k)
+            Loads less the forces of the elements [N]; what is left acts on the links.
+        shapes : ndarray, shape (n_points, 3, n)
+            Displacements [kg^-1/2].
+
+        Returns
+        -------
+        ndarray, shape (k, n, n)
+            Symmetric [N/m per unit of the shapes squared].
+        """
+        n_links = self.turn.shape[0] // 3
+        moments = np.zeros((n_links, 3, 3, forces.shape[2]))
+        np.add.at(moments, self.link, np.einsum("pck,pcab->pabk", forces[self.points], self.second))
+        turns = (self.turn @ shapes.reshape(self.turn.shape[1], -1)).reshape(n_links, 3, -1)
+        return -np.asarray(np.einsum("labk,laj,lbm->kjm", moments, turns, turns, optimize=True))
+
+
+def second_of_rigid(r: Array) -> Array:
+    """Return ``second`` of `Arms` for arms r (k, 3) of a rigid link: ``θ × (θ × r)``, shape (k, 3, 3, 3)."""
+    unit = np.eye(3)
+    across = np.einsum("ca,pb->pcab", unit, r)
+    return np.asarray(0.5 * (across + across.swapaxes(2, 3)) - np.einsum("pc,ab->pcab", r, unit))
+
+
+def second_of_mean(r: Array, places: Array, weights: Array) -> Array:
+    """Return ``second`` of `Arms` for arms r (k, 3) that follow the mean motion of nodes.
+
+    Displacements of second order of the nodes themselves have a mean rotation, which is none of the arms'.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n, 3)
+        Nodes relative to their centroid [m].
+    weights : ndarray, shape (3, n, 3)
+        Weights of the mean rotation [1/m], as `Marker.rotation_weights`.
+    """
+    spurious = np.einsum("aid,idbc->abc", weights, second_of_rigid(places))
+    return np.asarray(second_of_rigid(r) - np.einsum("cae,abd,pe->pcbd", EPSILON, spurious, r))

@@ -1,0 +1,96 @@
+"""Links and lumped masses of a flexible body in a scene file: what is bolted to it without a mesh of its own."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from fmd.core.units import PositiveMass
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.rigid_bodies import Moment, require_possible_moments
+from fmd.scene.values import FaceName, Name, Plane, Point
+
+_PLACES = ("face", "near", "plane")
+
+
+class FaceLink(SceneTable):
+    """A reference point, as the middle of a bearing, that moves a face rigidly or follows it in the mean.
+
+    Exactly one of ``face``, ``near`` and ``plane`` says which face, as for a marker. Other parts hang on the reference
+    by a marker ``{ link = "NAME" }``, and a lumped mass by its ``at``.
+
+    Parameters
+    ----------
+    face : str or tuple of str, optional
+        One face of the shape, or several that make one.
+    near : tuple of float, optional
+        A point [m]; the smooth face nearest to it is meant.
+    plane : tuple, optional
+        Plane; all of the surface in it is the face.
+    type : str
+        ``"rigid"`` (RBE2): the face moves as a rigid piece; ``"average"`` (RBE3): the reference moves as the face does
+        in the mean, each part of it weighted by its area, and leaves it free to deform.
+    at : tuple of float, optional
+        The reference point [m]; the middle of the face by default.
+
+    Examples
+    --------
+    ::
+
+        [body.bracket.link]
+        bearing = { face = "bore", type = "rigid", at = ["42 mm", "0 mm", "30 mm"] }
+    """
+
+    face: FaceName | Annotated[tuple[FaceName, ...], Field(min_length=1, max_length=100)] | None = None
+    near: Point | None = None
+    plane: Plane | None = None
+    type: Literal["rigid", "average"]
+    at: Point | None = None
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of its faces; empty if another key says where it is."""
+        return (self.face,) if isinstance(self.face, str) else self.face or ()
+
+    @model_validator(mode="after")
+    def _on_one_face(self) -> FaceLink:
+        given = [key for key in _PLACES if getattr(self, key) is not None]
+        if not given:
+            raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
+        if len(given) > 1:
+            raise FaultError(f"can't stand beside {given[0]}: a link's face is told in one way", given[1])
+        return self
+
+
+class MassOnLink(SceneTable):
+    """A rigid body on the reference point of a link: a motor, a wheel, what is bolted on.
+
+    Parameters
+    ----------
+    at : str
+        Name of the link.
+    mass : float
+        [kg]
+    centre : tuple of float, optional
+        Centre of mass in the part's coordinates [m]; the reference point by default.
+    inertia : tuple of float
+        Moments about the centre of mass, along the part's x, y and z [kg m²].
+
+    Examples
+    --------
+    ::
+
+        [body.bracket.mass]
+        motor = { at = "bearing", mass = "0.4 kg", inertia = ["1e-4 kg m^2", "1e-4 kg m^2", "2e-4 kg m^2"] }
+    """
+
+    at: Name
+    mass: PositiveMass
+    centre: Point | None = None
+    inertia: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _inertia_of_a_body(self) -> MassOnLink:
+        require_possible_moments(self.inertia)
+        return self

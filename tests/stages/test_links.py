@@ -1,0 +1,103 @@
+"""Bodies with links and masses from the scene file to their motion, and scenes with links that are wrong."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fmd
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+
+MASS, HEIGHT = 0.4, 0.05
+INERTIA = ["1e-4 kg m^2", "2e-4 kg m^2", "2e-4 kg m^2"]
+AT = ["0.3 m", "0 m", f"{HEIGHT} m"]
+
+
+def scene(linked: bool = True, **changes: Any) -> dict[str, Any]:
+    """A bar on a hinge along y, whose free end carries a motor beside it, linked or as a rigid body of its own."""
+    bar = {
+        "shape": "bar",
+        "length": "0.3 m",
+        "depth": "10 mm",
+        "width": "10 mm",
+        "E": "70 GPa",
+        "nu": 0.3,
+        "rho": "2700 kg/m^3",
+        "mesh": {"element": "hexahedron", "order": 2, "divisions": [6, 1, 1]},
+        "modes": {"count": 6, "boundary": "interface"},
+        "marker": {"root": {"face": "x-"}, "end": {"face": "x+", "attachment": "rigid"}},
+    }
+    linked_bar = bar | {
+        "marker": {"root": {"face": "x-"}, "end": {"link": "end"}},
+        "link": {"end": {"face": "x+", "type": "rigid", "at": AT}},
+        "mass": {"motor": {"at": "end", "mass": f"{MASS} kg", "inertia": INERTIA}},
+    }
+    motor = {
+        "shape": "rigid",
+        "mass": f"{MASS} kg",
+        "inertia": INERTIA,
+        "marker": {"seat": {"at": ["0 m", "0 m", f"{-HEIGHT} m"]}, "end": {"at": ["0 m", "0 m", "0 m"]}},
+    }
+    bolt = {"type": "fixed", "parent": "bar.end", "child": "motor.seat"}
+    return {
+        "title": "Bar with a motor",
+        "body": {"bar": linked_bar | changes} if linked else {"bar": bar, "motor": motor},
+        "joint": {"hinge": {"type": "revolute", "parent": "ground", "child": "bar.root", "axis": [0, 1, 0]}}
+        | ({} if linked else {"bolt": bolt}),
+        "simulation": {
+            "duration": "0.1 s",
+            "output_step": "2 ms",
+            "gravity": ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"],
+            "tip": "bar.end" if linked else "motor.end",
+            "run": [{"integrator": "runge-kutta", "tolerance": 1e-9}],
+        },
+    }
+
+
+def test_a_linked_motor_moves_as_a_rigid_body_that_is_bolted_on() -> None:
+    paths: list[Array] = []
+    for linked in (True, False):
+        paths.append(np.asarray(fmd.load(scene(linked)).motion.tip_position))
+    fall = np.abs(paths[0] - paths[0][0]).max()
+    assert fall > 0.02
+    assert np.abs(paths[0] - paths[1]).max() < 1e-5 * fall
+
+
+def test_mass_is_that_of_bar_and_motor_and_stress_that_of_the_bars_own_surface() -> None:
+    result = fmd.load(scene())
+    bar = 2700.0 * 0.3 * 0.01**2
+    assert result.body.integrals.mass == pytest.approx(bar + MASS, rel=1e-9)
+    J = bar * (0.3**2 / 3 + 0.01**2 / 12) + 2e-4 + MASS * (0.3**2 + HEIGHT**2)  # about the hinge
+    assert result.body.inertia_about_joint == pytest.approx(J, rel=1e-9)
+    assert result.stress.nodes.max() < len(result.fe.discretisation.x)
+    assert len(result.body.x) == len(result.fe.discretisation.x) + 14
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"mass": {"motor": {"at": "and", "mass": "1 kg"}}},
+            r"mass.motor.at = 'and': no such link; did you mean",
+        ),
+        ({"marker": {"root": {"face": "x-"}, "end": {"link": "tip"}}}, r"marker.end.link = 'tip': no such link"),
+        ({"link": {"end": {"face": "x*", "type": "rigid"}}}, r"link.end.face = 'x\*': no such face"),
+        ({"link": {"end": {"type": "rigid"}}}, "link.end.face: is missing"),
+        (
+            {"link": {"end": {"face": "x+", "plane": "x = 0", "type": "rigid"}}},
+            "link.end.plane = .* can't stand",
+        ),
+        ({"pieces": 2}, "pieces = 2: is of a body without links"),
+        ({"mass": {"motor": {"at": "end", "mass": "1 kg", "inertia": [*INERTIA[:2], "1 kg m^2"]}}}, "isn't any body's"),
+    ],
+)
+def test_links_that_are_wrong_are_refused_by_key(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        fmd.load(scene(**changes))
+
+
+def test_rigid_links_that_share_nodes_are_refused() -> None:
+    links = {"end": {"face": "x+", "type": "rigid"}, "side": {"face": "y+", "type": "rigid"}}
+    with pytest.raises(InputError, match=r"body.bar.link: a node is moved by two links"):
+        fmd.load(scene(link=links, mass={})).modes  # noqa: B018
