@@ -32,6 +32,7 @@ from fmd.scene.imported_bodies import (
 from fmd.scene.joints.angles import OneAngleJoint, TwoAngleJoint
 from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.joints.joint import CarryingJoint
+from fmd.scene.links import FaceLink, MassOnLink
 from fmd.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
 from fmd.scene.modes import ModeSettings, RayleighDamping, ReducedModes
 from fmd.scene.orientation import AxisDirections, Orientation
@@ -47,7 +48,6 @@ from fmd.scene.pictures import (
     PictureSettings,
     StressPicture,
 )
-from fmd.scene.links import FaceLink, MassOnLink
 from fmd.scene.places import GroundPlace, MarkerPlace, NamedElement, Support
 from fmd.scene.propeller import Propeller, PropellerMesh
 from fmd.scene.reading import SceneTable
