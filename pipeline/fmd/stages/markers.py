@@ -11,7 +11,7 @@ import numpy as np
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError
 from fmd.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
-from fmd.fem.links import LinkedFace, LumpedMass, link_points
+from fmd.fem.links import LinkedFace, LinkedModel, LumpedMass, link_points
 from fmd.fem.local_markers import edge_marker, point_marker, single_node_marker
 from fmd.fem.markers import Marker, face_marker, facets_on_face
 from fmd.fem.model import FEModel
@@ -53,6 +53,16 @@ def place_markers(
         return face_marker(space, _faces(shape, space, marker, file, f"body.{body}.marker.{name}"), rigid)
 
     return _placed(shape, place, file, body)
+
+
+def place_link_markers(shape: Flexible, model: Callable[[], FEModel]) -> dict[str, Marker]:
+    """Place those of a body's markers that are on its links; the model is made only if there are any."""
+    links = {name: at.link for name, at in shape.marker.items() if isinstance(at, MarkerPlace) and at.link is not None}
+    if not links:
+        return {}
+    fe = model()
+    assert isinstance(fe, LinkedModel)
+    return {name: fe.marker(link) for name, link in links.items()}
 
 
 def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:

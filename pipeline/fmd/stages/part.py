@@ -333,13 +333,11 @@ class FlexiblePart:
     def markers(self) -> dict[str, Marker]:
         """Markers on the finite element model, by name."""
         from fmd.fem.formats.matrices import MatrixModel
-        from fmd.stages.markers import place_markers, place_node_markers
+        from fmd.stages.markers import place_link_markers, place_markers, place_node_markers
 
         if self.has_mesh:
             given = dict(self.piece.given) if self.piece else {}
-            for name, at in self.shape.marker.items():
-                if at.link is not None:
-                    given[name] = self.fe.marker(at.link)
+            given |= place_link_markers(self.shape, lambda: self.fe)
             return place_markers(self.shape, self.space, self.file, self.name, given)
         if self.is_reduced:
             return place_file_markers(self.fe, self.shape, self.file, self.name)
