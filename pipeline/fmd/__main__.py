@@ -7,6 +7,6 @@ import sys
 if sys.path[:1] == [os.getcwd()] and not os.path.isfile(os.path.join(sys.path[0], "fmd", "__main__.py")):
     del sys.path[0]
 
-from fmd.cli.app import main
+from fmd.cli.start import main
 
 main()

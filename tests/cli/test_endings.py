@@ -37,8 +37,11 @@ marker = { middle = { at = ["150 mm", "0 mm", "0 mm"] }, tip = { face = "x+" } }
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.1, 0.3, 0.7, 1.5])
-def test_an_interrupt_while_all_is_loaded_is_one_line(delay: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize("door", ["start", "module"])
+def test_an_interrupt_while_all_is_loaded_is_one_line(delay: float, door: str, tmp_path: Path) -> None:
     begun = "from fmd.cli.start import main; print(flush=True); main()"
+    if door == "module":  # python -m fmd
+        begun = "import runpy, fmd.cli.start; print(flush=True); runpy.run_module('fmd', run_name='__main__')"
     command = [sys.executable, "-c", begun, "run", "beam", "--no-cache", "--no-pictures", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
     assert process.stdout is not None

@@ -271,9 +271,9 @@ def test_a_shaft_that_bends_unlike_in_two_directions_grows_between_its_two_criti
     forward = int(np.argmax(there["growth_1_s"]))
     square = np.roots([1.0, low**2 + high**2 + 2 * 175**2, (low**2 - 175**2) * (high**2 - 175**2)]).max()
     assert there["growth_1_s"][forward] == pytest.approx(np.sqrt(square), rel=0.02)
-    assert there["frequencies_hz"][forward] == pytest.approx(175.0 / (2 * np.pi), rel=1e-12)  # carried round
+    assert there["frequency_hz"][forward] == pytest.approx(175.0 / (2 * np.pi), rel=1e-12)  # carried round
     assert there["whirl"][forward] == 1.0
-    assert len({len(row["frequencies_hz"]) for row in found["rows"]}) == 2  # two real poles for one pair
+    assert len({len(row["frequency_hz"]) for row in found["rows"]}) == 2  # two real poles for one pair
     assert fmd("campbell", *shaft_command) == 0
     assert "grows by itself, by up to 2" in capsys.readouterr().out
 

@@ -135,6 +135,6 @@ def test_a_campbell_diagram_is_a_table_and_a_chart_and_begins_with_the_modes(
     modes = json.loads(capsys.readouterr().out)["frequencies_hz"]
     assert len(modes) == 4
     assert table[0, 1:5] == pytest.approx(modes, rel=1e-6)  # beyond them are what the enrichment adds
-    printed_rows = np.array([row["frequencies_hz"][0] for row in printed["rows"]])
+    printed_rows = np.array([row["frequency_hz"][0] for row in printed["rows"]])
     assert table[:, 1] == pytest.approx(printed_rows, rel=1e-7)
     assert (np.diff(table[:, 1]) > 0).all()

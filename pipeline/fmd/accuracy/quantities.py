@@ -13,7 +13,6 @@ from fmd.core.limits.errors import SAME_FREQUENCY_OF_MESHES
 from fmd.core.limits.round_off import EXACT, SUMMED
 from fmd.core.rotations import quaternion_of_matrix
 from fmd.recovery.stress import StressHistory, von_mises
-from fmd.stages.point_loads import limitless_nodes
 
 if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
@@ -115,7 +114,7 @@ def stress_quantities(
     for name, part in run.parts.items():
         chosen = slice(None) if nodes is None else nodes[name]
         q = motion.modal(name) if as_if is None else motion.modal(name) @ as_if[name].T
-        nodes_of, limitless = part.surface.nodes[chosen], limitless_nodes(run.scene, part)[chosen]
+        nodes_of, limitless = part.surface.nodes[chosen], run.limitless_of(name)[chosen]
         history = StressHistory(nodes_of, part.surface_stress[chosen], motion.times, q, limitless)
         worst = history.limited_von_mises(frames).max(axis=1)
         found.append(Quantity(f"{name}, largest von Mises stress", "Pa", worst, largest=True, kind="stress"))

@@ -117,7 +117,6 @@ class CampbellDiagram:
             row: dict[str, Any] = {"rate_rad_s": rate, "speed_rpm": rate / RPM}
             row |= {"rate_rpm": rate / RPM} if self.in_rpm else {}
             for name, values in (
-                ("frequencies_hz", self.frequencies_hz),
                 ("frequency_hz", self.frequencies_hz),
                 ("growth_1_s", self.growth),
                 ("damping", self.damping),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.limits.recovery import FINER_TIMES, NEAR_LARGEST_DEFLECTION
@@ -181,6 +181,7 @@ class Pipeline:
         }
         self.results: dict[str, Any] = {name: result for name, result in given.items() if result is not None}
         self._envelopes: dict[str, StressEnvelope] = {}
+        self._limitless: dict[str, BoolArray] = {}
 
     def variant(
         self, scene: Scene, monitor: Monitor = silent, stiffening_loads: Mapping[str, StiffeningLoads] | None = None
@@ -279,8 +280,14 @@ class Pipeline:
         if body in self.division.divided:
             return self.division.divided[body].stress(self.motion)
         part, first = self.parts[body], self.motion
-        q, limitless = first.modal(body), limitless_nodes(self.scene, part)
-        return StressHistory(part.surface.nodes, part.surface_stress, first.times, q, limitless)
+        limitless = self.limitless_of(body)
+        return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body), limitless)
+
+    def limitless_of(self, body: str) -> BoolArray:
+        """Return which nodes of a body's surface have stress that grows with each refinement, shape (n_nodes,)."""
+        if body not in self._limitless:
+            self._limitless[body] = limitless_nodes(self.scene, self.parts[body])
+        return self._limitless[body]
 
     def deform(self, body: str, frames: Sequence[int] | IntArray, nodes: IntArray) -> Array:
         """Return the displacement of nodes in the frame at a body's joint at output times, (n_frames, n_nodes, 3) [m].
