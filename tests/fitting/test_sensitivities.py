@@ -12,6 +12,7 @@ import pytest
 
 import fmd as package
 from fmd.core.errors import InputError
+from fmd.fitting.beside import march_in_parts
 from fmd.fitting.parameters import change_parameters, find_parameter
 from fmd.fitting.sensitivities import Sensitivity
 
@@ -94,6 +95,33 @@ def test_an_oscillator_has_the_derivatives_of_its_closed_form() -> None:
         np.testing.assert_allclose(found[key].slope, slope, atol=1e-5 * np.abs(slope).max())
         assert np.abs(found[key].error).max() < 1e-4 * np.abs(slope).max()
     assert found["joint.slide.position"].relative == pytest.approx(1.0, abs=1e-9)
+
+
+def test_derivatives_are_those_of_the_steps_after_hundreds_of_oscillations() -> None:
+    """Leapfrog's own solution is ``x_n = x_0 cos nθ`` with ``2 sin(θ/2) = ω h``."""
+    h, key = 5e-3, "joint.slide.spring"
+    times = {"simulation.duration": "50 s", "simulation.output_step": "50 ms", "simulation.step": f"{h} s"}
+    result = package.load(OSCILLATOR, *(f"{name}={value}" for name, value in times.items()))
+    (found,) = package.jacobian(result, ["slide.position"], [key])
+    omega, n = np.sqrt(STIFFNESS / MASS), result.run.output_times / h
+    theta = 2.0 * np.arcsin(0.5 * omega * h)
+    by_logarithm = -START * n * np.sin(n * theta) * omega * h / (2.0 * np.cos(0.5 * theta))
+    size = np.abs(by_logarithm).max()
+    np.testing.assert_allclose(found.slope * STIFFNESS, by_logarithm, atol=1e-7 * size)
+    assert np.abs(found.error).max() * STIFFNESS < 1e-4 * size
+
+
+@pytest.mark.parametrize(
+    "method", ["integrator='central-difference'", "integrator='sub-cycling', substeps=3, step='10 us'"]
+)
+def test_a_march_in_parts_is_that_without_a_break(method: str) -> None:
+    run = package.load("arm", f"simulation.run=[{{{method}}}]", *SMALL_ARM[1:]).run
+    plan = next(iter(run.plans.values()))
+    parts = march_in_parts(plan, run.output_times)
+    whole = plan.march(run.output_times)
+    assert len(parts.stops) > 100
+    np.testing.assert_array_equal(parts.trajectory.q, whole.q)
+    np.testing.assert_array_equal(parts.trajectory.v, whole.v)
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.core.limits.fitting import FIT_DIFFERENCE
-from fmd.fitting.held_run import HeldRun
+from fmd.fitting.held_run import HeldMotion, HeldRun
 from fmd.fitting.measurements import Measurements
 from fmd.fitting.parameters import Parameter
 from fmd.stages.pipeline import Pipeline
@@ -54,6 +53,10 @@ class VariedNumber:
             return float(self.parameter.value * np.exp(share))
         return self.parameter.value + share * abs(self.parameter.value)
 
+    def per_share(self, value: float) -> float:
+        """Return how fast the number [SI] changes with what a fit counts, at a value."""
+        return value if self.by_logarithm else abs(self.parameter.value)
+
 
 @dataclass
 class FitModel:
@@ -78,7 +81,7 @@ class FitModel:
     measured: Measurements
     varied: tuple[VariedNumber, ...]
     marches: int = 0
-    _known: dict[bytes, Array] = field(default_factory=dict)
+    _known: dict[bytes, HeldMotion] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         times = self.measured.times
@@ -87,10 +90,7 @@ class FitModel:
 
     def histories(self, shares: Array) -> Array:
         """Return the results over the measured times at some numbers, shape (n_channels, n_times), in SI units."""
-        key = np.asarray(shares, dtype=float).tobytes()
-        if key not in self._known:
-            self._known = {key: self._read(self._march(shares))}
-        return self._known[key]
+        return self._read(self._motion(shares).run)
 
     def residuals(self, shares: Array) -> Array:
         """Return results less measurements over their noise, and priors over theirs, shape (n_residuals,)."""
@@ -99,15 +99,14 @@ class FitModel:
         return np.concatenate([apart, np.asarray(shares)[self._with_prior] / self._priors])
 
     def jacobian(self, shares: Array) -> Array:
-        """Return the residuals' derivatives by what a fit counts, (n_residuals, n_varied), by central differences."""
-        shares = np.asarray(shares, dtype=float)
+        """Return the residuals' derivatives by what a fit counts, (n_residuals, n_varied)."""
         scale = np.array([each.sigma for each in self.measured.channels])[:, None]
-        columns = []
-        for number in range(len(self.varied)):
-            step = np.zeros(len(shares))
-            step[number] = FIT_DIFFERENCE
-            low, high = (self._read(self._march(shares + sign * step)) for sign in (-1.0, 1.0))
-            columns.append(((high - low) / (2.0 * FIT_DIFFERENCE * scale)).ravel())
+        motion, columns = self._motion(shares), []
+        for each in self.varied:
+            low, high, step = self._held.beside(motion, each.parameter)
+            self.marches += 2
+            slope = (self._read(high) - self._read(low)) / (2.0 * step)
+            columns.append((slope * each.per_share(motion.values[each.parameter]) / scale).ravel())
         priors = np.diag(1.0 / np.array([each.prior for each in self.varied]))[self._with_prior]
         return np.concatenate([np.column_stack(columns), priors])
 
@@ -128,16 +127,20 @@ class FitModel:
     def _priors(self) -> Array:
         return np.array([each.prior for each in self.varied if np.isfinite(each.prior)])
 
-    def _march(self, shares: Array) -> Pipeline:
-        self.marches += 1
-        values = self.values(shares)
-        try:
-            return self._held.at(dict(zip([each.parameter for each in self.varied], values, strict=True)))
-        except StabilityError as error:
-            at = ", ".join(f"{each.parameter.key} = {x:.6g}" for each, x in zip(self.varied, values, strict=True))
-            raise AccuracyError(
-                f"the fit came to {at}, where {error}; narrow the bounds or shorten the step"
-            ) from error
+    def _motion(self, shares: Array) -> HeldMotion:
+        """Return the scene at some numbers, which is computed once."""
+        key = np.asarray(shares, dtype=float).tobytes()
+        if key not in self._known:
+            values = self.values(shares)
+            self.marches += 1
+            try:
+                motion = self._held.at(dict(zip([each.parameter for each in self.varied], values, strict=True)))
+            except StabilityError as error:
+                at = ", ".join(f"{each.parameter.key} = {x:.6g}" for each, x in zip(self.varied, values, strict=True))
+                mend = "narrow the bounds or shorten the step"
+                raise AccuracyError(f"the fit came to {at}, where {error}; {mend}") from error
+            self._known = {key: motion}
+        return self._known[key]
 
     def _read(self, other: Pipeline) -> Array:
         return np.array([each.channel.read(other)[self._first :] for each in self.measured.channels])

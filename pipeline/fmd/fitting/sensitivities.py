@@ -10,10 +10,10 @@ import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array
-from fmd.core.limits.fitting import DIFFERENCE, JUMP
+from fmd.core.limits.fitting import JUMP
 from fmd.fitting.channels import ResultChannel, find_channels
 from fmd.fitting.frequency_slopes import frequency_change
-from fmd.fitting.held_run import HeldRun
+from fmd.fitting.held_run import HeldMotion, HeldRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.stages.pipeline import Pipeline
 
@@ -102,28 +102,29 @@ def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[
     run = result.run
     parameters = [find_parameter(run.scene, key) for key in dict.fromkeys(to)]
     channels = [channel for name in dict.fromkeys(of) for channel in find_channels(run, name)]
-    by_parameter = [list(_differentiate(HeldRun(run), channels, parameter)) for parameter in parameters]
+    held, moves = HeldRun(run), any(channel.moves for channel in channels)
+    motion = held.at({}, moves)
+    by_parameter = [list(_differentiate(held, motion, channels, parameter)) for parameter in parameters]
     return [row for rows in zip(*by_parameter, strict=True) for row in rows]
 
 
-def _differentiate(held: HeldRun, channels: Sequence[ResultChannel], parameter: Parameter) -> Iterator[Sensitivity]:
+def _differentiate(
+    held: HeldRun, motion: HeldMotion, channels: Sequence[ResultChannel], parameter: Parameter
+) -> Iterator[Sensitivity]:
     """Yield the derivative of each result by one number."""
     moves = any(channel.moves for channel in channels)
-    steps = [DIFFERENCE * parameter.value, 0.5 * DIFFERENCE * parameter.value]
-    pairs = [
-        tuple(held.at({parameter: parameter.value + sign * step}, moves) for sign in (-1.0, 1.0)) for step in steps
-    ]
+    pairs = [held.beside(motion, parameter, share, moves) for share in (1.0, 0.5)]
     for channel in channels:
         value = np.asarray(channel.read(held.run))
-        rough, fine = (
-            _change(channel, held.run, *pair) / (2.0 * step) for pair, step in zip(pairs, steps, strict=True)
-        )
-        slope = (4.0 * fine - rough) / 3.0
+        rough, fine = (_change(channel, held.run, low, high) / (2.0 * step) for low, high, step in pairs)
+        ratio = (pairs[0][2] / pairs[1][2]) ** 2
+        slope = (ratio * fine - rough) / (ratio - 1.0)
         if channel.part:
             slope, mean, solved = slope
             yield Sensitivity(channel, parameter, value, slope, np.abs(mean - solved))
         else:
-            yield Sensitivity(channel, parameter, value, slope, np.abs(slope - fine), _jumps(channel, pairs[1]))
+            jumps = _jumps(channel, *pairs[1][:2], share=pairs[1][2] / abs(parameter.value))
+            yield Sensitivity(channel, parameter, value, slope, np.abs(slope - rough), jumps)
 
 
 def _change(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeline) -> Array:
@@ -133,11 +134,11 @@ def _change(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeli
     return np.asarray(channel.read(plus) - channel.read(minus))
 
 
-def _jumps(channel: ResultChannel, variants: Sequence[Pipeline]) -> bool:
+def _jumps(channel: ResultChannel, *variants: Pipeline, share: float) -> bool:
     """Return whether a largest value grows at another place or time by more than where it is followed."""
     if channel.largest is None:
         return False
-    return any(channel.largest(each) > float(channel.read(each)) * (1.0 + JUMP * 0.5 * DIFFERENCE) for each in variants)
+    return any(channel.largest(each) > float(channel.read(each)) * (1.0 + JUMP * share) for each in variants)
 
 
 def _rms(values: Array) -> float:

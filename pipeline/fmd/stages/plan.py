@@ -68,15 +68,26 @@ class Plan:
         if not self.integrator.chooses_method:
             self.march(np.zeros(1))
 
-    def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
+    @property
+    def marched(self) -> tuple[CompiledSystem, Array, Array]:
+        """System, positions and rates that are integrated: those of the modes that don't stay at rest."""
         (q0, v0), part = self.start, self.excited
         if part is None or self.excited_system is None:
-            return self._march(self.system, q0, v0, times, progress)
-        march = self._march(self.excited_system, q0[part.positions], v0[part.rates], times, progress)
-        q, v = np.tile(q0, (len(times), 1)), np.zeros((len(times), len(v0)))
+            return self.system, q0, v0
+        return self.excited_system, q0[part.positions], v0[part.rates]
+
+    def spread_out(self, march: Trajectory) -> Trajectory:
+        """Return what was integrated with all coordinates; those of modes that stay at rest are 0."""
+        (q0, v0), part = self.start, self.excited
+        if part is None or self.excited_system is None:
+            return march
+        q, v = np.tile(q0, (len(march.times), 1)), np.zeros((len(march.times), len(v0)))
         q[:, part.positions], v[:, part.rates] = march.q, march.v
         return replace(march, q=q, v=v)
+
+    def march(self, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate; coordinates of modes that stay at rest are 0. The end is that of what was integrated."""
+        return self.spread_out(self._march(*self.marched, times, progress))
 
     def _march(
         self, system: CompiledSystem, q0: Array, v0: Array, times: Array, progress: Progress | None

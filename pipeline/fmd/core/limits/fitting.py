@@ -1,12 +1,14 @@
 """Derivatives of results by numbers of a scene, and fits to measurements."""
 
-# Derivatives by differences.
-DIFFERENCE = 2e-3  # of a number: the longer of the two steps that differences are extrapolated from
+# Derivatives by differences, extrapolated from those over two steps, the longer of which is given.
+DIFFERENCE = 2e-3  # of a number, between whole motions
+NEAR_DIFFERENCE = 2e-4  # of a number, between motions that are drawn back to the run after each of its parts
+SAME_SHAPE = 0.02  # of a shape's size: what it may change by where motions are drawn back
+PARTS = 200  # of a motion
 JUMP = 0.05  # per cent per per cent that a largest value gains elsewhere, from which on it is said to jump
 
 # Fits to measurements.
 NORMAL_95 = 1.959963984540054  # standard deviations to each side that hold 95 % of a normal distribution
-FIT_DIFFERENCE = 2e-4  # of a number: the step of central differences in the Jacobian of a fit
 DETERMINED = 0.5  # largest half-width of a 95 % interval, of the number's logarithm or relative, that a fit begins with
 NOISE_ORDER = 4  # of the differences of successive values by which the noise of a channel is estimated
 STRONG_CORRELATION = 0.9  # from which on two numbers are named together
