@@ -55,6 +55,7 @@ from fmd.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from fmd.scene.runs import RUNS
 from fmd.scene.scene import PublishedResults, Scene
 from fmd.scene.simulation import Simulation
+from fmd.scene.state_loads import LoadOverTime, Variable
 from fmd.scene.stress_outputs import Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
 from fmd.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
@@ -170,6 +171,11 @@ angle = { file = "motion.csv", time = "t", column = "q1", unit = "deg" }
 A column is named as in the file's first row, or by its number from 1. Lines that begin with `#` are comments, and in a
 file with semicolons or tabs numbers may have a decimal comma.
 """
+_BY_MOTION = """\
+So a torque may be a controller's, a spring's with any law, or a gas force by a crank's angle. It is differentiated and
+compiled as all other forces are: implicit methods see its stiffness, and steps keep to it. [Drives and
+control](control.md) has examples.
+"""
 
 
 class Section(NamedTuple):
@@ -255,6 +261,8 @@ SECTIONS = (
     Section("### Point force", PointForce),
     Section("### Point torque", PointTorque),
     Section("### Quantities over time", TimeFunction, _FORMULAS),
+    Section("### Loads by the motion", LoadOverTime, _BY_MOTION),
+    Section("### Variables of a formula", Variable),
     Section("## Force elements", None, _ELEMENTS),
     Section("### Spring", Spring),
     Section("### Force by elongation", ForceByElongation, _ELONGATION),

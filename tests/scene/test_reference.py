@@ -12,7 +12,7 @@ from docs.scene_reference.sections import SECTIONS
 from docs.scene_reference.values import describe_values
 from fmd.core.units import Length, PositiveTime
 from fmd.scene.any_body import Body
-from fmd.scene.curves import TimeFunction, TorqueOverTime
+from fmd.scene.curves import TimeFunction
 from fmd.scene.joints.any_joint import Joint
 from fmd.scene.joints.revolute import Revolute
 from fmd.scene.loads import Drive
@@ -21,6 +21,7 @@ from fmd.scene.reading import SceneTable
 from fmd.scene.runs import Run
 from fmd.scene.scene import Scene
 from fmd.scene.schema import read_docstring
+from fmd.scene.state_loads import LoadOverTime, TorqueOverTime
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 TABLES = [section.table for section in SECTIONS if section.table is not None]
@@ -76,7 +77,7 @@ def test_the_example_of_a_table_is_right(table: type[SceneTable]):
         value = value[key]
     parts = 1 if header[0] == "output" else 2  # outputs have no names, so what follows is a table in one
     kind: Any = Run if header[:2] == ["simulation", "run"] else kinds.get(header[0]) if len(header) <= parts else table
-    kind = TorqueOverTime if table is TimeFunction else kind or table
+    kind = TorqueOverTime if table in (TimeFunction, LoadOverTime) else kind or table
     by_name = header[-1] in ("marker", "element", "link", "mass")
     values = value if isinstance(value, list) else value.values() if by_name else [value]
     for one in values:

@@ -15,8 +15,8 @@ from fmd.core.errors import InputError
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
 from fmd.recovery.motion import Motion
-from fmd.scene.curves import TorqueOverTime
 from fmd.scene.scene import Scene
+from fmd.scene.state_loads import TorqueOverTime
 from fmd.stages.mechanism import build_mechanism
 from fmd.stages.signals import signal_of
 from tests.dynamics.drives import Drives

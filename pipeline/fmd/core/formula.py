@@ -35,6 +35,7 @@ _OPERATORS: dict[type[ast.operator], tuple[int, Callable[[float, float], float]]
     ast.Pow: (POWER, math.pow),
 }
 _CONSTANTS = {"pi": math.pi}
+OF_TIME = frozenset({"t", *_CONSTANTS, *_FUNCTIONS})
 _ALLOWED = f"t, pi, numbers, + - * / **, {', '.join(_FUNCTIONS)} and 'a if t < c else b'"
 _CONDITION = "a condition compares t with a constant, e.g. t < 0.5; for two of them write one 'if' into the other"
 # Refused before Python's parser sees them: quotes, brackets and comments, and a number that runs into a name, of which
@@ -64,8 +65,8 @@ class Formula:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
-    """Piece of a program, with its value if it doesn't depend on t, and the depth of stack that it needs."""
+class Part:
+    """Piece of a program, with its value if it is constant, and the depth of stack that it needs."""
 
     codes: tuple[int, ...]
     constants: tuple[float, ...]
@@ -98,6 +99,17 @@ def parse_formula(text: str, variable: str = "t") -> Formula:
     ValueError
         The text is no formula; the message says where, and what works.
     """
+    tree = parse_text(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and variable != "t":
+            if node.id == "t":
+                raise _refusal(node, f"there is no 't'; the formula's variable is {variable}")
+            node.id = "t" if node.id == variable else node.id
+    return TimeReader().formula(tree)
+
+
+def parse_text(text: str) -> ast.expr:
+    """Return the tree of a formula, its columns those of the text; raises as `parse_formula`."""
     if len(text) > LONGEST_FORMULA:
         raise ValueError(f"is longer than {LONGEST_FORMULA} characters; use a table")
     if not text.strip():
@@ -119,86 +131,96 @@ def parse_formula(text: str, variable: str = "t") -> Formula:
     for node in ast.walk(tree.body):
         if isinstance(node, ast.expr):
             node.col_offset += indent
-        if isinstance(node, ast.Name) and variable != "t":
-            if node.id == "t":
-                raise _refusal(node, f"there is no 't'; the formula's variable is {variable}")
-            node.id = "t" if node.id == variable else node.id
-    breakpoints: set[float] = set()
+    return tree.body
+
+
+def read_guarded(reader: TimeReader, node: ast.expr) -> Part:
+    """Read a tree, which must be neither too deep for Python nor for the stack of its program."""
     try:
-        part = _read(tree.body, breakpoints)
+        part = reader.read(node)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
     if part.depth > MOST_DEPTH:
         raise ValueError(f"needs {part.depth} values at a time, {MOST_DEPTH} is the most; simplify or nest less")
-    return Formula(part.codes, part.constants, tuple(sorted(breakpoints)))
+    return part
 
 
-def _read(node: ast.expr, breakpoints: set[float]) -> _Part:
-    """Translate a node of Python's syntax tree and all below it; adds the times at which conditions switch."""
-    match node:
-        case ast.Constant(value=float() | int() as number) if not isinstance(number, bool):
-            return _constant(node, lambda: float(number))
-        case ast.Name(id="t"):
-            return _Part((TIME,), (), None, 1)
-        case ast.Name(id=name) if name in _CONSTANTS:
-            return _constant(node, lambda: _CONSTANTS[name])
-        case ast.Name(id=name) if name in _FUNCTIONS:
-            raise _refusal(node, f"{name} is a function; write {name}(...)")
-        case ast.Name(id=name):
-            raise _refusal(node, f"there is no {name!r}; a formula is made of {_ALLOWED}")
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _read(operand, breakpoints)
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return _joined(node, NEGATE, lambda a: -a, _read(operand, breakpoints))
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-            code, does = _OPERATORS[type(op)]
-            return _joined(node, code, does, _read(left, breakpoints), _read(right, breakpoints))
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
-            code, count, does = _FUNCTIONS[name]
-            if len(arguments) != count:
-                raise _refusal(node, f"{name} takes {count} value{'s' if count > 1 else ''}")
-            return _joined(node, code, does, *(_read(argument, breakpoints) for argument in arguments))
-        case ast.Call(func=ast.Name(id=name)) if name not in _FUNCTIONS:
-            raise _refusal(node, f"there is no function {name!r}; a formula is made of {_ALLOWED}")
-        case ast.Compare():
-            raise _refusal(node, "a comparison stands in 'a if t < c else b' only")
-        case ast.IfExp(test=test, body=body, orelse=orelse):
-            return _chosen(test, _read(body, breakpoints), _read(orelse, breakpoints), breakpoints)
-        case _:
-            raise _refusal(node, f"this can't be in a formula; it is made of {_ALLOWED}")
+class TimeReader:
+    """Translates formulas of the time, and collects the times at which their conditions switch."""
 
+    def __init__(self) -> None:
+        self.breakpoints: set[float] = set()
 
-def _chosen(test: ast.expr, then: _Part, other: _Part, breakpoints: set[float]) -> _Part:
-    """Translate ``then if t < c else other``, for the four comparisons of t with a constant."""
-    match test:
-        case ast.Compare(left=left, ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as op], comparators=[right]):
-            time, switch = _read(left, set()), _read(right, set())
-            before = isinstance(op, ast.Lt | ast.LtE)
-            if time.value is not None:  # c < t
-                time, switch, before = switch, time, not before
-            if time.codes != (TIME,) or switch.value is None:
+    def formula(self, node: ast.expr) -> Formula:
+        """Return the formula of a tree."""
+        part = read_guarded(self, node)
+        return Formula(part.codes, part.constants, tuple(sorted(self.breakpoints)))
+
+    def read(self, node: ast.expr) -> Part:
+        """Translate a node of Python's syntax tree and all below it."""
+        match node:
+            case ast.Constant(value=float() | int() as number) if not isinstance(number, bool):
+                return _constant(node, lambda: float(number))
+            case ast.Name(id="t"):
+                return Part((TIME,), (), None, 1)
+            case ast.Name(id=name) if name in _CONSTANTS:
+                return _constant(node, lambda: _CONSTANTS[name])
+            case ast.Name(id=name) if name in _FUNCTIONS:
+                raise _refusal(node, f"{name} is a function; write {name}(...)")
+            case ast.Name(id=name):
+                raise _refusal(node, f"there is no {name!r}; a formula is made of {_ALLOWED}")
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.read(operand)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return _joined(node, NEGATE, lambda a: -a, self.read(operand))
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                code, does = _OPERATORS[type(op)]
+                return _joined(node, code, does, self.read(left), self.read(right))
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
+                code, count, does = _FUNCTIONS[name]
+                if len(arguments) != count:
+                    raise _refusal(node, f"{name} takes {count} value{'s' if count > 1 else ''}")
+                return _joined(node, code, does, *(self.read(argument) for argument in arguments))
+            case ast.Call(func=ast.Name(id=name)) if name not in _FUNCTIONS:
+                raise _refusal(node, f"there is no function {name!r}; a formula is made of {_ALLOWED}")
+            case ast.Compare():
+                raise _refusal(node, "a comparison stands in 'a if t < c else b' only")
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                return self.choose(test, self.read(body), self.read(orelse))
+            case _:
+                raise _refusal(node, f"this can't be in a formula; it is made of {_ALLOWED}")
+
+    def choose(self, test: ast.expr, then: Part, other: Part) -> Part:
+        """Translate ``then if t < c else other``, for the four comparisons of t with a constant."""
+        match test:
+            case ast.Compare(left=left, ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as op], comparators=[right]):
+                time, switch = TimeReader().read(left), TimeReader().read(right)
+                before = isinstance(op, ast.Lt | ast.LtE)
+                if time.value is not None:  # c < t
+                    time, switch, before = switch, time, not before
+                if time.codes != (TIME,) or switch.value is None:
+                    raise _refusal(test, _CONDITION)
+                # The later value begins at c itself for t < c and t >= c, and after it for t <= c and t > c.
+                strict = isinstance(op, ast.Lt | ast.Gt) == before
+                code = BEFORE if strict else UNTIL
+                first, second = (then, other) if before else (other, then)
+                self.breakpoints.add(switch.value)
+                return Part(
+                    second.codes + first.codes + switch.codes + (code,),
+                    second.constants + first.constants + switch.constants,
+                    None,
+                    max(second.depth, 1 + first.depth, 3),
+                )
+            case _:
                 raise _refusal(test, _CONDITION)
-            # The later value begins at c itself for t < c and t >= c, and after it for t <= c and t > c.
-            strict = isinstance(op, ast.Lt | ast.Gt) == before
-            code = BEFORE if strict else UNTIL
-            first, second = (then, other) if before else (other, then)
-            breakpoints.add(switch.value)
-            return _Part(
-                second.codes + first.codes + switch.codes + (code,),
-                second.constants + first.constants + switch.constants,
-                None,
-                max(second.depth, 1 + first.depth, 3),
-            )
-        case _:
-            raise _refusal(test, _CONDITION)
 
 
-def _joined(node: ast.expr, code: int, does: Callable[..., float], *parts: _Part) -> _Part:
+def _joined(node: ast.expr, code: int, does: Callable[..., float], *parts: Part) -> Part:
     """Append an operation to its operands; on constants alone it is done at once."""
     values = [part.value for part in parts]
     if None not in values:
         return _constant(node, lambda: does(*values))
-    return _Part(
+    return Part(
         (*(c for part in parts for c in part.codes), code),
         tuple(c for part in parts for c in part.constants),
         None,
@@ -206,7 +228,7 @@ def _joined(node: ast.expr, code: int, does: Callable[..., float], *parts: _Part
     )
 
 
-def _constant(node: ast.expr, value: Callable[[], float]) -> _Part:
+def _constant(node: ast.expr, value: Callable[[], float]) -> Part:
     """Evaluate a part that doesn't depend on t."""
     try:
         number = float(value())
@@ -214,7 +236,7 @@ def _constant(node: ast.expr, value: Callable[[], float]) -> _Part:
         number = math.nan
     if not math.isfinite(number):
         raise _refusal(node, "this constant has no finite value")
-    return _Part((CONSTANT,), (number,), number, 1)
+    return Part((CONSTANT,), (number,), number, 1)
 
 
 def _refusal(node: ast.expr, why: str) -> ValueError:

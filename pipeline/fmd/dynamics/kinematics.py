@@ -20,6 +20,7 @@ from fmd.dynamics.compiler.interpret import Evaluation
 from fmd.dynamics.compiler.recorded import RecordedMechanism, record_mechanism
 from fmd.dynamics.elements import Element
 from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.state_functions import StateFunction
 
 
 class Momenta(NamedTuple):
@@ -127,6 +128,10 @@ class Kinematics:
         values = self._over(self._recorded.of_strain(element))
         n = (values.shape[1] - 3) // 2
         return values[:, :n], values[:, n:-3], values[:, -3:]
+
+    def effort(self, effort: StateFunction) -> Array:
+        """Force [N] or torque [N m] that a function of the state gives, shape (n_times,)."""
+        return self._over(self._recorded.of_effort(effort))[:, 0]
 
     def wrenches(self, element: Element) -> Array:
         """Force [N] and moment [N m] in space on both places of a force element, shape (n_times, 2, 6)."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.dynamics.compiler.efforts import effort_tangents
 from fmd.dynamics.elements import Element, Matrices
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import Link
@@ -78,9 +79,11 @@ def linearise_forces(mechanism: Mechanism) -> LinearForces:
     """Gather the stiffness and the damping of modes, joints and force elements in the order of rates.
 
     An element has ``Jᵀ K J`` and ``Jᵀ C J`` with the rates J of its strain for unit rates; a spring in tension has
-    what that adds across its line, too.
+    what that adds across its line, too. Of loads by the state the symmetric, positive part counts.
     """
     forces = gather_linear_forces(mechanism.links, mechanism.layout)
+    if mechanism.efforts:
+        forces = forces + _effort_forces(mechanism)
     if not mechanism.elements:
         return forces
     n = mechanism.n
@@ -106,3 +109,16 @@ def _element_matrices(motion: Kinematics, element: Element) -> Matrices:
     values, rates, swings = motion.strain(element)
     J, swing = ((part[:-1] - part[-1]).T for part in (rates, swings))
     return element.linearise(J, swing, values[-1])
+
+
+def _effort_forces(mechanism: Mechanism) -> LinearForces:
+    """Return what loads by the mechanism's own state add, with all else at rest."""
+    K, C = (_positive_part(A) for A in effort_tangents(mechanism))
+    nothing = np.zeros((2, *K.shape))
+    return LinearForces(K.diagonal(), K, C, *nothing)
+
+
+def _positive_part(A: Array) -> Array:
+    """Return the symmetric part of a matrix, without negative eigenvalues."""
+    values, vectors = np.linalg.eigh(0.5 * (A + A.T))
+    return np.asarray(vectors * np.maximum(values, 0.0) @ vectors.T)

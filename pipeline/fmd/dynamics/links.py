@@ -13,6 +13,7 @@ from fmd.core.limits.loads import PIECES_APART
 from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.force_laws import ForceLaw
 from fmd.dynamics.signals.signal import Signal, constant
+from fmd.dynamics.state_functions import StateFunction
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
 
@@ -70,6 +71,8 @@ class Link:
         Rotation from the joint's axes, those of the body at angle 0, into the parent's.
     part : str
         Name of the part that the body is a piece of; empty if it is whole.
+    effort : StateFunction, optional
+        Force or torque along the joint by the mechanism's state, beside ``load``.
     """
 
     name: str
@@ -98,6 +101,7 @@ class Link:
     laws: tuple[ForceLaw, ...] = ()
     place_axes: Array = field(default_factory=lambda: np.eye(3))
     part: str = ""
+    effort: StateFunction | None = None
 
     @property
     def place_marker(self) -> MarkerShapes:
@@ -185,7 +189,7 @@ class Link:
         for name in ("place_shapes", "place_rotations", "place_displacement2"):
             if (found := getattr(self, name).shape[1]) not in (0, parent_modes):
                 raise ValueError(f"{name} of {self.name} has {found} columns, its parent {parent_modes} modes")
-        along = self.spring or self.damper or self.motion or self.load != constant(0.0)
+        along = self.spring or self.damper or self.motion or self.effort or self.load != constant(0.0)
         if along and not self.unit:
             raise ValueError(f"the joint of {self.name} takes no spring, damper, load or motion: it has no axis")
         if len(self.laws) not in (0, self.n_rates):
@@ -229,6 +233,8 @@ class PointLoad:
         Displacement and rotation of the point for unit modal coordinates of the body.
     displacement2 : ndarray, shape (6, n, n)
         Their second order, as in `MarkerShapes.displacement2`; empty if it is left out.
+    effort : StateFunction, optional
+        Size by the mechanism's state, beside ``size``.
     """
 
     body: str
@@ -240,6 +246,7 @@ class PointLoad:
     shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
     rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
     displacement2: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
+    effort: StateFunction | None = None
 
     @property
     def marker(self) -> MarkerShapes:

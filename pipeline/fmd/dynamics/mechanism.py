@@ -20,6 +20,7 @@ from fmd.dynamics.elements import Element
 from fmd.dynamics.links import Link, PointLoad
 from fmd.dynamics.signals.activity import Activity, find_activity
 from fmd.dynamics.signals.signal import Signal
+from fmd.dynamics.state_functions import StateFunction
 from fmd.reduction.body import MarkerShapes
 
 
@@ -113,6 +114,7 @@ class Mechanism:
             raise ValueError(f"links need names of their own, and one link at least: {list(links)}")
         frozen = {body for closure in self.closures for body in closure.bodies}
         frozen |= {end.body for element in self.elements for end in element.ends if end.body != GROUND}
+        frozen |= {body for effort in self.efforts for body in effort.bodies}
         named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads), *frozen}
         if unknown := named - set(links):
             raise ValueError(f"no link is named {', '.join(sorted(unknown))}")
@@ -220,6 +222,17 @@ class Mechanism:
         """Rates of a body's modal coordinates, lowest mode first."""
         return np.asarray(self.layout.mode[body, : len(self.links[body].omega)])
 
+    @cached_property
+    def position_of_rates(self) -> IntArray:
+        """Position that each rate moves, shape (n,); -1 for a rotation in space."""
+        position = np.full(self.n, -1, dtype=np.int64)
+        for k, link in enumerate(self.links):
+            rate, first, scalars = int(self.layout.rate[k]), int(self.layout.position[k]), link.n_scalars
+            position[rate : rate + scalars] = np.arange(first, first + scalars)
+            modes = self.modes_of(k)
+            position[modes] = modes + self.n_positions - self.n
+        return position
+
     @property
     def coordinates(self) -> tuple[tuple[str, str], ...]:
         """Name and SI unit of each coordinate, in the order of the rates."""
@@ -240,7 +253,13 @@ class Mechanism:
     def signals(self) -> tuple[Signal, ...]:
         """All loads and motions."""
         motions = [link.motion for link in self.links if link.motion is not None]
-        return (*motions, *(link.load for link in self.links), *(load.size for load in self.loads))
+        of_time = (signal for effort in self.efforts for signal in effort.signals)
+        return (*motions, *(link.load for link in self.links), *(load.size for load in self.loads), *of_time)
+
+    @property
+    def efforts(self) -> tuple[StateFunction, ...]:
+        """Forces and torques by the mechanism's own state, along joints first."""
+        return tuple(at.effort for at in (*self.links, *self.loads) if at.effort is not None)
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
@@ -261,16 +280,18 @@ class Mechanism:
         loads = [*(link.load for link in self.links), *(load.size for load in self.loads)]
         motions = [link.motion for link in self.links if link.motion is not None]
         both = [(signal, 0) for signal in loads] + [(signal, 2) for signal in motions]
+        both += [pair for effort in self.efforts for pair in effort.signals.items()]
         return tuple((signal, derivative) for signal, derivative in both if not signal.is_constant)
 
     def with_modes(self, kept: Mapping[str, IntArray]) -> Mechanism:
         """Return the mechanism whose bodies have some of their modes alone, by the bodies' names; without markers."""
         own = [kept[link.name] for link in self.links]
         links = [link.with_modes(own[k], own[link.parent]) for k, link in enumerate(self.links)]
+        loads = [load.with_modes(kept[load.body]) for load in self.loads]
         return replace(
             self,
-            links=links,
-            loads=[load.with_modes(kept[load.body]) for load in self.loads],
+            links=[replace(link, effort=link.effort and link.effort.with_modes(kept)) for link in links],
+            loads=[replace(load, effort=load.effort and load.effort.with_modes(kept)) for load in loads],
             slow_modes={name: int((kept[name] < count).sum()) for name, count in self.slow_modes.items()},
             closures=[closure.with_modes(kept) for closure in self.closures],
             elements=[element.with_modes(kept) for element in self.elements],

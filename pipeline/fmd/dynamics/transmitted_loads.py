@@ -258,6 +258,8 @@ def _on_carrier(motion: Kinematics, body: int, force: Array, moment: Array) -> t
 def _of_load(motion: Kinematics, body: int, load: PointLoad) -> tuple[Array, Array]:
     """Force and moment of a point load at its place, in space."""
     frame, size = motion.frames[body], load.size.values(motion.times)[:, :1]
+    if load.effort is not None:
+        size = size + motion.effort(load.effort)[:, None]
     direction = load.direction / np.linalg.norm(load.direction)
     values = size * (frame.rotation @ direction if load.following else direction)
     return (np.zeros_like(values), values) if load.torque else (values, np.zeros_like(values))

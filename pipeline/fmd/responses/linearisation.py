@@ -28,7 +28,7 @@ from fmd.dynamics.compiler.linearised import LinearisedMechanism, Tangents
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
-from fmd.dynamics.signals.signal import Signal, formula
+from fmd.dynamics.signals.signal import Signal, constant, formula
 from fmd.responses.moving_axes import position_map, turning_axes
 from fmd.responses.ports import (
     GroundPort,
@@ -147,20 +147,20 @@ class Linearisation:
                 given.append(acceleration)
         return q, v, np.array(given)
 
-    def _signals(self, time: float) -> dict[Signal, float]:
-        """Return the values of all signals at a time [s]; those of added loads are 0."""
-        values: dict[Signal, float] = {}
-        for signal in self._equations.signals:
-            port = next((port for port, probe in self._probes.items() if probe == signal), None)
-            if port is None:
-                values[signal] = float(signal.value(time)[0])
-            elif isinstance(port, JointPort):
-                values[signal] = float(self.mechanism.links[port.body].load.value(time)[0])
-            elif isinstance(port, LoadPort):
-                values[signal] = float(self.mechanism.loads[port.number].size.value(time)[0])
-            else:
-                values[signal] = 0.0
-        return values
+    def _signals(self, time: float) -> dict[Signal, tuple[float, float, float]]:
+        """Return the values, rates and accelerations of all signals at a time [s]; those of added loads are 0."""
+        return {
+            signal: (self._signal_behind(signal) or constant(0.0)).value(time) for signal in self._equations.signals
+        }
+
+    def _signal_behind(self, signal: Signal) -> Signal | None:
+        """Return the mechanism's own signal in whose place one is; none for an added load's."""
+        port = next((port for port, probe in self._probes.items() if probe == signal), None)
+        if port is None:
+            return signal
+        if isinstance(port, JointPort):
+            return self.mechanism.links[port.body].load
+        return self.mechanism.loads[port.number].size if isinstance(port, LoadPort) else None
 
     def rate_names(self) -> list[str]:
         """Return the names of the mechanism's own coordinates, by their rates' order."""

@@ -19,6 +19,7 @@ from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.runs import name_methods
 from fmd.scene.scene_tables import SceneTables
+from fmd.scene.state_loads import OWN, LoadOverTime
 
 _SINGLE = kinds_that(lambda kind: bool(kind.unit))
 _HINGES = kinds_that(lambda kind: kind.is_hinge)
@@ -66,6 +67,9 @@ class CrossCheck:
     def _check_drives(self) -> Iterator[FaultError]:
         for name, drive in self.scene.drive.items():
             yield from self._check_tables(name, drive)
+            for key, value in drive:
+                if isinstance(value, LoadOverTime) and value.state is not None:
+                    yield from self._check_state(value, drive, "drive", name, key)
             if isinstance(drive, MarkerLoad):
                 yield from self._check_marker(drive.marker, "drive", name, "marker")
                 continue
@@ -82,6 +86,26 @@ class CrossCheck:
                     value.check_duration(self.scene.simulation_table.duration)
                 except FaultError as fault:
                     yield FaultError(str(fault), "drive", name, key, *fault.path)
+
+    def _check_state(self, load: LoadOverTime, drive: Drive, *path: str) -> Iterator[FaultError]:
+        """Names in a formula of the motion exist: variables, and parts of the motion."""
+        assert load.state is not None
+        for name in load.state.names:
+            number = load.find_constant(name) is not None or load.find_derivative(name) is not None
+            if number or (name in OWN and not isinstance(drive, MarkerLoad)):
+                continue
+            at = (*path, "variables", name) if name in load.variables else (*path, "formula")
+            measured = load.find_measured(name)
+            if measured is None:
+                own = [] if isinstance(drive, MarkerLoad) else list(OWN)
+                known = [*own, *load.variables, "joint.angle", "joint.rate", "body.marker.x", "body.marker.vx"]
+                yield UnknownNameError("variable", name, known, "what it may name: t, functions,", *at)
+            elif measured.axis < 0:
+                yield from self._check_joint(measured.place, _SINGLE, "a formula", *at)
+            else:
+                yield from self._check_marker(measured.place, *at)
+                if measured.place.partition(".")[0] in self.scene.pieces:
+                    yield FaultError(f"is of a body in pieces, where {name} can't be measured; pieces = 1 works", *at)
 
     def _check_couplers(self) -> Iterator[FaultError]:
         for name, coupler in self.scene.coupler.items():

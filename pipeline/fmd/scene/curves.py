@@ -12,6 +12,7 @@ from pydantic_core import CoreSchema
 from fmd.core.formula import parse_formula
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.limits.scene import CLOSES, MOST_ELONGATIONS, MOST_REPEATED_ROWS
+from fmd.core.state_formula import StateFormula
 from fmd.core.units import Length, NonNegativeTime, QuantityReader, require_possible, si_unit, unit_ratio
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.table_files import Column, TableColumns, read_columns
@@ -118,11 +119,14 @@ class FormulaOrTable(SceneTable):
         for key in ("values", "between", "beyond"):
             if getattr(self, key, None) is not None:
                 raise FaultError(f"belongs to a table of {arguments}; a formula takes none", key)
+        self._check_formula(self.formula)
+        return self
+
+    def _check_formula(self, text: str) -> None:
         try:
-            parse_formula(self.formula, self.variable)
+            parse_formula(text, self.variable)
         except ValueError as error:
             raise FaultError(str(error), "formula") from None
-        return self
 
     def _check_table(self, table: tuple[float, ...], arguments: str) -> None:
         if self.values is None or len(self.values) != len(table):
@@ -209,6 +213,11 @@ class TimeFunction(FormulaOrTable):
             raise FaultError(f"begins at {first}; times count from the start, 0", "file")
 
     @property
+    def state(self) -> StateFormula | None:
+        """Formula of the mechanism's state; none where the time alone counts."""
+        return None
+
+    @property
     def gap(self) -> float:
         """Difference of a table's last and first value over its largest one; 0 of others."""
         if not self.values:
@@ -248,18 +257,6 @@ class TimeFunction(FormulaOrTable):
             # A jump of the rate is an impulse that no equation here would pass on to the other coordinates.
             raise FaultError("would let the motion's rate jump at each time; 'smooth' works", "between")
         return self
-
-
-class TorqueOverTime(TimeFunction):
-    """A torque [N m] that is constant or changes with time."""
-
-    kind = "torque"
-
-
-class ForceOverTime(TimeFunction):
-    """A force [N] that is constant or changes with time."""
-
-    kind = "force"
 
 
 class AngleOverTime(TimeFunction):

@@ -9,8 +9,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from fmd.core.units import AngularRate, NonNegativeTime, PositiveTime, Torque
-from fmd.scene.curves import AngleOverTime, ForceOverTime, PositionOverTime, TimeFunction, TorqueOverTime
+from fmd.scene.curves import AngleOverTime, PositionOverTime, TimeFunction
 from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.state_loads import ForceOverTime, TorqueOverTime
 from fmd.scene.values import Axis, JointName, MarkerName
 
 

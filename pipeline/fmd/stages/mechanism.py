@@ -26,6 +26,7 @@ from fmd.stages.equilibrium import find_closed_steady_state, find_equilibrium
 from fmd.stages.force_elements import add_elements, joint_laws
 from fmd.stages.parent_joint import ground_place, joint_axes, place_axes, read_parent_joint
 from fmd.stages.signals import require_sound_drives, signal_of
+from fmd.stages.state_functions import drive_effort, joint_effort, require_values_at_start
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
@@ -63,6 +64,8 @@ def build_mechanism(
     except ValueError as error:
         raise InputError(scene.file, "drive", None, str(error)) from error
     mechanism = assemble(scene, mechanism) if closures else mechanism
+    if mechanism.efforts:
+        require_values_at_start(scene, mechanism, place_joints(scene, mechanism)[0])
     return add_elements(scene, mechanism, places.on_either, place_joints)
 
 
@@ -172,6 +175,7 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         (along,) = joint.along
         settings |= {"spring": along.spring, "rest": along.rest, "damper": along.damper}
         settings |= {"motion": motion, "load": _load(scene, name, integrals, axis)}
+        settings["effort"] = joint_effort(scene, name, places.on_either)
     if joint.kind.is_hinge and body in places.bodies and motion is None:
         settings |= {"joint_rotation": reduced.joint_rotation, "joint_displacement2": reduced.joint_displacement2}
     parent = places.parent(body)
@@ -255,6 +259,7 @@ def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
         if isinstance(drive, MarkerLoad):
             at = places.marker(drive.marker)
             size = signal_of(drive.size, scene.simulation.duration)
+            effort = drive_effort(scene, drive, places.on_either)
             direction = np.array(drive.direction, dtype=float)
             if drive.following:
                 direction = place_axes(scene, drive.marker) @ direction
@@ -265,5 +270,5 @@ def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
                 "rotations": at.rotation,
                 "displacement2": at.displacement2,
             }
-            loads.append(PointLoad(body, direction, size, drive.turns, drive.following, **place))
+            loads.append(PointLoad(body, direction, size, drive.turns, drive.following, effort=effort, **place))
     return loads

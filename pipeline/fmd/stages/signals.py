@@ -33,7 +33,12 @@ if TYPE_CHECKING:
 
 
 def signal_of(given: TimeFunction, until: float = 0.0) -> Signal:
-    """Make the signal of a scene's quantity over time, in SI units; a table may repeat up to a time [s]."""
+    """Make the signal of a scene's quantity over time, in SI units; a table may repeat up to a time [s].
+
+    Of a formula of the motion it is 0; that is a `StateFunction`.
+    """
+    if given.state is not None:
+        return constant(0.0)
     if given.constant is not None:
         return constant(given.constant)
     if given.formula is not None:
@@ -58,6 +63,11 @@ def require_sound_drives(scene: Scene) -> None:
             raise InputError(scene.file, path, given.formula, _describe_fault(signal, time, moves))
         if moves:
             _require_continuous(scene, path, given, signal)
+    for path, given, _ in _formulas(scene, of_time=False):
+        for part in given.state.variables if given.state else ():
+            signal = constant(0.0) if isinstance(part, str) else formula(part)
+            if (time := _time_without_value(signal, scene.simulation.duration, 1)) is not None:
+                raise InputError(scene.file, path, given.formula, _describe_fault(signal, time, False))
 
 
 def find_idle_drives(scene: Scene) -> list[str]:
@@ -66,6 +76,8 @@ def find_idle_drives(scene: Scene) -> list[str]:
     end, idle = scene.simulation.duration, []
     for name, drive in scene.drive.items():
         given = drive.load if isinstance(drive, JointDrive) else drive.size
+        if given is not None and given.state is not None:
+            continue
         if given is not None and given.constant is None:
             rests = bool(find_activity(signal_of(given, end), end).quiet.all())
         else:
@@ -85,11 +97,11 @@ def find_jumping_tables(scene: Scene) -> list[tuple[str, float]]:
     ]
 
 
-def _formulas(scene: Scene) -> Iterator[tuple[str, TimeFunction, bool]]:
-    """Go through the formulas of all drives with their paths; True for motions."""
+def _formulas(scene: Scene, of_time: bool = True) -> Iterator[tuple[str, TimeFunction, bool]]:
+    """Go through the formulas of all drives, of time or of the motion, with their paths; True for motions."""
     for name, drive in scene.drive.items():
         for key, given in drive:
-            if isinstance(given, TimeFunction) and given.formula is not None:
+            if isinstance(given, TimeFunction) and given.formula is not None and (given.state is None) is of_time:
                 yield f"drive.{name}.{key}", given, isinstance(drive, MotionDrive)
 
 

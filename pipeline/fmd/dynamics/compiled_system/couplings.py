@@ -73,6 +73,9 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
         elastic |= _exceed(K, NEGLIGIBLE_STIFFNESS + SOLVED * _scale(K)) or _exceed(C, NEGLIGIBLE_DAMPING)
         damped |= bool(np.any(np.abs(C) > NEGLIGIBLE_DAMPING * np.sqrt(np.abs(M.diagonal()[fast]))))
         dragging |= bool((np.abs(by_v) > SOLVED * _scale(M))[:, fast].any())
+    if compiled.mechanism.efforts:  # which may be saturated at these states, or 0
+        elastic = damped = dragging = True
+        driven[:] = True
     inertial = any((np.abs(M) > SOLVED * _scale(M))[:n_slow, n_slow:].any() for M in masses)
     return Couplings(inertial, mass, elastic, damped, dragging, np.flatnonzero(driven))
 

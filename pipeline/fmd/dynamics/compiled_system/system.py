@@ -112,23 +112,17 @@ class CompiledSystem(ReferenceState):
 
     @cached_property
     def _parameters(self) -> CompiledParameters:
-        mechanism, quaternions = self.mechanism, []
-        position = np.full(self.n, -1, dtype=np.int64)
-        for k, link in enumerate(mechanism.links):
-            rate, first = int(mechanism.layout.rate[k]), int(mechanism.layout.position[k])
-            scalars = link.n_scalars
-            position[rate : rate + scalars] = np.arange(first, first + scalars)
+        layout, quaternions = self.mechanism.layout, []
+        for link, rate, first in zip(self.mechanism.links, layout.rate, layout.position, strict=True):
             if link.joint.turns_in_space:
-                quaternions.append((rate + scalars, first + scalars))
-            modes = mechanism.modes_of(k)
-            position[modes] = modes + self.n_positions - self.n
+                quaternions.append((int(rate) + link.n_scalars, int(first) + link.n_scalars))
         address, rows = self.compiled.address, self.compiled.rows
         own: dict[str, Any] = {
             "accelerations": 0 if rows else address("accelerations"),
             "signals": address("signals") if self.compiled.signals else 0,
             "inputs": np.concatenate([np.zeros(3 * len(self.compiled.signals)), self.compiled.joint_numbers]),
             "clock": np.full(2, np.nan),
-            "position": position,
+            "position": self.mechanism.position_of_rates,
             "quaternions": np.array(quaternions, dtype=np.int64).reshape(-1, 2),
         }
         if not rows:

@@ -120,7 +120,7 @@ class _CWriter:
                 return f"1.0 / {x[0]}"
             case "entry":
                 return f"{x[0]}[{data}]"
-            case "sin" | "cos" | "sqrt" | "exp" | "log" | "tanh":
+            case "sin" | "cos" | "sqrt" | "exp" | "log" | "tanh" | "floor":
                 return f"{operation}({x[0]})"
             case "far_sin" | "far_cos":
                 return f"{operation.removeprefix('far_')}({x[0]})"

@@ -62,6 +62,7 @@ class CompiledMechanism:
     @cached_property
     def _signal_values_ahead(self) -> LoadedObject:
         motions = {link.motion for link in self.mechanism.links if link.motion is not None}
+        motions |= {signal for effort in self.mechanism.efforts for signal, order in effort.signals.items() if order}
         digest = digest_signals(self.signals) + "".join(str(int(signal in motions)) for signal in self.signals)
         return load_program("signals_ahead", digest, lambda: trace_signals_ahead(self.signals, motions))
 

@@ -41,6 +41,7 @@ class Coordinates:
     def __init__(self, graph: Graph, mechanism: Mechanism) -> None:
         self.graph, self.mechanism = graph, mechanism
         signals = [link.motion or link.load for link in mechanism.links] + [load.size for load in mechanism.loads]
+        signals += [signal for effort in mechanism.efforts for signal in effort.signals]
         self.signals = tuple(dict.fromkeys(signal for signal in signals if constant_value(signal) is None))
         self.joint_numbers = _joint_numbers(mechanism)
         self._number_places = {key: 3 * len(self.signals) + k for k, key in enumerate(self.joint_numbers)}

@@ -56,7 +56,7 @@ def _scalar_slope(graph: Graph, number: int, slopes: Mapping[int, Scalar | Vecto
         assert isinstance(x, Vector) and isinstance(y, Vector)  # noqa: PT018 - for the types
         assert isinstance(dx, Vector) and isinstance(dy, Vector)  # noqa: PT018
         return dx.dot(y) + x.dot(dy)
-    if operation in ("below", "piece", "pick"):
+    if operation in ("below", "piece", "pick", "floor"):
         return graph.number(0.0)
     s, *rest = (value for value in values if isinstance(value, Scalar))
     ds, *d_rest = (change for change in changes if isinstance(change, Scalar))

@@ -15,7 +15,7 @@ from fmd.dynamics.closures import Coupler
 from fmd.dynamics.compiler.coordinates import Coordinates, constant_value
 from fmd.dynamics.signals.signal import Signal
 
-_NAMES = {"name", "joint_name", "section", "body", "part"}
+_NAMES = {"name", "joint_name", "section", "body", "part", "effort"}
 """Fields that are in no equation, or in it by a number."""
 
 
@@ -33,6 +33,9 @@ def digest_mechanism(inputs: Coordinates) -> str:
     _add(pieces, inputs, [links, mechanism.layout, mechanism.gravity])
     for load in mechanism.loads:
         _add(pieces, inputs, [numbers[load.body], load])
+    for number, at in enumerate((*mechanism.links, *mechanism.loads)):
+        if at.effort is not None:
+            _add(pieces, inputs, [number, [numbers[body] for body in at.effort.bodies], at.effort])
     for element in mechanism.elements:
         _add(pieces, inputs, [[numbers.get(end.body, -1) for end in element.ends], type(element).__name__, element])
     for closure in mechanism.closures:

@@ -52,7 +52,7 @@ class ExternalMechanism:
     Raises
     ------
     ValueError
-        It has loops.
+        It has loops, or loads by its own state.
     """
 
     mechanism: Mechanism
@@ -62,6 +62,8 @@ class ExternalMechanism:
     def __post_init__(self) -> None:
         if self.mechanism.closures:
             raise ValueError("the mechanism has loops, whose forces no single function computes")
+        if self.mechanism.efforts:
+            raise ValueError("the mechanism has loads by its own state, which another program's controller would be")
 
     @property
     def driven_links(self) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -12,12 +13,15 @@ from fmd.dynamics.compiler.bodies import AXES, Inertia, velocity_forces
 from fmd.dynamics.compiler.cleaning import clean_direction
 from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.elements import trace_actions, trace_elongation
+from fmd.dynamics.compiler.formulas import trace_periodic_table, trace_state_formula
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
 from fmd.dynamics.compiler.laws import trace_law
+from fmd.dynamics.compiler.places import trace_place
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.law_pieces import find_piecewise_laws
 from fmd.dynamics.links import PointLoad
+from fmd.dynamics.state_functions import JointValue, Measured, SignalValue, StateFunction
 
 
 class Forces(Protocol):
@@ -48,7 +52,7 @@ class ActingForces:
     """All that acts on a mechanism: inertia of its velocities, weight, springs, dampers, force elements, loads."""
 
     def __init__(self, inputs: Coordinates, frames: list[MovingFrame]) -> None:
-        self._inputs, self.graph = inputs, inputs.graph
+        self._inputs, self._frames, self.graph = inputs, frames, inputs.graph
         self._actions = trace_actions(inputs, frames)
         weight = [inputs.number(-1, f"gravity {k}", -float(g)) for k, g in enumerate(inputs.mechanism.gravity)]
         self.ground: Vector6 = [*weight, *constants(inputs.graph, [0.0] * 3)]
@@ -56,10 +60,10 @@ class ActingForces:
     def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
         """Return p of a body, and the terms of −e; see `bodies`."""
         p, terms = velocity_forces(inertia, frame.spin, frame.v)
-        terms = terms + modal_load(self._inputs, frame)
+        terms = terms + modal_load(self._inputs, self._frames, frame)
         for at in self._inputs.mechanism.loads:
             if at.body == frame.link.name:
-                force, on_modes = point_load(self._inputs, frame, at)
+                force, on_modes = point_load(self._inputs, self._frames, frame, at)
                 p, terms = subtract(p, force), terms + on_modes
         for action in self._actions.get(frame.number, []):
             force, on_modes = action.on_body()
@@ -69,7 +73,7 @@ class ActingForces:
     def on_joint(self, frame: MovingFrame) -> list[Scalar]:
         """Return what acts along each of a joint's directions."""
         if len(frame.directions) == 1:
-            return [joint_load(self._inputs, frame)]
+            return [joint_load(self._inputs, self._frames, frame)]
         laws = frame.link.laws
         if not laws:
             return constants(self.graph, [0.0] * len(frame.directions))
@@ -127,14 +131,33 @@ class GivenForces:
         return np.array([float(int(mode) in self._free) for mode in modes])
 
 
-def joint_load(inputs: Coordinates, frame: MovingFrame) -> Scalar:
-    """Return the force or torque along a joint: those of its load, spring, damper, stops and friction."""
+def trace_effort(inputs: Coordinates, frames: list[MovingFrame], effort: StateFunction | None) -> Scalar:
+    """Trace the value of a function of a mechanism's state; 0 of none."""
+    graph = inputs.graph
+    if effort is None:
+        return graph.number(0.0)
+    variables = [_trace_measured(inputs, frames, variable) for variable in effort.variables]
+    curves = [partial(trace_periodic_table, at.knots, at.cubics, at.period) for at in effort.curves]
+    return trace_state_formula(graph, effort.codes, effort.constants, variables, curves) * effort.factor
+
+
+def _trace_measured(inputs: Coordinates, frames: list[MovingFrame], variable: Measured) -> Scalar:
+    if isinstance(variable, SignalValue):
+        return inputs.signal(variable.signal, variable.derivative)[-1]
+    if isinstance(variable, JointValue):
+        return joint_elongation(inputs, frames[inputs.mechanism.number_of(variable.body)])[variable.order]
+    place = trace_place(inputs, frames, variable.place)
+    return (place.v if variable.order else place.x)[variable.axis]
+
+
+def joint_load(inputs: Coordinates, frames: list[MovingFrame], frame: MovingFrame) -> Scalar:
+    """Return the force or torque along a joint: those of its loads, spring, damper, stops and friction."""
     link, graph = frame.link, inputs.graph
     if not link.unit or link.motion is not None:
         return graph.number(0.0)
     x, rate = joint_elongation(inputs, frame)
     spring, rest, damper = (inputs.number(frame.number, name, getattr(link, name)) for name in JOINT_CONSTANTS)
-    load = inputs.signal(link.load)[0] - (x - rest) * spring - rate * damper
+    load = inputs.signal(link.load)[0] + trace_effort(inputs, frames, link.effort) - (x - rest) * spring - rate * damper
     for law in link.laws:
         load = load - trace_law(law, x, rate)
     return load
@@ -179,7 +202,7 @@ def joint_grip(graph: Graph, frame: MovingFrame) -> Vector:
     return grip + frame.q.multiplied_by(link.joint_displacement2) if link.joint_displacement2.size else grip
 
 
-def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:
+def modal_load(inputs: Coordinates, frames: list[MovingFrame], frame: MovingFrame) -> Terms:
     """Return the terms of the forces of a body's modal springs and dampers, and of its joint's load, on its modes."""
     link, graph = frame.link, inputs.graph
     if not len(link.omega):
@@ -187,14 +210,16 @@ def modal_load(inputs: Coordinates, frame: MovingFrame) -> Terms:
     terms: Terms = [(-1.0, frame.q.multiplied_by(np.diag(link.omega**2)))]
     if len(link.damping):
         terms.append((-1.0, inputs.scaled(frame.number, "damping", 2.0 * link.damping * link.omega, frame.v)))
-    return [*terms, (joint_load(inputs, frame), joint_grip(graph, frame))]
+    return [*terms, (joint_load(inputs, frames, frame), joint_grip(graph, frame))]
 
 
-def point_load(inputs: Coordinates, frame: MovingFrame, at: PointLoad) -> tuple[Vector6, Terms]:
+def point_load(
+    inputs: Coordinates, frames: list[MovingFrame], frame: MovingFrame, at: PointLoad
+) -> tuple[Vector6, Terms]:
     """Return the force and moment of a load on the body's frame, and the terms of its forces on the modes."""
     graph = inputs.graph
     marker = trace_place_on_body(inputs, frame, at.marker)
-    size = inputs.signal(at.size)[0]
+    size = inputs.signal(at.size)[0] + trace_effort(inputs, frames, at.effort)
     direction = [size * float(x) for x in clean_direction(at.direction)]
     direction = times(marker.R if at.following else transpose(frame.world[1]), direction)
     if at.torque:

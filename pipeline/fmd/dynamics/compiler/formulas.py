@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from fmd.core import formula as codes
 from fmd.core.limits.code import MOST_FACTORS
-from fmd.dynamics.compiler.graph import Scalar
+from fmd.core.state_formula import CHOOSE, CURVE, VARIABLE
+from fmd.dynamics.compiler.graph import Graph, Scalar
 
 _FUNCTIONS = {codes.SIN: "far_sin", codes.COS: "far_cos", codes.EXP: "exp", codes.TANH: "tanh"}
 
@@ -19,14 +20,42 @@ def trace_formula(program: Sequence[int], constants: Sequence[float], x: Scalar)
 
     On a kink, abs has the slope after it for a rising argument, and min and max have that of their first argument.
     """
+    return trace_program(x.graph, program, constants, lambda code: x)
+
+
+def trace_state_formula(
+    graph: Graph,
+    program: Sequence[int],
+    constants: Sequence[float],
+    variables: Sequence[Scalar],
+    curves: Sequence[Callable[[Scalar], Scalar]],
+) -> Scalar:
+    """Trace the value of a postfix program of `fmd.core.state_formula`."""
+    return trace_program(graph, program, constants, lambda code: variables[code - VARIABLE], curves)
+
+
+def trace_program(
+    graph: Graph,
+    program: Sequence[int],
+    constants: Sequence[float],
+    variable: Callable[[int], Scalar],
+    curves: Sequence[Callable[[Scalar], Scalar]] = (),
+) -> Scalar:
+    """Trace the value of a postfix program whose variables are found by their codes."""
     stack, numbers = list[Scalar](), iter(constants)
     for code in program:
         if code == codes.CONSTANT:
-            stack.append(x.graph.number(next(numbers)))
-        elif code == codes.TIME:
-            stack.append(x)
+            stack.append(graph.number(next(numbers)))
+        elif code >= CURVE:
+            stack.append(curves[code - CURVE](stack.pop()))
+        elif code == codes.TIME or code >= VARIABLE:
+            stack.append(variable(code))
+        elif code == CHOOSE:
+            weight, first, second = stack.pop(), stack.pop(), stack.pop()
+            stack.append(weight.select(first, second))
         elif code in (codes.BEFORE, codes.UNTIL):
             switch, first, second = stack.pop(), stack.pop(), stack.pop()
+            x = variable(codes.TIME)
             until = (x - switch).select(second, first)
             stack.append((switch - x).select(first, second) if code == codes.BEFORE else until)
         elif code == codes.NEGATE or codes.SIN <= code <= codes.ABS:
@@ -92,3 +121,10 @@ def trace_table(knots: Sequence[float], cubics: Sequence[Sequence[float]], x: Sc
     for coefficient in coefficients:
         value = value * beyond + coefficient
     return value
+
+
+def trace_periodic_table(knots: Sequence[float], cubics: Sequence[Sequence[float]], period: float, x: Scalar) -> Scalar:
+    """Trace such pieces, which begin anew at the first knot after each period; 0 stands for none."""
+    if period:
+        x = x - ((x - knots[0]) * (1.0 / period)).apply("floor") * period
+    return trace_table(knots, cubics, x)

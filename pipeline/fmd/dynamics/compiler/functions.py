@@ -1,8 +1,9 @@
 """Functions of one scalar that a graph may apply: their values and their machine code.
 
-Beside sine and cosine there are square root, exponential, logarithm and hyperbolic tangent; ``positive`` x, which is x
-above 0 and else 0, and ``step``, its slope. ``far_sin`` and ``far_cos`` are those of angles however large, others' are
-up to 1e9. Two families have a series near 0, up to `SERIES_LIMITS`, and a closed form beyond it:
+Beside sine and cosine there are square root, exponential, logarithm and hyperbolic tangent; ``floor``, the whole number
+below; ``positive`` x, which is x above 0 and else 0, and ``step``, its slope. ``far_sin`` and ``far_cos`` are those of
+angles however large, others' are up to 1e9. Two families have a series near 0, up to `SERIES_LIMITS`, and a closed form
+beyond it:
 
 - the Stumpff functions ``c_k(x) = 1/k! − x/(k+2)! + x²/(k+4)! − …``, by which a rotation vector's rotation and rate are
   free of divisions by its length: with x = |θ|², c₀ = cos|θ|, c₁ = sin|θ|/|θ|, ``c_k = 1/k! − x c_{k+2}`` and
@@ -41,8 +42,9 @@ SERIES_LIMITS = {"stumpff": 4.0, "arc": 0.2}
 
 STUMPFF = tuple(f"stumpff{k}" for k in range(FIRST_STUMPFF, LAST_STUMPFF + 1))
 ARC = tuple(f"arc{k}" for k in range(LAST_ARC + 1))
-_LIBRARY = ("exp", "log", "tanh", "asin", "sin", "cos")
-FUNCTIONS = ("sin", "cos", *STUMPFF, *ARC, "sqrt", "exp", "log", "tanh", "positive", "step", "far_sin", "far_cos")
+_LIBRARY = ("exp", "log", "tanh", "floor", "asin", "sin", "cos")
+_SIMPLE = ("sqrt", "exp", "log", "tanh", "floor", "positive", "step", "far_sin", "far_cos")
+FUNCTIONS = ("sin", "cos", *STUMPFF, *ARC, *_SIMPLE)
 """Functions of one scalar that a node may apply."""
 
 CHOICES: dict[str, Callable[..., Array]] = {

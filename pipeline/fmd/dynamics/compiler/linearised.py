@@ -7,7 +7,7 @@ it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +67,7 @@ class LinearisedMechanism:
         self._slopes = differentiate(inputs.graph, self._values, direction_inputs(inputs.graph, _ARGUMENTS))
 
     def tangents(
-        self, q: Array, v: Array, signals: Mapping[Signal, float], given: Array, frozen: Array | None = None
+        self, q: Array, v: Array, signals: Mapping[Signal, Sequence[float]], given: Array, frozen: Array | None = None
     ) -> Tangents:
         """Return accelerations and derivatives at a state.
 
@@ -75,17 +75,16 @@ class LinearisedMechanism:
         ----------
         q, v : ndarray, shapes (n_positions,) and (n,)
             Positions and rates.
-        signals : mapping of Signal to float
-            Values of the varying signals; their rates and accelerations act on nothing here.
+        signals : mapping of Signal to sequence of float
+            Values of the varying signals, with their rates and accelerations, which loads by the state may depend on.
         given : ndarray
             Accelerations of the rates that are given.
         frozen : ndarray, optional
             Accelerations of all rates (n,), if forces that don't vary keep a mechanism without loops so.
         """
         n, m = self.mechanism.n, self.n_rows
-        values = np.zeros(3 * len(self.signals))
-        values[::3] = [signals[signal] for signal in self.signals]
-        inputs = np.concatenate([values, self._numbers])
+        values = [value for signal in self.signals for value in signals[signal]]
+        inputs = np.concatenate([np.array(values, dtype=float), self._numbers])
         a, f = np.zeros(n), np.zeros(m)
         a[self.given] = given
         left = self._evaluate(self._values, {"inputs": inputs, "q": q, "v": v, "a": a, "f": f}, ())

@@ -12,7 +12,7 @@ from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.algebra import Vector3, add, constants, times
 from fmd.dynamics.compiler.coordinates import ExactCoordinates
 from fmd.dynamics.compiler.elements import trace_pair, trace_strain
-from fmd.dynamics.compiler.forces import ActingForces, joint_elongation
+from fmd.dynamics.compiler.forces import ActingForces, joint_elongation, trace_effort
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar
 from fmd.dynamics.compiler.interpret import Evaluation, evaluate_scalars
@@ -21,6 +21,7 @@ from fmd.dynamics.compiler.quantities import body_momenta, trace_kinetic_energy,
 from fmd.dynamics.compiler.residual import trace_motion
 from fmd.dynamics.elements import Element
 from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.state_functions import StateFunction
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,10 @@ class RecordedMechanism:
         """Force and moment in space on the first and on the second place of a force element."""
         second, first = trace_pair(self.inputs, self.frames, element)
         return evaluate_scalars([x for side in (first, second) for x in (*side.force, *side.moment)])
+
+    def of_effort(self, effort: StateFunction) -> Evaluation:
+        """Value of a function of the state."""
+        return evaluate_scalars([trace_effort(self.inputs, self.frames, effort)])
 
     def of_place(self, place: Place) -> Evaluation:
         """Position, axes by rows, velocity and angular velocity in space of a place's section, 18 values."""

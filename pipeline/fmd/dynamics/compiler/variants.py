@@ -57,6 +57,8 @@ class CompiledVariants:
             raise ValueError("variants with loops can't be marched at once; march each by itself")
         if first.n != first.n_positions:
             raise ValueError("variants with spherical or free joints can't be marched at once; march each by itself")
+        if any(mechanism.efforts for mechanism in self.mechanisms):
+            raise ValueError("variants with loads by their state can't be marched at once; march each by itself")
         tables = [_constants_of(mechanism) for mechanism in self.mechanisms]
         digests = {_structure(mechanism, tuple(table)) for mechanism, table in zip(mechanisms, tables, strict=True)}
         if len(digests) > 1:

@@ -79,9 +79,12 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
     Raises
     ------
     InputError
-        The mechanism has loops.
+        The mechanism has loops, or loads by its own motion.
     """
     scene = run.divided_scene
+    if run.mechanism.efforts:
+        mend = "export the scene without it, and let the other program give the torque"
+        raise InputError(scene.file, "drive", None, f"an FMU can't hold a load by a formula of the motion; {mend}")
     if loops := [*scene.closing, *scene.coupler]:
         raise InputError(
             scene.file,

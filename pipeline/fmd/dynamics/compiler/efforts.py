@@ -1,0 +1,71 @@
+"""How loads by a mechanism's own state change with it, in the reference state."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiler.coordinates import Coordinates
+from fmd.dynamics.compiler.differentiate import differentiate
+from fmd.dynamics.compiler.frames import trace_frames
+from fmd.dynamics.compiler.graph import Graph
+from fmd.dynamics.compiler.interpret import interpret
+from fmd.dynamics.compiler.residual import trace_residual
+from fmd.dynamics.compiler.tangents import direction_inputs
+from fmd.dynamics.mechanism import Mechanism
+
+_ARGUMENTS = ("q", "v")
+
+
+def effort_tangents(mechanism: Mechanism) -> tuple[Array, Array]:
+    """Return stiffness and damping by loads that depend on the state, as if they alone acted on the tree.
+
+    They are the derivatives of ``−Q`` by positions and rates with all joints at their places in the undeformed
+    mechanism, at rest at time 0. Turning in space has no stiffness here.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n, n)
+        In the order of rates.
+    """
+    tree = replace(mechanism, closures=())
+    bare = replace(
+        tree,
+        links=[replace(link, effort=None) for link in tree.links],
+        loads=[replace(load, effort=None) for load in tree.loads],
+    )
+    with_them, without = _tangents(tree), _tangents(bare)
+    by_q, by_v = (a - b for a, b in zip(with_them, without, strict=True))
+    K, positions = np.zeros((mechanism.n, mechanism.n)), mechanism.position_of_rates
+    moved = positions >= 0
+    K[:, moved] = by_q[:, positions[moved]]
+    return K, by_v
+
+
+def _tangents(mechanism: Mechanism) -> tuple[Array, Array]:
+    """Return the derivatives of the residual at rest by positions (n, n_positions) and rates (n, n)."""
+    inputs = Coordinates(Graph(), mechanism)
+    residual = trace_residual(inputs, trace_frames(inputs))
+    values = [value for body in residual for value in (*body.joint, body.modes)]
+    slopes = differentiate(inputs.graph, values, direction_inputs(inputs.graph, _ARGUMENTS))
+    n, n_positions = mechanism.n, mechanism.n_positions
+    at_time_0 = [x for signal in inputs.signals for x in signal.value(0.0)]
+    along = np.eye(n_positions + n)
+    arguments = {
+        "inputs": np.array(at_time_0),
+        "q": mechanism.rest_positions,
+        "v": np.zeros(n),
+        "a": np.zeros(n),
+        "dq": along[:n_positions],
+        "dv": along[n_positions:],
+    }
+    found = iter(interpret(inputs.graph, [slope.node for slope in slopes], arguments))
+    out = np.zeros((n, n_positions + n))
+    for number, body in enumerate(residual):
+        first = int(mechanism.layout.rate[number])
+        for k in range(len(body.joint)):
+            out[first + k] = next(found)
+        out[mechanism.modes_of(number)] = next(found)
+    return out[:, :n_positions], out[:, n_positions:]

@@ -1,0 +1,133 @@
+"""Functions of a mechanism's state: what loads by the motion itself, such as those of controllers, are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
+
+from fmd.core.arrays import IntArray
+from fmd.dynamics.closures import GROUND, Place
+from fmd.dynamics.signals.signal import Signal
+
+
+@dataclass(frozen=True)
+class SignalValue:
+    """Value of a function of time, or its first or second derivative."""
+
+    signal: Signal
+    derivative: int = 0
+
+
+@dataclass(frozen=True)
+class JointValue:
+    """Position (order 0) or rate (order 1) of the joint with one axis that carries a body.
+
+    Of a hinge on a flexible body it is the angle of the section that the joint grips: what an encoder reads.
+    """
+
+    body: str
+    order: int = 0
+
+
+@dataclass(frozen=True)
+class PlaceValue:
+    """Position (order 0) or velocity (order 1) of a place along an axis of space: 0, 1 or 2."""
+
+    place: Place
+    axis: int
+    order: int = 0
+
+    @property
+    def body(self) -> str:
+        """The link that the place is on."""
+        return self.place.body
+
+
+Measured = SignalValue | JointValue | PlaceValue
+"""What a variable of a function may be."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve of one variable: cubics between knots.
+
+    Parameters
+    ----------
+    knots : tuple of float
+        Where each piece begins, ascending; the first value holds before the first one.
+    cubics : tuple
+        Coefficients of each piece, lowest power first, by the distance from its knot.
+    period : float
+        Distance after which the curve begins anew at the first knot; 0 if it doesn't.
+    """
+
+    knots: tuple[float, ...]
+    cubics: tuple[tuple[float, float, float, float], ...]
+    period: float = 0.0
+
+
+@dataclass(frozen=True)
+class StateFunction:
+    """A formula of variables that a mechanism's state and the time give.
+
+    Parameters
+    ----------
+    codes, constants : tuple
+        Program, as of `fmd.core.state_formula.StateFormula`.
+    variables : tuple
+        What each variable is.
+    curves : tuple of Curve
+        The curves that it calls.
+    factor : float
+        SI units in one unit of its values.
+    """
+
+    codes: tuple[int, ...]
+    constants: tuple[float, ...]
+    variables: tuple[Measured, ...]
+    curves: tuple[Curve, ...] = ()
+    factor: float = 1.0
+
+    @property
+    def signals(self) -> dict[Signal, int]:
+        """The functions of time that it depends on, each with the highest derivative that counts."""
+        found: dict[Signal, int] = {}
+        for variable in self.variables:
+            if isinstance(variable, SignalValue):
+                found[variable.signal] = max(variable.derivative, found.get(variable.signal, 0))
+        return found
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The links whose motion it depends on, one for each variable that is measured; the ground is none."""
+        measured = (variable for variable in self.variables if not isinstance(variable, SignalValue))
+        return tuple(variable.body for variable in measured if variable.body != GROUND)
+
+    def with_modes(self, kept: Mapping[str, IntArray]) -> Self:
+        """Return the same on bodies with some of their modes alone, by the bodies' names."""
+        variables = tuple(
+            replace(variable, place=variable.place.with_modes(kept)) if isinstance(variable, PlaceValue) else variable
+            for variable in self.variables
+        )
+        return replace(self, variables=variables)
+
+
+def add_functions(functions: tuple[StateFunction, ...]) -> StateFunction | None:
+    """Return the sum of functions; none of none."""
+    from fmd.core.formula import ADD, CONSTANT, MULTIPLY
+    from fmd.core.state_formula import CURVE, VARIABLE
+
+    if len(functions) < 2:
+        return functions[0] if functions else None
+    codes, constants = list[int](), list[float]()
+    variables, curves = list[Measured](), list[Curve]()
+    for number, function in enumerate(functions):
+        for code in function.codes:
+            shift = len(curves) if code >= CURVE else len(variables) if code >= VARIABLE else 0
+            codes.append(code + shift)
+        codes += [CONSTANT, MULTIPLY, *([ADD] if number else [])]
+        constants += [*function.constants, function.factor]
+        variables += function.variables
+        curves += function.curves
+    return StateFunction(tuple(codes), tuple(constants), tuple(variables), tuple(curves))

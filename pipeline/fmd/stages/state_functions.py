@@ -1,0 +1,116 @@
+"""From a scene's formulas of the motion to functions of a mechanism's state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.formula import Formula
+from fmd.dynamics.closures import Place
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
+from fmd.dynamics.state_functions import (
+    Curve,
+    JointValue,
+    Measured,
+    PlaceValue,
+    SignalValue,
+    StateFunction,
+    add_functions,
+)
+from fmd.scene.state_loads import OWN, LoadOverTime, Variable
+
+if TYPE_CHECKING:
+    from fmd.scene.scene import Scene
+
+Locate = Callable[[str], tuple[Place, Array]]
+"""Returns a marker by its name, and its axes in those of its body."""
+
+
+def joint_effort(scene: Scene, joint: str, locate: Locate) -> StateFunction | None:
+    """Return the force or torque along a joint by the motion; none if no drive has such a formula."""
+    drives = [drive for drive in scene.drive.values() if getattr(drive, "joint", None) == joint]
+    found = (drive_effort(scene, drive, locate) for drive in drives)
+    return add_functions(tuple(effort for effort in found if effort is not None))
+
+
+def drive_effort(scene: Scene, drive: Any, locate: Locate) -> StateFunction | None:
+    """Return the size of a drive's force or torque by the motion; none if it has no such formula."""
+    given = next((value for _, value in drive if isinstance(value, LoadOverTime)), None)
+    if given is None or given.state is None:
+        return None
+    state, own = given.state, getattr(drive, "joint", None)
+    variables = [_variable(scene, given, name, own, locate) for name in state.variables]
+    curves = [_curve(given.variables[name]) for name in state.curves]
+    return StateFunction(state.codes, state.constants, tuple(variables), tuple(curves), given.factor)
+
+
+def require_values_at_start(scene: Scene, mechanism: Mechanism, q: Array) -> None:
+    """Raise ``InputError`` if a formula of the motion has no finite value at the start (n_positions,), at rest."""
+    motion = Kinematics(mechanism, np.zeros(1), q[None], np.zeros((1, mechanism.n)))
+    owners = [*mechanism.links, *mechanism.loads]
+    for at in owners:
+        if at.effort is not None and not np.isfinite(motion.effort(at.effort)).all():
+            names = [name for name, drive in scene.drive.items() if any(_has_state(value) for _, value in drive)]
+            key = f"drive.{names[0]}" if len(names) == 1 else "drive"
+            what = "a formula of the motion has no finite value at the start"
+            raise InputError(scene.file, key, None, f"{what} (a division by zero, or a root of a negative number)")
+
+
+def _has_state(value: object) -> bool:
+    return isinstance(value, LoadOverTime) and value.state is not None
+
+
+def _variable(scene: Scene, given: LoadOverTime, name: str | Formula, own: str | None, locate: Locate) -> Measured:
+    if isinstance(name, Formula):
+        return SignalValue(formula(name))
+    if (value := given.find_constant(name)) is not None:
+        return SignalValue(constant(value))
+    if (found := given.find_derivative(name)) is not None:
+        curve, order = found
+        return SignalValue(_signal(curve, scene.simulation.duration), order)
+    if name in OWN and own is not None:
+        return JointValue(_carried_by(scene, own), OWN[name])
+    measured = given.find_measured(name)
+    assert measured is not None  # the scene's own check
+    if measured.axis < 0:
+        return JointValue(_carried_by(scene, measured.place), measured.order)
+    return PlaceValue(locate(measured.place)[0], measured.axis, measured.order)
+
+
+def _carried_by(scene: Scene, joint: str) -> str:
+    return scene.joint[joint].child.partition(".")[0]
+
+
+def _signal(curve: Variable, until: float) -> Signal:
+    times, values = (np.array(row) for row in curve.rows)
+    return (smooth_table if curve.between == "smooth" else linear_table)(times, values, curve.beyond, until)
+
+
+def _curve(given: Variable) -> Curve:
+    x, y = given.rows
+    repeats = given.beyond == "repeat"
+    pieces = _smooth_pieces(x, y, repeats) if given.between == "smooth" else _straight_pieces(x, y)
+    if repeats:
+        return Curve(tuple(x[:-1]), pieces, x[-1] - x[0])
+    return Curve(tuple(x), (*pieces, (y[-1], 0.0, 0.0, 0.0)))
+
+
+def _straight_pieces(x: Sequence[float], y: Sequence[float]) -> tuple[tuple[float, float, float, float], ...]:
+    slopes = np.diff(y) / np.diff(x)
+    return tuple((float(value), float(slope), 0.0, 0.0) for value, slope in zip(y, slopes, strict=False))
+
+
+def _smooth_pieces(
+    x: Sequence[float], y: Sequence[float], repeats: bool
+) -> tuple[tuple[float, float, float, float], ...]:
+    from scipy.interpolate import CubicSpline
+
+    closed = [*y[:-1], y[0]] if repeats else y
+    spline = CubicSpline(x, closed, bc_type="periodic" if repeats else "natural")
+    return tuple((float(a), float(b), float(c), float(d)) for d, c, b, a in spline.c.T)
