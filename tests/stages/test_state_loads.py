@@ -14,6 +14,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.scene.scene import Scene
+from fmd.stages.linear_model import linearise_scene
 
 ROD = """
 title = "Rod"
@@ -292,6 +293,6 @@ def test_a_formula_that_cannot_be_evaluated_is_refused(tmp_path: Path, text: str
 def test_a_linear_model_has_the_poles_of_the_closed_loop(tmp_path: Path):
     gravity = 'simulation.gravity=["0 m/s^2", "0 m/s^2", "0 m/s^2"]'
     run = Pipeline(scene_of(tmp_path, ROD + torque("-k*q - c*rate", "{ k = 40, c = 4 }"), gravity))
-    poles = np.linalg.eigvals(run.linearise(["hinge.torque"], ["hinge.position"]).model.A)
+    poles = np.linalg.eigvals(linearise_scene(run, ["hinge.torque"], ["hinge.position"], "start").model.A)
     exact = np.roots([INERTIA, 4.0, 40.0])
     assert np.sort_complex(poles) == pytest.approx(np.sort_complex(exact), rel=1e-9)
