@@ -64,6 +64,7 @@ FACTS = {
     "fmd.core.cache": {"_DIGEST_BYTES"},
     "fmd.core.child": {"_PR_SET_PDEATHSIG"},
     "fmd.core.encoding": {"_LENGTH_BYTES"},
+    "fmd.core.state_formula": {"CHOOSE", "CURVE", "VARIABLE"},
     "fmd.core.formula": {"BEFORE", "UNTIL"},
     "fmd.core.netcdf": {"_CHAR", "_DOUBLE", "_DIMENSION", "_VARIABLE", "_ATTRIBUTE", "_LARGEST"},
     "fmd.dynamics.compiler.c_source": {"_PER_LINE"},

@@ -55,7 +55,7 @@ from fmd.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from fmd.scene.runs import RUNS
 from fmd.scene.scene import PublishedResults, Scene
 from fmd.scene.simulation import Simulation
-from fmd.scene.state_loads import LoadOverTime, Variable
+from fmd.scene.state_loads import FormulaVariable, LoadOverTime
 from fmd.scene.stress_outputs import Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
 from fmd.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
@@ -262,7 +262,7 @@ SECTIONS = (
     Section("### Point torque", PointTorque),
     Section("### Quantities over time", TimeFunction, _FORMULAS),
     Section("### Loads by the motion", LoadOverTime, _BY_MOTION),
-    Section("### Variables of a formula", Variable),
+    Section("### Variables of a formula", FormulaVariable),
     Section("## Force elements", None, _ELEMENTS),
     Section("### Spring", Spring),
     Section("### Force by elongation", ForceByElongation, _ELONGATION),

@@ -259,7 +259,8 @@ class Mechanism:
     @property
     def efforts(self) -> tuple[StateFunction, ...]:
         """Forces and torques by the mechanism's own state, along joints first."""
-        return tuple(at.effort for at in (*self.links, *self.loads) if at.effort is not None)
+        both = (*(link.effort for link in self.links), *(load.effort for load in self.loads))
+        return tuple(effort for effort in both if effort is not None)
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:

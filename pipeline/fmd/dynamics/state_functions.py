@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from fmd.core.arrays import IntArray
+from fmd.core.formula import ADD, CONSTANT, MULTIPLY
+from fmd.core.state_formula import CURVE, VARIABLE
 from fmd.dynamics.closures import GROUND, Place
 from fmd.dynamics.signals.signal import Signal
 
@@ -49,7 +51,7 @@ Measured = SignalValue | JointValue | PlaceValue
 
 
 @dataclass(frozen=True)
-class Curve:
+class StateCurve:
     """A curve of one variable: cubics between knots.
 
     Parameters
@@ -77,7 +79,7 @@ class StateFunction:
         Program, as of `fmd.core.state_formula.StateFormula`.
     variables : tuple
         What each variable is.
-    curves : tuple of Curve
+    curves : tuple of StateCurve
         The curves that it calls.
     factor : float
         SI units in one unit of its values.
@@ -86,7 +88,7 @@ class StateFunction:
     codes: tuple[int, ...]
     constants: tuple[float, ...]
     variables: tuple[Measured, ...]
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[StateCurve, ...] = ()
     factor: float = 1.0
 
     @property
@@ -115,13 +117,10 @@ class StateFunction:
 
 def add_functions(functions: tuple[StateFunction, ...]) -> StateFunction | None:
     """Return the sum of functions; none of none."""
-    from fmd.core.formula import ADD, CONSTANT, MULTIPLY
-    from fmd.core.state_formula import CURVE, VARIABLE
-
     if len(functions) < 2:
         return functions[0] if functions else None
     codes, constants = list[int](), list[float]()
-    variables, curves = list[Measured](), list[Curve]()
+    variables, curves = list[Measured](), list[StateCurve]()
     for number, function in enumerate(functions):
         for code in function.codes:
             shift = len(curves) if code >= CURVE else len(variables) if code >= VARIABLE else 0

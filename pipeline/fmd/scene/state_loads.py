@@ -68,7 +68,7 @@ def read_measured(name: str) -> MeasuredName | None:
     return None
 
 
-class Variable(SceneTable):
+class FormulaVariable(SceneTable):
     """A variable of a formula: a number, a quantity, a part of the motion, or a curve that the formula calls.
 
     A number is in SI units, ``40.0``, a quantity has its unit, ``"40 N m/rad"``. A part of the motion is a joint's
@@ -152,7 +152,7 @@ class Variable(SceneTable):
         raise ValueError(f"must be {ways}")
 
     @model_validator(mode="after")
-    def _is_a_curve(self, info: ValidationInfo) -> Variable:
+    def _is_a_curve(self, info: ValidationInfo) -> FormulaVariable:
         if not self.is_curve:
             return self
         for key, unit in self._units:
@@ -233,7 +233,7 @@ class LoadOverTime(TimeFunction):
         variables = { k = "400 N m/rad", c = "20 N m s/rad" }
     """
 
-    variables: dict[VariableName, Variable] = Field(default_factory=dict)
+    variables: dict[VariableName, FormulaVariable] = Field(default_factory=dict)
 
     @property
     def state(self) -> StateFormula | None:
@@ -260,7 +260,7 @@ class LoadOverTime(TimeFunction):
             raise FaultError("belongs to a formula", "variables")
         return self
 
-    def find_derivative(self, name: str) -> tuple[Variable, int] | None:
+    def find_derivative(self, name: str) -> tuple[FormulaVariable, int] | None:
         """Return the curve that a name is, or is a derivative of, and of which order; none for another name."""
         own, _, suffix = name.rpartition(".")
         order = _DERIVATIVES.get(suffix, 0) if own else 0

@@ -15,15 +15,15 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
 from fmd.dynamics.state_functions import (
-    Curve,
     JointValue,
     Measured,
     PlaceValue,
     SignalValue,
+    StateCurve,
     StateFunction,
     add_functions,
 )
-from fmd.scene.state_loads import OWN, LoadOverTime, Variable
+from fmd.scene.state_loads import OWN, FormulaVariable, LoadOverTime
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
@@ -53,9 +53,8 @@ def drive_effort(scene: Scene, drive: Any, locate: Locate) -> StateFunction | No
 def require_values_at_start(scene: Scene, mechanism: Mechanism, q: Array) -> None:
     """Raise ``InputError`` if a formula of the motion has no finite value at the start (n_positions,), at rest."""
     motion = Kinematics(mechanism, np.zeros(1), q[None], np.zeros((1, mechanism.n)))
-    owners = [*mechanism.links, *mechanism.loads]
-    for at in owners:
-        if at.effort is not None and not np.isfinite(motion.effort(at.effort)).all():
+    for effort in mechanism.efforts:
+        if not np.isfinite(motion.effort(effort)).all():
             names = [name for name, drive in scene.drive.items() if any(_has_state(value) for _, value in drive)]
             key = f"drive.{names[0]}" if len(names) == 1 else "drive"
             what = "a formula of the motion has no finite value at the start"
@@ -87,18 +86,18 @@ def _carried_by(scene: Scene, joint: str) -> str:
     return scene.joint[joint].child.partition(".")[0]
 
 
-def _signal(curve: Variable, until: float) -> Signal:
+def _signal(curve: FormulaVariable, until: float) -> Signal:
     times, values = (np.array(row) for row in curve.rows)
     return (smooth_table if curve.between == "smooth" else linear_table)(times, values, curve.beyond, until)
 
 
-def _curve(given: Variable) -> Curve:
+def _curve(given: FormulaVariable) -> StateCurve:
     x, y = given.rows
     repeats = given.beyond == "repeat"
     pieces = _smooth_pieces(x, y, repeats) if given.between == "smooth" else _straight_pieces(x, y)
     if repeats:
-        return Curve(tuple(x[:-1]), pieces, x[-1] - x[0])
-    return Curve(tuple(x), (*pieces, (y[-1], 0.0, 0.0, 0.0)))
+        return StateCurve(tuple(x[:-1]), pieces, x[-1] - x[0])
+    return StateCurve(tuple(x), (*pieces, (y[-1], 0.0, 0.0, 0.0)))
 
 
 def _straight_pieces(x: Sequence[float], y: Sequence[float]) -> tuple[tuple[float, float, float, float], ...]:

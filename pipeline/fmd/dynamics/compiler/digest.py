@@ -33,9 +33,10 @@ def digest_mechanism(inputs: Coordinates) -> str:
     _add(pieces, inputs, [links, mechanism.layout, mechanism.gravity])
     for load in mechanism.loads:
         _add(pieces, inputs, [numbers[load.body], load])
-    for number, at in enumerate((*mechanism.links, *mechanism.loads)):
-        if at.effort is not None:
-            _add(pieces, inputs, [number, [numbers[body] for body in at.effort.bodies], at.effort])
+    efforts = [*(link.effort for link in mechanism.links), *(load.effort for load in mechanism.loads)]
+    for number, effort in enumerate(efforts):
+        if effort is not None:
+            _add(pieces, inputs, [number, [numbers[body] for body in effort.bodies], effort])
     for element in mechanism.elements:
         _add(pieces, inputs, [[numbers.get(end.body, -1) for end in element.ends], type(element).__name__, element])
     for closure in mechanism.closures:

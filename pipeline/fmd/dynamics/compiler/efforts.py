@@ -10,7 +10,7 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.frames import trace_frames
-from fmd.dynamics.compiler.graph import Graph
+from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.interpret import interpret
 from fmd.dynamics.compiler.residual import trace_residual
 from fmd.dynamics.compiler.tangents import direction_inputs
@@ -48,7 +48,9 @@ def _tangents(mechanism: Mechanism) -> tuple[Array, Array]:
     """Return the derivatives of the residual at rest by positions (n, n_positions) and rates (n, n)."""
     inputs = Coordinates(Graph(), mechanism)
     residual = trace_residual(inputs, trace_frames(inputs))
-    values = [value for body in residual for value in (*body.joint, body.modes)]
+    values: list[Scalar | Vector] = []
+    for body in residual:
+        values += [*body.joint, body.modes]
     slopes = differentiate(inputs.graph, values, direction_inputs(inputs.graph, _ARGUMENTS))
     n, n_positions = mechanism.n, mechanism.n_positions
     at_time_0 = [x for signal in inputs.signals for x in signal.value(0.0)]
