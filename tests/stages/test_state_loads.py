@@ -271,7 +271,7 @@ def test_sub_cycling_a_flexible_body_under_control_agrees_with_plain_steps():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (torque("k*q"), "drive.own.torque.formula = 'k*q': no such variable"),
+        (torque("k*q"), "drive.own.torque.formula = 'k*q': at column 1: there is no 'k'"),
         (torque("elbo.rate"), "no such joint"),
         (torque("rod.tip.x"), "no such marker"),
         (torque("1 if q < 0 else 2"), "a condition compares t with a constant; of the state, min, max, abs and tanh"),

@@ -98,8 +98,11 @@ class CrossCheck:
             measured = load.find_measured(name)
             if measured is None:
                 own = [] if isinstance(drive, MarkerLoad) else list(OWN)
-                known = [*own, *load.variables, "joint.angle", "joint.rate", "body.marker.x", "body.marker.vx"]
-                yield UnknownNameError("variable", name, known, "what it may name: t, functions,", *at)
+                parts = ("joint.angle", "joint.rate", "body.marker.x", "body.marker.vx")
+                known = ", ".join([*own, *load.variables, *parts])
+                column = 1 + (load.formula or "").find(name)
+                mend = f"beside t, pi and functions it may name {known}, and keys of its variables"
+                yield FaultError(f"at column {column}: there is no {name!r}; {mend}", *at)
             elif measured.axis < 0:
                 yield from self._check_joint(measured.place, _SINGLE, "a formula", *at)
             else:
