@@ -113,10 +113,11 @@ def test_a_linear_loop_answers_a_step_as_its_matrix_exponential_does(tmp_path: P
 
 
 def test_steps_and_frequencies_know_the_stiffness_of_a_servo(tmp_path: Path):
-    system = Pipeline(scene_of(tmp_path, ROD + SERVO)).system
+    spring = ('joint.hinge.spring="5 N m/rad"', 'joint.hinge.damper="1 N m s/rad"', 'joint.hinge.rest="10 deg"')
+    system = Pipeline(scene_of(tmp_path, ROD + SERVO, *spring)).system
     M, K, C = system.linear_matrices
-    assert (M[0, 0], K[0, 0], C[0, 0]) == pytest.approx((INERTIA, 40.0, 4.0), rel=1e-12)
-    assert system.highest_frequency == pytest.approx(np.sqrt(40 / INERTIA), rel=1e-12)
+    assert (M[0, 0], K[0, 0], C[0, 0]) == pytest.approx((INERTIA, 45.0, 5.0), rel=1e-12)
+    assert system.highest_frequency == pytest.approx(np.sqrt(45 / INERTIA), rel=1e-12)
 
 
 def test_a_gas_torque_by_a_curve_repeats_after_two_turns(tmp_path: Path):

@@ -53,12 +53,9 @@ def _tangents(mechanism: Mechanism) -> tuple[Array, Array]:
         values += [*body.joint, body.modes]
     slopes = differentiate(inputs.graph, values, direction_inputs(inputs.graph, _ARGUMENTS))
     n, n_positions = mechanism.n, mechanism.n_positions
-    at_time_0 = [x for signal in inputs.signals for x in signal.value(0.0)]
-    along = np.eye(n_positions + n)
+    along, rest = np.eye(n_positions + n), (mechanism.rest_positions[None], np.zeros((1, n)))
     arguments = {
-        "inputs": np.array(at_time_0),
-        "q": mechanism.rest_positions,
-        "v": np.zeros(n),
+        **{name: column[:, 0] for name, column in inputs.columns(np.zeros(1), *rest).items()},
         "a": np.zeros(n),
         "dq": along[:n_positions],
         "dv": along[n_positions:],
