@@ -67,6 +67,11 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
         if part.shape.file_keys[:1] == ("mesh",) and (quality := float(part.mesh.quality.min())) < POOR_QUALITY:
             text = f"{name}: an element has a scaled Jacobian of {quality:.2g}; results around it are poor"
             found.append({"code": "poor-mesh", "body": name, "text": text})
+        if lost := [note for note in part.mesh_notes if "aren't solid" in note]:
+            text = (
+                f"{name}: {lost[0].removeprefix('mended: ')}; what links and masses do takes link and mass of the body"
+            )
+            found.append({"code": "left-out", "body": name, "text": text})
         if len(run.pieces_of(name)) > 1:  # whose modes are those of its pieces
             continue
         count, more = part.shape.modes.count, part.modes.n_completing

@@ -26,6 +26,7 @@ _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
 _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE")
+_LINKS = ("RIGID BODY", "COUPLING", "KINEMATIC COUPLING", "DISTRIBUTING COUPLING", "TIE", "EQUATION", "MPC")
 _WRITE_FLAT = "write the mesh out flat, all nodes and elements in one file without parts and assemblies"
 
 
@@ -131,6 +132,8 @@ class _Deck:
                 raise MeshFileError(f"*{keyword} isn't read; {_WRITE_FLAT}")
             case "PART":
                 self.parts += 1
+            case _ if keyword in _LINKS:
+                self.others[f"*{keyword}"] += 1
         if self.instances > 1:
             raise MeshFileError(f"there is more than one instance; {_WRITE_FLAT}")
 

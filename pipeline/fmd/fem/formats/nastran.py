@@ -30,7 +30,7 @@ _PLANES = {
     "CQUAD8": {8: "quad8"},
 }
 _LINES = ("CBAR", "CBEAM", "CROD", "CTUBE", "CBEND")
-_OTHERS = ("CONM1", "CONM2", "CONROD", "CBUSH", "CBUSH1D", "CGAP", "RBE1", "RBE2", "RBE3", "RBAR", "RROD")
+_OTHERS = ("CONM1", "CONM2", "CONROD", "CBUSH", "CBUSH1D", "CGAP", "RBE1", "RBE2", "RBE3", "RBAR", "RROD", "MPC")
 _OTHER = re.compile(r"CELAS\d|CDAMP\d|CMASS\d|CVISC|CWELD|CFAST")
 
 

@@ -28,7 +28,7 @@ class RawMesh:
     facet_sets : dict of str to list of ndarray
         Corners of the facets of each named surface, arrays (n, 3) or (n, 4).
     others : dict of str to int
-        Number of elements that aren't cells, by type: springs, masses, rigid links.
+        Number of elements that aren't cells, by type: springs, masses, rigid links, equations.
     """
 
     points: Array
