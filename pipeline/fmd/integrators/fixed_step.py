@@ -20,8 +20,8 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, RUNAWAY
 from fmd.dynamics.system import System, project
-from fmd.integrators.missed_work import ElongationLog, WorkCheck, note_elongations
 from fmd.integrators.protocol import Progress, ResumableIntegrator, State, require_times
+from fmd.integrators.work_bounds import ElongationLog, WorkCheck, note_elongations
 from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.table import Table
 

@@ -13,7 +13,7 @@ from fmd.core.limits.memory import ALWAYS_FIT, FINE_RUNS, NUMBERS_OF_BODY, NUMBE
 from fmd.core.limits.stepping import MANY_RADIANS, MOST_STEPS
 from fmd.core.memory import available_memory
 from fmd.dynamics.fastest_part import find_fastest_part
-from fmd.integrators.missed_work import round_down
+from fmd.integrators.work_bounds import round_down
 from fmd.scene.runs import name_methods
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from fmd.core.limits.loads import (
     MOST_SAMPLES,
     MOST_STRETCHES,
     NARROW,
-    UNSEEN,
+    NARROWEST_PEAK,
     WINDOW_SAMPLES,
     WINDOW_STEPS,
     WINDOWS,
@@ -98,7 +98,7 @@ def _missed_in(
     narrow = sorted(peak for peak in _find_peaks(times, values, height, AROUND * step) if peak[0] < NARROW * step)
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(times))])
     for width, left, right, level in narrow[:: max(1, len(narrow) // MOST_PEAKS)]:
-        if width < UNSEEN * step:
+        if width < NARROWEST_PEAK * step:
             return width
         low, high = max(0.0, math.floor(left / step) - 1.0), math.ceil(right / step) + 1.0
         if (times[0] > low * step and low) or (times[-1] < high * step < end):
