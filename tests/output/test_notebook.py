@@ -96,7 +96,7 @@ def test_a_film_is_played_inline(run, tmp_path):
 @pytest.mark.parametrize(
     ("type", "settings", "said"),
     [
-        ("film", {}, "picture: type = 'film': the pictures: chart, mesh"),
+        ("film", {}, "picture: type = 'film': the pictures: chart, orbit, mesh"),
         ("stres", {}, "did you mean 'stress'"),
         ("stress", {"scal": 2}, "did you mean 'scale'"),
         ("modes", {"mode": 9}, "mode = 9: must be 1 … 5"),

@@ -145,7 +145,7 @@ def _join_pieces(rows: list[Row]) -> list[Row]:
 ERROR_BUDGET: Stage[Budget] = Stage(
     "error budget",
     _estimate,
-    ("mesh", "assembly", "modes", "body", "surface", "stress"),  # of each part; the rest is in stages of its own
+    ("mesh", "assembly", "modes", "body", "surface", "stress", "inertia"),  # of each part; the rest: own stages
     lambda run: run.inputs,
     ALL_SOURCES,
     ALL_PACKAGES,
