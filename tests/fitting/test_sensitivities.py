@@ -12,7 +12,7 @@ import pytest
 
 import fmd as package
 from fmd.core.errors import InputError
-from fmd.fitting.beside import march_in_parts
+from fmd.fitting.neighbours import march_in_parts
 from fmd.fitting.parameters import change_parameters, find_parameter
 from fmd.fitting.sensitivities import Sensitivity
 

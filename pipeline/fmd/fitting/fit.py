@@ -193,7 +193,7 @@ def fit_scene(
     Parameters
     ----------
     run : Pipeline
-        Stages of the scene as it is computed, whose first run's method and steps are held.
+        Stages of the scene as it is computed, whose first run's method and steps are frozen.
     data : str
         File of measured histories, as `read_measurements` takes it.
     varied : tuple of VariedNumber
@@ -246,7 +246,7 @@ def require_determined(model: FitModel, information: Information, data: str) -> 
     for number, half in enumerate(information.half_widths):
         if half <= DETERMINED:
             continue
-        size = f"±{100 * half:.3g} %" if np.isfinite(half) else "nothing is told"
+        size = f"±{100 * half:.3g} %" if np.isfinite(half) else "not determined"
         partners = " and ".join(keys[k] for k in information.partners(number))
         lines.append(f"{keys[number]} ({size}{f', it goes with {partners}' if partners else ''})")
     if lines:

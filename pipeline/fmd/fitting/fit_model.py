@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.fitting.held_run import HeldMotion, HeldRun
+from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.measurements import Measurements
 from fmd.fitting.parameters import Parameter
 from fmd.stages.pipeline import Pipeline
@@ -69,7 +69,7 @@ class FitModel:
     measured : Measurements
         What is measured.
     varied : tuple of VariedNumber
-        Numbers that vary; all else, method and steps too, is held.
+        Numbers that vary; all else, method and steps too, is frozen.
 
     Attributes
     ----------
@@ -81,12 +81,12 @@ class FitModel:
     measured: Measurements
     varied: tuple[VariedNumber, ...]
     marches: int = 0
-    _known: dict[bytes, HeldMotion] = field(default_factory=dict)
+    _known: dict[bytes, FrozenMotion] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         times = self.measured.times
         self._first = int(times[0] > 0.0)  # displacements count from the start
-        self._held = HeldRun(self.run, np.r_[0.0, times] if self._first else times)
+        self._frozen = FrozenRun(self.run, np.r_[0.0, times] if self._first else times)
 
     def histories(self, shares: Array) -> Array:
         """Return the results over the measured times at some numbers, shape (n_channels, n_times), in SI units."""
@@ -103,7 +103,7 @@ class FitModel:
         scale = np.array([each.sigma for each in self.measured.channels])[:, None]
         motion, columns = self._motion(shares), []
         for each in self.varied:
-            low, high, step = self._held.beside(motion, each.parameter)
+            low, high, step = self._frozen.beside(motion, each.parameter)
             self.marches += 2
             slope = (self._read(high) - self._read(low)) / (2.0 * step)
             columns.append((slope * each.per_share(motion.values[each.parameter]) / scale).ravel())
@@ -127,14 +127,14 @@ class FitModel:
     def _priors(self) -> Array:
         return np.array([each.prior for each in self.varied if np.isfinite(each.prior)])
 
-    def _motion(self, shares: Array) -> HeldMotion:
+    def _motion(self, shares: Array) -> FrozenMotion:
         """Return the scene at some numbers, which is computed once."""
         key = np.asarray(shares, dtype=float).tobytes()
         if key not in self._known:
             values = self.values(shares)
             self.marches += 1
             try:
-                motion = self._held.at(dict(zip([each.parameter for each in self.varied], values, strict=True)))
+                motion = self._frozen.at(dict(zip([each.parameter for each in self.varied], values, strict=True)))
             except StabilityError as error:
                 at = ", ".join(f"{each.parameter.key} = {x:.6g}" for each, x in zip(self.varied, values, strict=True))
                 mend = "narrow the bounds or shorten the step"

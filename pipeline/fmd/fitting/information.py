@@ -18,7 +18,7 @@ class Information:
     Attributes
     ----------
     covariance : ndarray, shape (n, n)
-        Smallest covariance of any unbiased estimate, of which infinite entries of the diagonal aren't told at all
+        Smallest covariance of any unbiased estimate, of which infinite entries of the diagonal aren't determined at all
         (Cramér–Rao; Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, chapter 3).
     """
 
@@ -31,7 +31,7 @@ class Information:
 
     @property
     def correlation(self) -> Array:
-        """Correlations, (n, n); 0 with a number that isn't told."""
+        """Correlations, (n, n); 0 with a number that isn't determined."""
         known = np.isfinite(self.covariance.diagonal())
         sizes = np.sqrt(np.where(known, self.covariance.diagonal(), 1.0))
         whole = np.where(np.outer(known, known), self.covariance, np.eye(len(known)))
@@ -53,15 +53,15 @@ def find_information(J: Array) -> Information:
         Derivatives of residuals over their noise.
     """
     sizes = np.linalg.norm(J, axis=0)
-    told = sizes > 0.0
-    scaled = J / np.where(told, sizes, 1.0)
+    determined = sizes > 0.0
+    scaled = J / np.where(determined, sizes, 1.0)
     _, values, V = np.linalg.svd(scaled, full_matrices=False)
     kept = values > DEPENDENT_CONSTRAINT * max(values.max(initial=0.0), 1e-300)
-    untold = ~told | (V[~kept] ** 2 > DEPENDENT_CONSTRAINT).any(axis=0)
+    undetermined = ~determined | (V[~kept] ** 2 > DEPENDENT_CONSTRAINT).any(axis=0)
     half = V[kept] / values[kept, None]
-    covariance = (half.T @ half) / np.outer(np.where(told, sizes, 1.0), np.where(told, sizes, 1.0))
-    covariance[untold, :] = covariance[:, untold] = 0.0
-    covariance[untold, untold] = np.inf
+    covariance = (half.T @ half) / np.outer(np.where(determined, sizes, 1.0), np.where(determined, sizes, 1.0))
+    covariance[undetermined, :] = covariance[:, undetermined] = 0.0
+    covariance[undetermined, undetermined] = np.inf
     return Information(covariance)
 
 

@@ -13,7 +13,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.fitting import JUMP
 from fmd.fitting.channels import ResultChannel, find_channels
 from fmd.fitting.frequency_slopes import frequency_change
-from fmd.fitting.held_run import HeldMotion, HeldRun
+from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.stages.pipeline import Pipeline
 
@@ -80,7 +80,7 @@ class Sensitivity:
 def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[Sensitivity]:
     """Return the derivatives of results by numbers of a scene, the numbers of each result together.
 
-    Results are those of the scene's first run, whose method and steps are held; a largest value is followed where and
+    Results are those of the scene's first run, whose method and steps are frozen; a largest value is followed where and
     when it is largest. Derivatives are extrapolated from central differences of two lengths; the stated error is what
     the extrapolation changes. Those of frequencies are Rayleigh quotients, also within groups of one frequency; the
     stated error is their difference from those of the frequencies solved anew.
@@ -102,21 +102,21 @@ def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[
     run = result.run
     parameters = [find_parameter(run.scene, key) for key in dict.fromkeys(to)]
     channels = [channel for name in dict.fromkeys(of) for channel in find_channels(run, name)]
-    held, moves = HeldRun(run), any(channel.moves for channel in channels)
-    motion = held.at({}, moves)
-    by_parameter = [list(_differentiate(held, motion, channels, parameter)) for parameter in parameters]
+    frozen, moves = FrozenRun(run), any(channel.moves for channel in channels)
+    motion = frozen.at({}, moves)
+    by_parameter = [list(_differentiate(frozen, motion, channels, parameter)) for parameter in parameters]
     return [row for rows in zip(*by_parameter, strict=True) for row in rows]
 
 
 def _differentiate(
-    held: HeldRun, motion: HeldMotion, channels: Sequence[ResultChannel], parameter: Parameter
+    frozen: FrozenRun, motion: FrozenMotion, channels: Sequence[ResultChannel], parameter: Parameter
 ) -> Iterator[Sensitivity]:
     """Yield the derivative of each result by one number."""
     moves = any(channel.moves for channel in channels)
-    pairs = [held.beside(motion, parameter, share, moves) for share in (1.0, 0.5)]
+    pairs = [frozen.beside(motion, parameter, share, moves) for share in (1.0, 0.5)]
     for channel in channels:
-        value = np.asarray(channel.read(held.run))
-        rough, fine = (_change(channel, held.run, low, high) / (2.0 * step) for low, high, step in pairs)
+        value = np.asarray(channel.read(frozen.run))
+        rough, fine = (_change(channel, frozen.run, low, high) / (2.0 * step) for low, high, step in pairs)
         ratio = (pairs[0][2] / pairs[1][2]) ** 2
         slope = (ratio * fine - rough) / (ratio - 1.0)
         if channel.part:

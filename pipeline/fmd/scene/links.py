@@ -59,7 +59,7 @@ class FaceLink(SceneTable):
         if not given:
             raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
         if len(given) > 1:
-            raise FaultError(f"can't stand beside {given[0]}: a link's face is told in one way", given[1])
+            raise FaultError(f"can't stand beside {given[0]}: a link's face is given in one way", given[1])
         return self
 
 

@@ -154,13 +154,13 @@ def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
 
     The step is a shorter one where the variant's highest frequency takes that.
     """
-    first = plan_held(plan, variant)
+    first = plan_frozen(plan, variant)
     method: Any = plan.integrator
     limit = method.largest_step(first.system)
     return first if method.step < limit else replace(first, integrator=replace(method, step=SURELY_STABLE * limit))
 
 
-def plan_held(plan: Plan, variant: BuiltScene) -> Plan:
+def plan_frozen(plan: Plan, variant: BuiltScene) -> Plan:
     """Plan the first run of a scene's variant by the method and the step of a run, whatever the variant's limit."""
     first = _draft_plan(variant, 0, _given_step(variant))
     return _leave_out_modes(variant, replace(first, integrator=plan.integrator))

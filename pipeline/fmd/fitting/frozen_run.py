@@ -11,18 +11,18 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import DIFFERENCE, NEAR_DIFFERENCE, SAME_SHAPE
-from fmd.fitting.beside import PartedMarch, goes_in_parts, march_beside, march_in_parts
+from fmd.fitting.neighbours import PartedMarch, goes_in_parts, march_in_parts, march_neighbours
 from fmd.fitting.parameters import Parameter, change_parameters
 from fmd.integrators.protocol import Trajectory
 from fmd.scene.variants import change_simulation
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.plan import Plan, repeat_choice
-from fmd.stages.runs import plan_held
+from fmd.stages.runs import plan_frozen
 
 
 @dataclass(frozen=True)
-class HeldMotion:
-    """A scene at some values of its numbers, with the held run as its motion.
+class FrozenMotion:
+    """A scene at some values of its numbers, with the frozen run as its motion.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class HeldMotion:
     parts: PartedMarch | None = None
 
 
-class HeldRun:
+class FrozenRun:
     """A run whose method, steps and loads that stiffen stay as they are while numbers of its scene change.
 
     Parameters
@@ -64,33 +64,33 @@ class HeldRun:
         """Output times [s], shape (n_times,)."""
         return self.run.output_times if self._times is None else self._times
 
-    def at(self, values: Mapping[Parameter, float], moves: bool = True) -> HeldMotion:
-        """Return the scene at some values of its numbers [SI], with the held run as its motion.
+    def at(self, values: Mapping[Parameter, float], moves: bool = True) -> FrozenMotion:
+        """Return the scene at some values of its numbers [SI], with the frozen run as its motion.
 
         Bases of finite elements that these numbers change are computed anew.
 
         Parameters
         ----------
         moves : bool
-            False where no motion is wanted: of frequencies alone.
+            False where no motion is needed: of frequencies alone.
 
         Raises
         ------
         InputError
             A body's mesh has other nodes at these values, so that results would jump.
         StabilityError
-            The held step is too long at these values.
+            The frozen step is too long at these values.
         """
         other = self._variant(values, moves)
         if not moves:
-            return HeldMotion(other, values)
-        plan = plan_held(self.plan, other)
+            return FrozenMotion(other, values)
+        plan = plan_frozen(self.plan, other)
         parts = march_in_parts(plan, self.times) if goes_in_parts(plan) else None
         self._set_motion(other, plan, plan.march(self.times) if parts is None else parts.trajectory)
-        return HeldMotion(other, values, parts if parts is not None and parts.draws_back else None)
+        return FrozenMotion(other, values, parts if parts is not None and parts.draws_back else None)
 
     def beside(
-        self, motion: HeldMotion, parameter: Parameter, share: float = 1.0, moves: bool = True
+        self, motion: FrozenMotion, parameter: Parameter, share: float = 1.0, moves: bool = True
     ) -> tuple[Pipeline, Pipeline, float]:
         """Return the scene a little below and above one of its numbers, and by how much above [SI].
 
@@ -114,10 +114,10 @@ class HeldRun:
             step = share * DIFFERENCE * abs(middle)
             low, high = variants(step)
         if moves:
-            plans = [plan_held(self.plan, run) for run in (low, high)]
+            plans = [plan_frozen(self.plan, run) for run in (low, high)]
             known = [each for each in signs if each is not None]
             if motion.parts is not None and len(known) == len(plans):
-                trajectories = march_beside(motion.parts, plans, known, self.times)
+                trajectories = march_neighbours(motion.parts, plans, known, self.times)
             else:
                 trajectories = [plan.march(self.times) for plan in plans]
             for run, plan, trajectory in zip((low, high), plans, trajectories, strict=True):

@@ -58,8 +58,8 @@ def march_in_parts(plan: Plan, times: Array) -> PartedMarch:
     whole = np.union1d(times, np.linspace(0.0, times[-1], PARTS + 1))
     number, _ = locate_samples(whole, cycle)
     begins = 1 + np.flatnonzero(np.diff(number))  # where no time of a cycle that is done is left
-    wanted = np.linspace(0, len(begins), PARTS + 1)[1:-1].astype(int)
-    stops = (*(int(k) for k in np.unique(begins[wanted])), len(whole)) if len(begins) else (len(whole),)
+    chosen = np.linspace(0, len(begins), PARTS + 1)[1:-1].astype(int)
+    stops = (*(int(k) for k in np.unique(begins[chosen])), len(whole)) if len(begins) else (len(whole),)
     ends: list[State] = []
     found: list[Trajectory] = []
     for first, stop in zip((0, *stops[:-1]), stops, strict=True):
@@ -69,7 +69,7 @@ def march_in_parts(plan: Plan, times: Array) -> PartedMarch:
     return PartedMarch(whole, stops, tuple(ends), _join(plan, found, whole, times))
 
 
-def march_beside(
+def march_neighbours(
     run: PartedMarch, plans: Sequence[Plan], signs: Sequence[Mapping[str, Array]], times: Array
 ) -> list[Trajectory]:
     """March a run for numbers as far below its own as above it, drawn back to it after each part.
