@@ -9,7 +9,7 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.comparison import change_fineness
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.error_estimates import NO_PART
-from fmd.accuracy.estimators import Estimates, _root_mean_square, _with_diagonal
+from fmd.accuracy.estimators import Estimates, _with_diagonal, root_mean_square
 from fmd.core.cache import Cache
 
 ROD = ["simulation.duration=1 s", 'simulation.run=[{integrator="central-difference", step="4 ms"}]']
@@ -46,7 +46,7 @@ def test_the_other_step_of_a_short_march_is_half_and_its_gain_richardsons() -> N
 
 
 def test_two_estimates_are_combined_with_the_sign_of_the_larger() -> None:
-    combined = _root_mean_square(np.array([3e-3, -1e-3]), np.array([-1e-3, 0.0]))
+    combined = root_mean_square(np.array([3e-3, -1e-3]), np.array([-1e-3, 0.0]))
     assert combined == pytest.approx([np.sqrt(5e-6), -np.sqrt(0.5e-6)])
 
 
