@@ -62,3 +62,11 @@ def test_a_designs_keys_are_coordinates_along_its_points():
     assert data["tip_m"].dims == ("point",)
     np.testing.assert_allclose(data["length"], [1e-3, 3e-3, 2e-3])
     np.testing.assert_allclose(data["load"], [7.0, 5.0, 6.0])
+
+
+def test_a_design_of_many_points_and_keys_is_no_grid_and_needs_not_all_combinations():
+    values = tuple(str(k) for k in range(1000))  # of six keys: 1e18 combinations
+    variations = tuple(Variation(f"key{k}", values) for k in range(6))
+    points = tuple(Point((value,) * 6, None, "key") for value in values)
+    assert not Sweep(variations, points, (), 0).is_grid
+    assert Sweep(variations[:1], tuple(Point((value,), None, "key") for value in values), (), 0).is_grid

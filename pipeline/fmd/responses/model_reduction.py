@@ -41,14 +41,11 @@ class ReducedModel:
         of what doesn't decay, which are exact, are left out of both.
     bound : float
         Bound on it at all frequencies, from the singular values of what is left out.
-    n_kept : int
-        States of rigid, undamped and growing motions, which are all kept.
     """
 
     model: StateSpace
     error: float
     bound: float
-    n_kept: int
 
 
 class ModelReduction:
@@ -124,7 +121,7 @@ class ModelReduction:
             self.model.inputs,
             self.model.outputs,
         )
-        return ReducedModel(whole, self._error(part), 2.0 * float(self.singular_values[n:].sum()), self.n_kept)
+        return ReducedModel(whole, self._error(part), 2.0 * float(self.singular_values[n:].sum()))
 
     def to_error(self, error: float) -> ReducedModel:
         """Return the model with the fewest states whose error is no larger.

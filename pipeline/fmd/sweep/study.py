@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -40,7 +41,10 @@ class Sweep:
     @property
     def is_grid(self) -> bool:
         """True if the points are all combinations of the values, not those of a design."""
-        return [point.values for point in self.points] == list(product(*(v.values for v in self.variations)))
+        if len(self.points) != math.prod(len(v.values) for v in self.variations):
+            return False  # before any combination is made: those of a design's values are far too many
+        combinations = product(*(v.values for v in self.variations))
+        return all(point.values == values for point, values in zip(self.points, combinations, strict=True))
 
     @property
     def counts(self) -> dict[str, int]:
