@@ -58,6 +58,14 @@ addEventListener("load", async () => {
   look(() => set(0));
   look(() => set(time.max));
   look(() => set(own));
+  const span = document.querySelector("[name=span]"), ticks = [...document.querySelectorAll(".ticks span")];
+  const choose = (name) => { span.value = name; span.dispatchEvent(new Event("change")); };
+  set(Math.round(time.max / 5));
+  for (const name of ["largest", "frame", "usual"]) {
+    look(() => choose(name));
+    states.at(-1).push(ticks.at(-1).textContent);
+  }
+  choose("largest"); set(own);
   document.querySelector("[name=play]").click();
   await new Promise((then) => setTimeout(then, 200));
   look(() => document.querySelector("[name=play]").click());
@@ -137,13 +145,16 @@ def test_the_mechanism_in_the_page_moves_and_is_stressed_as_the_run_is():
     turn = -np.polyfit(positions[at_hub, 1], moved[at_hub, 0], 1)[0]
     deflection = run.motion.tip_deflection[:, 1][int(np.searchsorted(run.motion.times, time))]
     assert tip - hub - 0.34 * turn == pytest.approx(deflection, rel=0.02)
-    # Colours: levels between the limits, which the largest stress exceeds.
-    levels, (low, high) = unpacked(beam, "levels", "u1", n_frames, n), data["limits"]
-    assert (low, levels[frame].max()) == (0.0, 255)
+    # Colours: levels between the least and the largest stress, and what the colours can span in each frame.
+    levels, (low, high) = unpacked(beam, "levels", "<u2", n_frames, n), data["limits"]
+    assert (low, levels[frame].max()) == (0.0, 65535)
     assert data["worst"] == {"body": "beam", "time": time, "largest": pytest.approx(worst * 1e-6)}
-    assert high < data["worst"]["largest"]
-    quiet = levels[0].max() / 255 * high * 1e6
-    assert quiet == pytest.approx(run.stress.von_mises(0.0).max(), abs=high * 1e6 / 255)
+    assert high == pytest.approx(data["worst"]["largest"])
+    last = levels[-1].max() / 65535 * high
+    assert last * 1e6 == pytest.approx(run.stress.von_mises(run.motion.times[-1]).max(), abs=high * 1e6 / 65535)
+    assert data["spans"]["largest"] == [[low, pytest.approx(high)]] * n_frames
+    assert data["spans"]["frame"][-1] == [0.0, pytest.approx(last, abs=high / 65535)]
+    assert 0.5 * high < data["spans"]["usual"][0][1] < high
     # The tip in space, from place and axes of the frame.
     origin, rotation = unpacked(beam, "origin", "<f4", n_frames, 3), unpacked(beam, "rotation", "<f4", n_frames, 3, 3)
     ends = np.isclose(x, 0.34, atol=1e-6)
@@ -173,7 +184,9 @@ def test_the_mechanism_turns_and_moves_in_a_browser(text, tmp_path):
     )
     answer = re.search(r'data-answer="(.*?)"(?: |>)', done.stdout)
     assert answer is not None, done.stderr
-    start, turned, nearer, home, first, last, back, played = json.loads(unescape(answer[1]))
+    start, turned, nearer, home, first, last, back, all_instants, instant, usual, played = json.loads(
+        unescape(answer[1])
+    )
     assert 0.01 < start[0] < 0.6
     assert start[2] > 100  # the hottest colour is red
     assert turned[1] != start[1]
@@ -183,6 +196,10 @@ def test_the_mechanism_turns_and_moves_in_a_browser(text, tmp_path):
     assert last[4] > first[4] + 5  # it has turned counter-clockwise, from the x axis upwards
     assert first[2] < 60  # without stress it has none of the hot colours
     assert back == start
+    assert all_instants[2] + 30 < instant[2]  # this instant's largest stress is red on its own scale
+    assert float(instant[6]) < float(all_instants[6])
+    assert float(usual[6].removeprefix("≥ ")) < float(all_instants[6])
+    assert usual[6].startswith("≥ ")
     assert played[5] != back[5]
     assert imread(tmp_path / "page.png")[..., :3].std() > 0.05
 

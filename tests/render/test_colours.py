@@ -1,9 +1,19 @@
 """Colour scales: their limits and their maps."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
-from fmd.render.colours import limits_in_megapascals, sample_colours, stress_limits, usual_limits
+from fmd.render.colours import (
+    FILM_RANGES,
+    film_limits,
+    limits_in_megapascals,
+    sample_colours,
+    stress_limits,
+    usual_limits,
+)
+from fmd.scene.pictures import Film
 
 
 def test_limits_are_those_of_the_stress_and_hold_zero_unless_all_is_negative() -> None:
@@ -31,6 +41,14 @@ def test_a_films_colours_reach_to_the_99th_percentile_of_its_stress() -> None:
     assert usual_limits(-stress) == pytest.approx((-9.9, -0.1), rel=1e-2)
     brief = np.append(np.zeros(10_000), 7.0)
     assert usual_limits(brief) == stress_limits(brief)
+
+
+def test_a_films_colours_span_all_frames_or_each_of_them() -> None:
+    stress = np.array([[0.0, 1.0, 2.0], [-1.0, 4.0, 8.0]])
+    assert film_limits(stress, "largest").tolist() == [[-1.0, 8.0], [-1.0, 8.0]]
+    assert film_limits(stress, "frame").tolist() == [[0.0, 2.0], [-1.0, 8.0]]
+    assert film_limits(stress, "usual")[0].tolist() == pytest.approx(usual_limits(stress))
+    assert set(FILM_RANGES) == set(get_args(Film.model_fields["span"].annotation))
 
 
 def test_the_usual_map_has_no_dark_lower_end_and_ends_as_turbo_does() -> None:

@@ -12,10 +12,13 @@ import pytest
 from fmd.render import drawn_mechanism
 from fmd.render import film as film_module
 from fmd.render.camera import Camera
+from fmd.render.colours import film_limits
 from fmd.render.film import draw_film, draw_mechanism
 from fmd.render.moving_bodies import MovingBody, MovingLine, MovingMechanism, MovingShape
 from fmd.render.solids import make_ball
 from fmd.render.surface import Surface
+
+PART, TICKS = np.s_[50:], np.s_[18:40]  # columns of a film
 
 
 def turning(part: Surface, n_frames: int, **changes: object) -> MovingMechanism:
@@ -30,7 +33,7 @@ def turning(part: Surface, n_frames: int, **changes: object) -> MovingMechanism:
 
 
 def film(moving: MovingMechanism, path: Path, **changes: object) -> Path:
-    given = {"clim_pa": (0.0, 1e6), "camera": Camera(size=(320, 180))} | changes
+    given = {"clim_pa": np.tile((0.0, 1e6), (len(moving.times), 1)), "camera": Camera(size=(320, 180))} | changes
     draw_film(moving, path, title="Part", rate=25.0, **given)  # type: ignore[arg-type]
     return path
 
@@ -76,7 +79,7 @@ def test_a_film_that_can_not_be_made_is_refused(tmp_path: Path, beam: Surface) -
     with pytest.raises(ValueError, match="both must be even"):
         film(moving, tmp_path / "film.mp4", camera=Camera(size=(321, 180)))
     with pytest.raises(ValueError, match="the highest colour needs a larger stress"):
-        film(moving, tmp_path / "film.mp4", clim_pa=(0.0, 0.0))
+        film(moving, tmp_path / "film.mp4", clim_pa=np.zeros((2, 2)))
     with pytest.raises(ValueError, match="stress has shape"):
         replace(moving.bodies[0], stress=np.zeros((2, 3)))
 
@@ -146,8 +149,27 @@ def test_a_film_without_stress_has_no_colour_bar(tmp_path: Path, beam: Surface) 
 
 
 def test_a_film_of_a_component_of_stress_has_limits_of_both_signs(tmp_path: Path, beam: Surface) -> None:
-    shown = decoded(film(turning(beam, 2), tmp_path / "film.mp4", clim_pa=(-1e6, 1e6), quantity="σ_xx [MPa]"))
+    shown = decoded(
+        film(turning(beam, 2), tmp_path / "film.mp4", clim_pa=np.tile((-1e6, 1e6), (2, 1)), quantity="σ_xx [MPa]")
+    )
     assert shown.std() > 0
+
+
+def test_a_films_colours_and_their_bar_can_follow_each_frame(tmp_path: Path, beam: Surface) -> None:
+    moving = turning(beam, 2)
+    body = moving.bodies[0]
+    assert body.stress is not None
+    still = np.tile(np.eye(3), (2, 1, 1))
+    growing = replace(body, rotation=still, stress=body.stress * [[0.25], [1.0]])
+    moving = replace(moving, bodies=(growing,))
+    spans = {span: film_limits(growing.stress, span) for span in ("largest", "frame")}  # type: ignore[arg-type]
+    shown = {span: decoded(film(moving, tmp_path / f"{span}.gif", clim_pa=limits)) for span, limits in spans.items()}
+    changed = {
+        span: [np.abs(np.diff(frames[:, 45:, columns].astype(int), axis=0)).mean() for columns in (PART, TICKS)]
+        for span, frames in shown.items()
+    }
+    assert changed["largest"][0] > 10 * changed["frame"][0]  # the same share of its own scale in each frame
+    assert changed["frame"][1] > 4 * changed["largest"][1]  # the numbers of the bar, beside a palette's rounding
 
 
 def test_a_film_has_one_plotter_and_one_part(tmp_path: Path, beam: Surface, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from fmd.recovery.stress import choose_frames, stress_measure
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.camera import FILM_PIXELS, SHEET_PIXELS
 from fmd.render.chart_data import Band, Curve
-from fmd.render.colours import usual_limits
+from fmd.render.colours import film_limits
 from fmd.stages.division import part_of
 
 if TYPE_CHECKING:
@@ -184,13 +184,13 @@ def _draw_mechanism(
 def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Film the mechanism in motion, in the colours of its stress."""
     moving = _view(run, output, choose_frames(len(run.motion.times), output.frames))
-    stresses = [body.stress.ravel() for body in moving.bodies if body.stress is not None]
+    stresses = [body.stress for body in moving.bodies if body.stress is not None]
     draw(
         "film.draw_film",
         moving,
         folder / output.file,
         title=(output.title or run.scene.title) + _factor(output),
-        clim_pa=usual_limits(np.concatenate(stresses)) if stresses else None,
+        clim_pa=film_limits(np.concatenate(stresses, axis=1), output.span) if stresses else None,
         rate=output.rate,
         quantity=_quantity(output.component),
         camera=camera_of(run, output, FILM_PIXELS),

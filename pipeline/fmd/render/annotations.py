@@ -12,7 +12,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCoordinate, vtkPolyDataMapper2D, vtkTextActor
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkCoordinate, vtkPolyDataMapper2D, vtkProp, vtkTextActor
 
 from fmd.core.arrays import Array
 from fmd.render.canvas import INK, Canvas
@@ -84,36 +84,39 @@ def add_colour_bar(
     place: Place = BAR,
     *,
     beyond: tuple[bool, bool] = (False, False),
-) -> None:
+) -> list[vtkProp]:
     """Add a colour bar, horizontal or upright as its place is, with its quantity, round numbers and limits.
 
     ``beyond`` says which of the limits, the lower and the upper one, are marked as ones that some values exceed.
+    What is returned are the bar's parts.
     """
     left, right, bottom, top = place
     start = np.array([left, bottom, 0.0])
     wide, high, _ = np.diag([right - left, top - bottom, 0.0])
     if top - bottom > right - left:
         along, across, offset, align, near = high, wide, np.array([right - left + 0.01, 0, 0]), "left", 0.06
-        add_text(canvas, quantity, (left, top + 0.05), fit_height(quantity, LABEL_HEIGHT, ABOVE_BAR, canvas.size))
+        height = fit_height(quantity, LABEL_HEIGHT, ABOVE_BAR, canvas.size)
+        name = add_text(canvas, quantity, (left, top + 0.05), height)
     else:
         along, across, offset, align, near = wide, high, np.array([0, -0.025, 0]), "centre", 0.1
         room = left - 0.015 - MARGIN
         height = fit_height(quantity, LABEL_HEIGHT, room, canvas.size)
-        add_text(canvas, quantity, (left - 0.015, (bottom + top) / 2), height, "right")
+        name = add_text(canvas, quantity, (left - 0.015, (bottom + top) / 2), height, "right")
     side = start + np.linspace(0, 1, 257)[:, None] * along
     k = np.arange(256)
     faces = np.column_stack([np.full(256, 4), k, k + 1, k + 258, k + 257])
     strip = pv.PolyData(np.concatenate([side, side + across]), faces=faces.ravel())
     strip.cell_data["colours"] = sample_colours(colour_map, 256)
     strip.set_active_scalars("colours")
-    _add_flat(canvas, strip)
+    parts: list[vtkProp] = [name, _add_flat(canvas, strip)]
     span = limits[1] - limits[0]
     for tick in (limits[0], *MaxNLocator(5).tick_values(*limits), limits[1]):
         share = (tick - limits[0]) / span
         if tick in limits or near < share < 1 - near:  # numbers side by side need more room
             x, y, _ = start + share * along + offset
             sign = next((s for s, end, b in zip("≤≥", limits, beyond, strict=True) if b and tick == end), "")
-            add_text(canvas, f"{sign} {format_number(tick, span)}".strip(), (x, y), TICK_HEIGHT, align)
+            parts.append(add_text(canvas, f"{sign} {format_number(tick, span)}".strip(), (x, y), TICK_HEIGHT, align))
+    return parts
 
 
 def format_number(value: float, span: float) -> str:
@@ -173,7 +176,7 @@ def add_stroke(canvas: Canvas, pixels: Array) -> None:
     _add_flat(canvas, line)
 
 
-def _add_flat(canvas: Canvas, shape: pv.PolyData, colour: str = INK, width: float = 1.5) -> None:
+def _add_flat(canvas: Canvas, shape: pv.PolyData, colour: str = INK, width: float = 1.5) -> vtkActor2D:
     """Add a shape over everything, its x and y as fractions of the picture's width and height.
 
     Lines are ``width`` pixels wide.
@@ -188,6 +191,7 @@ def _add_flat(canvas: Canvas, shape: pv.PolyData, colour: str = INK, width: floa
     actor.GetProperty().SetColor(pv.Color(colour).float_rgb)
     actor.GetProperty().SetLineWidth(width * canvas.fineness)
     canvas.plotter.renderer.AddViewProp(actor)
+    return actor
 
 
 def add_triad(canvas: Canvas) -> None:

@@ -193,6 +193,7 @@ class DrawnPart:
     faces: pv.PolyData
     lines: pv.PolyData
     outline: Outline
+    actor: pv.Actor
 
     def move(self, points: Array, values: Array | None = None) -> None:
         """Move the part's points to (n_points, 3) [m] and, if given, colour it by ``values`` (n_points,)."""
@@ -243,7 +244,7 @@ def _add_part(
     """Add a part's faces and lines; ``ambient`` is the share of light that doesn't depend on direction."""
     actor = canvas.plotter.add_mesh(faces, ambient=ambient, diffuse=1 - ambient, specular=0.0, **colouring)
     actor.prop.interpolation = "Phong"
-    part = DrawnPart(canvas.projection, skin, faces, _add_lines(canvas, outline, INK), outline)
+    part = DrawnPart(canvas.projection, skin, faces, _add_lines(canvas, outline, INK), outline, actor)
     part.move(surface.points)
     return part
 

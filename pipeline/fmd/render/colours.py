@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 
 import numpy as np
@@ -59,7 +60,7 @@ def stress_limits(stress: Array) -> tuple[float, float]:
 
 
 def usual_limits(stress: Array) -> tuple[float, float]:
-    """Return limits of a film's colour scale [Pa]: to the 99th percentile of all frames, not one instant's peak.
+    """Return limits of a colour scale [Pa]: to the 99th percentile of all values, not one instant's peak.
 
     Where hardly anything is left between them, they are those of `stress_limits`.
     """
@@ -67,6 +68,31 @@ def usual_limits(stress: Array) -> tuple[float, float]:
     usual = float(np.quantile(stress, _USUAL_SHARE))
     least = min(0.0, float(np.quantile(stress, 1 - _USUAL_SHARE)))
     return (least, usual) if usual - least > 1e-3 * (high - low) else (low, high)
+
+
+# Of what a film's colour scale spans, and of which of its frames each scale is taken.
+FILM_RANGES: Mapping[str, tuple[Callable[[Array], tuple[float, float]], bool]] = {
+    "largest": (stress_limits, False),
+    "usual": (usual_limits, False),
+    "frame": (stress_limits, True),
+}
+
+
+def film_limits(stress: Array, span: str) -> Array:
+    """Return the limits of a film's colour scale in each frame, shape (n_frames, 2) [Pa].
+
+    Parameters
+    ----------
+    stress : ndarray, shape (n_frames, n_points)
+        [Pa].
+    span : str
+        ``largest``, to the largest stress of all frames; ``usual``, to their 99th percentile; ``frame``, to the
+        largest of each frame.
+    """
+    limits, in_each = FILM_RANGES[span]
+    if in_each:
+        return np.array([limits(values) for values in stress])
+    return np.tile(limits(stress), (len(stress), 1))
 
 
 def limits_in_megapascals(clim_pa: tuple[float, float]) -> tuple[float, float]:

@@ -44,6 +44,12 @@ class DrawnMechanism:
         for line, points in zip(self.moving.lines, self.lines, strict=True):
             points.points = line.points[frame]
 
+    def set_limits(self, limits: tuple[float, float]) -> None:
+        """Set the stress [MPa] of the lowest and of the highest colour."""
+        for body, drawn in zip(self.moving.bodies, self.bodies, strict=True):
+            if body.stress is not None:
+                drawn.actor.mapper.scalar_range = limits
+
 
 def add_mechanism(
     canvas: Canvas, moving: MovingMechanism, limits: tuple[float, float], colour_map: str

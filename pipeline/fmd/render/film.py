@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import imageio.v2 as iio
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingCore import vtkTextActor
+from vtkmodules.vtkRenderingCore import vtkProp, vtkTextActor
 
 from fmd.core.arrays import Array
 from fmd.core.files import whole_file
@@ -44,7 +45,7 @@ def draw_film(
     *,
     title: str,
     rate: float,
-    clim_pa: tuple[float, float] | None = None,
+    clim_pa: Array | None = None,
     quantity: str = STRESS,
     camera: Camera | None = None,
 ) -> None:
@@ -60,8 +61,8 @@ def draw_film(
         Heading.
     rate : float
         Frames per second.
-    clim_pa : tuple of float, optional
-        Stress of the lowest and of the highest colour [Pa]; without, there is no colour bar.
+    clim_pa : ndarray, shape (n_frames, 2), optional
+        Stress of the lowest and of the highest colour in each frame [Pa]; without, there is no colour bar.
     quantity : str
         Label of the colour bar, which is in MPa.
     camera : Camera, optional
@@ -73,22 +74,46 @@ def draw_film(
     """
     camera = camera or Camera(size=FILM_PIXELS)
     _require_encodable(path, camera.size)
-    limits = _NO_LIMITS if clim_pa is None else limits_in_megapascals(clim_pa)
+    limits = [_NO_LIMITS] if clim_pa is None else [limits_in_megapascals(ends) for ends in clim_pa.tolist()]
     place = WITHOUT_BAR if clim_pa is None else PART
     projection = fit_mechanism(camera, moving, TILT, place)
     with open_canvas(projection, fineness=2) as canvas:
-        drawn = add_mechanism(canvas, moving, limits, camera.colour_map)
+        drawn = add_mechanism(canvas, moving, limits[0], camera.colour_map)
         if camera.is_close_up:
             cover_margins(canvas, place)
-        if clim_pa is not None:
-            stresses = [body.stress for body in moving.bodies if body.stress is not None]
-            beyond = any(s.min() < clim_pa[0] for s in stresses), any(s.max() > clim_pa[1] for s in stresses)
-            add_colour_bar(canvas, quantity, limits, camera.colour_map, BAR, beyond=beyond)
+        scale = None if clim_pa is None else ColourScale(canvas, drawn, quantity, limits, camera.colour_map)
         add_triad(canvas)
         clock = add_heading(canvas, title, moving.clock(len(moving.times) - 1))
         with whole_file(path) as file, _open_writer(file, rate) as writer:
-            for picture in _draw_frames(canvas, drawn, clock):
+            for picture in _draw_frames(canvas, drawn, clock, scale):
                 writer.append_data(picture)
+
+
+@dataclass
+class ColourScale:
+    """A film's colour scale and its bar, which is drawn anew where the limits [MPa] change from frame to frame."""
+
+    canvas: Canvas
+    drawn: DrawnMechanism
+    quantity: str
+    limits: list[tuple[float, float]]
+    colour_map: str
+    _shown: tuple[float, float] | None = None
+    _bar: Sequence[vtkProp] = ()
+
+    def show(self, frame: int) -> None:
+        """Show a frame's scale; its bar marks limits that some stress under this scale exceeds."""
+        limits = self.limits[frame]
+        if limits == self._shown:
+            return
+        for prop in self._bar:
+            self.canvas.plotter.renderer.RemoveViewProp(prop)
+        self.drawn.set_limits(limits)
+        same = [k for k, other in enumerate(self.limits) if other == limits]
+        stresses = [body.stress[same] * 1e-6 for body in self.drawn.moving.bodies if body.stress is not None]
+        beyond = any(s.min() < limits[0] for s in stresses), any(s.max() > limits[1] for s in stresses)
+        self._bar = add_colour_bar(self.canvas, self.quantity, limits, self.colour_map, BAR, beyond=beyond)
+        self._shown = limits
 
 
 def draw_mechanism(
@@ -179,10 +204,14 @@ def _require_encodable(path: Path, size: tuple[int, int]) -> None:
         raise ValueError(f"a film of {size[0]} × {size[1]} pixels can't be encoded, both must be even")
 
 
-def _draw_frames(canvas: Canvas, drawn: DrawnMechanism, clock: vtkTextActor) -> Iterator[NDArray[np.uint8]]:
-    """Move the mechanism and set the clock frame by frame, and yield the pictures."""
+def _draw_frames(
+    canvas: Canvas, drawn: DrawnMechanism, clock: vtkTextActor, scale: ColourScale | None
+) -> Iterator[NDArray[np.uint8]]:
+    """Move the mechanism, set clock and colour scale frame by frame, and yield the pictures."""
     for frame in range(len(drawn.moving.times)):
         drawn.move(frame)
+        if scale is not None:
+            scale.show(frame)
         clock.SetInput(drawn.moving.clock(frame))
         yield canvas.picture()
 

@@ -217,10 +217,14 @@ class MechanismPicture(MechanismView):
 class Film(MechanismView):
     """A film of the mechanism in motion, its flexible bodies coloured by the stress on their surface.
 
-    The camera sees the whole motion. Colours reach to the 99th percentile of the film's stress.
+    The camera sees the whole motion.
 
     Parameters
     ----------
+    span : str
+        What the colours span: ``largest``, to the largest stress of all frames; ``usual``, to their 99th percentile,
+        which tells more apart where one instant or one corner has far more stress than the rest; ``frame``, each frame
+        to its own largest stress, with a scale that changes.
     frames : int
         Number of pictures, spread over the duration.
     rate : float
@@ -238,6 +242,7 @@ class Film(MechanismView):
     """
 
     type: Literal["film"]
+    span: Literal["largest", "usual", "frame"] = "largest"
     file: Annotated[str, FileCheck((".mp4", ".gif"))]
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)]
     rate: Annotated[Number, Positive]

@@ -75,12 +75,11 @@ def _collect_motion(run: Pipeline) -> dict[str, Any]:
     stressed = view["worst"] is not None
     still = draw_inline(run, "stress" if stressed else "mechanism", scale=scale, size=_LARGE)[0]
     colours = np.frombuffer(base64.b64decode(view["colours"]), dtype=np.uint8).reshape(-1, 3)[::15]
-    low, high = view["limits"]
     return {
         "view": view,
         "still": image_of(still.png, f"{run.scene.title} at its worst instant" if stressed else run.scene.title),
         "strip": [f"rgb({r} {g} {b})" for r, g, b in colours.tolist()] if stressed else [],
-        "ticks": np.linspace(low, high, TICKS_OF_BAR).tolist(),
+        "n_ticks": TICKS_OF_BAR,
         "largest_scale": 2 * scale if scale > 1 else 10,
     }
 

@@ -13,7 +13,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.output.mechanism_view import view_mechanism
 from fmd.recovery.stress import choose_frames
 from fmd.render.camera import Camera
-from fmd.render.colours import sample_colours, usual_limits
+from fmd.render.colours import FILM_RANGES, film_limits, sample_colours, stress_limits
 
 if TYPE_CHECKING:
     from fmd.render.moving_bodies import MovingBody, MovingShape
@@ -24,12 +24,12 @@ _LARGEST = 32767  # of a 16-bit number
 _MOST_EDGES = 12_000  # with more, element edges are hidden at first
 _MOST_FRAMES, _LEAST_FRAMES = 81, 2
 _MOST_BYTES = 4_000_000  # of deformation and stress in all frames
-_BYTES_A_POINT = 7  # three 16-bit displacements and a colour
+_BYTES_A_POINT = 8  # three 16-bit displacements and a stress
 _REACHED = 1.05  # of the mechanism's reach from its middle is shown at first
 
 
 def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
-    """Collect the bodies of a run, their places and deformation over its motion, and their stress as colours.
+    """Collect the bodies of a run, their places and deformation over its motion, and their stress.
 
     Parameters
     ----------
@@ -44,8 +44,10 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
         ``bodies`` and ``lines``; arrays are little-endian in base64. Of each body: float32 ``positions`` (n, 3) of its
         drawn points in its frame [m], float32 ``origin`` (n_frames, 3) [m] and ``rotation`` (n_frames, 3, 3) of the
         frame, uint32 ``triangles`` and ``edges``, ``rgb`` if it has one colour. Of a flexible one also int16
-        ``displacements`` (n_frames, n, 3), a unit of which is ``step`` [m], and uint8 ``levels`` (n_frames, n) between
-        the ``limits`` [MPa]. ``axes`` are the camera's, row by row, to the right, up and towards the viewer.
+        ``displacements`` (n_frames, n, 3), a unit of which is ``step`` [m], and uint16 ``levels`` (n_frames, n) between
+        the least and the largest stress, the ``limits`` [MPa]; ``spans`` [MPa] has the limits that the colours can
+        have in each frame, by their names in `film_limits`. ``axes`` are the camera's, row by row, to the right, up and
+        towards the viewer.
     """
     times = run.motion.times
     meshed = [name for name, part in run.wholes.items() if part.has_stress]
@@ -57,8 +59,9 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
     chosen = choose_frames(len(times), int(np.clip(n_frames, _LEAST_FRAMES, _MOST_FRAMES)))
     chosen = np.union1d(chosen, [at_worst])
     moving = view_mechanism(run, chosen, scale=scale)
-    stresses = [body.stress.ravel() for body in moving.bodies if body.stress is not None]
-    limits = usual_limits(np.concatenate(stresses)) if stresses else (0.0, 1e6)
+    stresses = [body.stress for body in moving.bodies if body.stress is not None]
+    stress = np.concatenate(stresses, axis=1) if stresses else np.zeros((len(chosen), 1))
+    limits = stress_limits(stress)
     around = moving.around()
     middle = (around.min(axis=0) + around.max(axis=0)) / 2
     axes = camera.candidate_axes(around, up=moving.up)[0]
@@ -71,6 +74,7 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
         "clocks": [moving.clock(frame) for frame in range(len(chosen))],
         "colours": _encode(sample_colours(camera.colour_map, _COLOURS), "u1"),
         "limits": [limits[0] * 1e-6, limits[1] * 1e-6],
+        "spans": {span: (film_limits(stress, span) * 1e-6).tolist() for span in FILM_RANGES} if stresses else {},
         "axes": axes.ravel().tolist(),
         "middle": middle.tolist(),
         "reach": (_REACHED * np.maximum(reach, 1e-9)).tolist(),
@@ -90,7 +94,7 @@ def _describe_worst(body: str | None, worst: Mapping[str, tuple[float, int, floa
 
 
 def _flexible(body: MovingBody, limits: tuple[float, float]) -> dict[str, Any]:
-    """Collect a flexible body: displacements of its drawn points as 16-bit numbers, its stress as 8-bit levels."""
+    """Collect a flexible body: displacements of its drawn points and its stress as 16-bit numbers."""
     from fmd.render.surface import build_skin
 
     skin = build_skin(body.surface)
@@ -99,12 +103,12 @@ def _flexible(body: MovingBody, limits: tuple[float, float]) -> dict[str, Any]:
     drawn = np.zeros(len(body.surface.points), dtype=np.int64)
     drawn[skin.source] = np.arange(len(skin.source))
     assert body.stress is not None
-    levels = np.clip((body.stress - limits[0]) / (limits[1] - limits[0]), 0, 1) * (_COLOURS - 1)
+    levels = (body.stress - limits[0]) / (limits[1] - limits[0]) * np.iinfo(np.uint16).max
     return _placed(body.surface.points[skin.source], skin.triangles, body) | {
         "edges": _encode(drawn[body.surface.edges], "<u4"),
         "step": step,
         "displacements": _encode(np.rint(displacements[:, skin.source] / step), "<i2"),
-        "levels": _encode(np.rint(levels[:, skin.source]), "u1"),
+        "levels": _encode(np.rint(levels[:, skin.source]), "<u2"),
         "rgb": None,
     }
 

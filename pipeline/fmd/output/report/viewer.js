@@ -4,11 +4,11 @@
 
 const VERTEX = `#version 300 es
 in vec3 position, normal; in float level;
-uniform mat3 turn; uniform vec2 move, shape; uniform vec3 middle; uniform float zoom, depth, lift;
+uniform mat3 turn; uniform vec2 move, shape; uniform vec3 middle; uniform float zoom, depth, lift; uniform vec2 span;
 out float shown; out vec3 facing;
 void main() {
   vec3 p = turn * (position - middle);
-  shown = level; facing = turn * normal;
+  shown = (level - span.x) / (span.y - span.x); facing = turn * normal;
   gl_Position = vec4((p.xy * zoom + move) * shape, -p.z * depth - lift, 1.0);
 }`;
 const FRAGMENT = `#version 300 es
@@ -69,7 +69,7 @@ function show(figure) {
   }
   gl.linkProgram(program); gl.useProgram(program);
   const at = (name) => gl.getUniformLocation(program, name);
-  const names = ["turn", "move", "shape", "middle", "zoom", "depth", "lift", "line", "flat_"];
+  const names = ["turn", "move", "shape", "middle", "zoom", "depth", "lift", "span", "line", "flat_"];
   const uniform = Object.fromEntries(names.map((name) => [name, at(name)]));
   const buffer = (target, values) => { const made = gl.createBuffer(); gl.bindBuffer(target, made); gl.bufferData(target, values, gl.STATIC_DRAW); return made; };
   const attribute = (name, size, kind, normalised) => {
@@ -85,12 +85,12 @@ function show(figure) {
     const edges = new Uint32Array(bytes(given.edges)), array = gl.createVertexArray();
     gl.bindVertexArray(array);
     const position = attribute("position", 3, gl.FLOAT, false), normal = attribute("normal", 3, gl.FLOAT, false);
-    const level = attribute("level", 1, gl.UNSIGNED_BYTE, true);
+    const level = attribute("level", 1, gl.UNSIGNED_SHORT, true);
     const faces = buffer(gl.ELEMENT_ARRAY_BUFFER, corners), lines = buffer(gl.ELEMENT_ARRAY_BUFFER, edges);
     return {
       x, corners, edges, array, position, normal, level, faces, lines, rgb: given.rgb, step: given.step, now: new Float32Array(x.length),
       u: given.displacements ? new Int16Array(bytes(given.displacements)) : null,
-      levels: given.levels ? new Uint8Array(bytes(given.levels)) : new Uint8Array(0),
+      levels: given.levels ? new Uint16Array(bytes(given.levels)) : new Uint16Array(0),
       origin: new Float32Array(bytes(given.origin)), rotation: new Float32Array(bytes(given.rotation)),
     };
   });
@@ -108,13 +108,23 @@ function show(figure) {
   gl.enable(gl.DEPTH_TEST); gl.enable(gl.BLEND); gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
 
   const control = (name) => figure.querySelector(`[name=${name}]`);
-  const [time, stretch, meshed, play] = ["time", "scale", "edges", "play"].map(control);
+  const [time, stretch, meshed, play, spanned] = ["time", "scale", "edges", "play", "span"].map(control);
   let turn, zoom, move, waiting = false, drawn = 0, playing = null;
   // Lengths in the picture are half of its shorter side.
   const shape = () => { const wide = canvas.clientWidth / canvas.clientHeight; return [Math.min(1, 1 / wide), Math.min(1, wide)]; };
   const home = () => {
     const [across, up] = shape();
     turn = data.axes; zoom = 0.95 / Math.max(across * data.reach[0], up * data.reach[1]); move = [0, 0]; draw();
+  };
+  const number = (value) => String(Number(value.toPrecision(3))).replace("-", "−");
+  // What the colours span in a frame, as a share of all stress, and its numbers under the strip.
+  let span = [0, 1];
+  const setSpan = (frame) => {
+    const [low, high] = data.spans[spanned.value][frame], [least, largest] = data.limits;
+    span = [low, high].map((end) => (end - least) / (largest - least));
+    const ticks = [...figure.querySelectorAll(".ticks span")], last = ticks.length - 1;
+    ticks.forEach((tick, k) => { tick.textContent = number(low + (k / last) * (high - low)); });
+    if (spanned.value === "usual" && high < largest) ticks[last].textContent = "≥ " + ticks[last].textContent;
   };
   const pose = () => {
     const frame = Number(time.value), scale = stretch ? Number(stretch.value) : 1;
@@ -124,8 +134,9 @@ function show(figure) {
       place(body, frame, scale, body.now);
       fill(body.position, body.now); fill(body.normal, normals(body.now, body.corners));
       const n = body.x.length / 3;
-      fill(body.level, body.levels.length ? body.levels.subarray(frame * n, (frame + 1) * n) : new Uint8Array(n));
+      fill(body.level, body.levels.length ? body.levels.subarray(frame * n, (frame + 1) * n) : new Uint16Array(n));
     }
+    if (spanned) setSpan(frame);
     for (const line of lines) fill(line.position, line.points.subarray(3 * line.count * frame, 3 * line.count * (frame + 1)));
     draw();
   };
@@ -138,7 +149,7 @@ function show(figure) {
     gl.clearColor(0, 0, 0, 0); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.uniform2fv(uniform.shape, shape()); gl.uniform1f(uniform.depth, 0.25 / data.radius);
     gl.uniformMatrix3fv(uniform.turn, true, turn); gl.uniform2fv(uniform.move, move); gl.uniform3fv(uniform.middle, data.middle);
-    gl.uniform1f(uniform.zoom, zoom);
+    gl.uniform1f(uniform.zoom, zoom); gl.uniform2fv(uniform.span, span);
     for (const body of bodies) {
       gl.bindVertexArray(body.array);
       gl.uniform4f(uniform.line, 0, 0, 0, 0); gl.uniform1f(uniform.lift, 0);
@@ -193,6 +204,7 @@ function show(figure) {
     e.preventDefault();
   });
   if (stretch) stretch.addEventListener("input", pose);
+  if (spanned) spanned.addEventListener("change", pose);
   if (meshed) meshed.addEventListener("change", draw);
   control("reset").addEventListener("click", home);
   new ResizeObserver(draw).observe(canvas);
