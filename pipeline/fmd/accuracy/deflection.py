@@ -29,7 +29,7 @@ def deflection_errors(run: Pipeline, quantities: Quantities) -> dict[str, float]
     A body's stress is off by what this body leaves out, all else by what the worst body does. The tip's deflection
     lacks the shortening of its body too where displacements of second order are left out, and so does a marker's place.
     """
-    errors = {name: _error_in_frame(run, name) for name in run.deformations}
+    errors = {name: error_in_frame(run, name) for name in run.deformations}
     worst = max(errors.values(), default=0.0)
     of_parts = {
         name: max((errors[part.name] for part in run.pieces_of(name) if part.name in errors), default=worst)
@@ -75,7 +75,7 @@ def shortening_towards(run: Pipeline, tip: str) -> float:
 def find_deflection_error(run: Pipeline, body: str) -> float:
     """Return the relative error of results by large deflection of one of a scene's bodies, whole or in pieces."""
     found = [run.deformations[part.name] for part in run.pieces_of(body) if part.name in run.deformations]
-    others = max((_error_in_frame(run, part.name) for part in run.pieces_of(body) if found), default=0.0)
+    others = max((error_in_frame(run, part.name) for part in run.pieces_of(body) if found), default=0.0)
     on_tip = body == run.scene.simulation.tip.partition(".")[0]
     return math.hypot(others, tip_shortening(run)) if on_tip and found else others
 
@@ -89,7 +89,7 @@ def deflection_warnings(run: Pipeline) -> list[dict[str, str]]:
         if not error > TOO_LARGE:
             continue
         found = [run.deformations[part.name] for part in run.pieces_of(body)]
-        others = max(_error_in_frame(run, part.name) for part in run.pieces_of(body))
+        others = max(error_in_frame(run, part.name) for part in run.pieces_of(body))
         of_tip = error if body == tip else 0.0
         turned, now = math.degrees(max(deformation.rotation for deformation in found)), len(found)
         tips = f"the tip's deflection is off by about {100 * of_tip:.2g} %, mostly along the body; " if of_tip else ""
@@ -121,7 +121,7 @@ def is_of_second_order(run: Pipeline, body: str) -> bool:
     )
 
 
-def _error_in_frame(run: Pipeline, part: str) -> float:
+def error_in_frame(run: Pipeline, part: str) -> float:
     """Return the relative error of results by what a body, or a piece of one, leaves out within its frame."""
     deformation = run.deformations[part]
     if not part_of(part):

@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair
-from fmd.accuracy.deflection import TEXT, deflection_errors, excess_deflection, stiffening_by_stretch, stretching_bodies
+from fmd.accuracy.deflection import (
+    TEXT,
+    deflection_errors,
+    error_in_frame,
+    excess_deflection,
+    is_of_second_order,
+    stiffening_by_stretch,
+    stretching_bodies,
+)
 from fmd.accuracy.error_estimates import soften_body
 from fmd.accuracy.quantities import find_counterparts
 from fmd.accuracy.time_limit import FAULTS, LeftOutError
@@ -87,12 +95,13 @@ class ModelErrors:
         self.causes: list[ModelError] = []
         self.left_out: list[str] = []
         self.missing: dict[str, str] = {}
-        if comparison.run.parts:
-            text = "deformation is linear within a body's frame; more pieces of a body take more of it in"
-            self._add("large deflection", deflection_errors(self._run, comparison.of_motion), text)
+        self._by_shift: dict[str, float] = {}
 
     def estimate_left_out(self) -> None:
-        """Estimate the causes that take a march each: shifted vibrations, stiffening, attachment and damping."""
+        """Estimate large deflection, and the causes that take a march each.
+
+        These are shifted vibrations, stiffening, attachment and damping.
+        """
         causes: tuple[tuple[str, Callable[[], dict[str, float] | None], str, bool], ...] = (
             (
                 "stiffening left off",
@@ -104,6 +113,12 @@ class ModelErrors:
                 "shifted vibrations",
                 self._shifted_vibrations,
                 "vibrations of large deflection ring at other frequencies; pieces take this in",
+                True,
+            ),
+            (
+                "large deflection",
+                self._large_deflection,
+                "deformation is linear within a body's frame; more pieces of a body take more of it in",
                 True,
             ),
             (
@@ -174,9 +189,31 @@ class ModelErrors:
         shifts = {name: self._shift_of_eigenvalues(name) for name in self._run.deformations}
         if not max(shifts.values(), default=0.0) > HARDLY_SHIFTED:
             return None
-        return self._softened(
+        self._by_shift = self._softened(
             {name: shift * np.eye(len(self._run.bodies[name].omega)) for name, shift in shifts.items()}
         )
+        return self._by_shift
+
+    def _large_deflection(self) -> dict[str, float]:
+        """Return the error of each quantity by the squares of rotation and strain within the bodies' frames.
+
+        What hardly changes with the bodies' stiffness is hardly off by them: the march of the shifted vibrations has
+        told that, if there is one. Of what it can't tell the whole error counts: stress, which balances forces, and
+        forces and momenta, in whose sums displacements of second order may be left out; and so it does where bodies
+        have none.
+        """
+        run, of_motion = self._run, self._comparison.of_motion
+        errors = deflection_errors(run, of_motion)
+        if not self._by_shift or not all(is_of_second_order(run, body) for body in run.wholes):
+            return errors
+        ratio, squared = 0.0, 0.0
+        for name in run.deformations:
+            error, shift = error_in_frame(run, name), self._shift_of_eigenvalues(name)
+            ratio, squared = max(ratio, error / shift if shift else 0.0), max(squared, error**2)
+        for name, change in self._by_shift.items():
+            if of_motion[name].kind == "displacement" and not _is_sum_of_forces(name):
+                errors[name] = min(errors[name], ratio * change + squared if change else 0.0)
+        return errors
 
     def _shift_of_eigenvalues(self, name: str) -> float:
         """Return the relative shift of a body's eigenvalues by its largest rotation."""
@@ -254,6 +291,11 @@ class ModelErrors:
             if scene is None
             else self._changes(self._run.variant(scene, stiffening_loads=self._run.stiffening_loads))
         )
+
+
+def _is_sum_of_forces(name: str) -> bool:
+    """Return true for a force, the momentum or the centre of mass, by their names."""
+    return name in ("centre_of_mass", "momentum", "angular_momentum") or name.endswith(".force")
 
 
 def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Array, Array]:

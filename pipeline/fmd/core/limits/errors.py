@@ -43,6 +43,8 @@ OF_TOLERANCE = 0.01  # less of an adaptive method's tolerance isn't accepted
 FINER_WORK = 2.0  # work of a march that is finer in time, over the run's
 FINER_TOLERANCE = 0.1  # tolerance of the finer march over the run's
 COMPARED_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
+# Change by a richer basis from which on its march is doubted, and the part of it that half of the step may change.
+DOUBTED, RESOLVED_PART = 0.01, 0.3
 MOST_REFINEMENTS = 4  # until a finer march differs from the run's
 # Recovered stress overstates the error of static responses to forces on a face, where stress jumps, 25 times on the
 # beam, and patches of elements that at edges: both count up to this many times of what the coarse mesh tells.
