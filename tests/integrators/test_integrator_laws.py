@@ -266,7 +266,7 @@ def test_watching_a_march_doesnt_change_it(scenario: tuple[CompiledSystem, float
     times = np.linspace(0.0, 20_000 * step, 9)
     watched = method(step).march(rotor, *moving(rotor), times, parts.append)
     assert np.array_equal(watched.q, method(step).march(rotor, *moving(rotor), times).q)
-    assert len(parts) > 2
+    assert len(parts) > 1
     assert parts == sorted(parts)
     assert 0 < parts[0] < parts[-1] == 1
 

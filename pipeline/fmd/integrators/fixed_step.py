@@ -18,7 +18,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
-from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, RUNAWAY
+from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, MORE_CYCLES, RUNAWAY
 from fmd.dynamics.system import System, project
 from fmd.integrators.protocol import Progress, ResumableIntegrator, State, require_times
 from fmd.integrators.work_bounds import ElongationLog, WorkCheck, note_elongations
@@ -256,7 +256,7 @@ def march_fixed_steps(
     last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
     p, check = system.parameters, WorkCheck(system, origin, step, substeps)
     check.begin(state.step, state.q, state.v)
-    seconds, chunk = 0.0, substeps * max(1, FIRST_CYCLES // substeps)
+    seconds, chunk = 0.0, substeps * FIRST_CYCLES
     _march(method, p, frozen, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
     while state.step < last:
         wanted = min(chunk, last - state.step, check.most_steps)
@@ -273,9 +273,8 @@ def march_fixed_steps(
                 f"(rate {state.v[culprit]:.3g}); take a smaller step"
             )
         check.add()
-        chunk = substeps * max(
-            64, min(4 * chunk // substeps, int(chunk // substeps * CYCLES_SECONDS / max(spent, 1e-9)))
-        )
+        share = min(MORE_CYCLES, CYCLES_SECONDS / max(spent, 1e-9))
+        chunk = substeps * max(1, int(share * (wanted // substeps)))
         if progress:
             progress(state.step / last)
     check.require_little_missed(name)

@@ -18,7 +18,8 @@ MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW = 1e10, 20_000  # steps that never come to 
 
 # Fixed steps.
 RUNAWAY = 1e30  # Rates that add up to more are taken as divergence: no mechanism in SI units comes near it.
-FIRST_CYCLES = 1024  # steps: short marches are one call
+FIRST_CYCLES = 1024  # of a march's first call, by which the time of a cycle is known
+MORE_CYCLES = 1024  # times as many as in the call before: a short march is two calls, each of which takes Python 10 µs
 CYCLES_SECONDS = 0.2  # between two reports of progress
 MOST_STEPS = 1e12  # a day or more
 MANY_RADIANS = 1e6  # radians, or times in which a motion falls to 37 %: more are due to one part, which is named
