@@ -28,7 +28,6 @@ from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError, InputError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.integrators.adaptive import groups_of
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import Exponential
@@ -37,6 +36,7 @@ from fmd.integrators.march_pairs import motion_difference
 from fmd.integrators.protocol import Integrator, Trajectory
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import RungeKutta
+from fmd.integrators.step_control import groups_of
 
 HERE = Path(__file__).parent
 TABLE = HERE / "auto_choice.csv"

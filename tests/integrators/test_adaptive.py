@@ -16,10 +16,10 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import accelerations, advance, velocities
-from fmd.integrators.adaptive import groups_of, kinds_of, step_within
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import DAMPED, RungeKutta
 from fmd.integrators.scipy_ivp import ScipyIvp
+from fmd.integrators.step_control import groups_of, kinds_of, step_within
 from fmd.kernels.table import Table
 from fmd.scene.joints.spherical import SPHERICAL
 

@@ -10,12 +10,12 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
-from fmd.integrators.adaptive import groups_of
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import Exponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.runge_kutta import RungeKutta
+from fmd.integrators.step_control import groups_of
 from fmd.integrators.subcycling import Subcycling
 
 pytestmark = pytest.mark.slow

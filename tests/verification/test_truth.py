@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import eigh
 
 from fmd import Pipeline, load_scene
-from fmd.integrators.adaptive import groups_of
 from fmd.integrators.march_pairs import motion_difference
 from fmd.integrators.runge_kutta import RungeKutta
+from fmd.integrators.step_control import groups_of
 
 pytestmark = pytest.mark.slow
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import time
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Any
@@ -31,98 +32,33 @@ from fmd.core.limits.stepping import (
     SHORT_STEP,
     SHORTEST_STEP,
     SPARE_STEPS,
-    STEP_SAFETY,
-    STILL_GROUP,
     TIME_JITTER,
 )
 from fmd.dynamics.step_bounds import StepBounds, allowed_part, predicted_part, record_step_start, step_bounds_of
 from fmd.dynamics.system import System, advance, project
 from fmd.integrators.endless import StepsLeft
-from fmd.integrators.protocol import Progress, State, Trajectory, require_times, start_state
+from fmd.integrators.protocol import (
+    Progress,
+    ResumableIntegrator,
+    State,
+    Trajectory,
+    require_times,
+    require_tolerance,
+    start_state,
+)
+from fmd.integrators.step_control import (
+    groups_of,
+    just_after,
+    just_before,
+    keep_largest,
+    kinds_of,
+    step_factor,
+    step_within,
+)
 from fmd.kernels.kernel import inner, kernel
 from fmd.kernels.table import Table, aligned
 
 _JITTER = TIME_JITTER * np.finfo(float).eps
-
-
-def groups_of(system: System) -> IntArray:
-    """Return the group of each position and then of each rate; each coordinate is one if the system has no groups."""
-    groups = getattr(system, "groups", None)
-    positions, rates = (np.arange(system.n_positions), np.arange(system.n)) if groups is None else groups
-    return np.concatenate((positions, rates + (positions.max() + 1))) if positions.size else rates
-
-
-def kinds_of(system: System) -> tuple[IntArray, int]:
-    """Return the kind of each group of `groups_of`, (n_groups,), and their number; 0 if none has two groups."""
-    both = getattr(system, "groups", None)
-    if both is None:
-        return np.zeros(0, dtype=np.int64), 0
-    in_positions, in_rates = (set(groups.tolist()) for groups in both)
-    if all(len({group % 3 for group in used}) == len(used) for used in (in_positions, in_rates)):
-        return np.zeros(0, dtype=np.int64), 0
-    numbers = [range(max(used, default=-1) + 1) for used in (in_positions, in_rates)]
-    return np.array([k % 3 for k in numbers[0]] + [3 + k % 3 for k in numbers[1]], dtype=np.int64), 6
-
-
-def adaptive_start(system: System, q0: Array, v0: Array, more: int = 0) -> State:
-    """Return the state at time 0 of an adaptive method, its first step a tenth of the highest frequency's radian.
-
-    The memory is the largest value of each group, and ``more`` numbers of the method's own.
-    """
-    start, groups = start_state(system, q0, v0, np.zeros(system.n)), groups_of(system)
-    largest = np.zeros(int(groups.max(initial=-1)) + 1 + more)
-    keep_largest(groups, largest, np.concatenate([start.q, start.v]))
-    highest = system.highest_frequency if system.n else 1.0
-    return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2, memory=largest)
-
-
-@inner
-def just_after(t: float) -> float:
-    """Return the time at which a step that begins at t evaluates loads: after a jump at t, not before it."""
-    return float(np.nextafter(t, math.inf))
-
-
-@inner
-def just_before(t: float) -> float:
-    """Return the time at which a step that ends at t evaluates loads: before a jump at t, not after it."""
-    return float(np.nextafter(t, -math.inf))
-
-
-@kernel
-def step_within(h: float, left: float) -> float:
-    """Return a step h, what is left to the next breakpoint, or half of that if a short rest would remain."""
-    if h >= left * (1.0 - 1e-9):
-        return left
-    return 0.5 * left if h > 0.5 * left else h
-
-
-@inner
-def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
-    """Return the largest error over its group's largest value; NaN if an error or a value isn't finite.
-
-    Parameters
-    ----------
-    groups : ndarray, shape (n,)
-        Group of each error.
-    largest : ndarray, shape (n_groups,)
-        Largest value of each group, the end of the trial step included.
-    """
-    worst = 0.0
-    for i in range(groups.size):
-        ratio = abs(error[i]) / max(largest[groups[i]], STILL_GROUP)
-        if not (math.isfinite(error[i]) and math.isfinite(largest[groups[i]])):
-            return math.nan
-        worst = max(worst, ratio)
-    return worst
-
-
-@kernel
-def keep_largest(groups: IntArray, largest: Array, new: Array) -> None:
-    """Raise each group's largest value to that of a state; a NaN stays, so that it is noticed."""
-    for i in range(groups.size):
-        size = abs(new[i])
-        if not size <= largest[groups[i]]:
-            largest[groups[i]] = size
 
 
 @inner
@@ -141,17 +77,6 @@ def set_trial(s: AdaptiveMarch) -> None:
         s.most[s.kinds[k]] = max(s.most[s.kinds[k]], s.trial[k])
     for k in range(s.kinds.size):
         s.trial[k] = max(s.trial[k], HARDLY_MOVING * s.most[s.kinds[k]])
-
-
-@inner
-def step_factor(error: float, tolerance: float, order: int) -> float:
-    """Return the factor that takes a step with an error of this order to the tolerance, within 0.2 … 4."""
-    if error == 0.0:
-        return 4.0
-    if not math.isfinite(error):
-        return 0.2
-    wanted: float = STEP_SAFETY * (tolerance / error) ** (1.0 / order)
-    return min(4.0, max(0.2, wanted))
 
 
 @dataclass(frozen=True)
@@ -320,84 +245,118 @@ def _set_state(p: Any, t: float, both: Array, q: Array, v: Array) -> None:
     project(p, t, q, v)
 
 
-def march_adaptive_steps(
-    name: str,
-    system: System,
-    m: Table,
-    tolerance: float,
-    order: int,
-    longest: float,
-    start: State,
-    times: Array,
-    progress: Progress | None,
-) -> Trajectory:
-    """March by a method that chooses its steps until the last output time is passed.
+class AdaptiveIntegrator(ResumableIntegrator):
+    """Base of the methods that choose their steps by a relative ``tolerance`` of each.
 
-    Parameters
+    Attributes
     ----------
-    name : str
-        Name of the method.
-    m : Table
-        The method: its numbers and room to work in; `begin_step`, `try_step`, `prepare_samples`, `sample_step` and
-        `end_step` are registered for it.
-    tolerance, order, longest : float, int, float
-        As in `AdaptiveMarch`.
-
-    Raises
-    ------
-    StabilityError
-        The step became too small, steps never come to an end, or the state is not finite; the message gives the time.
-    AccuracyError
-        Steps are short because a motion loses its inertia.
+    tolerance : float
+        Of each step, relative to the largest value of a coordinate's group.
+    n_own : int
+        Length of what such a method remembers beside the largest values.
     """
-    require_times(times)
-    state, groups = start.copy(), groups_of(system)
-    q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
-    cursor, evaluations, fresh = np.array([np.searchsorted(times, state.time)]), np.zeros(1), np.zeros(1)
-    first = int(cursor[0])
-    clock, end, seconds = np.array([state.time, state.next_step]), float(times[-1]), 0.0
-    begin, new, out, trial = aligned(*3 * [groups.size], state.memory.size)
-    kinds, n_kinds = kinds_of(system)
-    present = (state.q, state.v, state.a, clock, groups, kinds, np.zeros(n_kinds), state.memory)
-    settles = bool(getattr(system, "settles", system.n_positions != system.n))
-    output = (
-        np.ascontiguousarray(times, dtype=float),
-        q,
-        v,
-        cursor,
-        evaluations,
-        fresh,
-        np.full(1, SPARE_STEPS),
-        step_bounds_of(system),
-    )
-    march = AdaptiveMarch(tolerance, order, longest, settles, *present, trial, begin, new, out, *output)
-    p, chunk = system.parameters, FIRST_CHUNK
-    explain = getattr(system, "explain_failure", None)
-    left = StepsLeft(name, end, MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW, state.step, state.time)
-    _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
-    while cursor[0] < times.size:
-        stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
-        if clock[0] in system.breakpoints:
-            march.spare[0] = SPARE_STEPS
-        fresh[0] = settles or clock[0] == 0.0 or clock[0] in system.breakpoints
-        tick = time.perf_counter()
-        done = int(_march(m, p, march, stop, chunk))
-        spent = time.perf_counter() - tick
-        seconds += spent
-        chunk = max(1, min(CHUNK, int(chunk * CHUNK_SECONDS / max(spent, 1e-9))))
-        state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
-        if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
-            finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))
-            reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
-            message = f"{name} stopped at t = {clock[0]:.6g} s: {reason}"
-            raise StabilityError(message, float(clock[0]), state.q)
-        if spent > LONG_SECONDS and clock[1] * system.highest_frequency < CRAWL and explain is not None:
-            explain(StabilityError(f"{name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
-        left.require_end(state.step, state.time)
-        if progress:
-            progress(min(1.0, clock[0] / end) if end else 1.0)
-    if not (np.isfinite(q[first:]).all() and np.isfinite(v[first:]).all()):
-        raise StabilityError(f"{name}: what it finds between its steps isn't finite")
-    n_steps = state.step - start.step
-    mean = (state.time - start.time) / n_steps if n_steps else 0.0
-    return Trajectory(name, mean, 1, times, q, v, int(evaluations[0]), 0, seconds, state)
+
+    tolerance: float
+    step = 0.0
+    n_own = 0
+
+    def __post_init__(self) -> None:
+        require_tolerance(self.tolerance)
+
+    def largest_step(self, system: System) -> float:
+        """Return infinity: the step follows the error, which keeps it to stable ones."""
+        return math.inf
+
+    def longest_step(self, system: System) -> float:
+        """Return the step beyond which none grows [s]."""
+        return math.inf
+
+    @abstractmethod
+    def room(self, system: System) -> Table:
+        """Return the method's table: its numbers and room to work in, for which the functions above are registered."""
+
+    def start(self, system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0, the same for each tolerance; its first step is a tenth of the highest radian."""
+        start, groups = start_state(system, q0, v0, np.zeros(system.n)), groups_of(system)
+        largest = np.zeros(int(groups.max(initial=-1)) + 1 + self.n_own)
+        keep_largest(groups, largest, np.concatenate([start.q, start.v]))
+        highest = system.highest_frequency if system.n else 1.0
+        return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2, memory=largest)
+
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
+
+        Raises
+        ------
+        StabilityError
+            The step became too small, steps never come to an end, or the state is not finite; the message gives the
+            time.
+        AccuracyError
+            Steps are short because a motion loses its inertia.
+        """
+        require_times(times)
+        state = start.copy()
+        march = self._begin(system, state, times)
+        clock, cursor, q, v = march.clock, march.cursor, march.sample_q, march.sample_v
+        first, end, seconds = int(cursor[0]), float(times[-1]), 0.0
+        m, p, chunk = self.room(system), system.parameters, FIRST_CHUNK
+        explain = getattr(system, "explain_failure", None)
+        left = StepsLeft(self.name, end, MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW, state.step, state.time)
+        _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
+        while cursor[0] < times.size:
+            stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
+            if clock[0] in system.breakpoints:
+                march.spare[0] = SPARE_STEPS
+            march.fresh[0] = march.settles or clock[0] == 0.0 or clock[0] in system.breakpoints
+            tick = time.perf_counter()
+            done = int(_march(m, p, march, stop, chunk))
+            spent = time.perf_counter() - tick
+            seconds += spent
+            chunk = max(1, min(CHUNK, int(chunk * CHUNK_SECONDS / max(spent, 1e-9))))
+            state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
+            if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
+                finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))
+                reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
+                message = f"{self.name} stopped at t = {clock[0]:.6g} s: {reason}"
+                raise StabilityError(message, float(clock[0]), state.q)
+            if spent > LONG_SECONDS and clock[1] * system.highest_frequency < CRAWL and explain is not None:
+                explain(StabilityError(f"{self.name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
+            left.require_end(state.step, state.time)
+            if progress:
+                progress(min(1.0, clock[0] / end) if end else 1.0)
+        if not (np.isfinite(q[first:]).all() and np.isfinite(v[first:]).all()):
+            raise StabilityError(f"{self.name}: what it finds between its steps isn't finite")
+        n_steps = state.step - start.step
+        mean = (state.time - start.time) / n_steps if n_steps else 0.0
+        return Trajectory(self.name, mean, 1, times, q, v, int(march.evaluations[0]), 0, seconds, state)
+
+    def _begin(self, system: System, state: State, times: Array) -> AdaptiveMarch:
+        """Return a march from a state, into whose arrays it writes."""
+        groups, (kinds, n_kinds) = groups_of(system), kinds_of(system)
+        trial, begin, new, out = aligned(state.memory.size, *3 * [groups.size])
+        return AdaptiveMarch(
+            tolerance=self.tolerance,
+            order=self.order(system),
+            longest=self.longest_step(system),
+            settles=bool(getattr(system, "settles", system.n_positions != system.n)),
+            q=state.q,
+            v=state.v,
+            a=state.a,
+            clock=np.array([state.time, state.next_step]),
+            groups=groups,
+            kinds=kinds,
+            most=np.zeros(n_kinds),
+            largest=state.memory,
+            trial=trial,
+            begin=begin,
+            new=new,
+            out=out,
+            times=np.ascontiguousarray(times, dtype=float),
+            sample_q=np.full((times.size, state.q.size), np.nan),
+            sample_v=np.full((times.size, state.v.size), np.nan),
+            cursor=np.array([np.searchsorted(times, state.time)]),
+            evaluations=np.zeros(1),
+            fresh=np.zeros(1),
+            spare=np.full(1, SPARE_STEPS),
+            bounds=step_bounds_of(system),
+        )

@@ -38,7 +38,6 @@ from fmd.core.limits.automatic import (
     WORTHWHILE,
 )
 from fmd.dynamics.system import System
-from fmd.integrators.adaptive import groups_of
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import PiecewiseExponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
@@ -56,6 +55,7 @@ from fmd.integrators.protocol import Integrator, Progress, ResumableIntegrator, 
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import DAMPED, RungeKutta
 from fmd.integrators.side_by_side import March, march_at_once, march_in_turn
+from fmd.integrators.step_control import groups_of
 
 _FINER: dict[type, float] = {
     RungeKutta: 0.01,
@@ -224,7 +224,7 @@ class Automatic(Integrator):
                 yield from self._leapfrog_methods(system, leapfrog_steps, allowed, report)
         report.start_anew()
         cost = explicit_pair_cost(system, self.duration) / 2 if adaptive is RungeKutta else np.inf
-        start = adaptive.start(system, q0, v0)
+        start = adaptive().start(system, q0, v0)
         methods = tuple(self._adaptive_methods(adaptive))
         yield _Marches(methods[:2], cost, start)
         for method in methods[2:]:

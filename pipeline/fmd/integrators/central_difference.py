@@ -27,7 +27,6 @@ from fmd.integrators.protocol import (
     Progress,
     State,
     Trajectory,
-    march_from,
     require_step,
     start_state,
 )
@@ -58,10 +57,9 @@ class CentralDifference(FixedStepIntegrator):
         """Yield the method with every stable step."""
         yield [cls(step) for step in explicit]
 
-    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate from time 0 to the last of ``times``."""
-        start = start_state(system, q0, v0, np.full(system.n, 0.5 * self.step))
-        return march_from(self, system, start, times, progress)
+    def start(self, system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0, its rates half a step before it."""
+        return start_state(system, q0, v0, np.full(system.n, 0.5 * self.step))
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
@@ -74,7 +72,7 @@ class CentralDifference(FixedStepIntegrator):
         def make(state: State) -> LeapfrogSteps:
             return LeapfrogSteps(self.step, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
 
-        return FixedMarch(self.name, make, system, system.leapfrog(), self.step, 1)
+        return FixedMarch(self.name, make, system, system.leapfrog(), self.step)
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,13 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.system import System, accelerations, project
-from fmd.integrators.fixed_step import SingleSteps, march_fixed_steps, runs_away, sample_within, take_steps
+from fmd.integrators.fixed_step import FixedMarch, SingleSteps, runs_away, sample_within, take_steps
 from fmd.integrators.protocol import (
     Integrator,
     Progress,
     ResumableIntegrator,
     State,
     Trajectory,
-    march_from,
     require_start,
     require_step,
     require_times,
@@ -92,9 +91,9 @@ class Exponential(ResumableIntegrator):
             f"modes through the mass matrix{stops}, which this method doesn't solve exactly"
         )
 
-    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate from time 0 to the last of ``times``."""
-        return march_from(self, system, start_state(system, q0, v0, np.zeros(system.n)), times, progress)
+    def start(self, system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0."""
+        return start_state(system, q0, v0, np.zeros(system.n))
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -122,8 +121,7 @@ class Exponential(ResumableIntegrator):
             oscillators = (np.ascontiguousarray(stiffness), full, half)
             return ExponentialSteps(origin, h, *oscillators, *begin, np.empty(8), *aligned(*10 * [n]))
 
-        march = (self.name, make, system, 0, start, h, 1, times, progress, origin)
-        end, q, v, seconds = march_fixed_steps(*march)
+        end, q, v, seconds = FixedMarch(self.name, make, system, 0, h, origin=origin).run(start, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, 4 * (end.step - start.step), 0, seconds, end)
 
 

@@ -144,7 +144,7 @@ def locate_samples(times: Array, step: float) -> tuple[IntArray, Array]:
 
 @dataclass(frozen=True)
 class FixedMarch:
-    """What a method with a fixed step marches a system with.
+    """March of a system by a method with a fixed step.
 
     Attributes
     ----------
@@ -160,6 +160,8 @@ class FixedMarch:
         Fast step [s].
     substeps : int
         Fast steps to a major cycle, which is never divided.
+    origin : float
+        Time of step number 0 [s].
     """
 
     name: str
@@ -167,12 +169,62 @@ class FixedMarch:
     system: System
     frozen: Any
     step: float
-    substeps: int
+    substeps: int = 1
+    origin: float = 0.0
 
     def run(self, start: State, times: Array, progress: Progress | None) -> tuple[State, Array, Array, float]:
-        """March as `march_fixed_steps` does from step number 0 at time 0."""
-        own = (self.name, self.make, self.system, self.frozen)
-        return march_fixed_steps(*own, start, self.step, self.substeps, times, progress)
+        """March until the last output time is passed.
+
+        The kernel is called for some steps at a time, so that progress shows and divergence is noticed early; neither
+        that nor ``times`` changes the steps.
+
+        Returns
+        -------
+        tuple of State, ndarray, ndarray, float
+            The last state, positions and rates at the output times, and the run time of the compiled march [s].
+
+        Raises
+        ------
+        StabilityError
+            A rate is beyond bounds; the message gives the time and the coordinate that moves fastest then. Or steps
+            missed much of what a force does over the elongation; the message has a step that works.
+        """
+        require_times(times)
+        state, substeps = start.copy(), self.substeps
+        sample_step, sample_offset = locate_samples(times, self.step)
+        q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
+        method, asked = self.make(state), np.ascontiguousarray(times, dtype=float)
+        samples = Samples(asked, sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))
+        last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
+        p, check = self.system.parameters, WorkCheck(self.system, self.origin, self.step, substeps)
+        check.begin(state.step, state.q, state.v)
+        seconds, chunk = 0.0, substeps * FIRST_CYCLES
+        _march(method, p, self.frozen, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel
+        while state.step < last:
+            wanted = min(chunk, last - state.step, check.most_steps)
+            cycle = wanted if isinstance(method, SingleSteps) and not check.follows_laws else substeps
+            tick = time.perf_counter()
+            done = int(_march(method, p, self.frozen, samples, check.log, cycle, state.step, wanted // cycle))
+            spent = time.perf_counter() - tick
+            seconds += spent
+            state = replace(state, step=state.step + done, time=(state.step + done) * self.step)
+            if done < wanted or not np.isfinite(state.q).all():
+                raise _divergence(state)
+            check.add()
+            share = min(MORE_CYCLES, CYCLES_SECONDS / max(spent, 1e-9))
+            chunk = substeps * max(1, int(share * (wanted // substeps)))
+            if progress:
+                progress(state.step / last)
+        check.require_little_missed(self.name)
+        return state, q, v, seconds
+
+
+def _divergence(state: State) -> StabilityError:
+    culprit = int(np.argmax(np.where(np.isfinite(state.v), np.abs(state.v), np.inf)))
+    return StabilityError(
+        f"the march diverged at t = {state.time:.6g} s, most in coordinate {culprit} "
+        f"(rate {state.v[culprit]:.3g}); take a smaller step"
+    )
 
 
 class FixedStepIntegrator(ResumableIntegrator):
@@ -204,78 +256,3 @@ class FixedStepIntegrator(ResumableIntegrator):
                 raise StabilityError(f"{self.name} diverges at t = {at:.6g} s; take a smaller step")
             found.append(replace(state.copy(), step=start.step + done, time=(start.step + done) * march.step))
         return found
-
-
-def march_fixed_steps(
-    name: str,
-    make: Callable[[State], Table],
-    system: System,
-    frozen: Any,
-    start: State,
-    step: float,
-    substeps: int,
-    times: Array,
-    progress: Progress | None,
-    origin: float = 0.0,
-) -> tuple[State, Array, Array, float]:
-    """March with a fixed step until the last output time is passed.
-
-    The kernel is called for some steps at a time, so that progress shows and divergence is noticed early; neither that
-    nor ``times`` changes the steps.
-
-    Parameters
-    ----------
-    name : str
-        The method's.
-    make : callable
-        Make the method's table for a state, into whose arrays it writes.
-    system : System
-        What is marched.
-    frozen : Any
-        Its storage for the method.
-    step : float
-        Fast step [s].
-    substeps : int
-        Fast steps to a major cycle, which is never divided.
-    origin : float
-        Time of step number 0 [s].
-
-    Raises
-    ------
-    StabilityError
-        A rate is beyond bounds; the message gives the time and the coordinate that moves fastest then. Or steps missed
-        much of what a force does over the elongation; the message has a step that works.
-    """
-    require_times(times)
-    state = start.copy()
-    sample_step, sample_offset = locate_samples(times, step)
-    q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
-    method = make(state)
-    asked = np.ascontiguousarray(times, dtype=float)
-    samples = Samples(asked, sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))
-    last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
-    p, check = system.parameters, WorkCheck(system, origin, step, substeps)
-    check.begin(state.step, state.q, state.v)
-    seconds, chunk = 0.0, substeps * FIRST_CYCLES
-    _march(method, p, frozen, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel: not timed
-    while state.step < last:
-        wanted = min(chunk, last - state.step, check.most_steps)
-        cycle = wanted if isinstance(method, SingleSteps) and not check.follows_laws else substeps
-        tick = time.perf_counter()
-        done = int(_march(method, p, frozen, samples, check.log, cycle, state.step, wanted // cycle))
-        spent = time.perf_counter() - tick
-        seconds += spent
-        state = replace(state, step=state.step + done, time=(state.step + done) * step)
-        if done < wanted or not np.isfinite(state.q).all():
-            culprit = int(np.argmax(np.where(np.isfinite(state.v), np.abs(state.v), np.inf)))
-            raise StabilityError(
-                f"the march diverged at t = {state.step * step:.6g} s, most in coordinate {culprit} "
-                f"(rate {state.v[culprit]:.3g}); take a smaller step"
-            )
-        check.add()
-        share = min(MORE_CYCLES, CYCLES_SECONDS / max(spent, 1e-9))
-        chunk = substeps * max(1, int(share * (wanted // substeps)))
-        if progress:
-            progress(state.step / last)
-    check.require_little_missed(name)
-    return state, q, v, seconds

@@ -31,10 +31,10 @@ from fmd.core.limits.newton import (
 from fmd.core.newton import settles
 from fmd.dynamics.system import System, accelerations, advance, project
 from fmd.integrators.fixed_step import (
+    FixedMarch,
     Samples,
     begin_cycle,
     end_cycle,
-    march_fixed_steps,
     runs_away,
     sample_within,
     take_steps,
@@ -46,7 +46,6 @@ from fmd.integrators.protocol import (
     State,
     Trajectory,
     evaluate,
-    march_from,
     move_positions,
     require_step,
     start_state,
@@ -99,11 +98,11 @@ class GeneralizedAlpha(ResumableIntegrator):
         """Yield the method with every step beyond the stable ones."""
         yield [cls(step) for step in coarse]
 
-    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate from time 0 to the last of ``times``."""
+    def start(self, system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0 with both accelerations, and memory for a tangent."""
         start = _two_accelerations(start_state(system, q0, v0, np.zeros(system.n)))
         start.memory[-1] = _balanced_size(system, start)
-        return march_from(self, system, start, times, progress)
+        return start
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -124,7 +123,7 @@ class GeneralizedAlpha(ResumableIntegrator):
             return NewmarkSteps(h, alpha_m, alpha_f, beta, gamma, *begin, *room)
 
         try:
-            end, q, v, seconds = march_fixed_steps(self.name, make, system, 0, start, h, 1, times, progress)
+            end, q, v, seconds = FixedMarch(self.name, make, system, 0, h).run(start, times, progress)
         except StabilityError:
             if np.isnan(counts[1]):
                 raise

@@ -184,7 +184,24 @@ class Integrator(ABC):
 
 
 class ResumableIntegrator(Integrator):
-    """Integrator that continues from the end of a march: all of ours but the automatic choice and SciPy's."""
+    """Integrator that continues from the end of a march: all of ours but the automatic choice and SciPy's.
+
+    Attributes
+    ----------
+    start_evaluations : int
+        Solutions of the whole system that its start takes.
+    """
+
+    start_evaluations = 1
+
+    @abstractmethod
+    def start(self, system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0 from which a march continues."""
+
+    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Integrate from time 0 until the step or major cycle that holds the last of ``times`` is complete."""
+        trajectory = self.resume(system, self.start(system, q0, v0), times, progress)
+        return replace(trajectory, evaluations=trajectory.evaluations + self.start_evaluations)
 
     @abstractmethod
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -196,19 +213,6 @@ class ResumableIntegrator(Integrator):
     def ends(self, system: System, starts: Sequence[State], time: float) -> list[State]:
         """Return the states in which marches end that pass a time [s], from states that differ in values alone."""
         return [self.resume(system, start, np.array([time])).end for start in starts]
-
-
-def march_from(
-    method: ResumableIntegrator,
-    system: System,
-    start: State,
-    times: Array,
-    progress: Progress | None,
-    evaluations: int = 1,
-) -> Trajectory:
-    """March from a start state, and count the evaluations that were needed to make it, too."""
-    trajectory = method.resume(system, start, times, progress)
-    return replace(trajectory, evaluations=trajectory.evaluations + evaluations)
 
 
 def require_step(step: float) -> None:

@@ -47,7 +47,6 @@ from fmd.integrators.protocol import (
     Progress,
     State,
     Trajectory,
-    march_from,
     require_ratio,
     start_state,
 )
@@ -67,6 +66,7 @@ class ReversibleSubcycling(FixedStepIntegrator):
     substeps: int = field()  # none by default
 
     name = "reversible-sub-cycling"
+    start_evaluations = 2
 
     def __post_init__(self) -> None:
         require_ratio(self.step, self.substeps)
@@ -87,16 +87,15 @@ class ReversibleSubcycling(FixedStepIntegrator):
         """Return the highest angular frequency of the fast coordinates with the slow ones free to react [rad/s]."""
         return system.highest_reacting_frequency if self.substeps > 1 else system.highest_frequency
 
-    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""
+    def start(self, system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0 with accelerations of y and q_S."""
         n, n_slow = system.n, system.n_slow
         start = start_state(system, q0, v0, np.zeros(n))
         D = np.zeros((n, n_slow))
         _freeze(system.parameters, 0.0, start.q, start.v, D, system.middle(self.substeps * self.step))
         start.a[:n_slow] += start.a @ D
         move = self.substeps * self.step * start.v
-        start = replace(start, memory=np.concatenate([move, D.ravel()]))
-        return march_from(self, system, start, times, progress, evaluations=2)
+        return replace(start, memory=np.concatenate([move, D.ravel()]))
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""

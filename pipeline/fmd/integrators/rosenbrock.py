@@ -24,77 +24,43 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.stepping import MOST_HALVED_STEPS, RATE_ROUND_OFF, ROSENBROCK_NUDGE, TICKS
 from fmd.dynamics.system import System, accelerations, velocities
 from fmd.integrators.adaptive import (
+    AdaptiveIntegrator,
     AdaptiveMarch,
-    adaptive_start,
     begin_step,
     end_step,
-    just_after,
-    just_before,
-    march_adaptive_steps,
     prepare_samples,
     sample_step,
-    scaled_error,
     set_trial,
     try_step,
 )
 from fmd.integrators.phi_functions import fill_phi_functions
-from fmd.integrators.protocol import (
-    Integrator,
-    Progress,
-    ResumableIntegrator,
-    State,
-    Trajectory,
-    march_from,
-    require_tolerance,
-)
+from fmd.integrators.protocol import Integrator
+from fmd.integrators.step_control import just_after, just_before, scaled_error
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table, aligned
 
 
 @dataclass(frozen=True)
-class ExponentialRosenbrock(ResumableIntegrator):
+class ExponentialRosenbrock(AdaptiveIntegrator):
     """Exponential Rosenbrock method of order 4 that chooses its steps by a relative ``tolerance`` of each."""
 
     tolerance: float = 1e-6
 
     name = "exponential-rosenbrock"
-    step = 0.0
-
-    def __post_init__(self) -> None:
-        require_tolerance(self.tolerance)
+    n_own = 2  # the largest of all rates and accelerations, for round-off
 
     def order(self, system: System) -> int:
         """Return 4."""
         return 4
-
-    def largest_step(self, system: System) -> float:
-        """Return infinity: the step follows the error."""
-        return math.inf
 
     @classmethod
     def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
         """Yield the method with nine tolerances."""
         yield [cls(10.0**-k) for k in range(2, 11)]
 
-    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate from time 0 until the last of ``times`` is passed."""
-        return march_from(self, system, self.start(system, q0, v0), times, progress)
-
-    @staticmethod
-    def start(system: System, q0: Array, v0: Array) -> State:
-        """Return the state at time 0, the same for each tolerance."""
-        return adaptive_start(system, q0, v0, more=2)  # the largest of all rates and accelerations, for round-off
-
-    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
-
-        Raises
-        ------
-        StabilityError
-            The step became too small.
-        """
-        m = make_room(system.n_positions + system.n)
-        return march_adaptive_steps(self.name, system, m, self.tolerance, 4, math.inf, start, times, progress)
+    def room(self, system: System) -> RosenbrockSteps:
+        """Make room for a step of a system."""
+        return make_room(system.n_positions + system.n)
 
 
 @dataclass(frozen=True)

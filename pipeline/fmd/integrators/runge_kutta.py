@@ -18,28 +18,17 @@ from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.system import System, accelerations, velocities
 from fmd.integrators import dop853
 from fmd.integrators.adaptive import (
+    AdaptiveIntegrator,
     AdaptiveMarch,
-    adaptive_start,
     begin_step,
     end_step,
-    just_after,
-    just_before,
-    march_adaptive_steps,
     prepare_samples,
     sample_step,
-    scaled_error,
     set_trial,
     try_step,
 )
-from fmd.integrators.protocol import (
-    Integrator,
-    Progress,
-    ResumableIntegrator,
-    State,
-    Trajectory,
-    march_from,
-    require_tolerance,
-)
+from fmd.integrators.protocol import Integrator
+from fmd.integrators.step_control import just_after, just_before, scaled_error
 from fmd.integrators.weighted_sums import add_weighted_rows
 from fmd.kernels.kernel import inlined
 from fmd.kernels.table import Table
@@ -103,7 +92,7 @@ def _steps(n_all: int) -> RungeKuttaSteps:
 
 
 @dataclass(frozen=True)
-class RungeKutta(ResumableIntegrator):
+class RungeKutta(AdaptiveIntegrator):
     """Runge–Kutta method of order 8 that chooses its steps by a relative ``tolerance`` of each.
 
     A step has at most so many radians of the highest frequency of the reference state as ``reach`` says. It can't have
@@ -116,44 +105,23 @@ class RungeKutta(ResumableIntegrator):
     reach: float = DAMPED
 
     name = "runge-kutta"
-    step = 0.0
-
-    def __post_init__(self) -> None:
-        require_tolerance(self.tolerance)
 
     def order(self, system: System) -> int:
         """Return 8."""
         return 8
-
-    def largest_step(self, system: System) -> float:
-        """Return infinity: the error keeps the step to stable ones."""
-        return math.inf
 
     @classmethod
     def ladders(cls, explicit: Sequence[float], coarse: Sequence[float]) -> Iterator[Sequence[Integrator]]:
         """Yield the method with six tolerances."""
         yield [cls(10.0**-k) for k in range(2, 13, 2)]
 
-    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate from time 0 until the last of ``times`` is passed."""
-        return march_from(self, system, self.start(system, q0, v0), times, progress)
+    def longest_step(self, system: System) -> float:
+        """Return the step with so many radians of the highest frequency as ``reach`` says [s]."""
+        return self.reach / max(system.highest_frequency, 1e-150) if system.n else math.inf
 
-    @staticmethod
-    def start(system: System, q0: Array, v0: Array) -> State:
-        """Return the state at time 0, the same for each tolerance."""
-        return adaptive_start(system, q0, v0)
-
-    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
-
-        Raises
-        ------
-        StabilityError
-            The step became too small.
-        """
-        m = _steps(system.n_positions + system.n).renewed()
-        longest = self.reach / max(system.highest_frequency, 1e-150) if system.n else math.inf
-        return march_adaptive_steps(self.name, system, m, self.tolerance, 8, longest, start, times, progress)
+    def room(self, system: System) -> RungeKuttaSteps:
+        """Return the coefficients and room for a step of a system."""
+        return _steps(system.n_positions + system.n).renewed()
 
 
 @inlined

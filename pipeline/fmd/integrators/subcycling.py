@@ -45,7 +45,6 @@ from fmd.integrators.protocol import (
     Progress,
     State,
     Trajectory,
-    march_from,
     require_ratio,
     start_state,
 )
@@ -106,14 +105,12 @@ class Subcycling(FixedStepIntegrator):
         """Return the highest angular frequency of the fast coordinates alone [rad/s]."""
         return system.highest_fast_frequency if self.substeps > 1 else system.highest_frequency
 
-    def march(self, system: System, q0: Array, v0: Array, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Integrate from time 0 until the major cycle that holds the last of ``times`` is complete."""
+    def start(self, system: System, q0: Array, v0: Array) -> State:
+        """Return the state at time 0, rates half a step before it, those of slow coordinates half a cycle."""
         lag = np.full(system.n, 0.5 * self.step)
         lag[: system.n_slow] *= self.substeps
         start = start_state(system, q0, v0, lag)
-        if self.remembered:
-            start = replace(start, memory=np.zeros(2 * system.n + 1))
-        return march_from(self, system, start, times, progress)
+        return replace(start, memory=np.zeros(2 * system.n + 1)) if self.remembered else start
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""

@@ -16,7 +16,8 @@ from fmd.dynamics.compiler.c_source import write_c, write_c_parts, write_number
 from fmd.dynamics.compiler.external import ExternalMechanism
 from fmd.dynamics.compiler.signal_code import trace_signals
 from fmd.integrators import dop853
-from fmd.integrators.adaptive import adaptive_start, groups_of, kinds_of
+from fmd.integrators.runge_kutta import RungeKutta
+from fmd.integrators.step_control import groups_of, kinds_of
 from fmd.output.fmu.variables import Interface
 
 _THIRD, _FIFTH, _DENSE = 16, 17, 18  # rows of `dop853.ROWS` after those of the stages
@@ -90,7 +91,7 @@ def _collect(
     }
     highest = system.highest_frequency if system.n else 0.0
     steps = {
-        "FIRST_STEP": adaptive_start(system, *start).next_step,
+        "FIRST_STEP": RungeKutta().start(system, *start).next_step,
         "LONGEST_STEP": DAMPED_STEP / highest if highest > 0.0 else np.inf,
     }
     return _Contents(

@@ -1,0 +1,91 @@
+"""Control of a step by its error, which counts relative to what each group of coordinates has moved so far."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.stepping import STEP_SAFETY, STILL_GROUP
+from fmd.dynamics.system import System
+from fmd.kernels.kernel import inner, kernel
+
+
+def groups_of(system: System) -> IntArray:
+    """Return the group of each position and then of each rate; each coordinate is one if the system has no groups."""
+    groups = getattr(system, "groups", None)
+    positions, rates = (np.arange(system.n_positions), np.arange(system.n)) if groups is None else groups
+    return np.concatenate((positions, rates + (positions.max() + 1))) if positions.size else rates
+
+
+def kinds_of(system: System) -> tuple[IntArray, int]:
+    """Return the kind of each group of `groups_of`, (n_groups,), and their number; 0 if none has two groups."""
+    both = getattr(system, "groups", None)
+    if both is None:
+        return np.zeros(0, dtype=np.int64), 0
+    in_positions, in_rates = (set(groups.tolist()) for groups in both)
+    if all(len({group % 3 for group in used}) == len(used) for used in (in_positions, in_rates)):
+        return np.zeros(0, dtype=np.int64), 0
+    numbers = [range(max(used, default=-1) + 1) for used in (in_positions, in_rates)]
+    return np.array([k % 3 for k in numbers[0]] + [3 + k % 3 for k in numbers[1]], dtype=np.int64), 6
+
+
+@inner
+def just_after(t: float) -> float:
+    """Return the time at which a step that begins at t evaluates loads: after a jump at t, not before it."""
+    return float(np.nextafter(t, math.inf))
+
+
+@inner
+def just_before(t: float) -> float:
+    """Return the time at which a step that ends at t evaluates loads: before a jump at t, not after it."""
+    return float(np.nextafter(t, -math.inf))
+
+
+@kernel
+def step_within(h: float, left: float) -> float:
+    """Return a step h, what is left to the next breakpoint, or half of that if a short rest would remain."""
+    if h >= left * (1.0 - 1e-9):
+        return left
+    return 0.5 * left if h > 0.5 * left else h
+
+
+@inner
+def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
+    """Return the largest error over its group's largest value; NaN if an error or a value isn't finite.
+
+    Parameters
+    ----------
+    groups : ndarray, shape (n,)
+        Group of each error.
+    largest : ndarray, shape (n_groups,)
+        Largest value of each group, the end of the trial step included.
+    """
+    worst = 0.0
+    for i in range(groups.size):
+        ratio = abs(error[i]) / max(largest[groups[i]], STILL_GROUP)
+        if not (math.isfinite(error[i]) and math.isfinite(largest[groups[i]])):
+            return math.nan
+        worst = max(worst, ratio)
+    return worst
+
+
+@kernel
+def keep_largest(groups: IntArray, largest: Array, new: Array) -> None:
+    """Raise each group's largest value to that of a state; a NaN stays, so that it is noticed."""
+    for i in range(groups.size):
+        size = abs(new[i])
+        if not size <= largest[groups[i]]:
+            largest[groups[i]] = size
+
+
+@inner
+def step_factor(error: float, tolerance: float, order: int) -> float:
+    """Return the factor that takes a step with an error of this order to the tolerance, within 0.2 … 4."""
+    if error == 0.0:
+        return 4.0
+    if not math.isfinite(error):
+        return 0.2
+    wanted: float = STEP_SAFETY * (tolerance / error) ** (1.0 / order)
+    return min(4.0, max(0.2, wanted))
