@@ -15,11 +15,12 @@ import fmd as package
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fitting.channels import find_channels
-from fmd.fitting.fit import fit_scene, read_varied
-from fmd.fitting.fit_model import FitModel, VariedNumber
+from fmd.fitting.fit import fit_scene
+from fmd.fitting.fit_model import FitModel
 from fmd.fitting.information import find_information, whiteness
 from fmd.fitting.measurements import estimate_noise, read_measurements
 from fmd.fitting.parameters import find_parameter
+from fmd.fitting.varied import VariedNumber, read_varied
 from tests.fitting.test_sensitivities import OSCILLATOR, SMALL_ARM
 
 TRUTH = {
@@ -154,7 +155,7 @@ def test_bounds_take_units_and_a_number_below_zero_counts_by_shares() -> None:
 @pytest.mark.parametrize(
     ("vary", "prior", "words"),
     [
-        ([], [], "is missing: what to fit"),
+        ([], [], "is missing: numbers to vary"),
         (["joint.elbow.spring=100..200"], [], "must lie around the scene's value, 60"),
         (["joint.elbow.spring=10"], [], "must be two bounds"),
         (["joint.elbow.spring=10 kg..100 kg"], [], "must be in a unit of N m/rad"),

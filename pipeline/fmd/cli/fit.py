@@ -44,8 +44,9 @@ def fit(
     prior
         Standard deviation of what is known of a number beforehand, about the scene's value: body.arm.E=5%.
     """
-    from fmd.fitting.fit import fit_scene, read_varied
+    from fmd.fitting.fit import fit_scene
     from fmd.fitting.fit_files import write_fit
+    from fmd.fitting.varied import read_varied
 
     run = settle(options.open(scene))
     sigmas = dict(_read_sigma(text) for text in split_names("--sigma", sigma or []))

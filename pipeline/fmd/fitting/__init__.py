@@ -1,1 +1,1 @@
-"""Derivatives of results by the numbers of a scene, and fits of these numbers to measurements."""
+"""Derivatives of results by the numbers of a scene, fits of these to measurements, and best designs."""

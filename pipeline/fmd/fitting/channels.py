@@ -8,15 +8,21 @@ from typing import Any
 
 import numpy as np
 
+from fmd.accuracy.quantities import find_counterparts
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
+from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.fitting import SAME_MODE
 from fmd.core.limits.round_off import SUMMED
 from fmd.output.histories import history_variables, number_columns
+from fmd.output.stress_fields import find_fatigue, life_at
 from fmd.recovery.stress import von_mises
 from fmd.scene.histories import Quantities
 from fmd.scene.reading import suggest_name
+from fmd.scene.rigid_bodies import Undeformable
+from fmd.scene.stress_outputs import Fatigue
 from fmd.stages.pipeline import Pipeline
 
+_OF_A_BODY = ("stress", "life", "frequency")
 _MARKERS = ("position", "displacement", "velocity", "acceleration")
 
 
@@ -27,7 +33,7 @@ class ResultChannel:
     Attributes
     ----------
     name : str
-        As it is asked for.
+        As it is asked for, with the body's name where there is but one.
     unit : str
         SI unit.
     read : callable
@@ -36,8 +42,9 @@ class ResultChannel:
         True if it takes a motion.
     part, mode : str, int
         Flexible body and number, from 0, of a frequency; an empty name of another result.
-    largest : callable, optional
-        Finds a run's largest value wherever and whenever it is; ``read`` follows it where this run has it.
+    largest, shortest : callable, optional
+        Finds a run's largest value, or its shortest life, wherever and whenever it is; ``read`` follows it where this
+        run has it.
     """
 
     name: str
@@ -47,6 +54,7 @@ class ResultChannel:
     part: str = ""
     mode: int = 0
     largest: Callable[[Pipeline], float] | None = None
+    shortest: Callable[[Pipeline], float] | None = None
 
 
 def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[ResultChannel]:
@@ -58,9 +66,10 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
         The scene's stages; largest values are those of its motion.
     name : str
         ``tip`` (the largest deflection of the tip), ``BODY.stress`` (the largest von Mises stress of a flexible body),
-        ``BODY.frequency.N``, or a column of a file of histories without its unit, e.g. ``forearm.wrist.position.y``,
-        ``elbow.position``, ``shoulder.force.x`` or, for all components of a vector but those that are round-off,
-        ``shoulder.force``.
+        ``BODY.life`` (repeats of the motion to failure, by the scene's output of type fatigue), ``BODY.frequency.N``,
+        of which the name of a scene's only flexible body may be left out, ``mass`` (of all bodies), ``BODY.mass``, or a
+        column of a file of histories without its unit, e.g. ``forearm.wrist.position.y``, ``elbow.position``,
+        ``shoulder.force.x`` or, for all components of a vector but those that are round-off, ``shoulder.force``.
     origin : str
         Option that names it, for messages.
 
@@ -69,14 +78,23 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     InputError
         The run has no such result.
     """
+    if name.split(".", maxsplit=1)[0] in _OF_A_BODY and len(run.wholes) == 1:
+        name = f"{next(iter(run.wholes))}.{name}"
     parts = name.split(".")
     if len(parts) == 3 and parts[0] in run.wholes and parts[1] == "frequency":
         return [_frequency(run, name, parts[0], parts[2], origin)]
+    if name == "mass":
+        bodies = [*run.scene.body]
+        return [ResultChannel(name, "kg", lambda other: np.sum([_mass(other, body) for body in bodies]), moves=False)]
+    if len(parts) == 2 and parts[0] in run.scene.body and parts[1] == "mass":
+        return [ResultChannel(name, "kg", lambda other: np.asarray(_mass(other, parts[0])), moves=False)]
     run.scene.simulation  # noqa: B018 - refuses a scene without motion
     if name == "tip":
         return [_tip(run, origin)]
     if len(parts) == 2 and parts[0] in run.wholes and parts[1] == "stress":
         return [_stress(run, parts[0], origin)]
+    if len(parts) == 2 and parts[0] in run.wholes and parts[1] == "life":
+        return [_life(run, parts[0], origin)]
     return _histories(run, name, origin)
 
 
@@ -111,8 +129,64 @@ def _frequency(run: Pipeline, name: str, body: str, number: str, origin: str) ->
     count = len(run.wholes[body].modes.omega)
     if not number.isdigit() or not 1 <= int(number) <= count:
         raise InputError(origin, name, None, f"{body} has the modes 1 to {count}")
-    mode = int(number) - 1
+    return _of_mode(name, body, int(number) - 1)
+
+
+def _of_mode(name: str, body: str, mode: int) -> ResultChannel:
     return ResultChannel(name, "Hz", lambda other: other.wholes[body].modes.frequencies_hz[mode], False, body, mode)
+
+
+def follow_mode(channel: ResultChannel, run: Pipeline, other: Pipeline) -> ResultChannel:
+    """Return the frequency of another design's mode that is most like a run's, by the modal assurance criterion.
+
+    Parameters
+    ----------
+    channel : ResultChannel
+        A frequency of ``run``; other results are returned as they are.
+    run, other : Pipeline
+        The scene, and another design of it with the same elements.
+
+    Raises
+    ------
+    AccuracyError
+        None of the other's modes is like it.
+    """
+    if not channel.part or run.wholes[channel.part].key("modes") == other.wholes[channel.part].key("modes"):
+        return channel
+    mine, theirs = run.wholes[channel.part], other.wholes[channel.part]
+    places, modes = theirs.space.x, theirs.modes
+    numbers, alike = find_counterparts(places, mine.modes.shapes, places, theirs.fe.m, modes.shapes, modes.omega)
+    if alike[channel.mode] < SAME_MODE:
+        raise AccuracyError(
+            f"{channel.name} is lost: no mode there is like it (modal assurance criterion {alike[channel.mode]:.2g}); "
+            f"more modes by body.{channel.part}.modes.count, or narrower bounds, keep it"
+        )
+    return _of_mode(channel.name, channel.part, int(numbers[channel.mode]))
+
+
+def _mass(run: Pipeline, body: str) -> float:
+    """Return the mass of a body [kg]."""
+    table = run.scene.body[body]
+    if isinstance(table, Undeformable):
+        return table.mass
+    part = run.wholes[body]
+    return part.mass if part.has_mesh else part.body.integrals.mass
+
+
+def _life(run: Pipeline, body: str, origin: str) -> ResultChannel:
+    outputs = [output for output in run.scene.output if isinstance(output, Fatigue) and output.body == body]
+    if len(outputs) != 1:
+        mend = f"takes one [[output]] of type fatigue for {body}; the scene has {len(outputs)}"
+        raise InputError(origin, f"{body}.life", None, mend)
+    place = find_fatigue(run, outputs[0]).worst(1)
+
+    def shortest(other: Pipeline) -> float:
+        damage = float(find_fatigue(other, outputs[0]).damage.max())
+        return 1.0 / damage if damage > 0.0 else np.inf
+
+    return ResultChannel(
+        f"{body}.life", "", lambda other: np.asarray(life_at(other, outputs[0], place)), shortest=shortest
+    )
 
 
 def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:

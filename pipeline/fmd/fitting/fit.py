@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,14 +11,11 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import AT_BOUND, DETERMINED, FIT_TOLERANCE, MOST_EVALUATIONS, POOR_FIT, WHITE
-from fmd.core.units import parse_percentage, parse_quantity
-from fmd.fitting.fit_model import FitModel, VariedNumber
+from fmd.fitting.fit_model import FitModel
 from fmd.fitting.information import Information, find_information, whiteness
 from fmd.fitting.measurements import read_measurements
-from fmd.fitting.parameters import find_parameter
+from fmd.fitting.varied import VariedNumber
 from fmd.stages.pipeline import Pipeline
-
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -150,39 +146,6 @@ class Fit:
         }
 
 
-def read_varied(run: Pipeline, vary: Sequence[str], priors: Sequence[str] = ()) -> tuple[VariedNumber, ...]:
-    """Read numbers to vary, ``joint.elbow.spring=10..200`` or without bounds, and priors, ``body.arm.E=5 %``.
-
-    Raises
-    ------
-    InputError
-        A text isn't of this form, a key names no number, or bounds don't lie around its value.
-    """
-    known: dict[str, float] = {}
-    for text in priors:
-        key, _, given = (part.strip() for part in text.partition("="))
-        try:
-            known[key] = parse_percentage(given)
-        except ValueError as error:
-            raise InputError("--prior", key, given, f"{error}: the standard deviation of the scene's value") from None
-    found: list[VariedNumber] = []
-    for text in vary:
-        key, equals, given = (part.strip() for part in text.partition("="))
-        parameter = find_parameter(run.scene, key, "--vary")
-        low, high = _read_bounds(key, given, parameter.unit) if equals else (-np.inf, np.inf)
-        if not low < parameter.value < high:
-            mend = f"must lie around the scene's value, {parameter.value:.6g} {parameter.unit}".rstrip()
-            raise InputError("--vary", key, given, mend)
-        if any(each.parameter.key == key for each in found):
-            raise InputError("--vary", key, given, "is varied twice")
-        found.append(VariedNumber(parameter, low, high, known.pop(key, np.inf)))
-    if not found:
-        raise InputError("--vary", "", None, "is missing: what to fit, e.g. --vary joint.elbow.spring=10..200")
-    if known:
-        raise InputError("--prior", next(iter(known)), None, "isn't varied: a prior belongs to a number of --vary")
-    return tuple(found)
-
-
 def fit_scene(
     run: Pipeline, data: str, varied: tuple[VariedNumber, ...], sigmas: Mapping[str, float] | None = None
 ) -> Fit:
@@ -255,32 +218,3 @@ def require_determined(model: FitModel, information: Information, data: str) -> 
             "is, say what is known of it, e.g. --prior KEY=10%, or measure channels on which it acts"
         )
         raise InputError(data, "", None, mend)
-
-
-def _read_bounds(key: str, given: str, unit: str) -> tuple[float, float]:
-    """Read bounds, ``10..200`` in the SI unit or ``10..200 N mm``."""
-    low, dots, high = (part.strip() for part in given.partition(".."))
-    try:
-        if not dots:
-            raise ValueError("must be two bounds, e.g. 10..200")
-        end, end_unit = _read_number(high, unit)
-        begin = float(low) if _NUMBER.fullmatch(low) else None
-        if begin is None:
-            begin, _ = _read_number(low, unit)
-        elif end_unit:
-            begin, _ = _read_number(f"{low} {end_unit}", unit)
-    except ValueError as error:
-        raise InputError("--vary", key, given, str(error)) from None
-    return begin, end
-
-
-def _read_number(text: str, unit: str) -> tuple[float, str]:
-    """Return a number [SI] and the unit that it is given in, if any."""
-    if _NUMBER.fullmatch(text):
-        return float(text), ""
-    value, si = parse_quantity(text)
-    if unit and si not in (unit, unit.removesuffix("/rad")):
-        raise ValueError(f"must be in a unit of {unit}")
-    match = _NUMBER.match(text)
-    assert match is not None
-    return value, text[match.end() :].strip()

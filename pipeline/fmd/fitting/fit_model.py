@@ -11,51 +11,8 @@ from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.measurements import Measurements
-from fmd.fitting.parameters import Parameter
+from fmd.fitting.varied import VariedNumber
 from fmd.stages.pipeline import Pipeline
-
-
-@dataclass(frozen=True)
-class VariedNumber:
-    """A number of a scene that a fit varies.
-
-    A fit counts in its logarithm if it and its bounds are above 0, else in shares of its value at the start.
-
-    Attributes
-    ----------
-    parameter : Parameter
-        The number.
-    low, high : float
-        Bounds in the SI unit; infinite if there are none.
-    prior : float
-        Standard deviation of what is known of it beforehand, relative to its value in the scene; infinite if nothing.
-    """
-
-    parameter: Parameter
-    low: float = -np.inf
-    high: float = np.inf
-    prior: float = np.inf
-
-    @property
-    def by_logarithm(self) -> bool:
-        """True if a fit counts in the number's logarithm."""
-        return self.parameter.value > 0.0 and (self.low > 0.0 or not np.isfinite(self.low))
-
-    def to_share(self, value: float) -> float:
-        """Return a value [SI] as a fit counts it: 0 is that in the scene."""
-        if self.by_logarithm:
-            return float(np.log(value / self.parameter.value)) if value > 0.0 else -np.inf
-        return (value - self.parameter.value) / abs(self.parameter.value)
-
-    def from_share(self, share: float) -> float:
-        """Return the value [SI] of what a fit counts."""
-        if self.by_logarithm:
-            return float(self.parameter.value * np.exp(share))
-        return self.parameter.value + share * abs(self.parameter.value)
-
-    def per_share(self, value: float) -> float:
-        """Return how fast the number [SI] changes with what a fit counts, at a value."""
-        return value if self.by_logarithm else abs(self.parameter.value)
 
 
 @dataclass

@@ -130,22 +130,23 @@ class FrozenRun:
             scene = change_simulation(scene, run=scene.simulation.run[:1])
         scene = change_parameters(scene, values)
         other = self.run.variant(scene, stiffening_loads=self.run.stiffening_loads if moves else None)
-        for name in self.run.wholes:
-            self._require_like_mesh(other, name, values)
+        require_like_meshes(self.run, other, values)
         return other
 
     def _set_motion(self, run: Pipeline, plan: Plan, trajectory: Trajectory) -> None:
         run.results[Pipeline.motions.name] = {next(iter(self.run.plans)): run.motion_by(plan, trajectory)}
 
-    def _require_like_mesh(self, other: Pipeline, name: str, values: Mapping[Parameter, float]) -> None:
-        """Raise ``InputError`` unless a body's mesh has the same elements as that of the run, if it has a mesh."""
-        mine, theirs = self.run.wholes[name], other.wholes[name]
+
+def require_like_meshes(run: Pipeline, other: Pipeline, values: Mapping[Parameter, float]) -> None:
+    """Raise ``InputError`` unless each body's mesh has the same elements as at other values of numbers."""
+    for name, mine in run.wholes.items():
+        theirs = other.wholes[name]
         if not mine.has_mesh or mine.key("mesh") == theirs.key("mesh"):
-            return
+            continue
         if not np.array_equal(mine.mesh.cells, theirs.mesh.cells):
             keys = ", ".join(parameter.key for parameter in values)
             mend = f"changes the elements of {name}, so that results jump; a mesh of hexahedra by divisions keeps them"
-            raise InputError(self.run.scene.file, keys, None, mend)
+            raise InputError(run.scene.file, keys, None, mend)
 
 
 def _signs_of_shapes(run: Pipeline, other: Pipeline) -> dict[str, Array] | None:

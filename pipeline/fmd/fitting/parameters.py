@@ -39,6 +39,11 @@ class Parameter:
     unit: str = ""
     is_factor: bool = False
 
+    @property
+    def meaning(self) -> str:
+        """What stands after the value: its unit, or that it is a factor."""
+        return self.unit or ("times the scene's" if self.is_factor else "")
+
 
 def find_parameter(scene: Scene, key: str, origin: str = "--to") -> Parameter:
     """Find a number of a scene by its key.

@@ -10,6 +10,7 @@ import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array
+from fmd.core.errors import InputError
 from fmd.core.limits.fitting import JUMP
 from fmd.fitting.channels import ResultChannel, find_channels
 from fmd.fitting.frequency_slopes import frequency_change
@@ -116,7 +117,9 @@ def _differentiate(
     pairs = [frozen.beside(motion, parameter, share, moves) for share in (1.0, 0.5)]
     for channel in channels:
         value = np.asarray(channel.read(frozen.run))
-        rough, fine = (_change(channel, frozen.run, low, high) / (2.0 * step) for low, high, step in pairs)
+        if not np.isfinite(value).all():
+            raise InputError("--of", channel.name, None, "is without end: this motion does no damage")
+        rough, fine = (change_of(channel, frozen.run, low, high) / (2.0 * step) for low, high, step in pairs)
         ratio = (pairs[0][2] / pairs[1][2]) ** 2
         slope = (ratio * fine - rough) / (ratio - 1.0)
         if channel.part:
@@ -127,7 +130,7 @@ def _differentiate(
             yield Sensitivity(channel, parameter, value, slope, np.abs(slope - rough), jumps)
 
 
-def _change(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeline) -> Array:
+def change_of(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeline) -> Array:
     """Return the change of a result from one variant to another; that of a frequency is `frequency_change`'s."""
     if channel.part:
         return frequency_change(run, minus, plus, channel.part, channel.mode)
@@ -136,9 +139,11 @@ def _change(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeli
 
 def _jumps(channel: ResultChannel, *variants: Pipeline, share: float) -> bool:
     """Return whether a largest value grows at another place or time by more than where it is followed."""
-    if channel.largest is None:
-        return False
-    return any(channel.largest(each) > float(channel.read(each)) * (1.0 + JUMP * share) for each in variants)
+    if channel.largest is not None:
+        return any(channel.largest(each) > float(channel.read(each)) * (1.0 + JUMP * share) for each in variants)
+    if channel.shortest is not None:
+        return any(channel.shortest(each) * (1.0 + JUMP * share) < float(channel.read(each)) for each in variants)
+    return False
 
 
 def _rms(values: Array) -> float:

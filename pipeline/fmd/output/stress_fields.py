@@ -94,16 +94,20 @@ def life_interval(run: Pipeline, output: Fatigue, error: float) -> list[float | 
 
     A stress that is off by less than a share e of the true one lies between ``1 − e`` and ``1 + e`` times that.
     """
-    stress, worst = run.stress_of(output.body), find_fatigue(run, output).worst(1)
-    alone = StressHistory(stress.nodes[worst], stress.modal[worst], stress.times, stress.q)
+    worst = find_fatigue(run, output).worst(1)
+    lives = [life_at(run, output, worst, share) if share > 0.0 else 0.0 for share in (1.0 - error, 1.0 + error)]
+    return [life if math.isfinite(life) else None for life in lives]
 
-    def repeats(share: float) -> float | None:
-        if share <= 0.0:
-            return 0.0
-        found = float(_assess(run, output, alone, fatigue_law(output).stronger(share)).damage[0])
-        return 1.0 / found if found > 0.0 else None
 
-    return [repeats(1.0 - error), repeats(1.0 + error)]
+def life_at(run: Pipeline, output: Fatigue, place: IntArray, stronger: float = 1.0) -> float:
+    """Return the repeats to failure of one node, shape (1,) among the surface's; infinite without damage.
+
+    ``stronger`` is how many times as large a stress the material bears.
+    """
+    stress = run.stress_of(output.body)
+    alone = StressHistory(stress.nodes[place], stress.modal[place], stress.times, stress.q)
+    damage = float(_assess(run, output, alone, fatigue_law(output).stronger(stronger)).damage[0])
+    return 1.0 / damage if damage > 0.0 else math.inf
 
 
 def _assess(run: Pipeline, output: Fatigue, stress: StressHistory, law: FatigueLaw) -> FatigueLife:

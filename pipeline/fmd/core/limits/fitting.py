@@ -7,6 +7,17 @@ SAME_SHAPE = 0.02  # of a shape's size: what it may change by where motions are 
 PARTS = 200  # of a motion
 JUMP = 0.05  # per cent per per cent that a largest value gains elsewhere, from which on it is said to jump
 
+# Designs.
+SAME_MODE = 0.5  # modal assurance criterion from which on a mode of another design is the same
+MET = 1e-4  # relative violation of a limit that counts as none; a limit as near to its bound is active
+OPTIMUM = 1e-6  # relative change of what is minimised at which a search ends
+MOST_DESIGNS = 60  # steps of a search
+ENDLESS = 10.0  # logarithm of how far a result without end is above its bound
+KEPT_DESIGNS = 5  # of a search, beside the first: their meshes and matrices take memory
+FRONT = 7  # designs of a front of two aims
+SAME_AIM = 1e-3  # logarithm of the second aim's ratio between both best designs, below which there is no front
+STATIONARY = 0.02  # of the aim's gradient that may be left at an optimum
+
 # Fits to measurements.
 NORMAL_95 = 1.959963984540054  # standard deviations to each side that hold 95 % of a normal distribution
 DETERMINED = 0.5  # largest half-width of a 95 % interval, of the number's logarithm or relative, that a fit begins with

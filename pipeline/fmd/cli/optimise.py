@@ -1,0 +1,132 @@
+"""``fmd optimise``: the best design of a scene under limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmd.cli.fit import Several
+from fmd.cli.inputs import DEFAULTS, Options, settle
+from fmd.cli.options import Folder, Names, SceneName, print_json
+from fmd.cli.sensitivities import split_names
+from fmd.cli.tables import open_console, print_files, print_table, print_warnings
+from fmd.core.errors import InputError
+from fmd.core.limits.fitting import FRONT
+
+if TYPE_CHECKING:
+    from fmd.fitting.optimise import Optimum
+
+
+def optimise(
+    scene: SceneName,
+    *,
+    vary: Names,
+    minimise: Several = None,
+    maximise: Several = None,
+    subject: Several = None,
+    points: int | None = None,
+    out: Folder = None,
+    options: Options = DEFAULTS,
+) -> None:
+    """Best design of a scene between bounds, under limits on its results; of two aims the designs that none beats.
+
+    Parameters
+    ----------
+    vary
+        Keys of numbers with bounds: body.arm.width=20..60mm.
+    minimise, maximise
+        A result: mass, BODY.mass, tip, BODY.stress, BODY.life or BODY.frequency.N; two of them for their Pareto front.
+    subject
+        A limit, "life >= 1e7" or "frequency.1 >= 40 Hz".
+    points
+        Number of designs of a front; 7 by default.
+    """
+    from fmd.fitting.design_files import write_design, write_front
+    from fmd.fitting.optimise import optimise_scene, read_limits
+    from fmd.fitting.pareto import find_front
+    from fmd.fitting.varied import read_varied
+
+    signed = ((minimise or [], 1), (maximise or [], -1))
+    aims = [(name, sign) for given, sign in signed for name in given]
+    if len(aims) not in (1, 2):
+        raise InputError("--minimise", "", None, "one result, or two for their front, e.g. --minimise mass")
+    if points is not None and (len(aims) != 2 or points < 3):
+        raise InputError("--points", "", points, "must be 3 or more, and belongs to two aims")
+    run = settle(options.open(scene))
+    limits, varied = (
+        read_limits(run, split_names("--subject", subject or [])),
+        read_varied(run, split_names("--vary", vary)),
+    )
+    folder, given = out or Path("out") / f"{run.scene.name}-design", options.set_ or ()
+    if len(aims) == 2:
+        found = find_front(run, (aims[0], aims[1]), limits, varied, points or FRONT)
+    else:
+        found = [optimise_scene(run, aims[0][0], limits, varied, aims[0][1])]
+    try:
+        files = (
+            write_front(found, folder, scene, given, f"{run.scene.title}: front")
+            if len(aims) == 2
+            else write_design(found[0], folder, scene, given)
+        )
+    except OSError as error:
+        raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
+    if options.json:
+        print_json({"scene": run.scene.name, "designs": [each.summary() for each in found], "files": files})
+        return
+    if len(found) == 1:
+        _print(found[0])
+    else:
+        _print_front(found)
+    print_files(folder, files)
+
+
+def _print(found: Optimum) -> None:
+    summary = found.summary()
+    columns = {"number": "{}", "first": "{:.5g}", "best": "{:.6g}", "unit": "{}", "": "{}"}
+    rows: list[tuple[Any, ...]] = [
+        (
+            row["key"],
+            row["start"],
+            row["value"],
+            row["unit"],
+            f"at its {row['at_bound']} bound" if row["at_bound"] else "",
+        )
+        for row in summary["parameters"]
+    ]
+    print_table("Design", columns, rows)
+    columns = {
+        "result": "{}",
+        "first": "{:.5g}",
+        "best": "{:.6g}",
+        "unit": "{}",
+        "limit": "{}",
+        "% per % of it": "{:+.3g}",
+    }
+    rows = [
+        (
+            row["name"],
+            row["start"],
+            row["value"],
+            row["unit"],
+            None if row["limit"] is None else f"{row['must']} {row['limit']:.6g}",
+            row["per_cent_of_aim"] if row["active"] else None,
+        )
+        for row in summary["results"]
+    ]
+    print_table(f"Results: {summary['aim']} {summary['results'][0]['name']}", columns, rows)
+    open_console().print(
+        f"{summary['designs']} designs; {100 * summary['gradient_left']:.2g} % of the gradient is left"
+    )
+    print_warnings(summary["warnings"], "design.json")
+
+
+def _print_front(found: list[Optimum]) -> None:
+    first = found[0].design
+    names = [parameter.key for parameter in first.values] + [channel.name for channel in first.channels]
+    columns = {"design": "{}", **dict.fromkeys(names, "{:.5g}")}
+    print_table(
+        "Front",
+        columns,
+        [(k, *each.design.values.values(), *each.design.results) for k, each in enumerate(found, start=1)],
+    )
+    print_warnings([warning for each in found for warning in each.warnings()], "design-N.json")

@@ -1,0 +1,60 @@
+"""Scene files that are another scene with other numbers."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from fmd.core.errors import AccuracyError
+from fmd.core.files import whole_file
+from fmd.core.limits.round_off import SOLVED
+from fmd.fitting.parameters import Parameter, find_parameter, list_settings
+from fmd.scene.scene import Scene, load_scene
+from fmd.scene.toml_files import list_ready_scenes
+
+
+def write_changed_scene(
+    scene: Scene,
+    values: Mapping[Parameter, float],
+    path: Path,
+    given: str,
+    comments: Sequence[str],
+    overrides: Sequence[str] = (),
+) -> None:
+    """Write a scene that is the given one with other numbers, and check that it reads back so.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene as it was read, with its overrides.
+    values : mapping of Parameter to float
+        The numbers [SI].
+    path : Path
+        Of the file.
+    given : str
+        The scene's name or path, as it was given.
+    comments : sequence of str
+        First lines, which say from what the numbers came.
+    overrides : sequence of str
+        Values that were used instead of the scene's own, ``key=value``.
+
+    Raises
+    ------
+    OSError
+        The file can't be written.
+    AccuracyError
+        A number reads back as another one.
+    """
+    base = given if given in list_ready_scenes() else os.path.relpath(given, path.parent)
+    settings = [text for parameter, value in values.items() for text in list_settings(scene, parameter, value)]
+    lines = [*(f"# {text}" for text in comments), "", f"base = {json.dumps(base)}", "set = ["]
+    lines += [f"    {json.dumps(text)}," for text in [*overrides, *settings]]
+    with whole_file(path) as part:
+        part.write_text("\n".join([*lines, "]"]) + "\n", encoding="utf-8")
+    again = load_scene(path)
+    for parameter, value in values.items():
+        found = find_parameter(again, parameter.key)
+        if not parameter.is_factor and not abs(found.value - value) <= SOLVED * abs(value):
+            raise AccuracyError(f"{path}: {parameter.key} reads back as {found.value!r}, not {value!r}")

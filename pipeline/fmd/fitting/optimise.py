@@ -1,0 +1,294 @@
+"""Best designs of a scene: the least of a result under limits on others, and what each limit costs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array, BoolArray
+from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.fitting import ENDLESS, MET, MOST_DESIGNS, OPTIMUM, STATIONARY
+from fmd.fitting.channels import find_channels
+from fmd.fitting.designs import Design, DesignSpace
+from fmd.fitting.varied import VariedNumber, read_number
+from fmd.stages.pipeline import Pipeline
+
+_LIMIT = re.compile(r"\s*(\S+?)\s*(>=|<=)\s*(.+?)\s*")
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a result of a design must reach, or not exceed.
+
+    Attributes
+    ----------
+    name : str
+        The result.
+    sign : int
+        1 if it must reach the bound, -1 if it mustn't exceed it.
+    bound : float, optional
+        Above 0, in the SI unit; none where the result is but to be told.
+    """
+
+    name: str
+    sign: int
+    bound: float | None
+
+    @property
+    def sense(self) -> str:
+        """The sign between the result and its bound."""
+        return ">=" if self.sign > 0 else "<="
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The best design between bounds, within the limits.
+
+    Attributes
+    ----------
+    space : DesignSpace
+        All designs; its first result is what is minimised, the others are those of the limits.
+    limits : tuple of Limit
+        The limits.
+    sign : int
+        1 if the first result is minimised, -1 if it is maximised.
+    shares : ndarray, shape (n,)
+        The numbers as the search counts them.
+    """
+
+    space: DesignSpace
+    limits: tuple[Limit, ...]
+    sign: int
+    shares: Array
+
+    @property
+    def design(self) -> Design:
+        """The best design."""
+        return self.space.at(self.shares)
+
+    @property
+    def start(self) -> Design:
+        """The scene's own design."""
+        return self.space.at(np.zeros(len(self.shares)))
+
+    @cached_property
+    def at_bounds(self) -> Array:
+        """1 where a number is at its upper bound, -1 at its lower, 0 between them, shape (n,)."""
+        low, high = bounds_of(self.space.varied).T
+        near = MET * np.maximum(high - low, 1e-300)
+        return np.where(self.shares >= high - near, 1.0, np.where(self.shares <= low + near, -1.0, 0.0))
+
+    @cached_property
+    def active(self) -> BoolArray:
+        """Whether each limit is met with nothing to spare, shape (n_limits,)."""
+        return np.abs(margins(self.design, self.limits)) <= MET
+
+    @cached_property
+    def multipliers(self) -> tuple[Array, Array, float]:
+        """Lagrange multipliers of the limits (n_limits,) and bounds (n,), and the part of the gradient that is left.
+
+        Of logarithms: those of limits are per cent of the aim per per cent of the bound; 0 where a limit isn't active.
+        """
+        from scipy.optimize import nnls
+
+        scale = share_scale(self.space.varied, self.design)
+        gradient = self.sign * self.design.sensitivities[0] * scale
+        signs = np.array([limit.sign for limit in self.limits], dtype=float)[:, None]
+        of_limits = (signs * self.design.sensitivities[1:] * scale)[self.active]
+        of_bounds = -np.diag(self.at_bounds)[self.at_bounds != 0.0]
+        columns = np.concatenate([of_limits, of_bounds]).T
+        found, left = nnls(columns, gradient) if columns.size else (np.zeros(0), float(np.linalg.norm(gradient)))
+        limits, bounds = np.zeros(len(self.limits)), np.zeros(len(gradient))
+        limits[self.active] = found[: len(of_limits)]
+        bounds[self.at_bounds != 0.0] = found[len(of_limits) :]
+        return limits, bounds, float(left / max(float(np.linalg.norm(gradient)), 1e-300))
+
+    def warnings(self) -> list[dict[str, str]]:
+        """Say where the search has not found a stationary design, and where modes have changed places."""
+        found = []
+        if (left := self.multipliers[2]) > STATIONARY:
+            text = (
+                f"{100 * left:.2g} % of the aim's gradient is balanced by no limit: where a largest value changes its "
+                "place, or the steps that a run chooses make noise, a search ends early; look around it by fmd sweep"
+            )
+            found.append({"code": "not-stationary", "text": text})
+        for channel, first in zip(self.design.channels, self.start.channels, strict=True):
+            if channel.part and channel.mode != first.mode:
+                lowest = self.design.run.wholes[channel.part].modes.frequencies_hz[0]
+                text = (
+                    f"modes have changed places: {first.name} is mode {channel.mode + 1} of the design, whose lowest "
+                    f"has {lowest:.6g} Hz; limits on frequency.1, frequency.2 and so on hold for all of them"
+                )
+                found.append({"code": "modes-crossed", "text": text})
+        return found
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures by name."""
+        of_limits, _, left = self.multipliers
+        design, start = self.design, self.start
+        parameters = [
+            {
+                "key": parameter.key,
+                "value": value,
+                "unit": parameter.unit,
+                "start": parameter.value,
+                "at_bound": {1: "upper", -1: "lower"}.get(int(side)),
+            }
+            for (parameter, value), side in zip(design.values.items(), self.at_bounds, strict=True)
+        ]
+        results = [
+            {
+                "name": channel.name,
+                "unit": channel.unit,
+                "value": _finite(value),
+                "start": _finite(before),
+                "limit": None if limit is None else limit.bound,
+                "must": None if limit is None or limit.bound is None else limit.sense,
+                "active": bool(active),
+                "per_cent_of_aim": float(limit.sign * multiplier * self.sign) if limit is not None else None,
+            }
+            for channel, value, before, limit, active, multiplier in zip(
+                design.channels,
+                design.results,
+                start.results,
+                (None, *self.limits),
+                (False, *self.active),
+                (0.0, *of_limits),
+                strict=True,
+            )
+        ]
+        return {
+            "aim": "minimise" if self.sign > 0 else "maximise",
+            "parameters": parameters,
+            "results": results,
+            "gradient_left": left,
+            "designs": self.space.solved,
+            "warnings": self.warnings(),
+        }
+
+
+def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit, ...]:
+    """Read limits, ``life >= 1e7``, ``frequency.1 >= 40 Hz``.
+
+    Raises
+    ------
+    InputError
+        A text isn't of this form, or names no result.
+    """
+    found = []
+    for text in texts:
+        match = _LIMIT.fullmatch(text)
+        if match is None:
+            raise InputError("--subject", "", text, "must be a result and its bound, e.g. 'frequency.1 >= 40 Hz'")
+        name, sense, given = match.groups()
+        channels = find_channels(run, name, "--subject")
+        try:
+            bound, _ = read_number(given, channels[0].unit)
+        except ValueError as error:
+            raise InputError("--subject", name, given, str(error)) from None
+        if not bound > 0.0:
+            raise InputError("--subject", name, given, "must be above 0")
+        found.append(Limit(name, 1 if sense == ">=" else -1, bound))
+    return tuple(found)
+
+
+def optimise_scene(
+    run: Pipeline, aim: str, limits: tuple[Limit, ...], varied: tuple[VariedNumber, ...], sign: int = 1
+) -> Optimum:
+    """Find the least, or the largest, of a result under limits on others, by sequential quadratic programming.
+
+    Parameters
+    ----------
+    run : Pipeline
+        Stages of the scene as it is computed, from which the search starts.
+    aim : str
+        The result, a number above 0.
+    limits : tuple of Limit
+        Limits on others.
+    varied : tuple of VariedNumber
+        Numbers that vary, all with bounds.
+    sign : int
+        1 for the least, -1 for the largest.
+
+    Raises
+    ------
+    InputError
+        Bounds are missing, or a name is no such result.
+    AccuracyError
+        No design that the search came to meets the limits, or one can't be computed.
+
+    References
+    ----------
+    Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988, as SciPy has it.
+    """
+    for each in varied:
+        if not np.isfinite([each.low, each.high]).all() or not each.low * each.high > 0.0:
+            mend = f"needs bounds of one sign, --vary {each.parameter.key}=low..high"
+            raise InputError("--vary", each.parameter.key, None, mend)
+    space = DesignSpace(run, (aim, *(limit.name for limit in limits)), varied)
+    return search(space, limits, sign, np.zeros(len(varied)))
+
+
+def search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Array) -> Optimum:
+    """Search the best design from a start; parameters and errors are those of `optimise_scene`."""
+    from scipy.optimize import minimize
+
+    signs = np.array([limit.sign for limit in limits], dtype=float)[:, None]
+
+    def slopes(shares: Array) -> Array:
+        design = space.at(shares)
+        return design.sensitivities * share_scale(space.varied, design)
+
+    def met_by(shares: Array) -> Array:
+        return margins(space.at(shares), limits)
+
+    found = minimize(
+        lambda x: sign * float(np.log(space.at(x).results[0])),
+        start,
+        jac=lambda x: sign * slopes(x)[0],
+        bounds=bounds_of(space.varied),
+        constraints=[{"type": "ineq", "fun": met_by, "jac": lambda x: signs * slopes(x)[1:]}] if limits else [],
+        method="SLSQP",
+        options={"ftol": OPTIMUM, "maxiter": MOST_DESIGNS},
+    )
+    optimum = Optimum(space, limits, sign, np.clip(found.x, *bounds_of(space.varied).T))
+    design = optimum.design
+    for limit, margin, value in zip(limits, margins(design, limits), design.results[1:], strict=True):
+        if margin < -MET:
+            place = ", ".join(f"{parameter.key} = {x:.6g}" for parameter, x in design.values.items())
+            raise AccuracyError(
+                f"no design was found with {limit.name} {limit.sense} {limit.bound:.6g}: the search ended at {place}, "
+                f"where it is {value:.6g}; widen the bounds, or ask for less"
+            )
+    return optimum
+
+
+def margins(design: Design, limits: tuple[Limit, ...]) -> Array:
+    """Return by how much limits are met, in logarithms of the bounds, (n_limits,); below 0 if they aren't.
+
+    A result without end, such as a life without damage, counts as many times its bound.
+    """
+    found = [
+        limit.sign * np.log(x / limit.bound) if limit.bound else ENDLESS
+        for limit, x in zip(limits, design.results[1:], strict=True)
+    ]
+    return np.array([min(float(margin), ENDLESS) for margin in found])
+
+
+def bounds_of(varied: Sequence[VariedNumber]) -> Array:
+    """Return the bounds as a search counts them, (n, 2)."""
+    return np.array([[each.to_share(each.low), each.to_share(each.high)] for each in varied])
+
+
+def share_scale(varied: Sequence[VariedNumber], design: Design) -> Array:
+    """Return the derivatives of the numbers' logarithms by what a search counts, (n,)."""
+    return np.array([each.per_share(x) / x for each, x in zip(varied, design.values.values(), strict=True)])
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,121 @@
+"""Numbers of a scene that a fit or an optimisation varies, with their bounds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.errors import InputError
+from fmd.core.units import parse_percentage, parse_quantity
+from fmd.fitting.parameters import Parameter, find_parameter
+from fmd.stages.pipeline import Pipeline
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class VariedNumber:
+    """A number of a scene that a fit varies.
+
+    A fit counts in its logarithm if it and its bounds are above 0, else in shares of its value at the start.
+
+    Attributes
+    ----------
+    parameter : Parameter
+        The number.
+    low, high : float
+        Bounds in the SI unit; infinite if there are none.
+    prior : float
+        Standard deviation of what is known of it beforehand, relative to its value in the scene; infinite if nothing.
+    """
+
+    parameter: Parameter
+    low: float = -np.inf
+    high: float = np.inf
+    prior: float = np.inf
+
+    @property
+    def by_logarithm(self) -> bool:
+        """True if a fit counts in the number's logarithm."""
+        return self.parameter.value > 0.0 and (self.low > 0.0 or not np.isfinite(self.low))
+
+    def to_share(self, value: float) -> float:
+        """Return a value [SI] as a fit counts it: 0 is that in the scene."""
+        if self.by_logarithm:
+            return float(np.log(value / self.parameter.value)) if value > 0.0 else -np.inf
+        return (value - self.parameter.value) / abs(self.parameter.value)
+
+    def from_share(self, share: float) -> float:
+        """Return the value [SI] of what a fit counts."""
+        if self.by_logarithm:
+            return float(self.parameter.value * np.exp(share))
+        return self.parameter.value + share * abs(self.parameter.value)
+
+    def per_share(self, value: float) -> float:
+        """Return how fast the number [SI] changes with what a fit counts, at a value."""
+        return value if self.by_logarithm else abs(self.parameter.value)
+
+
+def read_varied(run: Pipeline, vary: Sequence[str], priors: Sequence[str] = ()) -> tuple[VariedNumber, ...]:
+    """Read numbers to vary, ``joint.elbow.spring=10..200`` or without bounds, and priors, ``body.arm.E=5 %``.
+
+    Raises
+    ------
+    InputError
+        A text isn't of this form, a key names no number, or bounds don't lie around its value.
+    """
+    known: dict[str, float] = {}
+    for text in priors:
+        key, _, given = (part.strip() for part in text.partition("="))
+        try:
+            known[key] = parse_percentage(given)
+        except ValueError as error:
+            raise InputError("--prior", key, given, f"{error}: the standard deviation of the scene's value") from None
+    found: list[VariedNumber] = []
+    for text in vary:
+        key, equals, given = (part.strip() for part in text.partition("="))
+        parameter = find_parameter(run.scene, key, "--vary")
+        low, high = _read_bounds(key, given, parameter.unit) if equals else (-np.inf, np.inf)
+        if not low <= parameter.value <= high or not low < high:
+            mend = f"must lie around the scene's value, {parameter.value:.6g} {parameter.unit}".rstrip()
+            raise InputError("--vary", key, given, mend)
+        if any(each.parameter.key == key for each in found):
+            raise InputError("--vary", key, given, "is varied twice")
+        found.append(VariedNumber(parameter, low, high, known.pop(key, np.inf)))
+    if not found:
+        raise InputError("--vary", "", None, "is missing: numbers to vary, e.g. --vary joint.elbow.spring=10..200")
+    if known:
+        raise InputError("--prior", next(iter(known)), None, "isn't varied: a prior belongs to a number of --vary")
+    return tuple(found)
+
+
+def _read_bounds(key: str, given: str, unit: str) -> tuple[float, float]:
+    """Read bounds, ``10..200`` in the SI unit or ``10..200 N mm``."""
+    low, dots, high = (part.strip() for part in given.partition(".."))
+    try:
+        if not dots:
+            raise ValueError("must be two bounds, e.g. 10..200")
+        end, end_unit = read_number(high, unit)
+        begin = float(low) if _NUMBER.fullmatch(low) else None
+        if begin is None:
+            begin, _ = read_number(low, unit)
+        elif end_unit:
+            begin, _ = read_number(f"{low} {end_unit}", unit)
+    except ValueError as error:
+        raise InputError("--vary", key, given, str(error)) from None
+    return begin, end
+
+
+def read_number(text: str, unit: str) -> tuple[float, str]:
+    """Return a number [SI] and the unit that it is given in, if any."""
+    if _NUMBER.fullmatch(text):
+        return float(text), ""
+    value, si = parse_quantity(text)
+    if unit and si not in (unit, unit.removesuffix("/rad")):
+        raise ValueError(f"must be in a unit of {unit}")
+    match = _NUMBER.match(text)
+    assert match is not None
+    return value, text[match.end() :].strip()

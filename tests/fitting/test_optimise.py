@@ -1,0 +1,238 @@
+"""Best designs of a scene: against closed forms, against other designs around them, and what is refused."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fmd as package
+from fmd.core.errors import AccuracyError, InputError
+from fmd.fitting.channels import find_channels, follow_mode
+from fmd.fitting.optimise import Optimum, optimise_scene, read_limits
+from fmd.fitting.pareto import find_front
+from fmd.fitting.varied import read_varied
+
+BAR: dict[str, Any] = {
+    "title": "Bar",
+    "body": {
+        "bar": {
+            "shape": "bar",
+            "length": 0.4,
+            "depth": 0.02,
+            "width": 0.03,
+            "E": 210e9,
+            "nu": 0.3,
+            "rho": 7850.0,
+            "mesh": {"divisions": [6, 1, 1]},
+            "modes": {"count": 4},
+            "marker": {"end": {"face": "x-"}, "tip": {"face": "x+"}},
+        }
+    },
+}
+PUSHED: dict[str, Any] = copy.deepcopy(BAR) | {
+    "joint": {"clamp": {"type": "fixed", "parent": "ground", "child": "bar.end"}},
+    # The load is slow beside the lowest frequency, some 100 Hz: stress is that of statics but for little.
+    "drive": {
+        "push": {
+            "type": "point force",
+            "marker": "bar.tip",
+            "direction": [0, 2, 1],
+            "force": {"formula": "400*sin(2*pi*t/0.2)**2", "unit": "N"},
+        }
+    },
+    "simulation": {
+        "duration": 0.1,
+        "step": 1e-3,
+        "output_step": 1e-3,
+        "tip": "bar.tip",
+        "run": [{"integrator": "exponential"}],
+    },
+    "output": [
+        {
+            "type": "fatigue",
+            "file": "life.csv",
+            "body": "bar",
+            "stress": "signed von Mises",
+            "sn": {"amplitude": 90e6, "cycles": 1e6, "slope": 5},
+        }
+    ],
+}
+PUSHED["body"]["bar"]["modes"] = {"count": 4, "boundary": "joint", "damping": 0.05}
+BOUNDS = ["body.bar.depth=10..60 mm", "body.bar.width=10..60 mm"]
+
+
+def find(scene: Any, aim: str, limits: list[str], vary: list[str], sign: int = 1) -> Optimum:
+    run = package.load(scene).run
+    return optimise_scene(run, aim, read_limits(run, limits), read_varied(run, vary), sign)
+
+
+def numbers_of(found: Optimum) -> dict[str, float]:
+    return {parameter.key: float(value) for parameter, value in found.design.values.items()}
+
+
+def test_the_lightest_bar_of_a_given_frequency_is_as_narrow_as_may_be() -> None:
+    """Frequencies of bending over the depth go with the depth and, of a slender bar, not with the width."""
+    start = package.load(BAR).run.modes.frequencies_hz[0]
+    found = find(BAR, "mass", [f"frequency.1 >= {1.1 * start}"], BOUNDS)
+    depth, width = numbers_of(found).values()
+    assert width == pytest.approx(0.01, rel=1e-9)
+    assert found.design.results[1] == pytest.approx(1.1 * start, rel=1e-6)
+    assert found.design.results[0] == pytest.approx(7850.0 * 0.4 * depth * width, rel=1e-9)
+    assert found.at_bounds.tolist() == [0.0, -1.0]
+    (of_limit,), _, left = found.multipliers
+    # Mass goes with the depth, so a limit costs the inverse of how the frequency goes with it.
+    (by_depth,) = package.jacobian(
+        package.load(BAR, f"body.bar.depth={depth!r} m", f"body.bar.width={width!r} m"),
+        ["frequency.2"],  # by now the bar is deeper than wide
+        ["body.bar.depth"],
+    )
+    assert of_limit == pytest.approx(1.0 / by_depth.relative, rel=1e-4)
+    assert left < 1e-6
+    assert [each["code"] for each in found.warnings()] == ["modes-crossed"]
+    assert "is mode 2 of the design" in found.warnings()[0]["text"]
+
+
+@pytest.mark.parametrize("limit", ["stress <= 90 MPa", "life >= 1e6"])
+def test_no_design_of_a_grid_around_is_lighter_and_within_the_limit(limit: str) -> None:
+    """Of a beam with 2 F over its depth and F over its width the lightest is about twice as deep as wide.
+
+    Stress at its corner is ``6 F L / (b d) (2/d + 1/b)``, least for a given ``b d`` where ``d = 2 b``.
+    """
+    found = find(PUSHED, "mass", [limit], BOUNDS)
+    depth, width = numbers_of(found).values()
+    mass = found.design.results[0]
+    assert depth / width == pytest.approx(2.0, rel=0.1)
+    assert not found.at_bounds.any()
+    assert found.active.all()
+    assert found.multipliers[2] < 0.02
+    (bound,), lighter = (each.bound for each in read_limits(found.space.run, [limit])), 0
+    grid = [0.94, 0.97, 1.0, 1.03, 1.06]
+    for by_depth in grid:
+        for by_width in grid:
+            settings = [f"body.bar.depth={by_depth * depth!r} m", f"body.bar.width={by_width * width!r} m"]
+            run = package.load(PUSHED, *settings).run
+            mass_there, value_there = (
+                float(find_channels(run, name)[0].read(run)) for name in ("mass", found.space.names[1])
+            )
+            if mass_there < mass * (1.0 - 1e-4):
+                lighter += 1
+                assert (value_there < bound) == (">" in limit), settings
+    assert lighter >= 8
+
+
+@pytest.mark.slow
+def test_a_start_that_breaks_a_limit_comes_to_the_same_design_as_one_that_meets_it() -> None:
+    both = []
+    for size in (0.015, 0.045):
+        scene = copy.deepcopy(PUSHED)
+        scene["body"]["bar"] |= {"depth": size, "width": size}
+        both.append(np.array([*numbers_of(find(scene, "mass", ["stress <= 90 MPa"], BOUNDS)).values()]))
+    np.testing.assert_allclose(*both, rtol=0.03)
+    assert both[0].prod() == pytest.approx(both[1].prod(), rel=1e-3)
+
+
+def test_a_mode_is_followed_when_another_passes_it() -> None:
+    run = package.load(BAR).run
+    (first,) = find_channels(run, "frequency.1")
+    # Bending over the depth goes with it: at twice the depth it is above bending over the width.
+    deep = package.load(BAR, "body.bar.depth=40 mm").run
+    assert first.mode == 0
+    assert follow_mode(first, run, deep).mode == 1
+    few = copy.deepcopy(BAR)
+    few["body"]["bar"]["modes"]["count"] = 1
+    with pytest.raises(AccuracyError, match=r"bar\.frequency\.1 is lost.*modes\.count"):
+        follow_mode(first, run, package.load(few, "body.bar.depth=40 mm").run)
+
+
+@pytest.mark.slow
+def test_a_front_goes_from_the_best_of_one_aim_to_that_of_the_other() -> None:
+    run = package.load(PUSHED).run
+    front = find_front(
+        run, (("mass", 1), ("tip", 1)), read_limits(run, ["stress <= 200 MPa"]), read_varied(run, BOUNDS), 3
+    )
+    masses, tips = np.array([each.design.results[[0, -1]] for each in front]).T
+    assert (np.diff(masses) > 0.0).all()
+    assert (np.diff(tips) < 0.0).all()
+    np.testing.assert_allclose(tips, np.geomspace(tips[0], tips[-1], 3), rtol=1e-3)
+    assert numbers_of(front[-1]) == pytest.approx(dict.fromkeys(numbers_of(front[-1]), 0.06), rel=1e-3)
+
+
+def test_the_largest_of_a_result_is_found_too() -> None:
+    found = find(BAR, "frequency.1", ["mass <= 3 kg"], ["body.bar.depth=10..60 mm", "body.bar.width=25..60 mm"], -1)
+    depth, width = numbers_of(found).values()
+    assert width == pytest.approx(0.025)
+    assert depth * width * 0.4 * 7850.0 == pytest.approx(3.0, rel=1e-5)
+    row = found.summary()["results"][1]
+    assert row["active"]
+    assert 0.8 < row["per_cent_of_aim"] < 1.0  # 1 of a Bernoulli bar
+
+
+@pytest.mark.parametrize(
+    ("aim", "limits", "vary", "error", "words"),
+    [
+        ("mass", ["frequency.1 >= 4 kHz"], BOUNDS, AccuracyError, "no design was found with frequency.1 >= 4000"),
+        ("mass", ["frequency.1 > 40"], BOUNDS, InputError, "must be a result and its bound"),
+        ("mass", ["frequency.1 >= 40 kg"], BOUNDS, InputError, "must be in a unit of Hz"),
+        ("mass", ["frequency.1 >= -40"], BOUNDS, InputError, "must be above 0"),
+        ("mass", [], ["body.bar.depth"], InputError, "needs bounds of one sign"),
+        ("mess", [], BOUNDS, InputError, "without it a scene has mesh and modes alone"),
+    ],
+)
+def test_what_cannot_be_is_refused(aim: str, limits: list[str], vary: list[str], error: Any, words: str) -> None:
+    with pytest.raises(error, match=words):
+        find(BAR, aim, limits, vary)
+
+
+def test_a_history_is_no_aim_and_a_life_takes_its_output() -> None:
+    with pytest.raises(InputError, match="is no result of one number above 0"):
+        find(PUSHED, "bar.tip.position.y", [], BOUNDS)
+    with pytest.raises(InputError, match=r"takes one \[\[output\]\] of type fatigue for bar; the scene has 0"):
+        find({name: table for name, table in PUSHED.items() if name != "output"}, "life", [], BOUNDS)
+
+
+def test_the_command_writes_the_design_as_a_scene(fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(
+        """
+title = "Bar"
+[body.bar]
+shape = "bar"
+length = "400 mm"
+depth = "20 mm"
+width = "30 mm"
+E = "210 GPa"
+nu = 0.3
+rho = "7850 kg/m^3"
+mesh = { divisions = [6, 1, 1] }
+modes = { count = 4 }
+marker = { end = { face = "x-" } }
+"""
+    )
+    given = ["--vary", "body.bar.depth=10..60mm,body.bar.width=25..60mm", "--out", tmp_path / "best"]
+    limit = ["--subject", "frequency.1 >= 500 Hz"]
+    assert fmd("optimise", path, "--minimise", "mass", *limit, *given, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["files"] == ["design.toml", "design.json"]
+    run = package.load(tmp_path / "best" / "design.toml").run
+    assert run.modes.frequencies_hz[0] == pytest.approx(500.0, rel=1e-4)
+    assert told["designs"][0]["results"][0]["value"] == pytest.approx(run.part.mass, rel=1e-9)
+    assert fmd("optimise", path, "--minimise", "mass", *limit, *given) == 0
+    assert "at its lower bound" in capsys.readouterr().out
+    both = ["--minimise", "mass", "--maximise", "frequency.1", "--points", "3"]
+    assert fmd("optimise", path, *both, *given) == 0
+    assert "Front" in capsys.readouterr().out
+    with (tmp_path / "best" / "front.csv").open() as file:
+        header, *rows = csv.reader(file)
+    assert header == ["body.bar.depth [m]", "body.bar.width [m]", "mass [kg]", "bar.frequency.1 [Hz]"]
+    assert len(rows) == 3
+    assert (tmp_path / "best" / "front.png").stat().st_size > 10_000
+    assert fmd("optimise", path, *limit, *given) == 2
+    assert "one result, or two for their front" in capsys.readouterr().err
+    assert fmd("optimise", path, "--minimise", "mass", "--points", "5", *given) == 2
+    assert "belongs to two aims" in capsys.readouterr().err
