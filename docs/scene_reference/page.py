@@ -12,6 +12,7 @@ from docs.scene_reference.sections import INTRODUCTION, SECTIONS
 from docs.scene_reference.values import describe_values
 from fmd.scene.bar import Bar
 from fmd.scene.constraints import Gear
+from fmd.scene.controllers import PidController
 from fmd.scene.curves import TimeFunction
 from fmd.scene.histories import HISTORY_QUANTITIES, Quantities
 from fmd.scene.joints.any_joint import JOINTS
@@ -28,6 +29,7 @@ _KINDS = {
     "Joints": "Kind of joint.",
     "Couplers": "Kind of coupler.",
     "Drives": "Kind of drive.",
+    "Controllers": "Kind of controller.",
     "Runs": "Method of integration.",
     "Outputs": "Kind of output.",
     "Shapes of rigid bodies in pictures": "Kind of shape.",
@@ -49,7 +51,7 @@ def write_page() -> str:
     """
     anchors: dict[type, str] = {section.table: section.anchor for section in SECTIONS if section.table}
     # Where a table may be of several kinds, a link leads to the part of the page about all of them.
-    anchors |= {Bar: "#bodies", PulseDrive: "#drives", RUNS[0]: "#runs"}
+    anchors |= {Bar: "#bodies", PulseDrive: "#drives", PidController: "#controllers", RUNS[0]: "#runs"}
     anchors |= {Chart: "#outputs", Gear: "#couplers", JOINTS[0]: "#joints"}
     ready = ", ".join(f"`{name}`" for name in list_ready_scenes())
     blocks, kind = [INTRODUCTION.format(ready=ready).strip()], ""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from fmd.scene.bar import Bar, BarMesh
 from fmd.scene.bodies import Solid
 from fmd.scene.constraints import Gear, Rack
+from fmd.scene.controllers import ExternalValue, LagController, PidController
 from fmd.scene.curves import ForceByElongation, TimeFunction
 from fmd.scene.force_elements import (
     AngleStop,
@@ -140,6 +141,10 @@ _DRIVES = """\
 A drive is a table `[drive.NAME]`, and its key `type` says of which kind it is. Several drives may act on one joint,
 unless one of them prescribes its motion.
 """
+_CONTROLLERS = """\
+A controller is a table `[controller.NAME]`, and its key `type` says of which kind it is. Formulas of drives, and of
+controllers after it, name its output; [Drives and control](control.md#controllers) tells how they are computed.
+"""
 _ELEMENTS = """\
 Springs, bushings and bearings are tables `[spring.NAME]`, `[bushing.NAME]` and `[bearing.NAME]`. Each acts between two
 places, markers of bodies or places on the ground, and takes nothing away from how they move.
@@ -263,6 +268,10 @@ SECTIONS = (
     Section("### Quantities over time", TimeFunction, _FORMULAS),
     Section("### Loads by the motion", LoadOverTime, _BY_MOTION),
     Section("### Variables of a formula", FormulaVariable),
+    Section("## Controllers", None, _CONTROLLERS),
+    Section("### PID", PidController),
+    Section("### Lag", LagController),
+    Section("### Value from outside", ExternalValue),
     Section("## Force elements", None, _ELEMENTS),
     Section("### Spring", Spring),
     Section("### Force by elongation", ForceByElongation, _ELONGATION),

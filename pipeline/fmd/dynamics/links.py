@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.joint_kinds import ElementaryMotion, JointKind, find_direction
+from fmd.core.joint_kinds import AXIS, ElementaryMotion, JointKind, find_direction
 from fmd.core.limits.loads import PIECES_APART
 from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.force_laws import ForceLaw
@@ -16,6 +16,8 @@ from fmd.dynamics.signals.signal import Signal, constant
 from fmd.dynamics.state_functions import StateFunction
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
+
+_FLYWHEEL = JointKind("controller", ("rad",), turns=(ElementaryMotion(AXIS),))
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,9 @@ class Link:
         Name of the part that the body is a piece of; empty if it is whole.
     effort : StateFunction, optional
         Force or torque along the joint by the mechanism's state, beside ``load``.
+    state : StateFunction or float, optional
+        Of a controller's state, what it is at the start; none of a body. Such a link is a flywheel with unit inertia on
+        the ground: its rate is the state, whose slope is the torque ``effort``.
     """
 
     name: str
@@ -102,6 +107,7 @@ class Link:
     place_axes: Array = field(default_factory=lambda: np.eye(3))
     part: str = ""
     effort: StateFunction | None = None
+    state: StateFunction | float | None = None
 
     @property
     def place_marker(self) -> MarkerShapes:
@@ -257,6 +263,12 @@ class PointLoad:
         """Return the load on its body with some of its modes alone, by their numbers."""
         at = self.marker.with_modes(kept)
         return replace(self, shapes=at.translation, rotations=at.rotation, displacement2=at.displacement2)
+
+
+def controller_state(name: str, start: StateFunction | float, slope: StateFunction) -> Link:
+    """Make the state of a controller, whose slope is a function of the mechanism's state."""
+    flywheel = rigid_integrals(0.0, np.zeros(3), np.eye(3))
+    return Link(name, flywheel, _FLYWHEEL, joint_name=name, effort=slope, state=start)
 
 
 def rigid_integrals(mass: float, centre: Array, inertia: Array) -> InertiaIntegrals:

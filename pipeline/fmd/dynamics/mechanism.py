@@ -7,7 +7,7 @@ between bodies that both hang on others close loops: constraints between these c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -16,11 +16,12 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.closures import GROUND, Closure, Constraint, Coupler
+from fmd.dynamics.controllers import SampledController
 from fmd.dynamics.elements import Element
 from fmd.dynamics.links import Link, PointLoad
 from fmd.dynamics.signals.activity import Activity, find_activity
 from fmd.dynamics.signals.signal import Signal
-from fmd.dynamics.state_functions import StateFunction
+from fmd.dynamics.state_functions import HeldValue, Quantity, StateFunction
 from fmd.reduction.body import MarkerShapes
 
 
@@ -90,6 +91,8 @@ class Mechanism:
         Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
     elements : sequence of PointSpring or SixAxisSpring
         Force elements between two places.
+    controllers : sequence of SampledController
+        Controllers that measure now and then, each after those whose outputs it takes.
 
     Raises
     ------
@@ -107,6 +110,7 @@ class Mechanism:
     closures: Sequence[Constraint] = ()
     assembled: Mapping[str, Sequence[float]] = field(default_factory=dict)
     elements: Sequence[Element] = ()
+    controllers: Sequence[SampledController] = ()
 
     def __post_init__(self) -> None:
         links = {link.name: link for link in self.links}
@@ -114,7 +118,7 @@ class Mechanism:
             raise ValueError(f"links need names of their own, and one link at least: {list(links)}")
         frozen = {body for closure in self.closures for body in closure.bodies}
         frozen |= {end.body for element in self.elements for end in element.ends if end.body != GROUND}
-        frozen |= {body for effort in self.efforts for body in effort.bodies}
+        frozen |= {body for function in self.functions for body in function.bodies}
         named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads), *frozen}
         if unknown := named - set(links):
             raise ValueError(f"no link is named {', '.join(sorted(unknown))}")
@@ -176,7 +180,7 @@ class Mechanism:
         for k, link in enumerate(self.links):
             at, first = self.layout.rate[k], self.layout.position[k]
             moves = link.n_slides if link.n_rates else 0  # translations aren't like rotations
-            joint = 0 if self.closures else k
+            joint = 0 if self.closures and link.state is None else k
             rates[at : at + link.n_rates], positions[first : first + link.n_positions] = 3 * joint, 3 * joint
             rates[at : at + moves], positions[first : first + moves] = 3 * joint + 1, 3 * joint + 1
             modes = self.modes_of(k)
@@ -253,7 +257,7 @@ class Mechanism:
     def signals(self) -> tuple[Signal, ...]:
         """All loads and motions."""
         motions = [link.motion for link in self.links if link.motion is not None]
-        of_time = (signal for effort in self.efforts for signal in effort.signals)
+        of_time = (signal for function in self.functions for signal in function.signals)
         return (*motions, *(link.load for link in self.links), *(load.size for load in self.loads), *of_time)
 
     @property
@@ -261,6 +265,40 @@ class Mechanism:
         """Forces and torques by the mechanism's own state, along joints first."""
         both = (*(link.effort for link in self.links), *(load.effort for load in self.loads))
         return tuple(effort for effort in both if effort is not None)
+
+    @property
+    def functions(self) -> tuple[StateFunction, ...]:
+        """All functions of the state: forces and torques, then what sampled controllers measure."""
+        return (*self.efforts, *(function for controller in self.controllers for function in controller.measured))
+
+    @property
+    def held(self) -> tuple[HeldValue, ...]:
+        """All values that are held between samples, by their numbers."""
+        found = {value for function in self.functions for value in function.held}
+        found |= {controller.output for controller in self.controllers}
+        return tuple(sorted(found, key=lambda value: value.number))
+
+    @cached_property
+    def states(self) -> tuple[tuple[str, int, int], ...]:
+        """Name, rate and position of each state of a controller."""
+        at = zip(self.links, self.layout.rate.tolist(), self.layout.position.tolist(), strict=True)
+        return tuple((link.name, rate, position) for link, rate, position in at if link.state is not None)
+
+    def with_known(self, known: Callable[[Quantity], Quantity]) -> Mechanism:
+        """Return the mechanism without controllers, whose outputs are known as functions of time.
+
+        Parameters
+        ----------
+        known : callable
+            Returns, for a value that is held or a state's, its function of time, and any other quantity as it is.
+        """
+        links = [link for link in self.links if link.state is None]
+        return replace(
+            self,
+            links=[replace(link, effort=link.effort and link.effort.with_variables(known)) for link in links],
+            loads=[replace(load, effort=load.effort and load.effort.with_variables(known)) for load in self.loads],
+            controllers=(),
+        )
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
@@ -296,6 +334,7 @@ class Mechanism:
             slow_modes={name: int((kept[name] < count).sum()) for name, count in self.slow_modes.items()},
             closures=[closure.with_modes(kept) for closure in self.closures],
             elements=[element.with_modes(kept) for element in self.elements],
+            controllers=[controller.with_modes(kept) for controller in self.controllers],
         )
 
     @cached_property

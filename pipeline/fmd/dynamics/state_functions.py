@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -46,8 +46,20 @@ class PlaceValue:
         return self.place.body
 
 
-Measured = SignalValue | JointValue | PlaceValue
-"""What a variable of a function may be."""
+@dataclass(frozen=True)
+class HeldValue:
+    """A value that a sampled controller holds between its samples, or that a program sets between two steps.
+
+    Parameters
+    ----------
+    number : int
+        Place among all such values of the mechanism.
+    initial : float
+        Value before anything has set it.
+    """
+
+    number: int
+    initial: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,7 +90,7 @@ class StateFunction:
     codes, constants : tuple
         Program, as of `fmd.core.state_formula.StateFormula`.
     variables : tuple
-        What each variable is.
+        What each variable is; one that is a function itself is a controller's output.
     curves : tuple of StateCurve
         The curves that it calls.
     factor : float
@@ -92,27 +104,57 @@ class StateFunction:
     factor: float = 1.0
 
     @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """All variables, those of the functions among them in their places."""
+        return tuple(
+            quantity
+            for variable in self.variables
+            for quantity in (variable.quantities if isinstance(variable, StateFunction) else (variable,))
+        )
+
+    @property
     def signals(self) -> dict[Signal, int]:
         """The functions of time that it depends on, each with the highest derivative that counts."""
         found: dict[Signal, int] = {}
-        for variable in self.variables:
+        for variable in self.quantities:
             if isinstance(variable, SignalValue):
                 found[variable.signal] = max(variable.derivative, found.get(variable.signal, 0))
         return found
 
     @property
+    def held(self) -> tuple[HeldValue, ...]:
+        """The values that it takes from sampled controllers and programs."""
+        return tuple(variable for variable in self.quantities if isinstance(variable, HeldValue))
+
+    @property
     def bodies(self) -> tuple[str, ...]:
         """The links whose motion it depends on, one for each variable that is measured; the ground is none."""
-        measured = (variable for variable in self.variables if not isinstance(variable, SignalValue))
+        measured = (variable for variable in self.quantities if isinstance(variable, JointValue | PlaceValue))
         return tuple(variable.body for variable in measured if variable.body != GROUND)
 
-    def with_modes(self, kept: Mapping[str, IntArray]) -> Self:
-        """Return the same on bodies with some of their modes alone, by the bodies' names."""
+    def with_variables(self, change: Callable[[Quantity], Quantity]) -> Self:
+        """Return the same with its variables changed, those of the functions among them, too."""
         variables = tuple(
-            replace(variable, place=variable.place.with_modes(kept)) if isinstance(variable, PlaceValue) else variable
+            variable.with_variables(change) if isinstance(variable, StateFunction) else change(variable)
             for variable in self.variables
         )
         return replace(self, variables=variables)
+
+    def with_modes(self, kept: Mapping[str, IntArray]) -> Self:
+        """Return the same on bodies with some of their modes alone, by the bodies' names."""
+        return self.with_variables(
+            lambda variable: (
+                replace(variable, place=variable.place.with_modes(kept))
+                if isinstance(variable, PlaceValue)
+                else variable
+            )
+        )
+
+
+Quantity = SignalValue | JointValue | PlaceValue | HeldValue
+"""What the time, the state or a controller gives."""
+Measured = Quantity | StateFunction
+"""What a variable of a function may be."""
 
 
 def add_functions(functions: tuple[StateFunction, ...]) -> StateFunction | None:

@@ -34,6 +34,7 @@ from fmd.core.limits.stepping import (
     SPARE_STEPS,
     TIME_JITTER,
 )
+from fmd.dynamics.compiled_system.sampling import Sampling
 from fmd.dynamics.step_bounds import StepBounds, allowed_part, predicted_part, record_step_start, step_bounds_of
 from fmd.dynamics.system import System, advance, project
 from fmd.integrators.endless import StepsLeft
@@ -245,6 +246,20 @@ def _set_state(p: Any, t: float, both: Array, q: Array, v: Array) -> None:
     project(p, t, q, v)
 
 
+def _begin_sampling(system: Any, start: State) -> Sampling | None:
+    """Return the sampled controllers of a system for a march from its begin; none if there are none.
+
+    Raises
+    ------
+    ValueError
+        The march goes on from another one, whose controllers' memory isn't in its state.
+    """
+    sampling: Sampling | None = system.sampling() if hasattr(system, "sampling") else None
+    if sampling is not None and start.time > 0.0:
+        raise ValueError("a march with sampled controllers begins at time 0")
+    return sampling
+
+
 class AdaptiveIntegrator(ResumableIntegrator):
     """Base of the methods that choose their steps by a relative ``tolerance`` of each.
 
@@ -300,6 +315,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
         clock, cursor, q, v = march.clock, march.cursor, march.sample_q, march.sample_v
         first, end, seconds = int(cursor[0]), float(times[-1]), 0.0
         m, p, chunk = self.room(system), system.parameters, FIRST_CHUNK
+        sampling, unreported = _begin_sampling(system, state), 0.0
         explain = getattr(system, "explain_failure", None)
         left = StepsLeft(self.name, end, MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW, state.step, state.time)
         _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
@@ -308,10 +324,15 @@ class AdaptiveIntegrator(ResumableIntegrator):
             if clock[0] in system.breakpoints:
                 march.spare[0] = SPARE_STEPS
             march.fresh[0] = march.settles or clock[0] == 0.0 or clock[0] in system.breakpoints
+            if sampling is not None:
+                if clock[0] >= sampling.next:
+                    sampling.sample(float(clock[0]), state.q, state.v, p.inputs)
+                    march.fresh[0] = 1.0
+                stop = min(stop, sampling.next)
             tick = time.perf_counter()
             done = int(_march(m, p, march, stop, chunk))
             spent = time.perf_counter() - tick
-            seconds += spent
+            seconds, unreported = seconds + spent, unreported + spent
             chunk = max(1, min(CHUNK, int(chunk * CHUNK_SECONDS / max(spent, 1e-9))))
             state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
             if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
@@ -322,13 +343,15 @@ class AdaptiveIntegrator(ResumableIntegrator):
             if spent > LONG_SECONDS and clock[1] * system.highest_frequency < CRAWL and explain is not None:
                 explain(StabilityError(f"{self.name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
             left.require_end(state.step, state.time)
-            if progress:
+            if progress and (sampling is None or unreported > CHUNK_SECONDS or cursor[0] >= times.size):
                 progress(min(1.0, clock[0] / end) if end else 1.0)
+                unreported = 0.0
         if not (np.isfinite(q[first:]).all() and np.isfinite(v[first:]).all()):
             raise StabilityError(f"{self.name}: what it finds between its steps isn't finite")
         n_steps = state.step - start.step
         mean = (state.time - start.time) / n_steps if n_steps else 0.0
-        return Trajectory(self.name, mean, 1, times, q, v, int(march.evaluations[0]), 0, seconds, state)
+        held = None if sampling is None else sampling.record
+        return Trajectory(self.name, mean, 1, times, q, v, int(march.evaluations[0]), 0, seconds, state, held=held)
 
     def _begin(self, system: System, state: State, times: Array) -> AdaptiveMarch:
         """Return a march from a state, into whose arrays it writes."""

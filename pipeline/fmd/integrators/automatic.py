@@ -197,10 +197,11 @@ class Automatic(Integrator):
         progress: Progress | None,
     ) -> Iterator[_Marches]:
         """Yield one or two methods, each finer than that before, with the operations of the last one."""
-        stiff = self._stiff(system)
+        stiff, sampled = self._stiff(system), bool(getattr(system, "is_sampled", False))
         # The exponential method has no quaternions, and steps that couplings of stiff systems bound.
         if (
-            system.n_positions == system.n
+            not sampled
+            and system.n_positions == system.n
             and len(system.breakpoints) <= MANY_BREAKPOINTS
             and not (stiff and system.coupled)
         ):
@@ -208,7 +209,7 @@ class Automatic(Integrator):
         adaptive: type[RungeKutta | ExponentialRosenbrock] = RungeKutta
         if self.duration > MOST_EXPLICIT * system.largest_step:  # by dampers
             adaptive = ExponentialRosenbrock
-        elif stiff:
+        elif stiff and not sampled:
             leapfrog_steps = max(
                 system.highest_frequency * self.duration / LEAP,
                 IMPLICIT_STEPS_IN_ACTION * self.duration / system.shortest_action,

@@ -12,6 +12,7 @@ import numpy as np
 from fmd.core.arrays import Array, require_finite, require_shape, short_repr
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.stability import DAMPED
+from fmd.dynamics.controllers import HeldValues
 from fmd.dynamics.system import System, accelerations, advance, project, project_onto_constraints, velocities
 from fmd.kernels.kernel import kernel
 from fmd.kernels.table import Table, aligned
@@ -90,6 +91,8 @@ class Trajectory:
         coordinate.
     spread : float
         How far the median of repeated marches' run times is above the least, relative to that.
+    held : HeldValues, optional
+        What sampled controllers have held.
     """
 
     integrator: str
@@ -105,6 +108,7 @@ class Trajectory:
     chosen: Integrator | None = None
     error: float | None = None
     spread: float = 0.0
+    held: HeldValues | None = None
 
     __repr__ = short_repr
 

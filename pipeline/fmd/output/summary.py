@@ -74,6 +74,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         *stretching_warnings(run, TOO_LARGE),
         *loop_warnings(run),
         *coupling_warnings(run),
+        *_sampling_warnings(run),
     ]
     first, fine = run.motion, run.fine_motion
     summary |= loop_figures(run)
@@ -213,6 +214,16 @@ def _division_warnings(run: Pipeline) -> list[dict[str, str]]:
         for what, error in divided.errors.items()
         if error > _OF_PIECES[what]
     ]
+
+
+def _sampling_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warn of sample times of controllers that make a closed loop unstable."""
+    if not run.scene.sampled:
+        return []
+    from fmd.stages.sampling_check import find_unstable_sampling
+
+    text = find_unstable_sampling(run)
+    return [{"code": "sample-time", "text": text}] if text else []
 
 
 def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:

@@ -258,8 +258,29 @@ class _Assembly:
         names = self.of.state_names()
         kept = [names[at] for at in (*independent, *driven)]
         states = (*kept, *(Channel(f"{name}.rate", f"{unit}/s") for name, unit in kept))
+        states, A, B, C = self._without_integrals(np.array([*independent, *driven]), states, A, B, C)
         inputs = tuple(Channel(port.name, port.unit) for port in self.of.inputs)
         return StateSpace(A, B, C, D, states, inputs, tuple(Channel(p.name, p.unit) for p in self.of.outputs))
+
+    def _without_integrals(
+        self, rates: IntArray, states: tuple[Channel, ...], A: Array, B: Array, C: Array
+    ) -> tuple[tuple[Channel, ...], Array, Array, Array]:
+        """Leave out the integrals of controllers' states, which are their links' positions; name the states.
+
+        Parameters
+        ----------
+        rates : ndarray of int, shape (k,)
+            Rates of the states: positions (k,), then rates (k,).
+        """
+        own = {rate: Channel(name, "SI") for name, rate, _ in self.mechanism.states}
+        if not own:
+            return states, A, B, C
+        named = [
+            *states[: len(rates)],
+            *(own.get(rate, at) for rate, at in zip(rates, states[len(rates) :], strict=True)),
+        ]
+        kept = np.array([k for k in range(2 * len(rates)) if k >= len(rates) or rates[k] not in own])
+        return tuple(named[k] for k in kept), A[np.ix_(kept, kept)], B[kept], C[:, kept]
 
     def _partition(self, free: IntArray) -> tuple[IntArray, Array]:
         """Choose independent coordinates; P (n, n_rows) moves the dependent ones, so that ``J P = 1`` on what J does.

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.units import unit_ratio
+from fmd.scene.controllers import Controller
 from fmd.scene.curves import TimeFunction
 from fmd.scene.histories import Quantities
 from fmd.scene.joints.any_joint import Joint, kinds_that
@@ -19,7 +20,7 @@ from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.runs import name_methods
 from fmd.scene.scene_tables import SceneTables
-from fmd.scene.state_loads import OWN, LoadOverTime
+from fmd.scene.state_loads import OWN, FormulaVariables, LoadOverTime
 
 _SINGLE = kinds_that(lambda kind: bool(kind.unit))
 _HINGES = kinds_that(lambda kind: kind.is_hinge)
@@ -44,6 +45,7 @@ class CrossCheck:
         return [
             *self._check_joints(),
             *self._check_drives(),
+            *self._check_controllers(),
             *self._check_elements(),
             *self._check_couplers(),
             *self._check_simulation(),
@@ -69,7 +71,10 @@ class CrossCheck:
             yield from self._check_tables(name, drive)
             for key, value in drive:
                 if isinstance(value, LoadOverTime) and value.state is not None:
-                    yield from self._check_state(value, drive, "drive", name, key)
+                    own = (*(() if isinstance(drive, MarkerLoad) else OWN), *self.scene.controller)
+                    at = ("drive", name, key)
+                    text = value.formula or ""
+                    yield from self._check_state(value, text, own, (*at, "formula"), (*at, "variables"))
             if isinstance(drive, MarkerLoad):
                 yield from self._check_marker(drive.marker, "drive", name, "marker")
                 continue
@@ -87,22 +92,40 @@ class CrossCheck:
                 except FaultError as fault:
                     yield FaultError(str(fault), "drive", name, key, *fault.path)
 
-    def _check_state(self, load: LoadOverTime, drive: Drive, *path: str) -> Iterator[FaultError]:
-        """Names in a formula of the motion exist: variables, and parts of the motion."""
-        assert load.state is not None
-        for name in load.state.names:
-            number = load.find_constant(name) is not None or load.find_derivative(name) is not None
-            if number or (name in OWN and not isinstance(drive, MarkerLoad)):
+    def _check_controllers(self) -> Iterator[FaultError]:
+        """Controllers name those before them alone."""
+        known: list[str] = []
+        for name, controller in self.scene.controller.items():
+            for table, tables in (("body", self.scene.body), ("joint", self.scene.joint)):
+                if name in tables:
+                    yield FaultError(f"a {table} has this name; formulas need another one", "controller", name)
+            if isinstance(controller, Controller):
+                for key, text in controller.formulas.items():
+                    at = ("controller", name)
+                    yield from self._check_state(controller, text, known, (*at, key), (*at, "variables"))
+            known.append(name)
+
+    def _check_state(
+        self,
+        table: FormulaVariables,
+        text: str,
+        known: Sequence[str],
+        of_formula: tuple[str, ...],
+        of_variables: tuple[str, ...],
+    ) -> Iterator[FaultError]:
+        """Names in a formula of the motion exist: variables, controllers, and parts of the motion."""
+        for name in table.parse(text).names:
+            if table.find_constant(name) is not None or table.find_derivative(name) is not None or name in known:
                 continue
-            at = (*path, "variables", name) if name in load.variables else (*path, "formula")
-            measured = load.find_measured(name)
+            at = (*of_variables, name) if name in table.variables else of_formula
+            measured = table.find_measured(name)
             if measured is None:
-                own = [] if isinstance(drive, MarkerLoad) else list(OWN)
                 parts = ("joint.angle", "joint.rate", "body.marker.x", "body.marker.vx")
-                known = ", ".join([*own, *load.variables, *parts])
-                column = 1 + (load.formula or "").find(name)
-                mend = f"beside t, pi and functions it may name {known}, and keys of its variables"
-                yield FaultError(f"at column {column}: there is no {name!r}; {mend}", *at)
+                names = ", ".join([*known, *table.variables, *parts])
+                later = " before it" if name in self.scene.controller else ""
+                mend = f"beside t, pi and functions it may name {names}, and keys of its variables"
+                column = 1 + text.find(name)
+                yield FaultError(f"at column {column}: there is no {name!r}{later}; {mend}", *at)
             elif measured.axis < 0:
                 yield from self._check_joint(measured.place, _SINGLE, "a formula", *at)
             else:
@@ -161,10 +184,18 @@ class CrossCheck:
                         yield FaultError(
                             "has no effect: simulation.start is 'equilibrium', at rest", "joint", name, key
                         )
+        remembering = [name for name, one in self.scene.controller.items() if one.has_states]
+        if remembering and self.scene.simulation_table.start != "undeformed":
+            fault = f"holds no controller with a memory, such as {remembering[0]}; 'undeformed' works"
+            yield FaultError(fault, "simulation", "start")
         for number, run in enumerate(self.scene.simulation_table.run):
             if not run.keeps_loops and self.scene.closing:
                 mend = f"{name_methods('chooses_steps', 'keeps_loops')} do"
                 yield FaultError(f"doesn't keep loops closed; {mend}", "simulation", "run", number, "integrator")
+            if not run.samples and (sampled := self.scene.sampled):
+                mend = f"{name_methods('samples')} do"
+                fault = f"doesn't end its steps where controller '{sampled[0]}' samples; {mend}"
+                yield FaultError(fault, "simulation", "run", number, "integrator")
         for number, name in enumerate(self.scene.simulation_table.fast):
             yield from self._check_joint(name, _SINGLE, "the fast list", "simulation", "fast", number)
 

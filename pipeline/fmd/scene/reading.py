@@ -22,7 +22,7 @@ Place = tuple[str, int | None]
 
 _PACKAGE = str(Path(__file__).parents[1])
 # Where a table may be of several kinds pydantic puts the kind into a fault's path, and the type of other alternatives.
-_TABLES_OF_KINDS = ("body", "joint", "drive", "coupler")
+_TABLES_OF_KINDS = ("body", "joint", "drive", "controller", "coupler")
 _LISTS_OF_KINDS = ("output", "run", "visual")
 _ALTERNATIVE = re.compile(r"(literal|function-\w+)\[|\[key\]$|(constrained-)?(str|int|float)$| ")
 

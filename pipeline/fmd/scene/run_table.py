@@ -31,6 +31,8 @@ class RunTable(SceneTable):
         Its error sets the steps; any other method is given one, in the run or in the simulation.
     keeps_loops : bool
         It brings each step back onto the constraints of loops.
+    samples : bool
+        Its steps end where sampled controllers measure.
     passes_over : bool
         It stays stable where its steps don't resolve fast vibrations.
     limit_remedy, growth_remedy : str
@@ -41,6 +43,7 @@ class RunTable(SceneTable):
     method: ClassVar[str]
     chooses_steps: ClassVar[bool] = False
     keeps_loops: ClassVar[bool] = True
+    samples: ClassVar[bool] = False
     passes_over: ClassVar[bool] = False
     limit_remedy: ClassVar[str] = ""
     growth_remedy: ClassVar[str] = ""

@@ -150,6 +150,7 @@ class RosenbrockRun(TolerantRun):
 
     title: ClassVar[str] = "Exponential Rosenbrock"
     method: ClassVar[str] = "rosenbrock.ExponentialRosenbrock"
+    samples: ClassVar[bool] = True
 
     integrator: Literal["exponential-rosenbrock"]
     tolerance: Tolerance = 1e-6
@@ -169,6 +170,7 @@ class RungeKuttaRun(TolerantRun):
 
     title: ClassVar[str] = "Runge-Kutta"
     method: ClassVar[str] = "runge_kutta.RungeKutta"
+    samples: ClassVar[bool] = True
 
     integrator: Literal["runge-kutta"]
 
@@ -250,6 +252,7 @@ class AutoRun(SteeredRun):
 
     title: ClassVar[str] = "Automatic"
     method: ClassVar[str] = "automatic.Automatic"
+    samples: ClassVar[bool] = True
 
     integrator: Literal["auto"]
 

@@ -21,7 +21,17 @@ from fmd.scene.scene_files import read_source
 from fmd.scene.scene_tables import SceneTables
 from fmd.scene.simulation import Simulation
 
-_NAMED = ("body", "ground", "joint", "drive", "coupler", "spring", "bushing", "bearing")  # tables of tables by name
+_NAMED = (
+    "body",
+    "ground",
+    "joint",
+    "drive",
+    "controller",
+    "coupler",
+    "spring",
+    "bushing",
+    "bearing",
+)  # tables of tables by name
 
 
 class PublishedResults(SceneTable):
@@ -67,6 +77,8 @@ class Scene(SceneTables):
         Joints by name. In a scene with a simulation every body is the child of one joint.
     drive : dict
         Torques, forces and prescribed motions by name.
+    controller : dict
+        Controllers by name, whose outputs formulas of drives and of later controllers name.
     coupler : dict
         Gears and racks by name.
     spring, bushing, bearing : dict
@@ -259,6 +271,7 @@ def scene_table(scene: Scene) -> str:
         ("bodies", _list_kinds(scene.body, "shape")),
         ("joints", "; ".join(f"{name}: {j.type}, {j.parent} → {j.child}" for name, j in scene.joint.items())),
         ("drives", _list_kinds(scene.drive, "type")),
+        ("controllers", _list_kinds(scene.controller, "type")),
         (
             "springs",
             ", ".join(
@@ -270,7 +283,7 @@ def scene_table(scene: Scene) -> str:
     if scene.moves:
         simulation = scene.simulation
         spans = f"{scaled(simulation.duration, 's')}, output every {scaled(simulation.output_step, 's')}"
-        rows[3:3] = [("simulation", spans), ("runs", ", ".join(run.label() for run in simulation.run))]
+        rows[4:4] = [("simulation", spans), ("runs", ", ".join(run.label() for run in simulation.run))]
     return facts([(name, text) for name, text in rows if text], f"{scene.title} ({scene.file or 'made in Python'})")
 
 

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from fmd.scene.any_body import Body, Flexible, wanted_pieces
 from fmd.scene.constraints import AnyCoupler
+from fmd.scene.controllers import AnyController
 from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
 from fmd.scene.joints.any_joint import Joint, closing_joints
 from fmd.scene.loads import Drive
@@ -15,6 +16,7 @@ from fmd.scene.outputs import Output
 from fmd.scene.places import GroundPlace
 from fmd.scene.reading import SceneTable
 from fmd.scene.simulation import Simulation
+from fmd.scene.state_loads import VariableName
 from fmd.scene.values import Name
 
 
@@ -25,6 +27,7 @@ class SceneTables(SceneTable):
     ground: dict[Name, GroundPlace] = Field(default_factory=dict)
     joint: dict[Name, Joint] = Field(default_factory=dict)
     drive: dict[Name, Drive] = Field(default_factory=dict)
+    controller: dict[VariableName, AnyController] = Field(default_factory=dict)
     coupler: dict[Name, AnyCoupler] = Field(default_factory=dict)
     spring: dict[Name, Spring] = Field(default_factory=dict)
     bushing: dict[Name, Bushing] = Field(default_factory=dict)
@@ -46,6 +49,11 @@ class SceneTables(SceneTable):
     def pieces(self) -> dict[str, int | Literal["auto"]]:
         """Numbers of pieces of the flexible bodies that are to be cut, by name."""
         return wanted_pieces(self.flexible)
+
+    @property
+    def sampled(self) -> tuple[str, ...]:
+        """Names of the controllers that measure now and then."""
+        return tuple(name for name, one in self.controller.items() if getattr(one, "sample_time", None))
 
     @property
     def closing(self) -> tuple[str, ...]:

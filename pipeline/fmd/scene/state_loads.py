@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
@@ -213,52 +214,27 @@ def unit_factor(unit: str | None, key: str) -> float:
         raise FaultError("isn't a known unit", key) from None
 
 
-class LoadOverTime(TimeFunction):
-    """A force or torque that is constant, changes with time, or follows the mechanism's own motion by a formula.
+class FormulaVariables(SceneTable):
+    """A table whose formulas may name variables of its own.
 
     Parameters
     ----------
     variables : dict
-        Variables of the formula by name; so it may depend on the motion of joints and markers. Without any it may name
-        ``q`` and ``rate``, position and rate of the joint that it drives [rad, m], and parts of the motion such as
-        ``elbow.angle`` and ``arm.tip.x``.
-
-    Examples
-    --------
-    ::
-
-        [drive.servo.torque]
-        formula = "k*(0.3*sin(2*t) - q) - c*rate"
-        unit = "N m"
-        variables = { k = "400 N m/rad", c = "20 N m s/rad" }
+        Variables of formulas by name.
     """
 
     variables: dict[VariableName, FormulaVariable] = Field(default_factory=dict)
 
-    @property
-    def state(self) -> StateFormula | None:
-        """Formula of the mechanism's state; none where the time alone counts."""
-        if self.formula is None or not depends_on_state(self.formula):
-            return None
-        return parse_state_formula(self.formula, [name for name, of in self.variables.items() if of.is_curve])
+    def parse(self, text: str) -> StateFormula:
+        """Parse a formula of the motion; raises ``ValueError`` as `parse_state_formula` does."""
+        return parse_state_formula(text, [name for name, of in self.variables.items() if of.is_curve])
 
-    def _check_formula(self, text: str) -> None:
-        try:
-            state = self.state
-        except ValueError as error:
-            raise FaultError(str(error), "formula") from None
-        if state is None:
-            super()._check_formula(text)
-        used = {*state.names, *state.curves} if state else set()
+    def find_unused(self, formulas: Sequence[StateFormula]) -> Iterator[str]:
+        """Yield the variables that none of some formulas names."""
+        used = {name for formula in formulas for name in (*formula.names, *formula.curves)}
         for name in self.variables:
             if not used & {name, *(f"{name}.{suffix}" for suffix in _DERIVATIVES)}:
-                raise FaultError("isn't in the formula", "variables", name)
-
-    @model_validator(mode="after")
-    def _has_a_formula(self) -> LoadOverTime:
-        if self.variables and self.formula is None:
-            raise FaultError("belongs to a formula", "variables")
-        return self
+                yield name
 
     def find_derivative(self, name: str) -> tuple[FormulaVariable, int] | None:
         """Return the curve that a name is, or is a derivative of, and of which order; none for another name."""
@@ -275,6 +251,50 @@ class LoadOverTime(TimeFunction):
         """Return the part of the motion that a name stands for, but for the driven joint's own."""
         measured = self.variables[name].measured if name in self.variables else name
         return read_measured(measured or "")
+
+
+class LoadOverTime(TimeFunction, FormulaVariables):
+    """A force or torque that is constant, changes with time, or follows the mechanism's own motion by a formula.
+
+    Parameters
+    ----------
+    variables : dict
+        Variables of the formula by name; so it may depend on the motion of joints and markers. Without any it may name
+        ``q`` and ``rate``, position and rate of the joint that it drives [rad, m], parts of the motion such as
+        ``elbow.angle`` and ``arm.tip.x``, and controllers.
+
+    Examples
+    --------
+    ::
+
+        [drive.servo.torque]
+        formula = "k*(0.3*sin(2*t) - q) - c*rate"
+        unit = "N m"
+        variables = { k = "400 N m/rad", c = "20 N m s/rad" }
+    """
+
+    @property
+    def state(self) -> StateFormula | None:
+        """Formula of the mechanism's state; none where the time alone counts."""
+        if self.formula is None or not depends_on_state(self.formula):
+            return None
+        return self.parse(self.formula)
+
+    def _check_formula(self, text: str) -> None:
+        try:
+            state = self.state
+        except ValueError as error:
+            raise FaultError(str(error), "formula") from None
+        if state is None:
+            super()._check_formula(text)
+        for name in self.find_unused([state] if state else []):
+            raise FaultError("isn't in the formula", "variables", name)
+
+    @model_validator(mode="after")
+    def _has_a_formula(self) -> LoadOverTime:
+        if self.variables and self.formula is None:
+            raise FaultError("belongs to a formula", "variables")
+        return self
 
 
 class TorqueOverTime(LoadOverTime):

@@ -19,7 +19,9 @@ from fmd.core.newton import Tolerance, largest, solve
 from fmd.dynamics.closures import Closure
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.closures import ConstraintRow, OpenConstraintError
+from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.linear_forces import gather_linear_forces
+from fmd.dynamics.state_functions import StateFunction
 from fmd.integrators.protocol import move_positions
 from fmd.scene.joints.any_joint import Joint, kinds_that
 from fmd.scene.joints.joint import POSITION_KEYS, RATE_KEYS
@@ -83,12 +85,24 @@ def given_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
     """Return positions (n_positions,) and rates (n,) of the undeformed mechanism, its joints as the scene has them."""
     q0, v0 = mechanism.rest_positions, np.zeros(mechanism.n)
     for k, link in enumerate(mechanism.links):
-        joint, at, first = scene.joint[link.joint_name], mechanism.layout.position[k], mechanism.layout.rate[k]
-        if link.motion is None:
+        at, first = mechanism.layout.position[k], mechanism.layout.rate[k]
+        if isinstance(link.state, float):
+            v0[first] = link.state
+        elif link.motion is None and link.state is None:
+            joint = scene.joint[link.joint_name]
             positions, rates = joint.start(joint_axes(scene, joint).in_child)
             q0[at : at + len(positions)] = positions
             v0[first : first + len(rates)] = rates
     return q0, v0
+
+
+def start_controllers(mechanism: Mechanism, q: Array, v: Array) -> Array:
+    """Return the rates (n,) of a start with the controllers' states as the bodies' motion asks for."""
+    v = v.copy()
+    for link, rate in zip(mechanism.links, mechanism.layout.rate, strict=True):
+        if isinstance(link.state, StateFunction):
+            v[rate] = Kinematics(mechanism, np.zeros(1), q[None], v[None]).effort(link.state)[0]
+    return v
 
 
 def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tuple[Array, Array]:
@@ -134,7 +148,7 @@ def _loose(scene: Scene, mechanism: Mechanism, what: str) -> IntArray:
     parts = [
         np.arange(at, at + link.n_rates)
         for link, at in zip(mechanism.links, mechanism.layout.rate, strict=True)
-        if not keys & scene.joint[link.joint_name].given_keys
+        if link.state is None and not keys & scene.joint[link.joint_name].given_keys
     ]
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
 

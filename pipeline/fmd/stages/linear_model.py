@@ -106,7 +106,14 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
     warnings = _find_warnings(model, mechanism, state, accelerations, name)
     highest = [float(part.modes.frequencies_hz.max()) for part in run.parts.values() if len(part.modes.frequencies_hz)]
     holds = RELIABLE_SHARE * min(highest) if highest else None
-    return LinearModel(model, name, motions, [*warnings, *_reduced_bodies(corrected)], holds)
+    return LinearModel(model, name, motions, [*warnings, *_reduced_bodies(corrected), *_sampled(mechanism)], holds)
+
+
+def _sampled(mechanism: Mechanism) -> list[dict[str, str]]:
+    """Warn of sampled controllers, whose outputs count as constant."""
+    names = [controller.name for controller in mechanism.controllers]
+    text = f"sampled controllers count as open, with the value that they hold: {', '.join(names)}"
+    return [{"code": "sampled", "text": text}] if names else []
 
 
 def _reduced_bodies(run: Pipeline) -> list[dict[str, str]]:

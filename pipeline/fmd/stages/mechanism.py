@@ -20,13 +20,14 @@ from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
 from fmd.scene.loads import JointDrive, MarkerLoad, find_motion
 from fmd.scene.modes import damping_ratios
-from fmd.stages.assembly import assemble, close_start, following_joints, given_joints
+from fmd.stages.assembly import assemble, close_start, following_joints, given_joints, start_controllers
+from fmd.stages.controllers import add_controllers
 from fmd.stages.division import part_of
 from fmd.stages.equilibrium import find_closed_steady_state, find_equilibrium
 from fmd.stages.force_elements import add_elements, joint_laws
 from fmd.stages.parent_joint import ground_place, joint_axes, place_axes, read_parent_joint
 from fmd.stages.signals import require_sound_drives, signal_of
-from fmd.stages.state_functions import drive_effort, joint_effort, require_values_at_start
+from fmd.stages.state_functions import FunctionBuilder, require_values_at_start
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
@@ -56,15 +57,26 @@ def build_mechanism(
     places = _Places(scene, bodies)
     if fast_joints is None:
         fast_joints = [scene.joint[name].child.partition(".")[0] for name in scene.simulation.fast]
-    links = [_link(scene, places, body) for body in places.order]
-    gravity, loads = np.array(scene.simulation.gravity), _point_loads(scene, places)
+    functions = FunctionBuilder(scene, places.on_either)
+    states, sampled = add_controllers(functions)
+    links = [*(_link(scene, places, functions, body) for body in places.order), *states]
+    gravity, loads = np.array(scene.simulation.gravity), _point_loads(scene, places, functions)
     closures: list[Constraint] = [*(_closure(scene, places, name) for name in scene.closing), *_couplers(scene)]
     try:
-        mechanism = Mechanism(links, fast_joints, gravity, loads, slow_modes or {}, scene.simulation.duration, closures)
+        mechanism = Mechanism(
+            links,
+            fast_joints,
+            gravity,
+            loads,
+            slow_modes or {},
+            scene.simulation.duration,
+            closures,
+            controllers=sampled,
+        )
     except ValueError as error:
         raise InputError(scene.file, "drive", None, str(error)) from error
     mechanism = assemble(scene, mechanism) if closures else mechanism
-    if mechanism.efforts:
+    if mechanism.functions:
         require_values_at_start(scene, mechanism, place_joints(scene, mechanism)[0])
     return add_elements(scene, mechanism, places.on_either, place_joints)
 
@@ -98,7 +110,8 @@ def place_joints(scene: Scene, mechanism: Mechanism) -> tuple[Array, Array]:
     Loops close: joints whose position or rate the scene leaves open move first.
     """
     q0, v0 = given_joints(scene, mechanism)
-    return close_start(scene, share_system(mechanism), q0, v0) if mechanism.closures else (q0, v0)
+    q0, v0 = close_start(scene, share_system(mechanism), q0, v0) if mechanism.closures else (q0, v0)
+    return q0, start_controllers(mechanism, q0, v0)
 
 
 class _Places:
@@ -150,7 +163,7 @@ class _Places:
         return self.scene.joint[self.carried[body]].child.partition(".")[2]
 
 
-def _link(scene: Scene, places: _Places, body: str) -> Link:
+def _link(scene: Scene, places: _Places, functions: FunctionBuilder, body: str) -> Link:
     name = places.carried[body]
     joint = scene.joint[name]
     axes = joint_axes(scene, joint)
@@ -175,7 +188,7 @@ def _link(scene: Scene, places: _Places, body: str) -> Link:
         (along,) = joint.along
         settings |= {"spring": along.spring, "rest": along.rest, "damper": along.damper}
         settings |= {"motion": motion, "load": _load(scene, name, integrals, axis)}
-        settings["effort"] = joint_effort(scene, name, places.on_either)
+        settings["effort"] = functions.of_joint(name)
     if joint.kind.is_hinge and body in places.bodies and motion is None:
         settings |= {"joint_rotation": reduced.joint_rotation, "joint_displacement2": reduced.joint_displacement2}
     parent = places.parent(body)
@@ -253,13 +266,13 @@ def _motion(scene: Scene, joint: str) -> Signal | None:
     return None if found is None else signal_of(found[1].motion, scene.simulation.duration)
 
 
-def _point_loads(scene: Scene, places: _Places) -> list[PointLoad]:
+def _point_loads(scene: Scene, places: _Places, functions: FunctionBuilder) -> list[PointLoad]:
     loads = []
     for drive in scene.drive.values():
         if isinstance(drive, MarkerLoad):
             at = places.marker(drive.marker)
             size = signal_of(drive.size, scene.simulation.duration)
-            effort = drive_effort(scene, drive, places.on_either)
+            effort = functions.of_drive(drive)
             direction = np.array(drive.direction, dtype=float)
             if drive.following:
                 direction = place_axes(scene, drive.marker) @ direction

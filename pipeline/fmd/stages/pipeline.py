@@ -359,7 +359,12 @@ class Pipeline:
         """Return the motion that a trajectory of one of the scene's plans describes."""
         from fmd.recovery.motion import Motion
 
-        return Motion(plan.mechanism, trajectory, self.divided_scene.simulation.tip, self.with_whole_inertia)
+        motion = Motion(plan.mechanism, trajectory, self.divided_scene.simulation.tip, self.with_whole_inertia)
+        if not (plan.mechanism.held or plan.mechanism.states):
+            return motion
+        from fmd.recovery.controlled import leave_out_controllers
+
+        return leave_out_controllers(motion)
 
     def with_whole_inertia(self, mechanism: Mechanism) -> Mechanism:
         """Return a mechanism whose bodies have their inertia along the one axis that they turn about, too."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.formula import Formula
+from fmd.core.state_formula import StateFormula, parse_state_formula
 from fmd.dynamics.closures import Place
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
@@ -23,7 +25,7 @@ from fmd.dynamics.state_functions import (
     StateFunction,
     add_functions,
 )
-from fmd.scene.state_loads import OWN, FormulaVariable, LoadOverTime
+from fmd.scene.state_loads import OWN, FormulaVariable, FormulaVariables, LoadOverTime
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
@@ -32,54 +34,85 @@ Locate = Callable[[str], tuple[Place, Array]]
 """Returns a marker by its name, and its axes in those of its body."""
 
 
-def joint_effort(scene: Scene, joint: str, locate: Locate) -> StateFunction | None:
-    """Return the force or torque along a joint by the motion; none if no drive has such a formula."""
-    drives = [drive for drive in scene.drive.values() if getattr(drive, "joint", None) == joint]
-    found = (drive_effort(scene, drive, locate) for drive in drives)
-    return add_functions(tuple(effort for effort in found if effort is not None))
+@dataclass(frozen=True)
+class FunctionBuilder:
+    """Makes functions of a mechanism's state from the formulas of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    locate : callable
+        Returns a marker by its name.
+    outputs : dict of str to Measured
+        What the controllers' names stand for.
+    """
+
+    scene: Scene
+    locate: Locate
+    outputs: dict[str, Measured] = field(default_factory=dict)
+
+    def of_joint(self, joint: str) -> StateFunction | None:
+        """Return the force or torque along a joint by the motion; none if no drive has such a formula."""
+        drives = [drive for drive in self.scene.drive.values() if getattr(drive, "joint", None) == joint]
+        found = (self.of_drive(drive) for drive in drives)
+        return add_functions(tuple(effort for effort in found if effort is not None))
+
+    def of_drive(self, drive: Any) -> StateFunction | None:
+        """Return the size of a drive's force or torque by the motion; none if it has no such formula."""
+        given = next((value for _, value in drive if isinstance(value, LoadOverTime)), None)
+        if given is None or given.state is None:
+            return None
+        return self.of_formula(given, given.state, getattr(drive, "joint", None), given.factor)
+
+    def of_formula(
+        self, table: FormulaVariables, parsed: StateFormula, own: str | None = None, factor: float = 1.0
+    ) -> StateFunction:
+        """Return a formula's function; ``own`` is the joint whose position and rate are ``q`` and ``rate``."""
+        variables = [self._variable(table, name, own) for name in parsed.variables]
+        curves = [_curve(table.variables[name]) for name in parsed.curves]
+        return StateFunction(parsed.codes, parsed.constants, tuple(variables), tuple(curves), factor)
+
+    def _variable(self, table: FormulaVariables, name: str | Formula, own: str | None) -> Measured:
+        if isinstance(name, Formula):
+            return SignalValue(formula(name))
+        if (value := table.find_constant(name)) is not None:
+            return SignalValue(constant(value))
+        if (found := table.find_derivative(name)) is not None:
+            curve, order = found
+            return SignalValue(_signal(curve, self.scene.simulation.duration), order)
+        if name in OWN and own is not None:
+            return JointValue(_carried_by(self.scene, own), OWN[name])
+        measured = table.find_measured(name)
+        if measured is None:
+            return self.outputs[name]
+        if measured.axis < 0:
+            return JointValue(_carried_by(self.scene, measured.place), measured.order)
+        return PlaceValue(self.locate(measured.place)[0], measured.axis, measured.order)
 
 
-def drive_effort(scene: Scene, drive: Any, locate: Locate) -> StateFunction | None:
-    """Return the size of a drive's force or torque by the motion; none if it has no such formula."""
-    given = next((value for _, value in drive if isinstance(value, LoadOverTime)), None)
-    if given is None or given.state is None:
-        return None
-    state, own = given.state, getattr(drive, "joint", None)
-    variables = [_variable(scene, given, name, own, locate) for name in state.variables]
-    curves = [_curve(given.variables[name]) for name in state.curves]
-    return StateFunction(state.codes, state.constants, tuple(variables), tuple(curves), given.factor)
+def combine_functions(text: str, variables: Mapping[str, Measured | float]) -> StateFunction:
+    """Return a formula of other functions and of numbers by the names that it has for them."""
+    parsed = parse_state_formula(text)
+    found = [variables[name] for name in parsed.names]
+    measured = (SignalValue(constant(x)) if isinstance(x, float) else x for x in found)
+    return StateFunction(parsed.codes, parsed.constants, tuple(measured))
 
 
 def require_values_at_start(scene: Scene, mechanism: Mechanism, q: Array) -> None:
     """Raise ``InputError`` if a formula of the motion has no finite value at the start (n_positions,), at rest."""
     motion = Kinematics(mechanism, np.zeros(1), q[None], np.zeros((1, mechanism.n)))
-    for effort in mechanism.efforts:
-        if not np.isfinite(motion.effort(effort)).all():
-            names = [name for name, drive in scene.drive.items() if any(_has_state(value) for _, value in drive)]
-            key = f"drive.{names[0]}" if len(names) == 1 else "drive"
+    for function in mechanism.functions:
+        if not np.isfinite(motion.effort(function)).all():
+            names = [f"drive.{name}" for name, drive in scene.drive.items() if any(_has_state(x) for _, x in drive)]
+            names += [f"controller.{name}" for name in scene.controller]
+            key = names[0] if len(names) == 1 else "drive"
             what = "a formula of the motion has no finite value at the start"
             raise InputError(scene.file, key, None, f"{what} (a division by zero, or a root of a negative number)")
 
 
 def _has_state(value: object) -> bool:
     return isinstance(value, LoadOverTime) and value.state is not None
-
-
-def _variable(scene: Scene, given: LoadOverTime, name: str | Formula, own: str | None, locate: Locate) -> Measured:
-    if isinstance(name, Formula):
-        return SignalValue(formula(name))
-    if (value := given.find_constant(name)) is not None:
-        return SignalValue(constant(value))
-    if (found := given.find_derivative(name)) is not None:
-        curve, order = found
-        return SignalValue(_signal(curve, scene.simulation.duration), order)
-    if name in OWN and own is not None:
-        return JointValue(_carried_by(scene, own), OWN[name])
-    measured = given.find_measured(name)
-    assert measured is not None  # the scene's own check
-    if measured.axis < 0:
-        return JointValue(_carried_by(scene, measured.place), measured.order)
-    return PlaceValue(locate(measured.place)[0], measured.axis, measured.order)
 
 
 def _carried_by(scene: Scene, joint: str) -> str:

@@ -36,3 +36,9 @@ GROWING = 0.01  # growth over the scene by the method itself that is worth a not
 # Sub-cycling by carried forces.
 TRIED_PART, TRIED_TIMES = 1 / 16, 33  # of the duration, and times in it: a part by which the error of all is estimated
 LEAST_CYCLES = 16  # in that part: fewer tell nothing
+
+# Sampled controllers.
+SAME_SAMPLES = 1e-9  # of a ratio of sample times: a whole number but for round-off
+LONGEST_CYCLE = 10_000  # shortest sample times in a common multiple of all
+FINELY_SAMPLED = 1 / 64  # of the sample times: as good as continuous control
+SAMPLED_STATES = 5  # of a motion, evenly, at which its loops are checked

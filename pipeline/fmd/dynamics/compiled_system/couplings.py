@@ -106,7 +106,7 @@ def _states(compiled: CompiledMechanism) -> list[tuple[Array, Array, Array, Arra
                 last = mechanism.layout.position[number] + link.n_positions
                 q[last - 4 : last] /= np.linalg.norm(q[last - 4 : last])
         v, a = random.uniform(-1.0, 1.0, (2, mechanism.n))
-        inputs = np.concatenate([random.uniform(0.5, 1.0, len(largest)) * largest, compiled.joint_numbers])
+        inputs = np.concatenate([random.uniform(0.5, 1.0, len(largest)) * largest, compiled.numbers])
         states.append((inputs, q, v, a))
     return states
 

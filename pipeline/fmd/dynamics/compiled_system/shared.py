@@ -25,8 +25,9 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     acting += [(link.name, (link.motion or link.load).breakpoints) for link in mechanism.links]
     joined = [(closure.name, *closure.bodies) for closure in mechanism.closures]
     placed = [(name, *position) for name, position in mechanism.assembled.items()]
-    named = tuple(tuple(part) for part in (names, acting, joined, placed))
-    numbers = tuple(system.compiled.joint_numbers.tolist())
+    sampled = [(at.name, at.period, at.output, at.law) for at in mechanism.controllers]
+    named = tuple(tuple(part) for part in (names, acting, joined, placed, sampled))
+    numbers = tuple(system.compiled.numbers.tolist())
     key = (system.compiled.digest, system.compiled.signals, numbers, named, mechanism.horizon)
     system = _shared.pop(key, system)
     _shared[key] = system

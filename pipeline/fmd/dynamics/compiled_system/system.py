@@ -31,6 +31,7 @@ from fmd.dynamics.compiled_system.parameters import (
 )
 from fmd.dynamics.compiled_system.positive_mass import explain_failure
 from fmd.dynamics.compiled_system.reference_state import ReferenceState
+from fmd.dynamics.compiled_system.sampling import Sampling
 from fmd.dynamics.compiler.closures import scale_rows
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import are_smooth
@@ -120,7 +121,7 @@ class CompiledSystem(ReferenceState):
         own: dict[str, Any] = {
             "accelerations": 0 if rows else address("accelerations"),
             "signals": address("signals") if self.compiled.signals else 0,
-            "inputs": np.concatenate([np.zeros(3 * len(self.compiled.signals)), self.compiled.joint_numbers]),
+            "inputs": np.concatenate([np.zeros(3 * len(self.compiled.signals)), self.compiled.numbers]),
             "clock": np.full(2, np.nan),
             "position": self.mechanism.position_of_rates,
             "quaternions": np.array(quaternions, dtype=np.int64).reshape(-1, 2),
@@ -185,6 +186,16 @@ class CompiledSystem(ReferenceState):
             np.array([law.pieces.beyond for law in laws]),
             np.array(rests),
         )
+
+    @property
+    def is_sampled(self) -> bool:
+        """True if controllers measure now and then: steps have to end there."""
+        return bool(self.mechanism.controllers)
+
+    def sampling(self) -> Sampling | None:
+        """Return the sampled controllers for one march, with nothing in their memory; none if there are none."""
+        mechanism = self.mechanism
+        return Sampling(self.compiled, mechanism.controllers, len(mechanism.held)) if mechanism.controllers else None
 
     @cached_property
     def piecewise_laws(self) -> tuple[PiecewiseLaw, ...]:

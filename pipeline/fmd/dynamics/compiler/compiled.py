@@ -62,7 +62,7 @@ class CompiledMechanism:
     @cached_property
     def _signal_values_ahead(self) -> LoadedObject:
         motions = {link.motion for link in self.mechanism.links if link.motion is not None}
-        motions |= {signal for effort in self.mechanism.efforts for signal, order in effort.signals.items() if order}
+        motions |= {signal for effort in self.mechanism.functions for signal, order in effort.signals.items() if order}
         digest = digest_signals(self.signals) + "".join(str(int(signal in motions)) for signal in self.signals)
         return load_program("signals_ahead", digest, lambda: trace_signals_ahead(self.signals, motions))
 
@@ -99,19 +99,29 @@ class CompiledMechanism:
         """Call a function with its arrays, which have to be C-contiguous and of doubles."""
         _prototype(len(arrays))(self.address(name))(*(array.ctypes.data for array in arrays))
 
+    def bound(self, name: str, *arrays: Array) -> Callable[[], None]:
+        """Return a call of a function with arrays that stay where they are."""
+        function, places = _prototype(len(arrays))(self.address(name)), [array.ctypes.data for array in arrays]
+        kept = (arrays, self._object(name))  # as long as the call is
+
+        def call() -> None:
+            function(*places[: len(kept[0])])
+
+        return call
+
     @property
     def signals(self) -> tuple[Signal, ...]:
         """Loads and motions that vary with time, in the order of the argument ``inputs``."""
         return self._inputs.signals
 
     @cached_property
-    def joint_numbers(self) -> Array:
-        """Springs, rests and dampers of joints, which stand after the signals in the argument ``inputs``."""
-        return np.array(list(self._inputs.joint_numbers.values()))
+    def numbers(self) -> Array:
+        """Springs, rests and dampers of joints, then held values: what stands after the signals in ``inputs``."""
+        return np.array(list(self._inputs.numbers.values()))
 
     def signal_values(self, t: float) -> Array:
         """Return the argument ``inputs`` at a time t [s], shape (3 n_signals + n_numbers,)."""
-        out = np.concatenate([np.zeros(3 * len(self.signals)), self.joint_numbers])
+        out = np.concatenate([np.zeros(3 * len(self.signals)), self.numbers])
         if self.signals:
             self.call("signals", np.array([float(t)]), out)
         return out

@@ -15,7 +15,7 @@ JOINT_CONSTANTS = ("spring", "rest", "damper")
 
 
 class Coordinates:
-    """Inputs of a mechanism's graph: positions, rates, the values of its signals, and joints' springs and dampers.
+    """Inputs of a mechanism's graph: positions, rates, values of its signals, springs and dampers, and held values.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ class Coordinates:
     signals : tuple of Signal
         Those that vary, each once: signal k has its value, rate and acceleration at 3 k, 3 k + 1 and 3 k + 2 of the
         argument ``inputs``.
-    joint_numbers : dict
-        Springs, rests and dampers of joints by body and name, but for those that are 0; they come after the signals in
-        the argument ``inputs``, so that other ones take no other code.
+    numbers : dict
+        Springs, rests and dampers of joints by body and name, but for those that are 0, and held values by body -1 and
+        their number; they come after the signals in the argument ``inputs``, so that other ones take no other code.
     threshold : float
         Share of its natural scale below which an entry of the mechanism's constants is round-off; see `cleaning`.
     """
@@ -41,10 +41,10 @@ class Coordinates:
     def __init__(self, graph: Graph, mechanism: Mechanism) -> None:
         self.graph, self.mechanism = graph, mechanism
         signals = [link.motion or link.load for link in mechanism.links] + [load.size for load in mechanism.loads]
-        signals += [signal for effort in mechanism.efforts for signal in effort.signals]
+        signals += [signal for effort in mechanism.functions for signal in effort.signals]
         self.signals = tuple(dict.fromkeys(signal for signal in signals if constant_value(signal) is None))
-        self.joint_numbers = _joint_numbers(mechanism)
-        self._number_places = {key: 3 * len(self.signals) + k for k, key in enumerate(self.joint_numbers)}
+        self.numbers = _joint_numbers(mechanism) | {(-1, f"held {at.number}"): at.initial for at in mechanism.held}
+        self._number_places = {key: 3 * len(self.signals) + k for k, key in enumerate(self.numbers)}
 
     def joint_positions(self, body: int) -> list[Scalar]:
         """Position coordinates of the joint that carries a body."""
@@ -96,7 +96,7 @@ class Coordinates:
     def columns(self, times: Array, q: Array, v: Array) -> dict[str, Array]:
         """Arguments at states, (n_times,), (n_times, n_positions) and (n_times, n), with a column for each."""
         values = [row for signal in self.signals for row in signal.values(times).T]
-        values += [np.full(len(times), number) for number in self.joint_numbers.values()]
+        values += [np.full(len(times), number) for number in self.numbers.values()]
         inputs = np.reshape(values, (len(values), len(times)))
         return {"inputs": inputs, "q": np.ascontiguousarray(q.T), "v": np.ascontiguousarray(v.T)}
 

@@ -15,19 +15,19 @@ from fmd.dynamics.closures import Coupler
 from fmd.dynamics.compiler.coordinates import Coordinates, constant_value
 from fmd.dynamics.signals.signal import Signal
 
-_NAMES = {"name", "joint_name", "section", "body", "part", "effort"}
+_NAMES = {"name", "joint_name", "section", "body", "part", "effort", "initial", "state"}
 """Fields that are in no equation, or in it by a number."""
 
 
 def digest_mechanism(inputs: Coordinates) -> str:
     """Return the digest of all that a mechanism's functions are traced from.
 
-    Varying signals, and joints' springs and dampers, are inputs of these.
+    Varying signals, joints' springs and dampers, and held values are inputs of these.
     """
     mechanism, pieces = inputs.mechanism, list[bytes]()
     numbers = {link.name: number for number, link in enumerate(mechanism.links)}
     links = list(mechanism.links)
-    for body, name in inputs.joint_numbers:
+    for body, name in (key for key in inputs.numbers if key[0] >= 0):
         changes: dict[str, Any] = {name: math.nan}  # no number, so that none of them counts
         links[body] = replace(links[body], **changes)
     _add(pieces, inputs, [links, mechanism.layout, mechanism.gravity])
@@ -37,6 +37,9 @@ def digest_mechanism(inputs: Coordinates) -> str:
     for number, effort in enumerate(efforts):
         if effort is not None:
             _add(pieces, inputs, [number, [numbers[body] for body in effort.bodies], effort])
+    measured = [function for controller in mechanism.controllers for function in controller.measured]
+    for function in measured:
+        _add(pieces, inputs, ["measured", [numbers[body] for body in function.bodies], function])
     for element in mechanism.elements:
         _add(pieces, inputs, [[numbers.get(end.body, -1) for end in element.ends], type(element).__name__, element])
     for closure in mechanism.closures:

@@ -21,7 +21,7 @@ from fmd.dynamics.compiler.places import trace_place
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.law_pieces import find_piecewise_laws
 from fmd.dynamics.links import PointLoad
-from fmd.dynamics.state_functions import JointValue, Measured, SignalValue, StateFunction
+from fmd.dynamics.state_functions import HeldValue, JointValue, Measured, SignalValue, StateFunction
 
 
 class Forces(Protocol):
@@ -142,6 +142,10 @@ def trace_effort(inputs: Coordinates, frames: list[MovingFrame], effort: StateFu
 
 
 def _trace_measured(inputs: Coordinates, frames: list[MovingFrame], variable: Measured) -> Scalar:
+    if isinstance(variable, StateFunction):
+        return trace_effort(inputs, frames, variable)
+    if isinstance(variable, HeldValue):
+        return inputs.number(-1, f"held {variable.number}", variable.initial)
     if isinstance(variable, SignalValue):
         return inputs.signal(variable.signal, variable.derivative)[-1]
     if isinstance(variable, JointValue):

@@ -62,7 +62,7 @@ class LinearisedMechanism:
         rows = trace_rows(inputs, frames) if mechanism.closures else []
         acting = ConstrainedForces(inputs, frames, rows) if rows else ActingForces(inputs, frames)
         self.n_rows, self.signals, self._graph = len(rows), inputs.signals, inputs.graph
-        self._numbers = np.array(list(inputs.joint_numbers.values()))
+        self._numbers = np.array(list(inputs.numbers.values()))
         self._values, self._places = _trace(inputs, frames, acting, rows)
         self._slopes = differentiate(inputs.graph, self._values, direction_inputs(inputs.graph, _ARGUMENTS))
 

@@ -4,7 +4,7 @@ All have the C signature ``void name(const double *…, double *…)`` with thes
 are filled:
 
 - ``inputs`` (3 n_signals + n_numbers,): value, rate and acceleration of each varying signal at the state's time, and
-  springs, rests and dampers of joints;
+  springs, rests and dampers of joints, and held values;
 - ``q`` (n_positions,) and ``v`` (n,): positions and rates in the mechanism's order;
 - ``step`` (1,): length of a leapfrog step, which takes ``q``, ``v`` and ``a`` on in their places;
 - ``a`` (n,): accelerations, and ``r`` (n,): the residual ``M̂ a − Q̂``;
@@ -34,7 +34,8 @@ are filled:
 - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
 - ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
 - ``x`` and ``rates`` (n_laws,), ``vectors`` (n_laws, 3): elongations that force laws with short pieces depend on, their
-  rates, and for springs the vectors from place to place in space.
+  rates, and for springs the vectors from place to place in space;
+- ``measured`` (n_measured,): what sampled controllers measure, controller by controller.
 
 Arrays must not overlap. Functions keep no state, so threads may call them at once.
 """
@@ -48,7 +49,7 @@ from fmd.dynamics.compiler.algebra import times
 from fmd.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.cycle import trace_cycle
-from fmd.dynamics.compiler.forces import ActingForces, GivenForces, trace_elongations
+from fmd.dynamics.compiler.forces import ActingForces, GivenForces, trace_effort, trace_elongations
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.frozen import trace_drift, trace_fast_step, trace_single
 from fmd.dynamics.compiler.graph import Scalar, combine
@@ -262,6 +263,11 @@ def _elongations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]
     return [output for name, values in both for output in _in_row(name, 0, values)]
 
 
+def _measured(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    functions = [function for controller in inputs.mechanism.controllers for function in controller.measured]
+    return _in_row("measured", 0, [trace_effort(inputs, frames, function) for function in functions])
+
+
 def _in_order_of_rates(mechanism: Mechanism, argument: str, values: list[BodyValues]) -> list[Output]:
     outputs = []
     for number, body in enumerate(values):
@@ -312,6 +318,7 @@ DEFINITIONS = {
     "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
     "energies": Definition((*_STATE, "energies"), _energies),
     "momenta": Definition((*_STATE, "momenta"), _momenta),
+    "measured": Definition((*_STATE, "measured"), _measured),
     "elongations": Definition((*_STATE, "x", "rates", "vectors"), _elongations),
 }
 """Functions of a mechanism by their names."""

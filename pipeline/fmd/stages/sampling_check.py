@@ -1,0 +1,65 @@
+"""Check of the sample times of a scene's controllers, along the motion of its first run."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.limits.stability import BISECTIONS, FINELY_SAMPLED, GROWING, SAMPLED_STATES
+from fmd.scene.controllers import PidController
+from fmd.stability.sampled_loops import SampledLoops, linearise_loops
+from fmd.stability.tangent import OperatingPoint
+from fmd.stages.controllers import sampled_law
+
+if TYPE_CHECKING:
+    from fmd.stages.plan import BuiltScene
+
+
+def find_unstable_sampling(run: BuiltScene) -> str:
+    """Say if sampling makes small vibrations grow that fine sampling would not, and which sample times would do.
+
+    The loops are linearised without limits at some states of the first run's motion; empty if they are sound there.
+    """
+    scene, system, motion = run.scene, run.system, run.motion
+    trajectory, controllers = motion.trajectory, system.mechanism.controllers
+    assert trajectory.held is not None
+    given = [scene.controller[one.name] for one in controllers]
+    duration, worst = scene.simulation.duration, ""
+    most = GROWING
+    for k in np.linspace(0, len(trajectory.times) - 1, SAMPLED_STATES).astype(int):
+        at = OperatingPoint(float(trajectory.times[k]), trajectory.q[k], trajectory.v[k])
+        loops = linearise_loops(system, at, np.array(trajectory.held.at(at.time)))
+
+        def rate(share: float, loops: SampledLoops = loops) -> float:
+            periods = [share * one.period for one in controllers]
+            laws = [
+                sampled_law(one, T) for one, T in zip(given, periods, strict=True) if isinstance(one, PidController)
+            ]
+            found = loops.growth_rate(periods, laws)
+            return math.nan if found is None else found
+
+        own, fine = rate(1.0), max(rate(FINELY_SAMPLED), 0.0)
+        if math.isnan(own):
+            return "whether the loops are stable isn't known: the sample times are no multiples of the shortest one"
+        if (own - fine) * duration <= most:
+            continue
+        low, high = FINELY_SAMPLED, 1.0
+        for _ in range(BISECTIONS):
+            middle = math.sqrt(low * high)
+            low, high = (middle, high) if (rate(middle) - fine) * duration <= GROWING else (low, middle)
+        most = (own - fine) * duration
+        names = " and ".join(one.name for one in controllers)
+        times = ", ".join(f"{_round_down(low * one.period):.2g} s" for one in controllers)
+        worst = (
+            f"{names}: the sample time makes the closed loop unstable, small vibrations grow as exp({own:.3g} t) "
+            f"about t = {at.time:.4g} s; {times} would do, or lower gains"
+        )
+    return worst
+
+
+def _round_down(time: float) -> float:
+    """Return a time [s] with two digits, not above it."""
+    unit = 10.0 ** (math.floor(math.log10(time)) - 1)
+    return math.floor(time / unit) * unit
