@@ -36,7 +36,6 @@ from fmd.integrators.march_pairs import motion_difference
 from fmd.integrators.protocol import Integrator, Trajectory
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import RungeKutta
-from fmd.integrators.step_control import groups_of
 
 HERE = Path(__file__).parent
 TABLE = HERE / "auto_choice.csv"
@@ -104,9 +103,7 @@ class Scene:
 
     def error(self, found: Trajectory, exact: Trajectory) -> float:
         """Return a true error by the measure of ``auto``: of positions, or half of the rates' if that is more."""
-        groups, n = groups_of(self.system), self.system.n_positions
-        positions, rates = groups[:n], groups[n:] - groups[:n].max(initial=-1) - 1
-        return motion_difference(found.q, found.v, exact, positions, rates)
+        return motion_difference(self.system, found.q, found.v, exact)
 
     def methods(self) -> Iterator[tuple[str, Iterator[Integrator]]]:
         """Yield each method's name, and the method from coarse to fine."""

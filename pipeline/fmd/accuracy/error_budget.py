@@ -36,6 +36,8 @@ class Budget:
         Estimates that the time limit left out, with the reason.
     seconds : float
         Time that the estimates took [s].
+    integration : float, optional
+        Stated error of the coordinates by time integration, by the measure of ``auto``; none without an estimate.
     """
 
     rows: tuple[Row, ...]
@@ -44,6 +46,7 @@ class Budget:
     model: tuple[ModelError, ...] = ()
     left_out: tuple[str, ...] = ()
     seconds: float = 0.0
+    integration: float | None = None
 
     @property
     def worst(self) -> Row:
@@ -59,6 +62,7 @@ class Budget:
             "model": summarise_causes(self.model),
             "left_out": list(self.left_out),
             "seconds": self.seconds,
+            "integration": self.integration,
         }
 
 
@@ -117,7 +121,14 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
         kind = details if name in estimates.details else rows
         kind.append(Row(name, quantity.unit, quantity.scale, over_time, parts, correction))
     causes, left_out = tuple(estimates.model.causes), tuple(estimates.left_out)
-    return Budget(tuple(_join_pieces(rows)), tuple(details), model=causes, left_out=left_out, seconds=limit.spent)
+    return Budget(
+        tuple(_join_pieces(rows)),
+        tuple(details),
+        model=causes,
+        left_out=left_out,
+        seconds=limit.spent,
+        integration=estimates.of_integration,
+    )
 
 
 def _join_pieces(rows: list[Row]) -> list[Row]:

@@ -38,6 +38,7 @@ from fmd.core.limits.errors import (
 )
 from fmd.core.limits.stability import SURELY_STABLE
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.march_pairs import motion_difference
 from fmd.recovery.stress import von_mises
 from fmd.scene.variants import enrich_bases
 from fmd.stages.runs import plan_like
@@ -60,6 +61,8 @@ class Estimates(Comparison):
     ----------
     left_out : list of str
         Estimates that the time limit left out, with the reason.
+    of_integration : float, optional
+        Stated error of the coordinates by time integration, by the measure of ``auto``.
     model : ModelErrors
         Errors of what the model leaves out.
     mesh_left_out : str
@@ -69,6 +72,7 @@ class Estimates(Comparison):
     def __init__(self, run: Pipeline, limit: TimeLimit | None = None) -> None:
         super().__init__(run, limit or TimeLimit())
         self.left_out: list[str] = []
+        self.of_integration: float | None = None
         self.mesh_left_out = ""
         self.model = ModelErrors(self)
         self._excess: dict[str, Array] = {}  # of each body's stiffness
@@ -120,6 +124,9 @@ class Estimates(Comparison):
             if not np.array_equal(other.trajectory.q[chosen], self.motion.trajectory.q):
                 break  # else a method that chooses its step had met the finer tolerance already, and took the same one
         theirs = self.quantities_of(self.run, other, self.hot)
+        own, finer = self.motion.trajectory, other.trajectory
+        at_outputs = replace(finer, times=own.times, q=finer.q[chosen], v=finer.v[chosen])
+        self.of_integration = SAFETY * motion_difference(self.plan.system, own.q, own.v, at_outputs) / gain
         # Two tolerances may take the same steps as far as a slow body is concerned, whose error then doesn't change.
         least = OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
         coarser = plan.integrator.step > self.plan.integrator.step

@@ -41,7 +41,7 @@ from fmd.dynamics.system import System
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.exponential import PiecewiseExponential
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
-from fmd.integrators.march_pairs import Gain, Pairs, compared_times
+from fmd.integrators.march_pairs import Gain, Pairs, compared_times, pairs_of
 from fmd.integrators.method_costs import (
     explicit_cost,
     explicit_pair_cost,
@@ -55,7 +55,6 @@ from fmd.integrators.protocol import Integrator, Progress, ResumableIntegrator, 
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import DAMPED, RungeKutta
 from fmd.integrators.side_by_side import March, march_at_once, march_in_turn
-from fmd.integrators.step_control import groups_of
 
 _FINER: dict[type, float] = {
     RungeKutta: 0.01,
@@ -152,8 +151,7 @@ class Automatic(Integrator):
         AccuracyError
             The wanted error was not reached; the message has the last difference, or says why every march failed.
         """
-        groups, n = groups_of(system), system.n_positions
-        report = Pairs(self.error, groups[:n], groups[n:] - groups[:n].max(initial=-1) - 1)
+        report = pairs_of(system, self.error)
         # Vibrations have short peaks.
         some = times if self._stiff(system) else compared_times(times, COMPARED_TIMES)
         for marches in self._methods(system, q0, v0, some, times, report, progress):

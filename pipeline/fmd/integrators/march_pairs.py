@@ -10,7 +10,9 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.automatic import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS
+from fmd.dynamics.system import System
 from fmd.integrators.protocol import Trajectory
+from fmd.integrators.step_control import groups_of
 from fmd.kernels.kernel import kernel
 
 
@@ -114,10 +116,16 @@ class Pairs:
         return max(of_positions, OF_RATES * of_rates)
 
 
-def motion_difference(q: Array, v: Array, exact: Trajectory, groups: IntArray, rate_groups: IntArray) -> float:
-    """Return the difference of positions and rates (n_times, n) to a motion, by the measure of `Pairs`."""
+def motion_difference(system: System, q: Array, v: Array, exact: Trajectory) -> float:
+    """Return the difference of positions and rates (n_times, n) to a motion of a system, by the measure of `Pairs`."""
     motion = Trajectory("", 0.0, 1, exact.times, q, v, 0, 0, 0.0, exact.end)
-    return Pairs(1.0, groups, rate_groups)._apart(motion, exact)
+    return pairs_of(system, 1.0)._apart(motion, exact)
+
+
+def pairs_of(system: System, error: float) -> Pairs:
+    """Return no marches of a system yet, for a wanted error."""
+    groups, n = groups_of(system), system.n_positions
+    return Pairs(error, groups[:n], groups[n:] - groups[:n].max(initial=-1) - 1)
 
 
 def compared_times(times: Array, least: int) -> Array:

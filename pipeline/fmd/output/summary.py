@@ -113,6 +113,8 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         stated = state_errors(run, budget_seconds)
         summary["error_budget"] = stated.summary()
         _state_figures(summary, stated)
+        if stated.integration is not None:  # what a third march tells, and not what the method's own two did
+            summary["integrations"][0]["error"] = stated.integration
         for output, kind in outputs:
             if kind.state:
                 kind.state(run, output, summary, stated)
@@ -266,6 +268,13 @@ def _budget_warnings(run: Pipeline, budget: Budget, seconds: float) -> list[dict
             allowed = seconds if math.isfinite(seconds) else budget.seconds
             text += f"; with --budget-seconds {math.ceil(MORE_TIME * max(allowed, 1.0))} more of it is estimated"
         warnings.append({"code": "budget-incomplete", "text": text})
+    method, error = next(iter(run.plans.values())).integrator, run.scene.simulation.error
+    if method.chooses_method and budget.integration is not None and budget.integration > SAFETY * error:
+        text = (
+            f"two marches by auto agreed within simulation.error, {error:g}; a third says {budget.integration:.1g}: "
+            "both missed the same; a smaller simulation.error helps"
+        )
+        warnings.append({"code": "integration-error", "text": text})
     wanted = run.scene.accuracy
     causes = [each for each in budget.model if each.counted and wanted is not None and SAFETY * each.error > wanted]
     for each in causes:
