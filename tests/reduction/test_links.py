@@ -13,7 +13,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.fem import assembly
 from fmd.fem.assembly import assemble
 from fmd.fem.formats.import_mesh import read_mesh
-from fmd.fem.links import LinkedFace, LinkedModel, LumpedMass, link_points
+from fmd.fem.links import Linked, LinkedFace, LinkedModel, LumpedMass, link_points
 from fmd.fem.markers import face_marker
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
@@ -41,9 +41,8 @@ def clamp(fe: FEModel, face: str) -> IntArray:
 def linked(fe: FEModel, face: str, rigid: bool, at: Array, mass: float, inertia: Array | None = None) -> LinkedModel:
     space = fe.discretisation
     link = LinkedFace(face_marker(space, space.mesh.faces[face], rigid), at)
-    return link_points(
-        fe, {"end": link}, [LumpedMass("end", mass, at, np.zeros((3, 3)) if inertia is None else inertia)]
-    )
+    J = np.zeros((3, 3)) if inertia is None else inertia
+    return link_points(fe, Linked({"end": link}, [LumpedMass("end", mass, at, J)]))
 
 
 def test_a_bracket_with_a_motor_on_a_rigid_bore_has_the_frequencies_of_calculix() -> None:
@@ -105,7 +104,7 @@ def test_a_rigid_link_to_the_middle_of_its_own_face_is_a_rigid_attachment(small_
     space = small_bar.discretisation
     marker = face_marker(space, space.mesh.faces["x+"], rigid=True)
     alone = FreeBodySolver(small_bar, [marker]).modes(6)
-    model = link_points(small_bar, {"end": LinkedFace(marker, marker.position + np.array([0.1, 0.2, 0.3]))})
+    model = link_points(small_bar, Linked({"end": LinkedFace(marker, marker.position + np.array([0.1, 0.2, 0.3]))}))
     pairs = FreeBodySolver(model).modes(6)
     assert pairs.omega == pytest.approx(alone.omega, rel=1e-9)
     at = model.marker("end")
@@ -121,7 +120,7 @@ def test_parts_of_a_mesh_that_a_link_joins_are_one_piece(box_mesh: Callable[...,
     fe = assemble(mesh, 1, steel)
     assert count_pieces(fe.K) == 2
     link = LinkedFace(face_marker(fe.discretisation, mesh.faces["inner"], rigid=True), np.zeros(3))
-    model = link_points(fe, {"bolt": link})
+    model = link_points(fe, Linked({"bolt": link}))
     assert count_pieces(model.K, model.T) == 1
     assert FreeBodySolver(model).modes(4).n_rigid == 6
 
@@ -130,7 +129,7 @@ def test_links_that_share_nodes_with_others_or_a_support_are_refused(small_bar: 
     space = small_bar.discretisation
     markers = [face_marker(space, space.mesh.faces[face], rigid=True) for face in ("x+", "y+")]
     with pytest.raises(ValueError, match="moved by two links"):
-        link_points(small_bar, {str(k): LinkedFace(marker, np.zeros(3)) for k, marker in enumerate(markers)})
+        link_points(small_bar, Linked({str(k): LinkedFace(marker, np.zeros(3)) for k, marker in enumerate(markers)}))
     model = linked(small_bar, "x+", True, np.zeros(3), 1.0)
     with pytest.raises(ValueError, match="share nodes"):
         FreeBodySolver(model, fixed=clamp(model, "y+"))
@@ -142,10 +141,9 @@ def test_a_rigid_face_beside_a_link_is_tied_as_by_a_link_of_its_own(small_bar: F
     space = small_bar.discretisation
     foot, end = (face_marker(space, space.mesh.faces[face], rigid=True) for face in ("x-", "x+"))
     mass = LumpedMass("end", 0.4, end.position, np.diag([1e-4] * 3))
-    one = link_points(small_bar, {"end": LinkedFace(end, end.position)}, [mass])
-    both = link_points(
-        small_bar, {"end": LinkedFace(end, end.position), "foot": LinkedFace(foot, foot.position)}, [mass]
-    )
+    one = link_points(small_bar, Linked({"end": LinkedFace(end, end.position)}, [mass]))
+    links = {"end": LinkedFace(end, end.position), "foot": LinkedFace(foot, foot.position)}
+    both = link_points(small_bar, Linked(links, [mass]))
     assert FreeBodySolver(one, [foot]).modes(6).omega == pytest.approx(FreeBodySolver(both).modes(6).omega, rel=1e-9)
 
 

@@ -23,9 +23,10 @@ CUBE = """*NODE
 *NSET, NSET=TOP
 5, 6, 7, 8
 *RIGID BODY, NSET=TOP, REF NODE=9
-*EQUATION
-2
-1, 1, 1.0, 2, 1, -1.0
+*MPC
+BEAM, 1, 2
+*TIE, NAME=T
+A, B
 """
 
 
@@ -42,8 +43,19 @@ def test_links_of_a_deck_are_refused_by_name_and_warned_of_where_they_are_left_o
 ) -> None:
     (tmp_path / "cube.inp").write_text(CUBE)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=r"aren't solid \(1 \*RIGID BODY, 1 \*EQUATION\)"):
+    with pytest.raises(InputError, match=r"aren't solid \(1 \*MPC, 1 \*TIE\)"):
         fmd.load(table(repair=False)).mesh  # noqa: B018
     warnings = mode_warnings(fmd.load(table(repair=True)).run)
     (text,) = (each["text"] for each in warnings if each["code"] == "left-out")
-    assert "1 *RIGID BODY, 1 *EQUATION" in text
+    assert "1 *MPC, 1 *TIE" in text
+
+
+def test_nodes_that_an_order_adds_are_in_no_link_of_the_deck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cube.inp").write_text(CUBE.partition("*MPC")[0])
+    monkeypatch.chdir(tmp_path)
+    scene = table(repair=False)
+    scene["body"]["cube"]["mesh"]["order"] = 2  # type: ignore[index]
+    with pytest.raises(InputError, match=r"mesh.order = 2: adds nodes that the deck's links don't have"):
+        fmd.load(scene).modes  # noqa: B018
+    scene["body"]["cube"]["mesh"]["order"] = 1  # type: ignore[index]
+    assert fmd.load(scene).modes.n_rigid == 6

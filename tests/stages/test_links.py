@@ -1,5 +1,6 @@
 """Bodies with links and masses from the scene file to their motion, and scenes with links that are wrong."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,6 +96,98 @@ def test_mass_is_that_of_bar_and_motor_and_stress_that_of_the_bars_own_surface()
 def test_links_that_are_wrong_are_refused_by_key(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         fmd.load(scene(**changes))
+
+
+DECK_SCENE = """
+title = "Bracket with a motor, by its deck"
+
+[body.bracket]
+mesh = { file = "bracket.inp", unit = "m" }
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+modes = { count = 4, boundary = "joint" }
+marker = { foot = { face = "FOOT" }, seat = { link = 9001 }, again = { link = "motor" } }
+
+[joint.base]
+type = "revolute"
+parent = "ground"
+child = "bracket.foot"
+axis = [0, 1, 0]
+
+[simulation]
+duration = "20 ms"
+output_step = "1 ms"
+gravity = ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]
+tip = "bracket.seat"
+
+[[simulation.run]]
+integrator = "runge-kutta"
+"""
+MOTOR = """*NODE, NSET=MOTOR
+9001, 0.042, 0.0, 0.03
+*RIGID BODY, NSET=BORE, REF NODE=9001
+*ELEMENT, TYPE=MASS, ELSET=LUMP
+90001, 9001
+*MASS, ELSET=LUMP
+0.4
+"""
+
+
+@pytest.fixture
+def deck(tmp_path: Path) -> Path:
+    """A scene with the bracket and its motor by a deck, and a deck without beside it."""
+    text = (Path(__file__).parents[1] / "fem" / "formats" / "decks" / "bracket.inp").read_text()
+    (tmp_path / "bracket.inp").write_text(text + MOTOR)
+    (tmp_path / "bare.inp").write_text(text)
+    (tmp_path / "deck.toml").write_text(DECK_SCENE)
+    return tmp_path / "deck.toml"
+
+
+def test_a_link_of_a_deck_is_that_of_the_scenes_keys_from_modes_to_motion(deck: Path) -> None:
+    by_keys = (
+        DECK_SCENE.replace('"bracket.inp"', '"bare.inp"')
+        .replace('{ link = 9001 }, again = { link = "motor" }', '{ link = "bore" }')
+        .replace("[joint.base]", MOTOR_KEYS + "[joint.base]")
+    )
+    other = deck.with_name("keys.toml")
+    other.write_text(by_keys)
+    found, wanted = fmd.load(deck), fmd.load(other)
+    assert found.modes.frequencies_hz == pytest.approx(wanted.modes.frequencies_hz, rel=1e-7)
+    assert found.body.integrals.mass == pytest.approx(wanted.body.integrals.mass, rel=1e-12)
+    assert found.body.markers["again"].position == pytest.approx([0.042, 0.0, 0.03])
+    paths = [np.asarray(each.motion.tip_position) for each in (found, wanted)]
+    assert np.abs(paths[0] - paths[1]).max() < 1e-6 * np.abs(paths[0] - paths[0][0]).max()
+    assert found.run.part.mass == pytest.approx(found.body.integrals.mass, rel=1e-9)
+    assert found.run.part.mesh_notes[-1] == "links and masses of the file belong to the body: 1 *RIGID BODY, 1 MASS"
+
+
+MOTOR_KEYS = """[body.bracket.link]
+bore = { face = "BORE", type = "rigid", at = ["42 mm", "0 mm", "30 mm"] }
+
+[body.bracket.mass]
+motor = { at = "bore", mass = "0.4 kg" }
+
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("link = 9001", "link = 9002"), "marker.seat.link = '9002': no such link; did you mean '9001'?"),
+        (("bracket.inp", "bare.inp"), "marker.seat.link = '9001': is of a deck without links"),
+        (('unit = "m"', 'unit = "mm"'), "has MASS 90001; say the file's unit, mesh.mass_unit"),
+        (("modes = {", "pieces = 2\nmodes = {"), "pieces = 2: .* links"),
+    ],
+)
+def test_links_of_decks_that_cannot_be_had_are_refused_by_key(
+    deck: Path, change: tuple[str, str], message: str
+) -> None:
+    assert change[0] in DECK_SCENE
+    text = DECK_SCENE.replace(*change)
+    deck.write_text(text.replace(', boundary = "joint"', "") if "pieces" in change[1] else text)
+    with pytest.raises(InputError, match=message):
+        fmd.load(deck).motion  # noqa: B018
 
 
 def test_rigid_links_that_share_nodes_are_refused() -> None:

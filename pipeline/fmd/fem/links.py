@@ -9,15 +9,16 @@ inertia is that of points on rigid arms, exact for every length of the arms.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
-from fmd.core.limits.mesh import DEEPEST_LINKS
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, second_of_mean, second_of_rigid
+from fmd.fem.constraints import Constraints
+from fmd.fem.idle_motions import without_idle_motions
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
 
@@ -61,6 +62,28 @@ class LumpedMass:
 
 
 @dataclass(frozen=True)
+class Relation:
+    """A sum of displacements of nodes and of displacements and rotations of references.
+
+    Attributes
+    ----------
+    label : str
+        What it is, for messages.
+    nodes : mapping of int to ndarray, shape (3,)
+        Coefficients of each node's displacement.
+    links : mapping of str to ndarray, shape (6,)
+        Coefficients of each reference's displacement and rotation.
+    stiffness : float
+        Of a spring that resists the sum [N/m, or N m/rad].
+    """
+
+    label: str
+    nodes: Mapping[int, Array]
+    links: Mapping[str, Array]
+    stiffness: float = 0.0
+
+
+@dataclass(frozen=True)
 class LinkedModel(FEModel):
     """A finite element model with links and masses, whose points are more than the nodes of its mesh.
 
@@ -70,20 +93,29 @@ class LinkedModel(FEModel):
         Positions of all points [m], those of the mesh's nodes first.
     references : mapping of str to ndarray, shape (7,)
         Numbers of the points that show the motion of each link: its reference, and six on arms around it.
+    places : mapping of str to (str, ndarray)
+        Further places that move with links: the link's name, and the position [m].
     """
 
     positions: Array
     references: Mapping[str, IntArray]
+    places: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
 
     @property
     def x(self) -> Array:
         """Positions of all points, shape (n_points, 3) [m]."""
         return self.positions
 
-    def marker(self, link: str) -> Marker:
-        """Return the marker at the reference point of a link."""
+    def marker(self, name: str) -> Marker:
+        """Return the marker at the reference point of a link, or at a place that moves with one."""
+        link, at = (name, None) if name in self.references else self.places[name]
         points = self.references[link]
-        return arms_marker(points, self.positions[points])
+        marker = arms_marker(points, self.positions[points])
+        if at is None or (at == marker.position).all():
+            return marker
+        move = np.kron(marker.translation_weights, np.eye(3)).reshape(3, -1)
+        offset = np.cross(marker.rotation_weights.reshape(3, -1), at - marker.position, axis=0)
+        return replace(marker, position=at, translation_weights=(move + offset).reshape(3, -1, 3))
 
 
 def arms_marker(points: IntArray, x: Array) -> Marker:
@@ -117,89 +149,45 @@ def inertia_points(mass: float, inertia: Array, length: float) -> tuple[Array, A
     return places, np.concatenate([[mass - 2 * around.sum()], around, around])
 
 
-class Constraints:
-    """Equations that give some unknowns of nodes and grid points by others, solved for all by the independent ones.
+@dataclass(frozen=True)
+class Linked:
+    """All that is linked to a solid.
 
-    Unknowns are three of each node, then six of each grid point, its displacement and its rotation.
-
-    Parameters
+    Attributes
     ----------
-    n_nodes : int
-        Number of nodes.
-    n_grids : int
-        Number of grid points.
-    """
-
-    def __init__(self, n_nodes: int, n_grids: int) -> None:
-        self._n, self.n_nodes = 3 * n_nodes + 6 * n_grids, n_nodes
-        self._is_given = np.zeros(self._n, dtype=bool)
-        self._rows: list[IntArray] = []
-        self._columns: list[IntArray] = []
-        self._values: list[Array] = []
-
-    def unknowns(self, nodes: IntArray) -> IntArray:
-        """Return the unknowns of nodes (k,), shape (3 k,)."""
-        return np.asarray((3 * nodes[:, None] + np.arange(3)).ravel())
-
-    def grid(self, k: int) -> IntArray:
-        """Return the six unknowns of a grid point."""
-        return 3 * self.n_nodes + 6 * k + np.arange(6)
-
-    def give(self, unknowns: IntArray, others: IntArray, matrix: Array) -> None:
-        """Let ``u[unknowns] = matrix @ u[others]``.
-
-        Raises
-        ------
-        ValueError
-            One of the unknowns is given already.
-        """
-        if self._is_given[unknowns].any():
-            raise ValueError("a node is moved by two links")
-        self._is_given[unknowns] = True
-        row, column = np.nonzero(matrix)
-        self._rows.append(unknowns[row])
-        self._columns.append(others[column])
-        self._values.append(matrix[row, column])
-
-    def transformation(self) -> tuple[sp.csr_array, int]:
-        """Return T of ``u = T y``, shape (n, n_independent), and how many of y are unknowns of grid points.
-
-        Raises
-        ------
-        ValueError
-            Unknowns give one another in a circle.
-        """
-        place = np.concatenate([*self._rows, np.zeros(0, int)]), np.concatenate([*self._columns, np.zeros(0, int)])
-        D = sp.csr_array((np.concatenate([*self._values, np.zeros(0)]), place), shape=(self._n, self._n))
-        independent = np.flatnonzero(~self._is_given)
-        T = E = sp.csr_array(sp.eye_array(self._n, format="csr")[:, independent])
-        for _ in range(DEEPEST_LINKS):  # links that hang on links; usually once
-            following = sp.csr_array(D @ T + E)
-            if abs(following - T).sum() == 0.0:
-                return T, int(np.count_nonzero(independent >= 3 * self.n_nodes))
-            T = following
-        raise ValueError(f"links hang on one another in a circle, or more than {DEEPEST_LINKS} deep")
-
-
-def link_points(fe: FEModel, links: Mapping[str, LinkedFace], masses: Sequence[LumpedMass] = ()) -> LinkedModel:
-    """Add links and lumped masses to the model of a solid.
-
-    Parameters
-    ----------
-    fe : FEModel
-        The solid alone.
     links : mapping of str to LinkedFace
         By name; rigid ones have no node in common.
     masses : sequence of LumpedMass
         On those links.
+    node_masses : ndarray, shape (n_nodes,), optional
+        Lumped masses on the solid's own nodes [kg].
+    equations : sequence of Relation
+        Sums that are zero.
+    springs : sequence of Relation
+        Sums that springs resist.
+    places : mapping of str to (str, ndarray)
+        Further places to show: the link that moves each, and its position [m].
+    """
+
+    links: Mapping[str, LinkedFace] = field(default_factory=dict)
+    masses: Sequence[LumpedMass] = ()
+    node_masses: Array | None = None
+    equations: Sequence[Relation] = ()
+    springs: Sequence[Relation] = ()
+    places: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
+
+
+def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
+    """Add links and lumped masses to the model of a solid.
 
     Raises
     ------
     ValueError
-        Two rigid links share nodes.
+        Two rigid links share nodes, equations contradict them, or a mass isn't held by what it hangs on.
     """
-    n, constraints = len(fe.x), Constraints(len(fe.x), len(links))
-    groups, weights = [], [np.zeros(0)]
+    n, links, names = len(fe.x), linked.links, {name: k for k, name in enumerate(linked.links)}
+    constraints = Constraints(n, len(links))
+    groups, weights, shown_at = [], [np.zeros(0)], dict[str, tuple[str, int]]()
     for k, (name, link) in enumerate(links.items()):
         marker, r = link.marker, fe.x[link.marker.nodes] - link.at
         own, grid = constraints.unknowns(marker.nodes), constraints.grid(k)
@@ -207,32 +195,84 @@ def link_points(fe: FEModel, links: Mapping[str, LinkedFace], masses: Sequence[L
             constraints.give(own, grid, rigid_motions(r).reshape(-1, 6))
         else:
             constraints.give(grid, own, _mean_motion(marker, link.at))
-        length = float(np.linalg.norm(fe.x[marker.nodes] - marker.position, axis=1).max())
-        on_it = [mass for mass in masses if mass.link == name]
+        arms = fe.x[marker.nodes] - marker.position
+        length = float(np.linalg.norm(arms, axis=1).max(initial=0.0)) or float(np.ptp(fe.x, axis=0).max())
+        on_it = [mass for mass in linked.masses if mass.link == name]
         points = [inertia_points(mass.mass, mass.inertia, length) for mass in on_it]
         shown, none = inertia_points(0.0, np.zeros((3, 3)), length)
+        shown_places = [link.at]
+        shown_at[name] = name, 0
+        for place, (of, at) in linked.places.items():
+            if of == name and place not in shown_at:
+                same = [i for i, known in enumerate(shown_places) if (known == at).all()]
+                shown_at[place] = name, same[0] if same else len(shown_places)
+                shown_places += [] if same else [at]
         places = [mass.centre + at for mass, (at, _) in zip(on_it, points, strict=True)]
-        groups.append(np.concatenate([link.at + shown, *places]))
-        weights += [none, *(each for _, each in points)]
-    T, n_linked = constraints.transformation()
+        groups.append(np.concatenate([*(at + shown for at in shown_places), *places]))
+        weights += [*(none for _ in shown_places), *(each for _, each in points)]
+    for equation in linked.equations:
+        _apply(equation, constraints, names)
+    T, independent = constraints.transformation()
     rows = [
         sp.csr_array(rigid_motions(x - link.at).reshape(-1, 6)) @ T[constraints.grid(k)]
         for k, (link, x) in enumerate(zip(links.values(), groups, strict=True))
     ]
     x = np.concatenate([fe.x, *groups])
     starts = np.cumsum([n, *(len(own) for own in groups)])
-    more = 3 * (len(x) - n)
+    points_T = sp.csr_array(sp.vstack([T[: 3 * n], *rows]))
+    own_mass = fe.m if linked.node_masses is None else sp.csr_array(fe.m + sp.diags_array(linked.node_masses))
+    m = sp.csr_array(own_mass, copy=True)
+    m.resize((len(x), len(x)))
+    m = sp.csr_array(m + sp.diags_array(np.concatenate([np.zeros(n), *weights])))
+    stretch = _stretches(linked.springs, dict(zip(links, starts[:-1], strict=True)), x)
+    K = sp.csr_array(fe.K, copy=True)
+    K.resize((3 * len(x), 3 * len(x)))
+    K = sp.csr_array(K + stretch.T @ stretch)
+    of_link = [list(links)[(unknown - 3 * n) // 6] for unknown in independent[independent >= 3 * n]]
+    points_T, n_linked = without_idle_motions(points_T, stretch, m, n, of_link) if of_link else (points_T, 0)
     return LinkedModel(
         fe.discretisation,
         fe.material,
-        sp.csr_array(sp.block_diag([fe.K, sp.csr_array((more, more))])),
-        sp.csr_array(sp.block_diag([fe.m, sp.diags_array(np.concatenate(weights))])),
+        K,
+        m,
         x,
-        {name: start + np.arange(7) for name, start in zip(links, starts[:-1], strict=True)},
-        T=sp.csr_array(sp.vstack([T[: 3 * n], *rows])),
+        {place: starts[names[link]] + 7 * number + np.arange(7) for place, (link, number) in shown_at.items()},
+        T=points_T,
         link_unknowns=n_linked,
-        arms=_arms(x, list(links.values()), starts),
+        arms=_arms(x, list(links.values()), starts) if links else None,
     )
+
+
+def _apply(equation: Relation, constraints: Constraints, links: Mapping[str, int]) -> None:
+    """Give one of the unknowns of an equation by the others: the first that isn't given yet."""
+    nodes = np.array(list(equation.nodes), dtype=np.int64)
+    grids = [constraints.grid(links[name]) for name in equation.links]
+    unknowns = np.concatenate([constraints.unknowns(nodes), *grids])
+    coefficients = np.concatenate([np.zeros(0), *equation.nodes.values(), *equation.links.values()])
+    unknowns, coefficients = unknowns[coefficients != 0], coefficients[coefficients != 0]
+    free = np.flatnonzero(~constraints.are_given(unknowns))
+    if not free.size:
+        raise ValueError(f"{equation.label}: all of its displacements are moved by links or other equations")
+    others = np.delete(np.arange(len(unknowns)), free[0])
+    row = -coefficients[others] / coefficients[free[0]]
+    constraints.give(unknowns[free[:1]], unknowns[others], row[None])
+
+
+def _stretches(springs: Sequence[Relation], starts: Mapping[str, int], x: Array) -> sp.csr_array:
+    """Return rows (n_springs, 3 n_points) whose squared products with displacements are twice the springs' energies."""
+    rows, columns, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
+    for k, spring in enumerate(springs):
+        terms = [(np.array([node]), of_node) for node, of_node in spring.nodes.items()]
+        for name, of_link in spring.links.items():
+            shown = starts[name] + np.arange(7)
+            turn = arms_marker(shown, x[shown]).rotation_weights
+            terms += [(shown[:1], of_link[:3]), (shown, np.tensordot(of_link[3:], turn, axes=1).ravel())]
+        for points, each in terms:
+            columns.append((3 * points[:, None] + np.arange(3)).ravel())
+            values.append(np.sqrt(spring.stiffness) * each)
+            rows.append(np.full(len(columns[-1]), k))
+    place = np.concatenate(rows), np.concatenate(columns)
+    return sp.csr_array((np.concatenate(values), place), shape=(len(springs), 3 * len(x)))
 
 
 def _mean_motion(marker: Marker, at: Array) -> Array:

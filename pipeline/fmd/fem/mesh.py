@@ -13,6 +13,7 @@ from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_
 from fmd.core.errors import AccuracyError
 from fmd.fem.cells.cell import SolidCell
 from fmd.fem.cells.table import solid_cell
+from fmd.fem.connections import Connections
 from fmd.fem.elements import jacobians, match_nodes
 
 
@@ -34,6 +35,8 @@ class SolidMesh:
         Number of equal sectors around the z axis; 1 if the mesh is not cyclic.
     notes : tuple of str
         Faults of the file that the mesh was read from, and how they were mended, with counts.
+    connections : Connections, optional
+        Links, masses, springs and equations of the file.
 
     Raises
     ------
@@ -48,6 +51,7 @@ class SolidMesh:
     faces: Mapping[str, IntArray]
     sectors: int = 1
     notes: tuple[str, ...] = ()
+    connections: Connections | None = None
 
     __repr__ = short_repr
 

@@ -23,6 +23,7 @@ from fmd.core.limits.modes import (
     ROUNDED_RESIDUAL,
     ZERO_EIGENVALUE,
 )
+from fmd.core.limits.round_off import SOLVED
 from fmd.reduction.factor.factor import Factor, factorise
 from fmd.reduction.inertia_relief import THIN, rounded_defect, solve_balanced
 from fmd.reduction.missed_modes import missed_eigenvalue
@@ -206,6 +207,8 @@ class FreeBodySolver:
         else:
             V = self._reduced(V)
         V = np.linalg.qr(V)[0]
+        mass, W = np.linalg.eigh(V.T @ (M @ V))
+        V = V @ (W[:, mass > SOLVED * mass[-1]])  # a point of links may carry no mass
         return float(eigh(V.T @ (K @ V), V.T @ (M @ V), eigvals_only=True)[6])
 
     def _rigid_modes_left(self, B: Array) -> Array:

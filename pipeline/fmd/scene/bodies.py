@@ -107,6 +107,8 @@ class Solid(Deformable):
         warping.
     """
 
+    deck_may_have_links: ClassVar[bool] = False
+
     E: PositiveStress
     nu: Poisson
     rho: PositiveDensity
@@ -157,12 +159,11 @@ class Solid(Deformable):
     def _on_links(self) -> Solid:
         for name, link in self.link.items():
             self._check_faces(link.faces, "link", name, "face")
-        for name, mass in self.mass.items():
-            if mass.at not in self.link:
-                raise UnknownNameError("link", mass.at, self.link, "the body's links", "mass", name, "at")
-        for name, marker in self.marker.items():
-            if marker.link is not None and marker.link not in self.link:
-                raise UnknownNameError("link", marker.link, self.link, "the body's links", "marker", name, "link")
+        at = {("mass", name, "at"): mass.at for name, mass in self.mass.items()}
+        at |= {("marker", name, "link"): marker.link for name, marker in self.marker.items() if marker.link}
+        for path, name in at.items():
+            if name not in self.link and not self.deck_may_have_links:
+                raise UnknownNameError("link", name, self.link, "the body's links", *path)
         if self.link and self.pieces != 1:
             raise FaultError("is of a body without links: they aren't cut with it yet", "pieces")
         return self

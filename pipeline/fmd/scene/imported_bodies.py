@@ -15,7 +15,7 @@ from fmd.scene.modes import ModeSettings, ReducedModes
 from fmd.scene.orientation import Orientation
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import LengthUnit, Name, Order, PartName, SourceFile, Text, UnitCheck
+from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, SourceFile, Text, UnitCheck
 
 
 class MeshFile(DividedMesh):
@@ -32,6 +32,8 @@ class MeshFile(DividedMesh):
         in the middle of straight edges.
     repair : bool
         True to mend faults of the mesh where that is safe; else they are listed and refused.
+    mass_unit, force_unit : str, optional
+        The file's units of mass and of force, if it has lumped masses or springs; kg and N in a file in metres.
 
     Examples
     --------
@@ -46,6 +48,8 @@ class MeshFile(DividedMesh):
     unit: LengthUnit
     order: Order | None = None
     repair: bool = False
+    mass_unit: MassUnit | None = None
+    force_unit: ForceUnit | None = None
 
 
 class CadFile(SceneTable):
@@ -147,6 +151,7 @@ class MeshedPart(Imported):
     """
 
     file_keys = ("mesh", "file")
+    deck_may_have_links = True
 
     shape: Literal["mesh"]
     mesh: MeshFile

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from fmd.core.units import PositiveMass
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.rigid_bodies import Moment, require_possible_moments
-from fmd.scene.values import FaceName, Name, Plane, Point
+from fmd.scene.values import FaceName, LinkName, Plane, Point
 
 _PLACES = ("face", "near", "plane")
 
@@ -68,8 +68,8 @@ class MassOnLink(SceneTable):
 
     Parameters
     ----------
-    at : str
-        Name of the link.
+    at : str or int
+        Name of the link, or number or set of a point of the deck's links.
     mass : float
         [kg]
     centre : tuple of float, optional
@@ -85,7 +85,7 @@ class MassOnLink(SceneTable):
         motor = { at = "bearing", mass = "0.4 kg", inertia = ["1e-4 kg m^2", "1e-4 kg m^2", "2e-4 kg m^2"] }
     """
 
-    at: Name
+    at: LinkName
     mass: PositiveMass
     centre: Point | None = None
     inertia: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 from fmd.core.units import QuantityReader
 from fmd.scene.orientation import Orientation
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import FaceName, Name, PartName, Plane, Point, Turn, Words
+from fmd.scene.values import FaceName, LinkName, PartName, Plane, Point, Turn, Words
 
 MARKER_WAYS = ("face", "near", "plane", "edge", "at", "node", "nodes", "link")
 
@@ -52,8 +52,9 @@ class MarkerPlace(Orientation):
         A point [m]; the marker is the node nearest to it.
     nodes : tuple of int, optional
         Numbers of the nodes in the file, for a body that is given by its matrices.
-    link : str, optional
-        Name of a link of the body; the marker is its reference point.
+    link : str or int, optional
+        Name of a link of the body; the marker is its reference point. Of a deck's links the number of a point, or the
+        name of a set that holds it alone.
     attachment : str
         How the marker follows its nodes: their mean motion (``"averaged"``, RBE3), which leaves the face free to
         deform, or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``.
@@ -78,7 +79,7 @@ class MarkerPlace(Orientation):
     at: Point | None = None
     node: Point | None = None
     nodes: tuple[int, ...] | None = None
-    link: Name | None = None
+    link: LinkName | None = None
     attachment: Literal["averaged", "rigid"] = "averaged"
 
     @property

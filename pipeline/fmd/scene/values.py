@@ -44,6 +44,10 @@ def _check_name(name: str) -> str:
     return name
 
 
+def _number_as_text(name: object) -> object:
+    return str(name) if isinstance(name, int) and not isinstance(name, bool) else name
+
+
 def _check_direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
     if not SHORTEST_DIRECTION < max(map(abs, axis)) < 1 / SHORTEST_DIRECTION:  # else squares don't fit into numbers
         raise ValueError("has no direction; [0, 0, 1] is the z axis")
@@ -188,8 +192,13 @@ Spin = tuple[AngularRate, AngularRate, AngularRate]
 ElementName = Annotated[Text, Words('``"body.element"``'), _IN_A_BODY]
 FaceName = Annotated[Text, Words("name of a face")]
 PartName = Annotated[Text, Words("name of a part")]
+LinkName = Annotated[
+    Text, BeforeValidator(_number_as_text), Words("name of a link, or of a point of the deck: its set or its number")
+]
 SourceFile = Annotated[str, Field(min_length=1, max_length=1000), Words("path of a file")]
 LengthUnit = Annotated[str, UnitCheck("m")]
+MassUnit = Annotated[str, UnitCheck("kg")]
+ForceUnit = Annotated[str, UnitCheck("N")]
 Number = Annotated[float, Field(strict=True), AfterValidator(require_possible)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError
+from fmd.fem.deck_links import find_deck_links
 from fmd.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
-from fmd.fem.links import LinkedFace, LinkedModel, LumpedMass, link_points
+from fmd.fem.links import Linked, LinkedFace, LinkedModel, LumpedMass, link_points
 from fmd.fem.local_markers import edge_marker, point_marker, single_node_marker
 from fmd.fem.markers import Marker, face_marker, facets_on_face
 from fmd.fem.model import FEModel
@@ -20,6 +22,7 @@ from fmd.fem.space import Discretisation
 from fmd.scene.any_body import Flexible
 from fmd.scene.links import FaceLink
 from fmd.scene.places import MarkerPlace
+from fmd.scene.reading import suggest_name
 from fmd.stages.meshing.bodies import find_name
 
 T = TypeVar("T")
@@ -55,27 +58,54 @@ def place_markers(
     return _placed(shape, place, file, body)
 
 
-def place_link_markers(shape: Flexible, model: Callable[[], FEModel]) -> dict[str, Marker]:
-    """Place those of a body's markers that are on its links; the model is made only if there are any."""
-    links = {name: at.link for name, at in shape.marker.items() if isinstance(at, MarkerPlace) and at.link is not None}
-    if not links:
-        return {}
-    fe = model()
-    assert isinstance(fe, LinkedModel)
-    return {name: fe.marker(link) for name, link in links.items()}
-
-
-def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
-    """Return the model of a body with its links and lumped masses; the model itself if it has none.
+def place_link_markers(shape: Flexible, model: Callable[[], FEModel], file: str, body: str) -> dict[str, Marker]:
+    """Place those of a body's markers that are on its links; the model is made only if there are any.
 
     Raises
     ------
     InputError
-        A face isn't there, or two rigid links share nodes.
+        There is no such link in the deck.
     """
-    if not shape.link:
+    links = {name: at.link for name, at in shape.marker.items() if isinstance(at, MarkerPlace) and at.link is not None}
+    if not links:
+        return {}
+    fe = model()
+    if not isinstance(fe, LinkedModel):
+        name, link = next(iter(links.items()))
+        raise InputError(file, f"body.{body}.marker.{name}.link", link, "is of a deck without links")
+    return {
+        name: fe.marker(_find_link(fe.references, link, file, f"body.{body}.marker.{name}.link"))
+        for name, link in links.items()
+    }
+
+
+def _find_link(known: Mapping[str, T], given: str, file: str, key: str) -> str:
+    """Return the name of a link, or of a point of the deck's links; upper and lower case may differ."""
+    alike = [name for name in known if name.casefold() == given.casefold()]
+    if given not in known and len(alike) != 1:
+        raise InputError(file, key, given, f"no such link; {suggest_name(given, known, 'the links')}")
+    return given if given in known else alike[0]
+
+
+def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
+    """Return the model of a body with its links and lumped masses and those of its deck; itself if there are none.
+
+    Raises
+    ------
+    InputError
+        A face isn't there, two rigid links share nodes, or a connection of the deck can't be used.
+    """
+    space = fe.discretisation
+    deck = space.mesh.connections
+    if not shape.link and deck is None:
         return fe
-    links, space = dict[str, LinkedFace](), fe.discretisation
+    if deck is not None and space.order != space.mesh.order:
+        raise InputError(file, f"body.{body}.mesh.order", space.order, "adds nodes that the deck's links don't have")
+    try:
+        linked = Linked() if deck is None else find_deck_links(deck, space)
+    except ValueError as error:
+        raise InputError(file, f"body.{body}.mesh.file", None, str(error)) from error
+    links = dict(linked.links)
     for name, given in shape.link.items():
         key = f"body.{body}.link.{name}"
         try:
@@ -83,14 +113,17 @@ def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
         except ValueError as error:
             raise InputError(file, key, given.face or given.plane or given.near, str(error)) from error
         links[name] = LinkedFace(marker, marker.position if given.at is None else np.array(given.at))
-    masses = []
-    for own in shape.mass.values():
-        centre = links[own.at].at if own.centre is None else np.array(own.centre)
-        masses.append(LumpedMass(own.at, own.mass, centre, np.diag(own.inertia)))
+    at = {name: (name, link.at) for name, link in links.items()} | dict(linked.places)
+    masses = list(linked.masses)
+    for name, own in shape.mass.items():
+        link, place = at[_find_link(at, own.at, file, f"body.{body}.mass.{name}.at")]
+        masses.append(
+            LumpedMass(link, own.mass, place if own.centre is None else np.array(own.centre), np.diag(own.inertia))
+        )
     try:
-        return link_points(fe, links, masses)
+        return link_points(fe, replace(linked, links=links, masses=masses))
     except ValueError as error:
-        raise InputError(file, f"body.{body}.link", None, str(error)) from error
+        raise InputError(file, f"body.{body}.{'link' if shape.link else 'mesh.file'}", None, str(error)) from error
 
 
 def find_marker_facets(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, IntArray]:

@@ -103,7 +103,7 @@ def _assemble(part: FlexiblePart) -> FEModel:
         problem = f"belongs to linear hexahedra; the elements here are {part.space.kind.name}"
         raise InputError(part.file, f"body.{part.name}.mesh.formulation", "plain", problem)
     solid = assemble(part.mesh, part.order, part.material, part.formulation)
-    if not part.shape.link:
+    if not part.shape.link and part.mesh.connections is None:
         return solid
     from fmd.stages.markers import add_links
 
@@ -326,6 +326,7 @@ class FlexiblePart:
         linked = sum(own.mass for own in self.shape.mass.values())
         if isinstance(self.shape, Bar | Propeller):
             return self.shape.rho * self.mesh.volume + linked
+        linked += self.mesh.connections.mass if self.mesh.connections else 0.0
         volumes, material = self.space.volumes, self.material
         return float(sum(own.rho * volumes[mine].sum() for own, mine in material.over(slice(None)))) + linked
 
@@ -337,7 +338,7 @@ class FlexiblePart:
 
         if self.has_mesh:
             given = dict(self.piece.given) if self.piece else {}
-            given |= place_link_markers(self.shape, lambda: self.fe)
+            given |= place_link_markers(self.shape, lambda: self.fe, self.file, self.name)
             return place_markers(self.shape, self.space, self.file, self.name, given)
         if self.is_reduced:
             return place_file_markers(self.fe, self.shape, self.file, self.name)

@@ -39,6 +39,10 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     key, space = f"body.{part.name}", part.space
     if not part.joint.marker:
         raise InputError(part.file, f"{key}.pieces", count, "the body hangs on no joint: it has modes, but no motion")
+    if part.mesh.connections is not None:
+        raise InputError(
+            part.file, f"{key}.pieces", count, "is of a body without links: its deck's aren't cut with it yet"
+        )
     faces = find_marker_facets(part.shape, space, part.file, part.name)
     markers = {name: np.unique(_elements_of(space, facets)) for name, facets in faces.items()}
     markers |= {

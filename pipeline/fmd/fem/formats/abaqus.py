@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,9 @@ import numpy as np
 from fmd.core.arrays import IntArray
 from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS
+from fmd.fem.formats.abaqus_links import POINT_ELEMENTS, AbaqusLinks, DeckPoints
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.mesh import rows_among
 
 SUFFIXES = (".inp",)
 _SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
@@ -26,7 +28,7 @@ _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
 _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE")
-_LINKS = ("RIGID BODY", "COUPLING", "KINEMATIC COUPLING", "DISTRIBUTING COUPLING", "TIE", "EQUATION", "MPC")
+_LINKS = ("DISTRIBUTING COUPLING", "TIE", "MPC", "SHELL TO SOLID COUPLING", "EMBEDDED ELEMENT")
 _WRITE_FLAT = "write the mesh out flat, all nodes and elements in one file without parts and assemblies"
 
 
@@ -107,6 +109,7 @@ class _Deck:
         self.element_sets: dict[str, list[_Item]] = defaultdict(list)
         self.surfaces: dict[str, list[tuple[str, str]]] = defaultdict(list)
         self.others: dict[str, int] = defaultdict(int)
+        self.links = AbaqusLinks()
         self.names: dict[str, str] = {}
         self.parts = self.instances = 0
 
@@ -123,6 +126,8 @@ class _Deck:
                 name = self._named(options.get("NAME", ""))
                 self.surfaces[name] += [(row[0], row[1].upper()) for row in data if len(row) > 1]
             case "SURFACE" if options.get("TYPE", "").upper() == "NODE":
+                if any(item for row in data for item in row[1:]):
+                    raise MeshFileError("a surface of nodes with areas; leave these out")
                 self.node_sets[self._named(options.get("NAME", ""))] += [_number_or_name(row[0]) for row in data]
             case "INSTANCE":
                 self.instances += 1
@@ -134,6 +139,8 @@ class _Deck:
                 self.parts += 1
             case _ if keyword in _LINKS:
                 self.others[f"*{keyword}"] += 1
+            case _:
+                self.links.takes(keyword, options, data)
         if self.instances > 1:
             raise MeshFileError(f"there is more than one instance; {_WRITE_FLAT}")
 
@@ -156,6 +163,13 @@ class _Deck:
         """Add elements of one type and, if it is named, their set."""
         name = options.get("TYPE", "").upper()
         kind, n_local = _cell_kind(name)
+        if name in POINT_ELEMENTS:
+            for row in data:
+                number, *nodes = (int(item) for item in row if item)
+                self.links.elements[number] = name, nodes
+                if "ELSET" in options:
+                    self.element_sets[self._named(options["ELSET"])].append(number)
+            return
         if not kind:
             self.others[name] += len(data)
             return
@@ -201,6 +215,7 @@ class _Deck:
         if not self.nodes:
             raise MeshFileError("there are no nodes: no *NODE section with lines of number, x, y, z")
         place = {number: k for k, number in enumerate(self.nodes)}
+        linked = {name: list(items) for name, items in self.element_sets.items()}  # with elements of points
         blocks, where = [], dict[int, tuple[int, int]]()
         for b, block in enumerate(block for block in self.blocks if block.numbers):
             try:
@@ -231,7 +246,46 @@ class _Deck:
         raw = RawMesh(np.array(list(self.nodes.values())), blocks, cell_sets, point_sets, {}, dict(self.others))
         for name, rows in self.surfaces.items():
             raw.facet_sets[name] = self._facets(name, rows, raw, where)
+        self._add_links(raw, place, linked)
         return raw
+
+    def _add_links(self, raw: RawMesh, place: dict[int, int], element_sets: dict[str, list[_Item]]) -> None:
+        """Add the deck's connections, with names of their points."""
+
+        def known(name: str, sets: Mapping[str, Any], what: str) -> str:
+            found = self.names.get(name.rpartition(".")[2].casefold(), "")
+            if found not in sets:
+                raise MeshFileError(f"a link names the {what} {name}, which isn't there")
+            return found
+
+        def nodes(name: str) -> IntArray:
+            if not name.isdigit():
+                return raw.point_sets[known(name, raw.point_sets, "node set")]
+            if int(name) not in place:
+                raise MeshFileError(f"a link names node {name}, which isn't there")
+            return np.array([place[int(name)]])
+
+        def cell_nodes(name: str) -> IntArray:
+            chosen = raw.cell_sets[known(name, raw.cell_sets, "element set")]
+            return np.unique(
+                np.concatenate([block[k].ravel() for (_, block), k in zip(raw.blocks, chosen, strict=True)])
+            )
+
+        def surface(name: str) -> tuple[list[IntArray], IntArray]:
+            found = known(name, {**raw.facet_sets, **raw.point_sets}, "surface")
+            facets = raw.facet_sets.get(found, [])
+            return facets, _nodes_of_facets(raw, facets) if facets else raw.point_sets[found]
+
+        def elements(name: str, numbers: Mapping[int, object]) -> list[int]:
+            return sorted(self._members(known(name, element_sets, "element set"), element_sets, dict(numbers)))
+
+        found = self.links.connections(DeckPoints(place, raw.points, nodes, cell_nodes, surface, elements))
+        used = set(found.points.tolist())
+        names = {str(number): point for number, point in place.items() if point in used}
+        for name, points in raw.point_sets.items():
+            if len(points) == 1 and int(points[0]) in used:
+                names[name] = int(points[0])
+        raw.connections = replace(found, names=names)
 
     def _members(
         self, name: str, sets: dict[str, list[_Item]], known: dict[int, Any], above: tuple[str, ...] = ()
@@ -280,6 +334,22 @@ class _Deck:
                 raise MeshFileError(f"surface {name}: elements of {cells.shape[1]} nodes have no face S{face + 1}")
             facets.append(cells[chosen][:, list(corners[face])])
         return facets
+
+
+def _nodes_of_facets(raw: RawMesh, facets: list[IntArray]) -> IntArray:
+    """Return the nodes of facets that are given by their corners, those between the corners too."""
+    wanted = np.concatenate([np.sort(corners, axis=1)[:, :3] for corners in facets])
+    found = [np.concatenate([corners.ravel() for corners in facets])]
+    for kind, block in raw.blocks:
+        if kind not in CELLS:
+            continue
+        x = CELLS[kind].nodes
+        for corners in map(list, CELLS[kind].shape.faces):
+            mine = rows_among(np.sort(block[:, corners], axis=1)[:, :3], wanted)
+            a, b = x[corners[1]] - x[corners[0]], x[corners[2]] - x[corners[0]]
+            on = np.abs((x - x[corners[0]]) @ np.cross(a, b)) < 1e-9
+            found.append(block[mine][:, on].ravel())
+    return np.unique(np.concatenate(found))
 
 
 def _cell_kind(name: str) -> tuple[str, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell
+from fmd.fem.connections import Connections
 from fmd.fem.formats import abaqus, nastran
 from fmd.fem.formats import repair as repairs
 from fmd.fem.formats.meshio_reader import read_by_meshio
@@ -34,7 +36,9 @@ class _Findings:
     fatal: list[str] = field(default_factory=list)
 
 
-def read_mesh(path: Path, scale: float, repair: bool = False) -> SolidMesh:
+def read_mesh(
+    path: Path, scale: float, repair: bool = False, mass_unit: float | None = None, force_unit: float | None = None
+) -> SolidMesh:
     """Read a solid mesh from a file, check it, and repair it if that is allowed.
 
     Parameters
@@ -47,6 +51,8 @@ def read_mesh(path: Path, scale: float, repair: bool = False) -> SolidMesh:
     repair : bool
         Merge coincident nodes, turn inverted elements, straighten edges that turn an element inside out, and leave out
         elements that aren't solid. The mesh's notes list the mends.
+    mass_unit, force_unit : float, optional
+        The file's units [kg], [N]. Without, lumped masses and springs are refused, but for a file in metres.
 
     Raises
     ------
@@ -54,7 +60,7 @@ def read_mesh(path: Path, scale: float, repair: bool = False) -> SolidMesh:
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
     try:
-        return solid_mesh(_read_raw(path), scale, repair)
+        return solid_mesh(_read_raw(path), scale, repair, mass_unit, force_unit)
     except MeshFileError as error:
         raise InputError(str(path), "", None, str(error)) from error
 
@@ -76,7 +82,9 @@ def _read_raw(path: Path) -> RawMesh:
         raise MeshFileError(f"can't be read: {error.strerror or error}") from error
 
 
-def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
+def solid_mesh(
+    raw: RawMesh, scale: float, repair: bool = False, mass_unit: float | None = None, force_unit: float | None = None
+) -> SolidMesh:
     """Check and convert a raw mesh to a solid one, with the arguments of `read_mesh`.
 
     Raises
@@ -88,7 +96,8 @@ def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
     findings = _Findings()
     cell_type, cells = _solid_cells(raw)
     points = raw.points * scale
-    cells, first = _merge_coincident(points, cells, cell_type, findings)
+    joined = raw.connections.point_groups
+    cells, first = _merge_coincident(points, cells, cell_type, joined, findings)
     kept = _find_sound_cells(cells, findings)
     cells = cells[kept]
     if not findings.fatal:
@@ -97,11 +106,15 @@ def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
     if findings.fatal or (findings.mendable and not repair):
         raise MeshFileError(_complaint(findings))
     used = np.unique(cells)
-    lone = len(points) - len(np.unique(np.concatenate([block.ravel() for _, block in raw.blocks])))
+    lone = len(points) - len(np.unique(np.concatenate([raw.connections.points, *(b.ravel() for _, b in raw.blocks)])))
     if lone:
         findings.notes.append(f"{lone} nodes that belong to no element are left out")
     place = np.full(len(points), -1)
     place[used] = np.arange(len(used))
+    connections = _connections(raw.connections, points, place[first], scale, mass_unit, force_unit)
+    if connections:
+        listed = ", ".join(f"{n} {kind}" for kind, n in connections.count().items())
+        findings.notes.append(f"links and masses of the file belong to the body: {listed}")
     return SolidMesh(
         points[used],
         place[cells],
@@ -109,7 +122,31 @@ def solid_mesh(raw: RawMesh, scale: float, repair: bool = False) -> SolidMesh:
         _parts(raw, kept),
         _faces(raw, place[first]),
         notes=(*findings.notes, *(f"mended: {what}" for what in findings.mendable)),
+        connections=connections,
     )
+
+
+def _connections(
+    found: Connections, points: Array, place: IntArray, scale: float, mass_unit: float | None, force_unit: float | None
+) -> Connections | None:
+    """Return a file's connections in SI units, between the mesh's nodes and further points; ``None`` if it has none."""
+    if not found.all:
+        return None
+    in_metres = scale == 1.0
+    for some, unit, key, example in (
+        (found.masses, mass_unit, "mass_unit", "'kg' or 't'"),
+        (found.springs, force_unit, "force_unit", "'N'"),
+    ):
+        if some and unit is None and not in_metres:
+            raise MeshFileError(f"has {some[0].label}; say the file's unit, mesh.{key} = {example}")
+    free = found.points[place[found.points] < 0]
+    n = int(place.max()) + 1
+    number = {int(point): int(place[point]) for point in found.points if place[point] >= 0}
+    number |= {int(point): n + k for k, point in enumerate(free)}
+    number |= {
+        int(corner): int(place[corner]) for each in found.mean for facets in each.facets for corner in facets.flat
+    }
+    return found.numbered(number, points[free]).in_si(scale, mass_unit or 1.0, force_unit or 1.0)
 
 
 def _require_sound(raw: RawMesh) -> None:
@@ -145,9 +182,16 @@ def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     return solids[0], np.concatenate([cells for kind, cells in raw.blocks if kind == solids[0]])
 
 
-def _merge_coincident(points: Array, cells: IntArray, cell_type: str, findings: _Findings) -> tuple[IntArray, IntArray]:
-    """Merge nodes at one position; return the cells and for each node the one that replaces it."""
+def _merge_coincident(
+    points: Array, cells: IntArray, cell_type: str, linked: Sequence[IntArray], findings: _Findings
+) -> tuple[IntArray, IntArray]:
+    """Merge nodes at one position; return the cells and for each node the one that replaces it.
+
+    Pieces that links join are one, and stay apart where they touch.
+    """
     apart = np.arange(len(points))
+    if len(linked) and repairs.count_pieces(cells, len(points), linked) == 1:
+        return cells, apart
     first = repairs.find_coincident(points, cells, cell_type)
     n_merged = len(np.unique(cells)) - len(np.unique(first[cells]))
     n_pieces = int(repairs.label_pieces(cells, len(points)).max()) + 1

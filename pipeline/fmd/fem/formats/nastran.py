@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fmd.fem.cells.table import CELLS
+from fmd.fem.formats.nastran_links import NastranLinks
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 
 SUFFIXES = (".bdf", ".nas", ".fem")
@@ -30,7 +31,7 @@ _PLANES = {
     "CQUAD8": {8: "quad8"},
 }
 _LINES = ("CBAR", "CBEAM", "CROD", "CTUBE", "CBEND")
-_OTHERS = ("CONM1", "CONM2", "CONROD", "CBUSH", "CBUSH1D", "CGAP", "RBE1", "RBE2", "RBE3", "RBAR", "RROD", "MPC")
+_OTHERS = ("CONM1", "CONROD", "CBUSH", "CBUSH1D", "CGAP", "RBE1", "RROD", "RTRPLT", "RSPLINE", "RSSCON", "MPCADD")
 _OTHER = re.compile(r"CELAS\d|CDAMP\d|CMASS\d|CVISC|CWELD|CFAST")
 
 
@@ -47,10 +48,13 @@ def read_nastran(text: str) -> RawMesh:
     properties: dict[str, list[str]] = defaultdict(list)
     others: dict[str, int] = defaultdict(int)
     seen: set[int] = set()
+    links = NastranLinks(_real)
     for line, name, fields in _cards(text):
         try:
             if name == "GRID":
                 _take_point(fields, points)
+                if fields[5:6] not in ([], [""], ["0"]):
+                    links.turned.add(int(fields[0]))
             elif name in _SOLIDS or name in _PLANES or name in _LINES:
                 kind, nodes = _cell(name, fields)
                 number = int(fields[0])
@@ -59,9 +63,11 @@ def read_nastran(text: str) -> RawMesh:
                 seen.add(number)
                 cells[kind].append(nodes)
                 properties[kind].append(fields[1])
+            elif links.takes(name, fields):
+                pass
             elif name in _OTHERS or _OTHER.fullmatch(name):
                 others[name] += 1
-            elif name == "GRDSET" and fields[1:2] not in ([], [""], ["0"]):
+            elif name == "GRDSET" and {*fields[1:2], *fields[5:6]} - {"", "0"}:
                 raise MeshFileError("GRDSET sets a coordinate system; write the grid points in the basic one")
             elif name == "INCLUDE":
                 raise MeshFileError("INCLUDE isn't followed; put all into one file")
@@ -72,7 +78,12 @@ def read_nastran(text: str) -> RawMesh:
     if not points:
         raise MeshFileError("there are no grid points: no GRID lines")
     place = {number: k for k, number in enumerate(points)}
-    raw = RawMesh(np.array(list(points.values())), others=dict(others))
+    begin = _begin_bulk(text)
+    try:
+        connections = links.connections(text[:begin], begin > 0, place)
+    except ValueError as error:
+        raise MeshFileError(str(error)) from None
+    raw = RawMesh(np.array(list(points.values())), others=dict(others), connections=connections)
     for kind, rows in cells.items():
         try:
             numbers = np.array([[place[node] for node in row] for row in rows], dtype=np.int64)
@@ -119,7 +130,7 @@ def _cell(name: str, fields: list[str]) -> tuple[str, list[int]]:
 def _cards(text: str) -> Iterator[tuple[int, str, list[str]]]:
     """Yield line number, name and fields, without the continuation marks, of each card of the bulk data."""
     lines = text.splitlines()
-    begin = next((k + 1 for k, line in enumerate(lines) if re.match(r"\s*BEGIN(\s+|,)BULK", line, re.I)), 0)
+    begin = text[: _begin_bulk(text)].count("\n") + bool(_begin_bulk(text))
     start, name, fields = 0, "", list[str]()
     for number, raw in enumerate(lines[begin:], start=begin + 1):
         line = raw.partition("$")[0].rstrip().expandtabs(8)
@@ -136,6 +147,11 @@ def _cards(text: str) -> Iterator[tuple[int, str, list[str]]]:
             return
     if name:
         yield start, name, fields
+
+
+def _begin_bulk(text: str) -> int:
+    """Return the place where the line that begins the bulk data starts; 0 if there is none."""
+    return found.start() if (found := re.search(r"^\s*BEGIN(\s+|,)BULK", text, re.I | re.M)) else 0
 
 
 def _fields(line: str) -> tuple[str, list[str]]:

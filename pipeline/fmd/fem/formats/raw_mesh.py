@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from fmd.core.arrays import Array, IntArray
+from fmd.fem.connections import Connections
 
 
 class MeshFileError(ValueError):
@@ -28,7 +29,9 @@ class RawMesh:
     facet_sets : dict of str to list of ndarray
         Corners of the facets of each named surface, arrays (n, 3) or (n, 4).
     others : dict of str to int
-        Number of elements that aren't cells, by type: springs, masses, rigid links, equations.
+        Number of elements and links that aren't read, by type.
+    connections : Connections
+        Links, equations, springs and lumped masses between points, in the file's units.
     """
 
     points: Array
@@ -37,3 +40,4 @@ class RawMesh:
     point_sets: dict[str, IntArray] = field(default_factory=dict)
     facet_sets: dict[str, list[IntArray]] = field(default_factory=dict)
     others: dict[str, int] = field(default_factory=dict)
+    connections: Connections = field(default_factory=Connections)

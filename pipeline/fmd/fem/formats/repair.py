@@ -5,6 +5,8 @@ Each function takes plain arrays and returns new ones; `import_mesh` decides whi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
@@ -59,6 +61,18 @@ def label_pieces(cells: IntArray, n_points: int) -> IntArray:
     rank = np.empty(len(sizes), dtype=np.int64)
     rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
     return rank[piece]
+
+
+def count_pieces(cells: IntArray, n_points: int, linked: Sequence[IntArray]) -> int:
+    """Count the connected pieces of cells, where points of each linked group belong together."""
+    n_cells = len(cells)
+    rows = [np.repeat(np.arange(n_cells), cells.shape[1])]
+    rows += [np.full(len(points), n_cells + k) for k, points in enumerate(linked)]
+    columns = np.concatenate([cells.ravel(), *linked])
+    n_groups = n_cells + len(linked)
+    place = np.concatenate(rows), n_groups + columns
+    graph = sp.coo_array((np.ones(columns.size, dtype=np.int8), place), 2 * [n_groups + n_points])
+    return len(np.unique(connected_components(graph, directed=False)[1][:n_cells]))
 
 
 def handedness(points: Array, cells: IntArray, cell_type: str) -> IntArray:

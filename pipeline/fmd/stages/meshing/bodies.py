@@ -29,7 +29,10 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
         from fmd.fem.formats.import_mesh import read_mesh
 
         assert source is not None
-        return read_mesh(source.path, unit_ratio(shape.mesh.unit, "m"), shape.mesh.repair)
+        given = shape.mesh
+        mass = None if given.mass_unit is None else unit_ratio(given.mass_unit, "kg")
+        force = None if given.force_unit is None else unit_ratio(given.force_unit, "N")
+        return read_mesh(source.path, unit_ratio(given.unit, "m"), given.repair, mass, force)
     if shape.shape == "cad":
         assert source is not None
         return mesh_cad_file(source.path, shape.mesh.size, shape.mesh.order)

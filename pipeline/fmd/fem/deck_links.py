@@ -1,0 +1,153 @@
+"""Connections of a deck as links, masses, springs and equations of the finite element model.
+
+Rigid connections that share a point with a rotation are one rigid piece. A point that isn't the solid's and that
+nothing ties is a rigid piece of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.limits.mesh import ON_A_LINE, RIGID_RESIDUAL
+from fmd.core.rotations import rigid_motions
+from fmd.fem.connections import Connections, Equation, MassOnPoint, MeanConnection, RigidConnection, SpringBetween
+from fmd.fem.links import Linked, LinkedFace, LumpedMass, Relation
+from fmd.fem.markers import Marker, face_marker
+from fmd.fem.space import Discretisation
+
+
+def find_deck_links(deck: Connections, space: Discretisation) -> Linked:
+    """Return the links of a deck on its solid, each by the name of its reference point.
+
+    Raises
+    ------
+    ValueError
+        A connection is of a form that links don't have; the message names it.
+    """
+    return _Finder(deck, space).linked()
+
+
+def weighted_marker(points: IntArray, x: Array, weights: Array, rigid: bool = False) -> Marker:
+    """Return the marker of the weighted mean motion of points at x (n, 3), least squares of what is left of each.
+
+    About an axis that all points lie on they have no mean rotation, and neither has the marker.
+    """
+    if not len(points):
+        return Marker(np.zeros(3), points, weights, np.zeros((3, 0, 3)), rigid)
+    share = weights / weights.sum()
+    centre = share @ x
+    r = x - centre
+    second = np.einsum("i,ia,ib->ab", share, r, r)
+    inertia = np.trace(second) * np.eye(3) - second
+    turn = np.einsum("ad,i,dcb,ic->aib", np.linalg.pinv(inertia, rcond=ON_A_LINE), share, EPSILON, r)
+    return Marker(centre, points, share, turn, rigid)
+
+
+class _Finder:
+    """Groups of points that are one rigid piece, and what is on each."""
+
+    def __init__(self, deck: Connections, space: Discretisation) -> None:
+        self._deck, self._space = deck, space
+        self._n = len(space.x)
+        self._x = np.concatenate([space.x, deck.places])
+        self._above: dict[int, int] = {}  # a point with rotations, and one nearer to its group's first
+        self._names = {point: name for name, point in reversed(list(deck.names.items()))}
+
+    def linked(self) -> Linked:
+        """Gather the links of all groups, and what is on them."""
+        deck, links = self._deck, dict[str, LinkedFace]()
+        references = {int(each.points[0]) for each in (*deck.rigid, *deck.mean)}
+        for point in (*sorted(references), *deck.points[deck.points >= self._n]):
+            self._root(int(point))
+        for each in deck.rigid:
+            self._join(each, references)
+        for first in dict.fromkeys(self._root(point) for point in list(self._above)):
+            rigid = [each for each in deck.rigid if self._root(int(each.points[0])) == first]
+            mean = [each for each in deck.mean if self._root(int(each.points[0])) == first]
+            links[self._names[first]] = LinkedFace(self._marker(first, rigid, mean), self._x[first])
+        at = {point: self._names[self._root(point)] for point in self._above}
+        node_masses = np.zeros(self._n)
+        for mass in deck.masses:
+            if (point := int(mass.points[0])) in at:
+                continue
+            if mass.offset.any() or mass.inertia.any():
+                raise ValueError(f"{mass.label} has an offset or inertia at a node of the solid, which doesn't turn")
+            node_masses[point] += mass.mass
+        return Linked(
+            links,
+            [self._hung(mass) for mass in deck.masses if int(mass.points[0]) in at],
+            node_masses,
+            [self._relation(each, links) for each in deck.equations],
+            [self._relation(each, links) for each in deck.springs],
+            {name: (at[point], self._x[point]) for name, point in deck.names.items() if point in at},
+        )
+
+    def _root(self, point: int) -> int:
+        """Return the first point of a point's group; a point of no group makes one."""
+        while (above := self._above.setdefault(point, point)) != point:
+            point = above
+        return point
+
+    def _join(self, each: RigidConnection, references: set[int]) -> None:
+        """Put the points with rotations of a rigid connection into one group."""
+        first, *others = map(int, each.points)
+        for point in others:
+            if point >= self._n and not each.turning:
+                raise ValueError(f"{each.label} doesn't turn point {self._names[point]}, which has rotations")
+            if point >= self._n or (each.turning and point in references):
+                self._above[self._root(point)] = self._root(first)
+
+    def _marker(self, first: int, rigid: list[RigidConnection], mean: list[MeanConnection]) -> Marker:
+        """Return the marker of a group's nodes on the solid."""
+        tied = np.concatenate([np.array([first]), *(each.points for each in rigid)])
+        nodes = np.unique(tied[tied < self._n])
+        if not mean:
+            return weighted_marker(nodes, self._x[nodes], np.ones(len(nodes)), rigid=True)
+        if len(mean) > 1 or len(nodes):
+            names = " and ".join(each.label for each in (*mean, *rigid)[:3])
+            raise ValueError(f"{names} move the same point; an average link to the solid must be the only one")
+        (own,) = mean
+        if (own.points[1:] >= self._n).any():
+            raise ValueError(f"{own.label} follows points that aren't nodes of the solid, which isn't read")
+        if not own.turning and rigid:
+            raise ValueError(f"{own.label} doesn't turn its point, on which {rigid[0].label} hangs")
+        if own.facets:
+            return face_marker(self._space, list(own.facets))
+        marker = weighted_marker(own.points[1:], self._x[own.points[1:]], own.weights)
+        if own.turning and np.linalg.matrix_rank(marker.rotation_weights.reshape(3, -1), ON_A_LINE) < 3:
+            raise ValueError(f"{own.label} follows nodes that lie on a line, about which they don't turn")
+        return marker
+
+    def _hung(self, mass: MassOnPoint) -> LumpedMass:
+        """Return a mass on its link."""
+        point = int(mass.points[0])
+        for each in self._deck.mean:
+            if each.points[0] == point and not each.turning and (mass.offset.any() or mass.inertia.any()):
+                raise ValueError(f"{each.label} doesn't turn its point, where {mass.label} has an offset or inertia")
+        return LumpedMass(self._names[self._root(point)], mass.mass, self._x[point] + mass.offset, mass.inertia)
+
+    def _relation(self, each: Equation, found: Mapping[str, LinkedFace]) -> Relation:
+        """Turn a sum of displacements of points into one of nodes and references, which no rigid motion changes."""
+        nodes, links, of_rigid = dict[int, Array](), dict[str, Array](), np.zeros(6)
+        for point, direction, coefficient in zip(each.points.tolist(), each.directions, each.coefficients, strict=True):
+            turned = coefficient * np.eye(6)[direction]
+            of_rigid += turned if direction >= 3 else coefficient * rigid_motions(self._x[[point]])[0, direction]
+            if point in self._above:
+                link = self._names[self._root(point)]
+                arm = self._x[[point]] - found[link].at
+                row = turned if direction >= 3 else coefficient * rigid_motions(arm)[0, direction]
+                links[link] = links.get(link, np.zeros(6)) + row
+            elif direction < 3:
+                nodes[point] = nodes.get(point, np.zeros(3)) + turned[:3]
+            else:
+                raise ValueError(f"{each.label} has a rotation at node {self._names[point]}, which has none")
+        size = np.abs(each.coefficients).max() * np.repeat([1.0, np.ptp(self._x, axis=0).max()], 3)
+        if (worst := float((np.abs(of_rigid) / size).max())) > RIGID_RESIDUAL:
+            raise ValueError(
+                f"{each.label} resists rigid motions, by {worst:.2g} of its coefficients: it holds the body to the "
+                "ground. Springs are between points at one place; to hold a body in its frame there is support"
+            )
+        return Relation(each.label, nodes, links, each.stiffness if isinstance(each, SpringBetween) else 0.0)
