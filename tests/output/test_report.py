@@ -25,6 +25,11 @@ from fmd.render.camera import Camera
 
 QUICK = ["body.beam.mesh.divisions=[24, 2, 1]", "simulation.duration=100 ms"]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+BROWSER = [
+    *("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--virtual-time-budget=5000", "--host-resolver-rules=MAP * ~NOTFOUND"),
+]
 # Frames are drawn at once, so that nothing has to be waited for.
 AT_ONCE = "<script>window.requestAnimationFrame = (paint) => (paint(0), 0);</script>"
 # Drags, zooms, goes back, moves the time and plays as a user would; after each: the canvas's covered share, a sum of
@@ -175,9 +180,7 @@ def test_the_mechanism_turns_and_moves_in_a_browser(text, tmp_path):
     path = tmp_path / "page.html"
     changed = text.replace("<title>", f"{AT_ONCE}<title>", 1).replace("</body>", HARNESS)
     path.write_text(changed, encoding="utf-8")
-    options = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    options += ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"]
-    options += ["--virtual-time-budget=5000", "--window-size=1280,1000", "--host-resolver-rules=MAP * ~NOTFOUND"]
+    options = [*BROWSER, "--window-size=1280,1000"]
     options += [f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={tmp_path / 'page.png'}", "--dump-dom"]
     done = subprocess.run(
         [str(CHROMIUM), *options, path.as_uri()], capture_output=True, text=True, check=True, timeout=180

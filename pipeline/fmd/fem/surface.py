@@ -71,15 +71,18 @@ def surface_normals(x: Array, surface: SurfaceTopology) -> Array:
     return np.where(sizes > 0.0, normals / np.where(sizes > 0.0, sizes, 1.0), [0.0, 0.0, 1.0])
 
 
+def surface_facets(space: Discretisation) -> IntArray:
+    """Return the boundary facet of each triangle of `surface_topology`, shape (n_triangles,)."""
+    return np.concatenate([np.repeat(facets, around.shape[1] - 2) for facets, around in boundary_polygons(space)])
+
+
 def surface_elements(space: Discretisation) -> IntArray:
     """Return the element of each triangle of `surface_topology`, shape (n_triangles,)."""
-    return np.concatenate(
-        [np.repeat(elements, polygons.shape[1] - 2) for elements, polygons in boundary_polygons(space)]
-    )
+    return np.asarray(space.boundary_facets[0][surface_facets(space)])
 
 
 def boundary_polygons(space: Discretisation) -> list[tuple[IntArray, IntArray]]:
-    """Return the elements (n_facets,) of the boundary facets and the nodes (n_facets, n_around) around each.
+    """Return the numbers (n_facets,) of the boundary facets and the nodes (n_facets, n_around) around each.
 
     Counter-clockwise seen from outside; triangles and quadrilaterals are separate items.
     """
@@ -92,7 +95,7 @@ def boundary_polygons(space: Discretisation) -> list[tuple[IntArray, IntArray]]:
         if of_kind.any():
             table = np.zeros((len(polygons), n_around), dtype=np.int64)
             table[numbers] = [polygons[k] for k in numbers]
-            result.append((elements[of_kind], _turn_outwards(space, elements[of_kind], table[local[of_kind]])))
+            result.append((np.flatnonzero(of_kind), _turn_outwards(space, elements[of_kind], table[local[of_kind]])))
     return result
 
 

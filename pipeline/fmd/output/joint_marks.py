@@ -63,7 +63,7 @@ class Marks:
         r, origin, found = self.radius, np.zeros(3), []
         for name in self.run.scene.joint:
             found += self._of_a_joint(name)
-        for element in self._elements("ball", "disc"):
+        for name, element in self._elements("ball", "disc"):
             place = element.between[1]
             if element.mark == "disc":
                 place = element.between[0]
@@ -71,7 +71,7 @@ class Marks:
                 surface = make_cylinder(-0.8 * r * axis, 0.8 * r * axis, 1.7 * r)
             else:
                 surface = make_ball(origin, 1.2 * r)
-            found.append(MovingShape(surface, BUSHING, self.position(place), self.rotation(place)))
+            found.append(MovingShape(surface, BUSHING, self.position(place), self.rotation(place), name))
         return found + self._ground()
 
     def lines(self) -> list[MovingLine]:
@@ -79,7 +79,7 @@ class Marks:
         from fmd.render.moving_bodies import MovingLine
 
         found = []
-        for spring in self._elements("coil"):
+        for _, spring in self._elements("coil"):
             one, other = (self.position(place) for place in spring.between)
             found.append(MovingLine(_coil(one, other, _WIRE * self.radius), SPRING, 1.8))
         for joint in self.run.scene.joint.values():
@@ -95,10 +95,14 @@ class Marks:
                 found.append(MovingLine(np.tile(rail, (len(self.chosen), 1, 1)), GROUND, 2.5))
         return found
 
-    def _elements(self, *marks: str) -> list[Any]:
-        """Return the scene's force elements that have one of some marks; all if none is given."""
-        tables = self.run.scene.elements.values()
-        return [element for table in tables for element in table.values() if not marks or element.mark in marks]
+    def _elements(self, *marks: str) -> list[tuple[str, Any]]:
+        """Return the scene's force elements that have one of some marks, all if none is given, with their names."""
+        return [
+            (f"{kind}.{name}", element)
+            for kind, table in self.run.scene.elements.items()
+            for name, element in table.items()
+            if not marks or element.mark in marks
+        ]
 
     def _of_a_joint(self, name: str) -> list[MovingShape]:
         """Return the mark of a joint, which moves with its child: a pin, a ball or a slide."""
@@ -120,7 +124,8 @@ class Marks:
             surface = make_box(np.array(joint.mark.edges) * r, origin, axes_along(axis))
         else:
             return []
-        return [MovingShape(surface, JOINT, self.position(joint.child), self.rotation(joint.child))]
+        places = self.position(joint.child), self.rotation(joint.child)
+        return [MovingShape(surface, JOINT, *places, f"joint.{name}, {joint.type}")]
 
     def _axis_in_child(self, joint: Joint) -> Array:
         """Return a joint's axis in the axes of its child's body, z of one without."""
@@ -157,7 +162,7 @@ class Marks:
                 if holds and not self._is_around(other):
                     find = self._axis_in_parent if place == joint.parent else self._axis_in_child
                     held.setdefault(place, (other, find(joint)))
-        for between in [element.between for element in self._elements()]:
+        for between in [element.between for _, element in self._elements()]:
             for place, other in (between, between[::-1]):
                 if place.partition(".")[0] == "ground":
                     held.setdefault(place, (other, np.array([0.0, 0.0, 1.0])))
@@ -166,7 +171,7 @@ class Marks:
         for place, (other, axis) in held.items():
             along = self._away(place, other, axis)
             pyramid = make_pyramid(np.zeros(3), along, 3.2 * self.radius, 3.4 * self.radius)
-            shapes.append(MovingShape(pyramid, GROUND, self.position(place), still))
+            shapes.append(MovingShape(pyramid, GROUND, self.position(place), still, place))
         return shapes
 
     def _away(self, place: str, other: str, axis: Array) -> Array:

@@ -30,6 +30,7 @@ def view_mechanism(
     component: str = "von Mises",
     scale: float = 1.0,
     alone: bool = False,
+    stressed: bool = True,
 ) -> MovingMechanism:
     """Gather a mechanism at some output times of a run's motion.
 
@@ -47,12 +48,15 @@ def view_mechanism(
         Factor on the deformation.
     alone : bool
         Leave out everything but the coloured body.
+    stressed : bool
+        False to leave out stress, which takes the run's motion.
     """
     from fmd.render.moving_bodies import MovingMechanism
 
     meshed = [name for name, part in run.wholes.items() if part.has_stress and (not alone or name == coloured)]
     bodies = tuple(
-        _flexible(run, name, chosen, scale, component if coloured in (None, name) else None) for name in meshed
+        _flexible(run, name, chosen, scale, component if stressed and coloured in (None, name) else None)
+        for name in meshed
     )
     up, shapes, lines = None, [], []
     if not alone:
@@ -93,6 +97,7 @@ def _flexible(run: Pipeline, body: str, chosen: IntArray, scale: float, componen
         rotation=frame.rotation[chosen],
         scale=scale,
         stress=history.measure_at(chosen, stress_measure(component)) if history is not None and component else None,
+        name=body,
     )
 
 
@@ -109,7 +114,7 @@ def _rigid(run: Pipeline, chosen: IntArray, size: float) -> list[MovingShape]:
         origin = np.array(table.marker[name].at) - marker.position  # of the frame, in the scene's coordinates
         place = frame.origin[chosen] - np.einsum("tij,j->ti", frame.rotation[chosen], origin)
         for surface, own in shape_surfaces(run, body, size):
-            found.append(MovingShape(surface, own or colour, place, frame.rotation[chosen]))
+            found.append(MovingShape(surface, own or colour, place, frame.rotation[chosen], body))
     return found
 
 

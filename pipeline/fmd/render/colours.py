@@ -12,6 +12,7 @@ from fmd.core.arrays import Array
 
 STRESS = "von Mises [MPa]"
 LIGHT_TURBO = "light turbo"
+UNCOLOURED = "#c3c9d1"  # of a flexible body without stress
 _TURNED = "_r"  # ends the name of a map that runs backwards, as in Matplotlib
 COMMON = frozenset(
     {LIGHT_TURBO, LIGHT_TURBO + _TURNED, "turbo", "viridis", "plasma", "inferno", "magma", "cividis", "coolwarm"}

@@ -17,11 +17,11 @@ from fmd.render.canvas import (
     add_part_by_values,
     choose_outline,
 )
+from fmd.render.colours import UNCOLOURED
 from fmd.render.moving_bodies import MovingMechanism
 from fmd.render.projection import Place, Projection
 from fmd.render.surface import Surface, build_skin
 
-UNCOLOURED = "#c3c9d1"  # of a flexible body without stress
 _AMBIENT = 0.62  # of light, so that what is turned from it stays pale
 _FORM = Outline(elements=False, width=1.0, opacity=0.55)
 

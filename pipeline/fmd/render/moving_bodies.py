@@ -31,6 +31,8 @@ class MovingBody:
         Factor on the deformation.
     stress : ndarray, shape (n_frames, n_points), optional
         What colours it [Pa]; without, it has one colour.
+    name : str
+        What it is called.
     """
 
     surface: Surface
@@ -40,6 +42,7 @@ class MovingBody:
     rotation: Array
     scale: float = 1.0
     stress: Array | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
         n_points, n_frames = len(self.surface.points), len(self.origin)
@@ -75,12 +78,15 @@ class MovingShape:
     colour : str
     origin, rotation : ndarray, shapes (n_frames, 3) and (n_frames, 3, 3)
         Place [m] and axes of the frame in space.
+    name : str
+        What it is called.
     """
 
     surface: Surface
     colour: str
     origin: Array
     rotation: Array
+    name: str = ""
 
     def points(self, frame: int) -> Array:
         """Return the surface's points in space, shape (n_points, 3) [m]."""

@@ -165,12 +165,12 @@ def free_directions(system: CompiledSystem, q: Array) -> Array:
     return np.asarray(vectors[constraint_rank(system, q) :].T)
 
 
-def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray]) -> Array:
+def _close(system: CompiledSystem, q: Array, groups: Sequence[IntArray], t: float = 0.0) -> Array:
     """Close the residuals by the first group of coordinates that can; else return where the last one leaves them."""
     closed, weights = q, _flexibility(system)
     for columns in groups:
-        closed = _close_by(system, q, columns, weights)
-        if _residual(system, closed) <= limits.OPEN:
+        closed = _close_by(system, q, columns, weights, t)
+        if _residual(system, closed, t) <= limits.OPEN:
             return closed
     return closed
 
@@ -185,26 +185,48 @@ def _flexibility(system: CompiledSystem) -> Array:
     return weights
 
 
-def _residuals(system: CompiledSystem, q: Array) -> Array:
-    return system.compiled.residuals(0.0, q, np.zeros(system.n))[0]
+def _residuals(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
+    return system.compiled.residuals(t, q, np.zeros(system.n))[0]
 
 
-def _residual(system: CompiledSystem, q: Array) -> float:
-    return largest(_residuals(system, q))
+def _residual(system: CompiledSystem, q: Array, t: float = 0.0) -> float:
+    return largest(_residuals(system, q, t))
 
 
-def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Array) -> Array:
+def close_pose(system: CompiledSystem, t: float, q: Array, kept: int | None = None) -> Array | None:
+    """Return positions near ``q`` at which all loops are closed at a time; ``None`` if there are none.
+
+    Bodies deform only where joints alone can't do it.
+
+    Parameters
+    ----------
+    t : float
+        At which prescribed motions are taken [s].
+    q : ndarray, shape (n_positions,)
+        Where the search begins.
+    kept : int, optional
+        Number of the rate whose coordinate stays as it is.
+    """
+    if not system.mechanism.closures:
+        return q
+    fixed = [] if kept is None else [kept]
+    groups = [np.setdiff1d(columns, fixed) for columns in (_joint_rates(system.mechanism), np.arange(system.n))]
+    closed = _close(system, q, groups, t)
+    return closed if _residual(system, closed, t) <= limits.OPEN else None
+
+
+def _close_by(system: CompiledSystem, q: Array, columns: IntArray, weights: Array, t: float = 0.0) -> Array:
     """Move some coordinates by Newton's method, the least motion first, in halved steps where a residual would grow."""
 
     def correction(q: Array, left: Array) -> Array:
-        J = system.compiled.constraint_jacobian(0.0, q)[:, columns] * weights[columns]
+        J = system.compiled.constraint_jacobian(t, q)[:, columns] * weights[columns]
         change = np.zeros(system.n)
         change[columns] = -weights[columns] * np.linalg.lstsq(J, left, rcond=limits.DEPENDENT_DIRECTION)[0]
         return change
 
     return solve(
         q,
-        lambda q: _residuals(system, q),
+        lambda q: _residuals(system, q, t),
         correction,
         lambda q, change: move_positions(system.parameters, q, change),
         _CLOSING,

@@ -10,6 +10,11 @@ LONGEST_TEXT = 60  # letters of a value in an object's text
 LONGEST_VALUE = 80  # characters of a value in a message
 MANY_BODIES = 5  # bodies, whose names aren't listed
 
+# Viewer.
+POSES_OF_A_JOINT = 49  # positions of a joint that a slider passes, with those of the loops that follow
+MOST_BENT = 0.02  # of the mechanism's reach: beyond it a pose that bends bodies is none that a hand could reach
+COINCIDENT = 1e-6  # metres between markers that have one label
+
 # Charts.
 SWEPT_MODES = 6  # in the chart of a sweep
 SWEPT_PANELS = 6  # in the chart of a sweep

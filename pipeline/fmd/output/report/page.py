@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
@@ -39,11 +40,22 @@ def write_report(solved: SolvedScene, path: Path, overrides: Sequence[str] = (),
     InputError
         The file can't be written.
     """
+    write_page(path, lambda: make_page(solved, overrides, budget))
+
+
+def write_page(path: Path, make: Callable[[], str]) -> None:
+    """Write a page whole or not at all, in a folder that is made if it is missing.
+
+    Raises
+    ------
+    InputError
+        The file can't be written, which is found before anything is computed.
+    """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)  # fails at once, not after all is computed
+        path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as part:
             part.touch()
-            part.write_text(make_page(solved, overrides, budget), encoding="utf-8")
+            part.write_text(make(), encoding="utf-8")
     except OSError as error:
         raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
 
@@ -55,20 +67,20 @@ def make_page(solved: SolvedScene, overrides: Sequence[str] = (), budget: bool =
         run.motions  # noqa: B018 - refuses or diverges before anything is drawn
     pictures = run.store.compute("pictures", lambda: draw_pictures(run))
     summary = summarise_solved(solved, (), budget, allowed_seconds(run))
-    resources = files(_PACKAGE)
-    return _template().render(
+    return render_page(
+        "page.html",
         **pictures,
         **collect_tables(run, summary),
         overrides=overrides,
         date=f"{datetime.now(UTC):%Y-%m-%d}",
         scene_table=solved.scene._repr_html_(),
         versions_table=versions_table(),
-        style=(resources / "page.css").read_text(encoding="utf-8"),
-        script=(resources / "viewer.js").read_text(encoding="utf-8"),
     )
 
 
-def _template() -> Template:
+def render_page(template: str, **contents: Any) -> str:
+    """Return the text of a page of this package, with its style and the viewer's script."""
+    resources = files(_PACKAGE)
     environment = Environment(
         loader=PackageLoader(_PACKAGE, "."),
         autoescape=True,
@@ -78,4 +90,8 @@ def _template() -> Template:
         keep_trailing_newline=True,
     )
     environment.filters["scaled"] = scaled
-    return environment.get_template("page.html")
+    return environment.get_template(template).render(
+        **contents,
+        style=(resources / "page.css").read_text(encoding="utf-8"),
+        script=(resources / "viewer.js").read_text(encoding="utf-8"),
+    )

@@ -13,10 +13,10 @@ from fmd.core.arrays import Array, IntArray
 from fmd.output.mechanism_view import view_mechanism
 from fmd.recovery.stress import choose_frames
 from fmd.render.camera import Camera
-from fmd.render.colours import FILM_RANGES, film_limits, sample_colours, stress_limits
+from fmd.render.colours import FILM_RANGES, UNCOLOURED, film_limits, sample_colours, stress_limits
 
 if TYPE_CHECKING:
-    from fmd.render.moving_bodies import MovingBody, MovingShape
+    from fmd.render.moving_bodies import MovingBody, MovingMechanism, MovingShape
     from fmd.stages.pipeline import Pipeline
 
 _COLOURS = 256
@@ -41,13 +41,8 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``bodies`` and ``lines``; arrays are little-endian in base64. Of each body: float32 ``positions`` (n, 3) of its
-        drawn points in its frame [m], float32 ``origin`` (n_frames, 3) [m] and ``rotation`` (n_frames, 3, 3) of the
-        frame, uint32 ``triangles`` and ``edges``, ``rgb`` if it has one colour. Of a flexible one also int16
-        ``displacements`` (n_frames, n, 3), a unit of which is ``step`` [m], and uint16 ``levels`` (n_frames, n) between
-        the least and the largest stress, the ``limits`` [MPa]; ``spans`` [MPa] has the limits that the colours can
-        have in each frame, by their names in `film_limits`. ``axes`` are the camera's, row by row, to the right, up and
-        towards the viewer.
+        As `describe_mechanism` gives it, with the number of the worst instant's frame, and ``spans`` [MPa], the limits
+        that the colours can have in each frame, by their names in `film_limits`.
     """
     times = run.motion.times
     meshed = [name for name, part in run.wholes.items() if part.has_stress]
@@ -61,7 +56,38 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
     moving = view_mechanism(run, chosen, scale=scale)
     stresses = [body.stress for body in moving.bodies if body.stress is not None]
     stress = np.concatenate(stresses, axis=1) if stresses else np.zeros((len(chosen), 1))
-    limits = stress_limits(stress)
+    return describe_mechanism(moving, camera, scale, stress_limits(stress)) | {
+        "clocks": [moving.clock(frame) for frame in range(len(chosen))],
+        "spans": {span: (film_limits(stress, span) * 1e-6).tolist() for span in FILM_RANGES} if stresses else {},
+        "frame": int(np.searchsorted(chosen, at_worst)),
+        "worst": _describe_worst(first, worst),
+    }
+
+
+def describe_mechanism(
+    moving: MovingMechanism, camera: Camera, scale: float, limits: tuple[float, float]
+) -> dict[str, Any]:
+    """Describe a mechanism in all its frames as the viewer takes it.
+
+    Parameters
+    ----------
+    scale : float
+        Factor on the deformation when the page is opened.
+    camera : Camera
+        Gives the direction at first, and the colours.
+    limits : tuple of float
+        Least and largest stress [Pa].
+
+    Returns
+    -------
+    dict
+        ``bodies`` and ``lines``; arrays are little-endian in base64. Of each body: float32 ``positions`` (n, 3) of its
+        drawn points in its frame [m], float32 ``origin`` (n_frames, 3) [m] and ``rotation`` (n_frames, 3, 3) of the
+        frame, uint32 ``triangles`` and ``edges``, ``rgb`` if it has one colour, and its ``name``. Of one that deforms
+        also int16 ``displacements`` (n_frames, n, 3), a unit of which is ``step`` [m], and of one with stress uint16
+        ``levels`` (n_frames, n) between the least and the largest, the ``limits`` [MPa]. ``axes`` are the camera's,
+        row by row, to the right, up and towards the viewer.
+    """
     around = moving.around()
     middle = (around.min(axis=0) + around.max(axis=0)) / 2
     axes = camera.candidate_axes(around, up=moving.up)[0]
@@ -70,19 +96,15 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
     n_edges = sum(len(body.surface.edges) for body in moving.bodies)
     return {
         "bodies": bodies + [_rigid(shape) for shape in moving.shapes],
-        "lines": [{"points": _encode(line.points, "<f4"), "rgb": _rgb(line.colour)} for line in moving.lines],
-        "clocks": [moving.clock(frame) for frame in range(len(chosen))],
-        "colours": _encode(sample_colours(camera.colour_map, _COLOURS), "u1"),
+        "lines": [{"points": encode(line.points, "<f4"), "rgb": _rgb(line.colour)} for line in moving.lines],
+        "colours": encode(sample_colours(camera.colour_map, _COLOURS), "u1"),
         "limits": [limits[0] * 1e-6, limits[1] * 1e-6],
-        "spans": {span: (film_limits(stress, span) * 1e-6).tolist() for span in FILM_RANGES} if stresses else {},
         "axes": axes.ravel().tolist(),
         "middle": middle.tolist(),
         "reach": (_REACHED * np.maximum(reach, 1e-9)).tolist(),
         "radius": float(np.linalg.norm(around - middle, axis=1).max()) or 1.0,
         "scale": scale,
         "showEdges": n_edges <= _MOST_EDGES,
-        "frame": int(np.searchsorted(chosen, at_worst)),
-        "worst": _describe_worst(first, worst),
     }
 
 
@@ -98,19 +120,20 @@ def _flexible(body: MovingBody, limits: tuple[float, float]) -> dict[str, Any]:
     from fmd.render.surface import build_skin
 
     skin = build_skin(body.surface)
-    displacements = np.stack([body.shapes @ q for q in body.coordinates])
-    step = float(np.abs(displacements).max(initial=0.0)) / _LARGEST or 1.0
     drawn = np.zeros(len(body.surface.points), dtype=np.int64)
     drawn[skin.source] = np.arange(len(skin.source))
-    assert body.stress is not None
-    levels = (body.stress - limits[0]) / (limits[1] - limits[0]) * np.iinfo(np.uint16).max
-    return _placed(body.surface.points[skin.source], skin.triangles, body) | {
-        "edges": _encode(drawn[body.surface.edges], "<u4"),
-        "step": step,
-        "displacements": _encode(np.rint(displacements[:, skin.source] / step), "<i2"),
-        "levels": _encode(np.rint(levels[:, skin.source]), "<u2"),
-        "rgb": None,
+    placed = _placed(body.surface.points[skin.source], skin.triangles, body) | {
+        "edges": encode(drawn[body.surface.edges], "<u4"),
+        "rgb": _rgb(UNCOLOURED) if body.stress is None else None,
     }
+    displacements = np.stack([body.shapes @ q for q in body.coordinates])
+    if largest := float(np.abs(displacements).max(initial=0.0)):
+        step = largest / _LARGEST
+        placed |= {"step": step, "displacements": encode(np.rint(displacements[:, skin.source] / step), "<i2")}
+    if body.stress is not None:
+        levels = (body.stress - limits[0]) / (limits[1] - limits[0]) * np.iinfo(np.uint16).max
+        placed["levels"] = encode(np.rint(levels[:, skin.source]), "<u2")
+    return placed
 
 
 def _rigid(shape: MovingShape) -> dict[str, Any]:
@@ -123,10 +146,11 @@ def _rigid(shape: MovingShape) -> dict[str, Any]:
 
 def _placed(points: Array, triangles: IntArray, frame: MovingBody | MovingShape) -> dict[str, Any]:
     return {
-        "positions": _encode(points, "<f4"),
-        "triangles": _encode(triangles, "<u4"),
-        "origin": _encode(frame.origin, "<f4"),
-        "rotation": _encode(frame.rotation, "<f4"),
+        "positions": encode(points, "<f4"),
+        "triangles": encode(triangles, "<u4"),
+        "origin": encode(frame.origin, "<f4"),
+        "rotation": encode(frame.rotation, "<f4"),
+        "name": frame.name,
     }
 
 
@@ -134,6 +158,6 @@ def _rgb(colour: str) -> list[float]:
     return [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
 
 
-def _encode(values: NDArray[Any], kind: str) -> str:
+def encode(values: NDArray[Any], kind: str) -> str:
     """Encode an array's bytes in base64."""
     return base64.b64encode(values.astype(kind).tobytes()).decode()

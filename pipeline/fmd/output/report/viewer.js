@@ -1,6 +1,6 @@
 "use strict";
 // A mechanism that turns and moves: drag to rotate, wheel or pinch to zoom, with shift to move, arrow keys, double click
-// to go back; a slider for the time, which a button plays.
+// to go back; a slider for the time, which a button plays, or one for each coordinate. What the pointer is over is named.
 
 const VERTEX = `#version 300 es
 in vec3 position, normal; in float level;
@@ -88,6 +88,7 @@ function show(figure) {
     const level = attribute("level", 1, gl.UNSIGNED_SHORT, true);
     const faces = buffer(gl.ELEMENT_ARRAY_BUFFER, corners), lines = buffer(gl.ELEMENT_ARRAY_BUFFER, edges);
     return {
+      name: given.name, faces_at: given.faces ? new Uint16Array(bytes(given.faces.of)) : null, face_names: given.faces ? given.faces.names : [],
       x, corners, edges, array, position, normal, level, faces, lines, rgb: given.rgb, step: given.step, now: new Float32Array(x.length),
       u: given.displacements ? new Int16Array(bytes(given.displacements)) : null,
       levels: given.levels ? new Uint16Array(bytes(given.levels)) : new Uint16Array(0),
@@ -108,8 +109,9 @@ function show(figure) {
   gl.enable(gl.DEPTH_TEST); gl.enable(gl.BLEND); gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
 
   const control = (name) => figure.querySelector(`[name=${name}]`);
-  const [time, stretch, meshed, play, spanned] = ["time", "scale", "edges", "play", "span"].map(control);
-  let turn, zoom, move, waiting = false, drawn = 0, playing = null;
+  const [time, stretch, meshed, play, spanned, named] = ["time", "scale", "edges", "play", "span", "names"].map(control);
+  const clips = [...figure.querySelectorAll("[name=clip]")];
+  let turn, zoom, move, waiting = false, drawn = 0, playing = null, frame = data.frame;
   // Lengths in the picture are half of its shorter side.
   const shape = () => { const wide = canvas.clientWidth / canvas.clientHeight; return [Math.min(1, 1 / wide), Math.min(1, wide)]; };
   const home = () => {
@@ -127,7 +129,7 @@ function show(figure) {
     if (spanned.value === "usual" && high < largest) ticks[last].textContent = "≥ " + ticks[last].textContent;
   };
   const pose = () => {
-    const frame = Number(time.value), scale = stretch ? Number(stretch.value) : 1;
+    const scale = stretch ? Number(stretch.value) : 1;
     figure.querySelector("output[name=clock]").textContent = data.clocks[frame];
     if (stretch) figure.querySelector("output[name=factor]").textContent = `× ${scale}`;
     for (const body of bodies) {
@@ -139,6 +141,49 @@ function show(figure) {
     if (spanned) setSpan(frame);
     for (const line of lines) fill(line.position, line.points.subarray(3 * line.count * frame, 3 * line.count * (frame + 1)));
     draw();
+  };
+
+  const markers = (data.markers ? data.markers.names : []).map((name) => {
+    const label = document.createElement("span");
+    label.textContent = name; figure.querySelector(".labels").append(label);
+    return label;
+  });
+  const places = data.markers ? new Float32Array(bytes(data.markers.points)) : null;
+  // A point of space along the camera's axes, from the middle.
+  const seen = (p, k) => {
+    const [x, y, z] = [p[k] - data.middle[0], p[k + 1] - data.middle[1], p[k + 2] - data.middle[2]];
+    return [0, 3, 6].map((row) => turn[row] * x + turn[row + 1] * y + turn[row + 2] * z);
+  };
+  const label = () => {
+    const shown = named && named.checked, [across, up] = shape();
+    markers.forEach((marker, k) => {
+      const [x, y] = seen(places, 3 * (frame * markers.length + k));
+      marker.hidden = !shown;
+      marker.style.left = `${50 * (1 + (x * zoom + move[0]) * across)}%`;
+      marker.style.top = `${50 * (1 - (y * zoom + move[1]) * up)}%`;
+    });
+  };
+  // What is nearest to the viewer under a place of the canvas, from its upper left [pixels].
+  const pick = (left, top) => {
+    const [across, up] = shape();
+    const at = [((2 * left / canvas.clientWidth - 1) / across - move[0]) / zoom, ((1 - 2 * top / canvas.clientHeight) / up - move[1]) / zoom];
+    let nearest = -Infinity, found = "";
+    for (const body of bodies) {
+      const points = [];
+      for (let k = 0; k < body.now.length; k += 3) points.push(seen(body.now, k));
+      for (let k = 0; k < body.corners.length; k += 3) {
+        const [a, b, c] = [0, 1, 2].map((j) => points[body.corners[k + j]]);
+        const area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        const s = ((at[0] - a[0]) * (c[1] - a[1]) - (at[1] - a[1]) * (c[0] - a[0])) / area;
+        const t = ((b[0] - a[0]) * (at[1] - a[1]) - (b[1] - a[1]) * (at[0] - a[0])) / area;
+        const depth = a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]);
+        if (!(s >= 0 && t >= 0 && s + t <= 1 && depth > nearest)) continue;
+        nearest = depth; found = body.name;
+        const face = body.faces_at ? body.face_names[body.faces_at[k / 3]] : undefined;
+        if (face) found += `, face ${face}`;
+      }
+    }
+    return found;
   };
 
   function paint() {
@@ -168,6 +213,7 @@ function show(figure) {
       gl.uniform4f(uniform.line, ...line.rgb, 1);
       gl.drawArrays(gl.LINE_STRIP, 0, line.count);
     }
+    label();
     canvas.dataset.drawn = ++drawn;
   }
   const draw = () => { if (!waiting) { waiting = true; requestAnimationFrame(paint); } };
@@ -177,10 +223,14 @@ function show(figure) {
   const stop = () => { clearInterval(playing); playing = null; play.textContent = "play"; };
   const begin = () => {
     play.textContent = "stop";
-    playing = setInterval(() => { time.value = (Number(time.value) + 1) % data.clocks.length; pose(); }, 60);
+    playing = setInterval(() => { time.value = frame = (frame + 1) % data.clocks.length; pose(); }, 60);
   };
-  play.addEventListener("click", () => (playing ? stop() : begin()));
-  time.addEventListener("input", () => { stop(); pose(); });
+  if (play) play.addEventListener("click", () => (playing ? stop() : begin()));
+  if (time) time.addEventListener("input", () => { stop(); frame = Number(time.value); pose(); });
+  clips.forEach((slider, k) => slider.addEventListener("input", () => {
+    clips.forEach((other, j) => { if (j !== k) other.value = data.clips[j].start; });
+    frame = data.clips[k].first + Number(slider.value); pose();
+  }));
 
   const fingers = new Map();
   const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
@@ -188,7 +238,11 @@ function show(figure) {
   for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (e) => fingers.delete(e.pointerId));
   canvas.addEventListener("pointermove", (e) => {
     const finger = fingers.get(e.pointerId);
-    if (!finger) return;
+    if (!finger) {
+      const box = canvas.getBoundingClientRect(), over = figure.querySelector("output[name=over]");
+      over.textContent = pick(e.clientX - box.left, e.clientY - box.top);
+      return;
+    }
     const [right, down] = [e.clientX - finger.x, e.clientY - finger.y], before = fingers.size === 2 ? apart() : 0;
     finger.x = e.clientX; finger.y = e.clientY;
     if (before) magnify(apart() / before);
@@ -205,7 +259,7 @@ function show(figure) {
   });
   if (stretch) stretch.addEventListener("input", pose);
   if (spanned) spanned.addEventListener("change", pose);
-  if (meshed) meshed.addEventListener("change", draw);
+  for (const choice of [meshed, named]) if (choice) choice.addEventListener("change", draw);
   control("reset").addEventListener("click", home);
   new ResizeObserver(draw).observe(canvas);
   home(); pose();

@@ -1,0 +1,36 @@
+"""``fmd view``: a mechanism in the browser before it runs."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+
+from fmd.cli.inputs import DEFAULTS, Options
+from fmd.cli.options import Flag, SceneName, print_json
+from fmd.cli.tables import open_console
+from fmd.output.report.page import write_page
+from fmd.output.report.view_page import make_view_page
+
+_SPARE = (("output",), ("output", "reference", "accuracy"))
+
+
+def view(scene: SceneName, *, out: Path | None = None, no_browser: Flag = False, options: Options = DEFAULTS) -> None:
+    """A mechanism in the browser before it runs: bodies, markers, joints and faces by name, joints moved by sliders.
+
+    Parameters
+    ----------
+    out
+        The page; out/SCENE/view.html by default.
+    no_browser
+        Write the page only.
+    """
+    run = options.solve(scene, spare=_SPARE)
+    path = out or Path("out") / run.scene.name / "view.html"
+    write_page(path, lambda: make_view_page(run, options.set_ or ()))
+    size = path.stat().st_size
+    if options.json:
+        print_json({"scene": run.scene.name, "file": str(path), "bytes": size})
+        return
+    open_console().print(f"{path}: {size / 1e6:.2f} MB; open it in a browser", soft_wrap=True)
+    if not no_browser:
+        webbrowser.open(path.resolve().as_uri())

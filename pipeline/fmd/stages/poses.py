@@ -1,0 +1,157 @@
+"""Poses of an undeformed mechanism: each joint moved through its range, and prescribed motions over their time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.limits.shown import MOST_BENT, POSES_OF_A_JOINT
+from fmd.integrators.protocol import State, Trajectory
+from fmd.recovery.motion import Motion
+from fmd.stages.assembly import close_pose
+
+if TYPE_CHECKING:
+    from fmd.stages.pipeline import Pipeline
+
+
+@dataclass(frozen=True)
+class Clip:
+    """Poses of a mechanism along one coordinate, its other joints at the start or as loops make them follow.
+
+    Attributes
+    ----------
+    name : str
+        The joint's, or ``time`` for all prescribed motions.
+    unit : str
+        ``rad``, ``m`` or ``s``.
+    values : ndarray, shape (n_poses,)
+        Of the coordinate, ascending.
+    times : ndarray, shape (n_poses,)
+        At which prescribed motions are taken [s].
+    q : ndarray, shape (n_poses, n_positions)
+        Positions.
+    start : int
+        Number of the pose at the start.
+    """
+
+    name: str
+    unit: str
+    values: Array
+    times: Array
+    q: Array
+    start: int
+
+
+def undeformed_start(run: Pipeline) -> Array:
+    """Return the positions at the start with every body as it was meshed, shape (n_positions,)."""
+    mechanism, q0 = run.mechanism, run.start[0].copy()
+    for k in range(len(mechanism.links)):
+        q0[mechanism.modes_of(k) + mechanism.n_positions - mechanism.n] = 0.0
+    closed = close_pose(run.system, 0.0, q0)
+    return run.start[0] if closed is None else closed
+
+
+def find_clips(run: Pipeline, reach: float) -> tuple[Clip, ...]:
+    """Find the poses along each coordinate that a hand could move, as far as loops stay closed.
+
+    Parameters
+    ----------
+    reach : float
+        How far slides without stops move to both sides [m]; hinges without stops make a whole turn.
+
+    Returns
+    -------
+    tuple of Clip
+        The prescribed motions' if there are any, and one for each joint with a single free coordinate.
+    """
+    poses, found = _Poses(run, reach), []
+    if any(link.motion is not None for link in run.mechanism.links):
+        found.append(poses.over_time())
+    for number, link in enumerate(run.mechanism.links):
+        if link.unit and link.n_rates and link.motion is None:
+            found.append(poses.along_joint(number))
+    return tuple(clip for clip in found if len(clip.values) > 1)
+
+
+class _Poses:
+    """Poses of a run's mechanism, each found from the one before."""
+
+    def __init__(self, run: Pipeline, reach: float) -> None:
+        self.run, self.reach = run, reach
+        self.q0 = undeformed_start(run)
+
+    def over_time(self) -> Clip:
+        """Find the poses over the prescribed motions."""
+        times = np.linspace(0.0, self.run.scene.simulation.duration, POSES_OF_A_JOINT)
+        poses = self._follow([(float(t), None) for t in times], None)
+        times = times[: len(poses)]
+        return Clip("time", "s", times, times, np.reshape(poses, (len(poses), -1)), 0)
+
+    def along_joint(self, number: int) -> Clip:
+        """Find the poses along the joint that carries a body, to both sides of its start."""
+        link, layout = self.run.mechanism.links[number], self.run.mechanism.layout
+        at, rate = int(layout.position[number]), int(layout.rate[number])
+        own = self.q0[at]
+        stop = self.run.divided_scene.joint[link.joint_name].along[0].stop
+        far = np.pi if link.unit == "rad" else self.reach
+        low, high = (getattr(stop, side, None) for side in ("low", "high"))
+        low, high = (own - far if low is None else min(low, own)), (own + far if high is None else max(high, own))
+        below, above = (
+            self._follow([(0.0, (at, value)) for value in np.linspace(own, end, POSES_OF_A_JOINT // 2 + 1)[1:]], rate)
+            for end in (low, high)
+        )
+        q = np.array([*below[::-1], self.q0, *above])
+        return Clip(link.joint_name, link.unit, q[:, at], np.zeros(len(q)), q, len(below))
+
+    def _follow(self, places: Sequence[tuple[float, tuple[int, float] | None]], kept: int | None) -> list[Array]:
+        """Return the poses at times and values of a position, up to where loops open.
+
+        Where a joint is moved by hand, its rate's number ``kept``, poses also end where bodies would have to bend.
+        """
+        poses, q = [], self.q0
+        for t, moved in places:
+            trial = q.copy()
+            if moved is not None:
+                trial[moved[0]] = moved[1]
+            closed = close_pose(self.run.system, t, trial, kept)
+            if closed is None or (kept is not None and self._deflection(closed) > MOST_BENT * self.reach):
+                break
+            poses.append(closed)
+            q = closed
+        return poses
+
+    def _deflection(self, q: Array) -> float:
+        """Return the largest displacement by deformation [m]."""
+        mechanism, largest = self.run.mechanism, 0.0
+        for k, link in enumerate(mechanism.links):
+            modal = q[mechanism.modes_of(k) + mechanism.n_positions - mechanism.n]
+            if modal.any():
+                largest = max(largest, float(np.abs(self.run.bodies[link.name].shapes @ modal).max()))
+        return largest
+
+
+def run_at_poses(run: Pipeline, times: Array, q: Array) -> Pipeline:
+    """Return the stages of a run whose motion is a row of poses at rest.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_poses,)
+        At which prescribed motions are taken [s]; they need not ascend.
+    q : ndarray, shape (n_poses, n_positions)
+        Positions.
+    """
+    posed = copy(run)
+    for name in ("stress", "fine_times"):  # of the run's own motion
+        vars(posed).pop(name, None)
+    v = np.zeros((len(q), run.mechanism.n))
+    end = State(0, q[-1], v[-1], v[-1])
+    motion = Motion(
+        run.mechanism, Trajectory("pose", 0.0, 1, times, q, v, 0, 0, 0.0, end), run.divided_scene.simulation.tip
+    )
+    posed.results = run.results | {type(run).motions.name: {"pose": motion}}
+    return posed

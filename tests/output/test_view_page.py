@@ -1,0 +1,116 @@
+"""The page of a mechanism before it runs: names, faces, sliders, and that a browser moves them."""
+
+import base64
+import json
+import re
+import subprocess
+from html import unescape
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from fmd import load
+from fmd.output.report.view_page import collect_poses, make_view_page
+from tests.output.test_report import AT_ONCE, BROWSER, CHROMIUM, Page
+
+COARSE = "body.forearm.mesh.divisions=[6, 1, 1]"
+# Moves the second slider, and points at the middle of what is drawn, and at an empty corner.
+HARNESS = """<script>
+const answer = (value) => document.documentElement.dataset.answer = JSON.stringify(value);
+addEventListener("error", (e) => answer(e.message));
+addEventListener("load", () => {
+  const figure = document.querySelector("figure"), canvas = document.querySelector("canvas"), states = [];
+  const said = (name) => document.querySelector(`[name=${name}]`).textContent;
+  const sliders = [...document.querySelectorAll("[name=clip]")];
+  const labels = [...document.querySelectorAll(".labels span")];
+  const tip = () => labels.at(-1).style.left + labels.at(-1).style.top;
+  const point = (x, y) => {
+    const box = canvas.getBoundingClientRect();
+    const at = { pointerId: 1, clientX: box.left + x, clientY: box.top + y };
+    canvas.dispatchEvent(new PointerEvent("pointermove", at));
+    return said("over");
+  };
+  const names = new Set();
+  for (let x = 4; x < canvas.clientWidth; x += 4)
+    for (let y = 4; y < canvas.clientHeight; y += 4) names.add(point(x, y));
+  states.push([said("clock"), tip(), labels.map((label) => label.textContent), [...names], point(1, 1)]);
+  const move = (k, value) => { sliders[k].value = value; sliders[k].dispatchEvent(new Event("input")); };
+  move(1, sliders[1].max);
+  states.push([said("clock"), tip(), sliders.map((slider) => slider.value)]);
+  move(0, 3);
+  states.push([said("clock"), tip(), sliders.map((slider) => slider.value)]);
+  answer(states);
+});
+</script></body>"""
+
+
+def unpacked(text, kind, *shape):
+    return np.frombuffer(base64.b64decode(text), dtype=kind).reshape(*shape)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load("arm", COARSE).run
+
+
+def test_the_page_holds_each_coordinates_poses_markers_and_faces(arm):
+    view = collect_poses(arm)
+    assert [clip["name"] for clip in view["clips"]] == ["shoulder", "elbow", "wrist"]
+    first, count = view["clips"][1]["first"], view["clips"][1]["count"]
+    assert view["clocks"][0] == "at the start"
+    assert len(view["clocks"]) == 1 + 3 * count
+    names = view["markers"]["names"]
+    assert "upper.elbow, forearm.elbow" in names  # one label where two markers coincide
+    points = unpacked(view["markers"]["points"], "<f4", len(view["clocks"]), len(names), 3)
+    elbow = points[first : first + count, names.index("upper.elbow, forearm.elbow")]
+    assert np.ptp(elbow, axis=0).max() < 1e-6
+    wrist = points[first : first + count, names.index("forearm.wrist, gripper.wrist")]
+    away = np.linalg.norm(wrist - elbow, axis=1)
+    assert away == pytest.approx(np.full(count, away[0]), rel=1e-5)  # on a circle around it
+    forearm = next(body for body in view["bodies"] if body["name"] == "forearm")
+    assert "displacements" not in forearm
+    triangles, faces = unpacked(forearm["triangles"], "<u4", -1, 3), unpacked(forearm["faces"]["of"], "<u2", -1)
+    corners = unpacked(forearm["positions"], "<f4", -1, 3)[triangles]
+    far = forearm["faces"]["names"].index("x+")
+    largest = corners[..., 0].max()
+    assert np.array_equal(faces == far, (np.abs(corners[..., 0] - largest) < 1e-6).all(axis=1))
+    assert {"joint.elbow, revolute", "ground"} <= {body["name"] for body in view["bodies"]}
+
+
+def test_the_page_needs_no_network_and_no_motion(arm):
+    page = Page(make_view_page(arm, ["a='</code><b>'"]))
+    assert page.addresses == []
+    assert "b" not in page.tags
+    assert "motion" not in arm.results
+
+
+def test_a_part_alone_has_nothing_to_view(fmd, tmp_path, capsys):
+    scene, path = (files("fmd.models") / "beam.toml").read_text(), tmp_path / "part.toml"
+    path.write_text(scene[: scene.index("[joint.hub]")])
+    assert fmd("view", path, "--no-browser", "--out", tmp_path / "view.html") == 2
+    assert "`fmd mesh` and `fmd modes` show a part" in capsys.readouterr().err
+    assert not (tmp_path / "view.html").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine: apt-get install chromium")
+def test_a_browser_names_what_the_pointer_is_over_and_moves_joints(fmd, tmp_path):
+    path = tmp_path / "view.html"
+    assert fmd("view", "arm", "--set", COARSE, "--no-browser", "--out", path) == 0
+    text = path.read_text(encoding="utf-8").replace("<title>", f"{AT_ONCE}<title>", 1).replace("</body>", HARNESS)
+    path.write_text(text, encoding="utf-8")
+    options = [*BROWSER, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", path.as_uri()]
+    done = subprocess.run([str(CHROMIUM), *options], capture_output=True, text=True, check=True, timeout=180)
+    answer = re.search(r'data-answer="(.*?)"(?: |>)', done.stdout)
+    assert answer is not None, done.stderr
+    start, turned, other = json.loads(unescape(answer[1]))
+    assert start[0] == "at the start"
+    assert {"upper.shoulder", "upper.elbow, forearm.elbow"} <= set(start[2])
+    assert {"", "upper"} <= set(start[3])
+    assert any(name.startswith("forearm, face ") for name in start[3])
+    assert start[4] == ""
+    assert (turned[0], turned[2][0]) == ("elbow 180.0°", "24")
+    assert turned[1] != start[1]
+    assert other[0].startswith("shoulder ")
+    assert other[2][1] == "24"  # the other slider is back at the start
