@@ -55,6 +55,7 @@ from fmd.scene.reading import SceneTable
 from fmd.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from fmd.scene.runs import RUNS
 from fmd.scene.scene import PublishedResults, Scene
+from fmd.scene.shells import Plate, ShellMesh, Tube
 from fmd.scene.simulation import Simulation
 from fmd.scene.state_loads import FormulaVariable, LoadOverTime
 from fmd.scene.stress_outputs import Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
@@ -217,6 +218,9 @@ SECTIONS = (
     Section("### Every flexible body", Solid),
     Section("### Bar", Bar),
     Section("### Mesh of a bar", BarMesh),
+    Section("### Plate", Plate),
+    Section("### Tube", Tube),
+    Section("### Mesh of a plate or tube", ShellMesh),
     Section("### Propeller", Propeller),
     Section("### Mesh of a propeller", PropellerMesh),
     Section("### Every body from a file", Imported),

@@ -17,12 +17,13 @@ from fmd.fem.elements import Formulation, determinants, shape_functions
 from fmd.fem.material import AnyMaterial, Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
+from fmd.fem.shell_model import hang_on_nodes
 from fmd.fem.space import Discretisation
 from fmd.fem.strain import condensed_stiffness
 
 
 def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Formulation = "enhanced") -> FEModel:
-    """Assemble stiffness and consistent mass of a solid.
+    """Assemble stiffness and consistent mass of a solid or of a shell.
 
     Parameters
     ----------
@@ -41,7 +42,8 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Fo
         The Jacobian is not positive at every quadrature point.
     """
     space = Discretisation(mesh, order, formulation)
-    return FEModel(space, material, _stiffness(space, material), _mass(space, material))
+    layer = FEModel(space, material, _stiffness(space, material), _mass(space, material))
+    return layer if mesh.midsurface is None else hang_on_nodes(layer, mesh.midsurface)
 
 
 def _stiffness(space: Discretisation, material: AnyMaterial) -> sp.csr_array:

@@ -42,6 +42,9 @@ class ElementKind:
         True if the Jacobian is constant over every cell.
     can_be_enhanced : bool
         True if strains of its own may be added to those of its displacement.
+    strain_matrix : callable, optional
+        Strains in place of those of its displacement's gradients: a function of the space, a material, reference points
+        and elements, with what `fmd.fem.strain.enhanced_matrix` returns.
     """
 
     name: str
@@ -55,6 +58,7 @@ class ElementKind:
     stress_order: int
     is_affine: bool = False
     can_be_enhanced: bool = False
+    strain_matrix: Callable[..., tuple[Array, Array]] | None = None
 
     @cached_property
     def element(self) -> Any:

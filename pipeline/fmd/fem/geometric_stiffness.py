@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from fmd.core.arrays import Array
 from fmd.core.limits.memory import STRESSED_AT_ONCE
 from fmd.fem.model import FEModel
+from fmd.fem.shell_strain import plane_stress
 from fmd.fem.strain import stresses
 
 _TENSOR = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # places of the components in a vector of six
@@ -73,7 +74,8 @@ def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
     """
     space = fe.discretisation
     X, w = space.kind.quadrature(space.kind.mass_order)
-    f, energy = np.asarray(geometric_stiffness(fe, u[:, :, None])[0] @ u), 0.0
+    n, f, energy = len(space.x), np.zeros_like(u), 0.0
+    f[:n] = geometric_stiffness(fe, u[:, :, None])[0] @ u[:n]
     for start in range(0, len(space.element_nodes), STRESSED_AT_ONCE):
         part = np.arange(start, min(start + STRESSED_AT_ONCE, len(space.element_nodes)))
         g, det = space.gradients(X, part)
@@ -82,6 +84,9 @@ def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
         E = 0.5 * slopes @ slopes.swapaxes(2, 3)
         stress = np.empty_like(E)
         for own, mine in fe.material.over(part):
+            if space.mesh.midsurface is not None:  # directors don't stretch: their second-order motion takes it up
+                director = space.jacobians(X, part[mine])[..., 2]
+                E[mine] = plane_stress(E[mine], director / np.linalg.norm(director, axis=2, keepdims=True), 0.0, own)
             lam, mu = own.lame
             stress[mine] = 2 * mu * E[mine]
             stress[mine] += lam * np.trace(E[mine], axis1=2, axis2=3)[..., None, None] * np.eye(3)

@@ -16,7 +16,7 @@ from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.mesh import OFF_EDGE, OUTSIDE, STRAIGHT_EDGE
 from fmd.fem.elements import shape_functions
 from fmd.fem.markers import Marker
-from fmd.fem.selection import locate_points
+from fmd.fem.selection import locate_points, points_of_nodes
 from fmd.fem.space import Discretisation
 
 _POINTS = 4  # of Gauss's rule along an edge: exact for products of quadratic functions on a curved edge
@@ -50,12 +50,18 @@ def point_marker(space: Discretisation, point: Array) -> Marker:
 
 
 def single_node_marker(space: Discretisation, node: int) -> Marker:
-    """Attach a marker to a node; it turns as the elements around it do in the mean, by their volumes."""
-    elements, local = np.nonzero(space.element_nodes == node)
+    """Attach a marker to a node; it turns as the elements around it do in the mean, by their volumes.
+
+    A node of a shell's midsurface is between the points at both faces, and is numbered behind them.
+    """
+    own = points_of_nodes(space, np.array([node]))
+    elements, local = np.nonzero(np.isin(space.element_nodes, own))
     X = space.kind.element.doflocs[local][:, None]
+    if space.mesh.midsurface is not None:
+        X = np.concatenate([X[..., :2], np.full_like(X[..., 2:], 0.5)], axis=2)
     volumes = space.volumes[elements]
     motion = _collect(space, elements, X, (volumes / volumes.sum())[:, None])
-    return Marker(space.x[node], motion.nodes, (motion.nodes == node).astype(float), motion.rotation)
+    return Marker(space.x[own].mean(axis=0), motion.nodes, np.isin(motion.nodes, own) / len(own), motion.rotation)
 
 
 def edge_marker(space: Discretisation, nodes: IntArray) -> Marker:

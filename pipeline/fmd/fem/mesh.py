@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_shape, short_repr
 from fmd.core.errors import AccuracyError
 from fmd.fem.cells.cell import SolidCell
-from fmd.fem.cells.table import solid_cell
+from fmd.fem.cells.table import shell_cell, solid_cell
 from fmd.fem.connections import Connections
 from fmd.fem.elements import jacobians, match_nodes
+from fmd.fem.midsurface import Midsurface
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class SolidMesh:
         Faults of the file that the mesh was read from, and how they were mended, with counts.
     connections : Connections, optional
         Links, masses, springs and equations of the file.
+    midsurface : Midsurface, optional
+        That of a shell, whose cells are one layer between both faces.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class SolidMesh:
     sectors: int = 1
     notes: tuple[str, ...] = ()
     connections: Connections | None = None
+    midsurface: Midsurface | None = None
 
     __repr__ = short_repr
 
@@ -70,7 +74,7 @@ class SolidMesh:
     @property
     def cell(self) -> SolidCell:
         """The type of the cells."""
-        return solid_cell(self.cell_type)
+        return solid_cell(self.cell_type) if self.midsurface is None else shell_cell(self.cell_type)
 
     @property
     def corners(self) -> IntArray:

@@ -32,6 +32,8 @@ class FEModel:
         Number of independent unknowns that are displacements and rotations of links; they come last.
     arms : Arms, optional
         Nodes on rigid arms, which move in second order.
+    directors : Arms, optional
+        Points of a shell on its nodes' directors, whose motion of second order is a part of its geometric stiffness.
     """
 
     discretisation: Discretisation
@@ -41,6 +43,7 @@ class FEModel:
     T: sp.csr_array | None = field(default=None, kw_only=True)
     link_unknowns: int = field(default=0, kw_only=True)
     arms: Arms | None = field(default=None, kw_only=True)
+    directors: Arms | None = field(default=None, kw_only=True)
 
     __repr__ = short_repr
 

@@ -72,7 +72,7 @@ def nodes_on_faces(space: Discretisation, faces: Sequence[IntArray]) -> IntArray
 
 
 def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
-    """Return the nodes on the straight line between two points, ``ends`` (2, 3) [m].
+    """Return the nodes on the straight line between two points, ``ends`` (2, 3) [m]; a shell's are in its midsurface.
 
     Raises
     ------
@@ -80,19 +80,34 @@ def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
         No node lies there; the message gives the distance of the nearest.
     """
     along = ends[1] - ends[0]
-    r = space.x - ends[0]
+    x, first = _own_nodes(space)
+    r = x - ends[0]
     share = np.clip(r @ along / (along @ along), 0.0, 1.0)
     away = np.linalg.norm(r - share[:, None] * along, axis=1)
-    extent = float(np.ptp(space.x, axis=0).max())
+    extent = float(np.ptp(x, axis=0).max())
     nodes = np.flatnonzero(away < NODES_ON_EDGE * extent)
     if not len(nodes):
         raise ValueError(f"no node of the mesh lies there; the nearest is {away.min():.4g} m away")
-    return nodes
+    return first + nodes
 
 
 def node_at(space: Discretisation, point: Array) -> IntArray:
-    """Return the node nearest to a point (3,) [m], shape (1,)."""
-    return np.array([np.linalg.norm(space.x - point, axis=1).argmin()])
+    """Return the node nearest to a point (3,) [m], of a shell that of its midsurface, shape (1,)."""
+    x, first = _own_nodes(space)
+    return np.array([first + np.linalg.norm(x - point, axis=1).argmin()])
+
+
+def points_of_nodes(space: Discretisation, nodes: IntArray) -> IntArray:
+    """Return the mesh's points that move with nodes: the nodes themselves, of a shell the points at both faces."""
+    if space.mesh.midsurface is None:
+        return nodes
+    return np.flatnonzero(np.isin(space.mesh.midsurface.owner, nodes - len(space.x)))
+
+
+def _own_nodes(space: Discretisation) -> tuple[Array, int]:
+    """Return positions of a body's nodes (n_nodes, 3), of a shell in its midsurface, and the number of the first."""
+    midsurface = space.mesh.midsurface
+    return (space.x, 0) if midsurface is None else (midsurface.nodes, len(space.x))
 
 
 def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array]:

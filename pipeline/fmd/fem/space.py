@@ -91,8 +91,9 @@ class Discretisation:
 
     @property
     def is_enhanced(self) -> bool:
-        """True if the elements add strains of their own to those of the nodes' displacements."""
-        return self.formulation == "enhanced" and self.kind.can_be_enhanced
+        """True if the elements add strains of their own to those of the nodes' displacements, or replace them."""
+        of_their_own = self.kind.strain_matrix is not None
+        return of_their_own or (self.formulation == "enhanced" and self.kind.can_be_enhanced)
 
     @cached_property
     def skfem_mesh(self) -> Any:

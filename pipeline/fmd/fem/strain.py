@@ -33,7 +33,7 @@ _COMPONENTS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
 def condensed_stiffness(space: Discretisation, material: AnyMaterial, elements: IntArray) -> Array:
-    """Return the stiffness of elements without their internal parameters, shape (n_elements, 24, 24) [N/m].
+    """Return the stiffness of elements without their internal parameters, shape (n_elements, 3 n, 3 n) [N/m].
 
     The matrices are symmetric to the last bit.
     """
@@ -65,7 +65,7 @@ def enhanced_strains(
 
 
 def _energy_root(space: Discretisation, material: Material, elements: IntArray) -> Array:
-    """Return R with ``|R (u, α)|²`` twice the strain energy of an element, shape (n_elements, 6 n_q, 33 or 36)."""
+    """Return R with ``|R (u, α)|²`` twice the strain energy, shape (n_elements, 6 n_q, n_local + n_internal)."""
     X, w = space.kind.quadrature(space.kind.stiffness_order)
     B, det = _strain_matrix(space, material, X, elements)
     B *= np.sqrt(det * w)[:, None, :, None]
@@ -74,7 +74,15 @@ def _energy_root(space: Discretisation, material: Material, elements: IntArray) 
 
 
 def _strain_matrix(space: Discretisation, material: Material, X: Array, elements: IntArray) -> tuple[Array, Array]:
-    """Return [B, G] and Jacobian determinants at points X, shapes (n_elements, 6, n_q, 33 or 36), (n_elements, n_q)."""
+    """Return [B, G] and Jacobian determinants at points X as the kind of element has them."""
+    return (space.kind.strain_matrix or enhanced_matrix)(space, material, X, elements)
+
+
+def enhanced_matrix(space: Discretisation, material: Material, X: Array, elements: IntArray) -> tuple[Array, Array]:
+    """Return [B, G] and Jacobian determinants at points X of hexahedra.
+
+    Shapes (n_elements, 6, n_q, 33 or 36), (n_elements, n_q).
+    """
     g, det = space.gradients(X, elements)
     xi = 2 * X - 1
     inverse, det_middle = inverse_and_determinant(space.jacobians(_MIDDLE, elements))

@@ -96,7 +96,7 @@ class FreeBodySolver:
         self._K, self._M, self._R = fe.K, fe.M, self.rigid_modes
         if self._T is not None:
             self._K, self._M = (sp.csr_array(self._T.T @ A @ self._T) for A in (fe.K, fe.M))
-            self._R = self._reduced(self._R)
+            self._R = _unknowns_of(self._R, self._T)
         self.shift, self._factor = self._shifted_factor()
         self._inverse = self._factor.solve
 
@@ -179,10 +179,6 @@ class FreeBodySolver:
         shift = -0.3 * self._lowest_bound()
         return shift, self._factorise(self._K - shift * self._M)
 
-    def _reduced(self, u: Array) -> Array:
-        """Unknowns of fields u (3 n_nodes, k), in the mean where a face would have to bend."""
-        return u if self._T is None else np.asarray(splu(sp.csc_array(self._T.T @ self._T)).solve(self._T.T @ u))
-
     def _loads(self, f: Array) -> Array:
         """Loads on the unknowns (n, k) of nodal loads f (n_nodes, 3, k)."""
         flat = f.reshape(-1, f.shape[-1])
@@ -201,12 +197,12 @@ class FreeBodySolver:
         x = self._fe.x - self._fe.x.mean(axis=0)
         x = x / np.ptp(x, axis=0).max()
         terms = [np.ones(len(x)), *x.T, *(x[:, a] * x[:, b] for a in range(3) for b in range(a, 3))]
-        V, K, M = np.kron(np.stack(terms, axis=1), np.eye(3)), self._K, self._M
+        V, K, M, T = np.kron(np.stack(terms, axis=1), np.eye(3)), self._K, self._M, self._T
         if self._supported:  # polynomials would break at the supports; the free body is softer in any case
-            K, M = self._fe.K, self._fe.M
-        else:
-            V = self._reduced(V)
-        V = np.linalg.qr(V)[0]
+            K, M, T = self._fe.K, self._fe.M, self._fe.T
+            if T is not None:
+                K, M = T.T @ K @ T, T.T @ M @ T
+        V = np.linalg.qr(_unknowns_of(V, T))[0]
         mass, W = np.linalg.eigh(V.T @ (M @ V))
         V = V @ (W[:, mass > SOLVED * mass[-1]])  # a point of links may carry no mass
         return float(eigh(V.T @ (K @ V), V.T @ (M @ V), eigvals_only=True)[6])
@@ -309,6 +305,11 @@ class FreeBodySolver:
         """Residual that round-off of ``K φ`` leaves by itself."""
         defect = rounded_defect(self._K, shape)
         return float(np.sqrt(defect @ inverse(defect) / (eigenvalue - self.shift)))
+
+
+def _unknowns_of(u: Array, T: sp.csr_array | None) -> Array:
+    """Return the unknowns of fields u (3 n_nodes, k), in the mean where a face would have to bend."""
+    return u if T is None else np.asarray(splu(sp.csc_array(T.T @ T)).solve(T.T @ u))
 
 
 def count_pieces(K: sp.csr_array, T: sp.csr_array | None = None) -> int:

@@ -139,9 +139,10 @@ class _Support:
             part = slice(first, first + at_a_time)
             if elements:
                 out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
-        if (arms := self._fe.arms) is not None:
+        both = [self._fe.arms, self._fe.directors if elements else None]
+        if arms := [one for one in both if one is not None]:
             left = rest[:, felt] - self._fe.K @ u.reshape(len(rest), -1)
-            out[felt] += arms.stiffness(left.reshape(u.shape), self._shapes)
+            out[felt] += sum(one.stiffness(left.reshape(u.shape), self._shapes) for one in arms)
         return out
 
 

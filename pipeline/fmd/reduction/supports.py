@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import null_space
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.round_off import SOLVED
@@ -63,24 +65,40 @@ def tie_rigid_faces(fe: FEModel, markers: Sequence[Marker]) -> sp.csr_array:
     tied = np.concatenate([marker.nodes for marker in markers])
     if len(np.unique(tied)) < len(tied):
         raise ValueError("two rigid faces share nodes; make one of the attachments 'averaged'")
-    own = (3 * tied[:, None] + np.arange(3)).ravel()
-    n = fe.K.shape[0]
-    if fe.T is not None:
-        rows, n = sp.csr_array(fe.T[own]), fe.T.shape[1]
-        own = rows.indices
-        if len(own) != rows.shape[0] or (rows.data != 1.0).any():
-            raise ValueError("a rigid face and a link share nodes; make the attachment 'averaged'")
+    n = fe.K.shape[0] if fe.T is None else fe.T.shape[1]
+    T = sp.csr_array(sp.eye_array(n, format="csr")) if fe.T is None else fe.T
+    moved = [_moved_rigidly(fe, T, marker) for marker in markers]
+    own = np.concatenate([unknowns for unknowns, _ in moved])
+    if len(np.unique(own)) < len(own):
+        raise ValueError("two rigid faces share nodes; make one of the attachments 'averaged'")
     others = np.setdiff1d(np.arange(n), own)
     blocks = [sp.csr_array((np.ones(len(others)), (others, np.arange(len(others)))), (n, len(others)))]
-    first = 0
-    for marker in markers:
-        moves = rigid_motions(fe.x[marker.nodes] - marker.position)
-        rows = np.repeat(own[first : first + 3 * len(moves)], 6)
-        columns = np.tile(np.arange(6), 3 * len(moves))
-        blocks.append(sp.csr_array((moves.ravel(), (rows, columns)), (n, 6)))
-        first += 3 * len(moves)
+    for unknowns, moves in moved:
+        place = np.repeat(unknowns, 6), np.tile(np.arange(6), len(unknowns))
+        blocks.append(sp.csr_array((moves.ravel(), place), (n, 6)))
     tie = sp.csr_array(sp.hstack(blocks))
     return tie if fe.T is None else sp.csr_array(fe.T @ tie)
+
+
+def _moved_rigidly(fe: FEModel, T: sp.csr_array, marker: Marker) -> tuple[IntArray, Array]:
+    """Return the unknowns (n,) that move a marker's nodes, and their values (n, 6) for the motions of a rigid face.
+
+    Raises
+    ------
+    ValueError
+        A link moves some of the nodes.
+    """
+    rows = sp.csr_array(T[(3 * marker.nodes[:, None] + np.arange(3)).ravel()])
+    if len(rows.indices) == rows.shape[0] and (rows.data == 1.0).all():
+        return rows.indices, rigid_motions(fe.x[marker.nodes] - marker.position).reshape(-1, 6)
+    unknowns = np.unique(rows.indices)
+    if unknowns[-1] >= T.shape[1] - fe.link_unknowns:
+        raise ValueError("a rigid face and a link share nodes; make the attachment 'averaged'")
+    moved = sp.csc_array(T[:, unknowns])  # of a shell: all points of the nodes, which turn with them
+    points = np.unique(moved.indices // 3)
+    part = sp.csr_array(moved)[(3 * points[:, None] + np.arange(3)).ravel()]
+    rigid = part.T @ rigid_motions(fe.x[points] - marker.position).reshape(-1, 6)
+    return unknowns, np.asarray(splu(sp.csc_array(part.T @ part)).solve(rigid))
 
 
 def remove_fixed_unknowns(T: Any, fixed: IntArray, n_linked: int) -> sp.csr_array:
@@ -98,11 +116,36 @@ def remove_fixed_unknowns(T: Any, fixed: IntArray, n_linked: int) -> sp.csr_arra
     Raises
     ------
     ValueError
-        A rigid face, or another node that a link moves, is fixed: what moves with it would be fixed too.
+        A rigid face, or a node that a link moves, is fixed: what moves with it would be fixed too.
     """
     rows = sp.csr_array(T[fixed])
     columns = np.unique(rows.indices)
-    alone = len(rows.indices) == len(fixed) and bool((rows.data == 1.0).all())
-    if columns.size and (columns[-1] >= T.shape[1] - n_linked or not alone):
+    if columns.size and columns[-1] >= T.shape[1] - n_linked:
         raise ValueError("a support and a rigid face share nodes; make the attachment 'averaged'")
-    return sp.csr_array(T[:, np.setdiff1d(np.arange(T.shape[1]), columns)])
+    kept = sp.csr_array(T[:, np.setdiff1d(np.arange(T.shape[1]), columns)])
+    if len(rows.indices) == len(fixed) and (rows.data == 1.0).all():
+        return kept
+    left = _motions_left(sp.csr_array(rows[:, columns]))
+    link = T.shape[1] - n_linked
+    n_before = int(np.searchsorted(np.setdiff1d(np.arange(T.shape[1]), columns), link))
+    return sp.csr_array(sp.hstack([kept[:, :n_before], T[:, columns] @ left, kept[:, n_before:]]))
+
+
+def _motions_left(C: sp.csr_array) -> sp.csr_array:
+    """Return a basis of the unknowns with ``C u = 0``, node by node, shape (n, n_left)."""
+    n_rows, n = C.shape
+    row, column = C.nonzero()
+    graph = sp.coo_array((np.ones(len(row)), (row, n_rows + column)), shape=2 * [n_rows + n])
+    label = connected_components(graph, directed=False)[1]
+    blocks, rows, columns, first = [], [], [], 0
+    order = np.argsort(label[n_rows:], kind="stable")
+    for own in np.split(order, np.flatnonzero(np.diff(label[n_rows:][order])) + 1):
+        part = C[np.flatnonzero(label[:n_rows] == label[n_rows + own[0]])][:, own].toarray()
+        basis = null_space(part, rcond=SOLVED)
+        place = np.indices(basis.shape)
+        blocks.append(basis.ravel())
+        rows.append(own[place[0]].ravel())
+        columns.append(first + place[1].ravel())
+        first += basis.shape[1]
+    data = np.concatenate(blocks), (np.concatenate(rows), np.concatenate(columns))
+    return sp.csr_array(data, shape=(n, first))

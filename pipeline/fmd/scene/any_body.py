@@ -11,6 +11,7 @@ from fmd.scene.bar import Bar
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
 from fmd.scene.propeller import Propeller
 from fmd.scene.rigid_bodies import PointMass, RigidBody, Rod
+from fmd.scene.shells import Plate, Tube
 
 
 def _with_shape(body: object) -> object:
@@ -27,9 +28,9 @@ def _with_shape(body: object) -> object:
     return body
 
 
-Flexible = Bar | Propeller | MeshedPart | CadPart | MatrixPart | ReducedPart
+Flexible = Bar | Plate | Tube | Propeller | MeshedPart | CadPart | MatrixPart | ReducedPart
 Body = Annotated[
-    Bar | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart | ReducedPart,
+    Bar | Plate | Tube | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart | ReducedPart,
     Field(discriminator="shape"),
     BeforeValidator(_with_shape),
 ]

@@ -122,6 +122,11 @@ class Solid(Deformable):
     sections: Literal["tractions", "averaged", "rigid"] = "tractions"
 
     @property
+    def is_shell(self) -> bool:
+        """True if it is a midsurface with a thickness."""
+        return False
+
+    @property
     def faces(self) -> tuple[str, ...] | None:
         """Names of the shape's faces; ``None`` if they are known only once there is a mesh."""
         raise NotImplementedError
@@ -166,6 +171,16 @@ class Solid(Deformable):
                 raise UnknownNameError("link", name, self.link, "the body's links", *path)
         if self.link and self.pieces != 1:
             raise FaultError("is of a body without links: they aren't cut with it yet", "pieces")
+        return self
+
+    @model_validator(mode="after")
+    def _of_shells(self) -> Solid:
+        if self.is_shell and self.link:
+            raise FaultError(
+                "is of solids: shells have no links yet; a marker with attachment = 'rigid' has one", "link"
+            )
+        if self.is_shell and self.pieces != 1:
+            raise FaultError("is of solids: shells aren't cut yet; join several bodies by fixed joints", "pieces")
         return self
 
     @model_validator(mode="after")

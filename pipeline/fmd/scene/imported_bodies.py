@@ -34,6 +34,8 @@ class MeshFile(DividedMesh):
         True to mend faults of the mesh where that is safe; else they are listed and refused.
     mass_unit, force_unit : str, optional
         The file's units of mass and of force, if it has lumped masses or springs; kg and N in a file in metres.
+    shell : float, optional
+        Thickness [m]: the file's triangles and quadrilaterals are shells on their midsurface.
 
     Examples
     --------
@@ -50,6 +52,13 @@ class MeshFile(DividedMesh):
     repair: bool = False
     mass_unit: MassUnit | None = None
     force_unit: ForceUnit | None = None
+    shell: PositiveLength | None = None
+
+    @model_validator(mode="after")
+    def _shells_are_linear(self) -> MeshFile:
+        if self.shell is not None and self.order == 2:
+            raise FaultError("is of solids: shells have three or four nodes", "order")
+        return self
 
 
 class CadFile(SceneTable):
@@ -155,6 +164,11 @@ class MeshedPart(Imported):
 
     shape: Literal["mesh"]
     mesh: MeshFile
+
+    @property
+    def is_shell(self) -> bool:
+        """True if the file's surface elements are shells."""
+        return self.mesh.shell is not None
 
 
 class CadPart(Imported):

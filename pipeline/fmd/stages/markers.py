@@ -17,7 +17,14 @@ from fmd.fem.links import Linked, LinkedFace, LinkedModel, LumpedMass, link_poin
 from fmd.fem.local_markers import edge_marker, point_marker, single_node_marker
 from fmd.fem.markers import Marker, face_marker, facets_on_face
 from fmd.fem.model import FEModel
-from fmd.fem.selection import facets_in_plane, facets_near, node_at, nodes_on_edge, nodes_on_faces
+from fmd.fem.selection import (
+    facets_in_plane,
+    facets_near,
+    node_at,
+    nodes_on_edge,
+    nodes_on_faces,
+    points_of_nodes,
+)
 from fmd.fem.space import Discretisation
 from fmd.scene.any_body import Flexible
 from fmd.scene.links import FaceLink
@@ -48,7 +55,10 @@ def place_markers(
         if marker.node is not None:
             return single_node_marker(space, int(node_at(space, np.array(marker.node))[0]))
         if marker.edge is not None and not marker.edge_faces:
-            return edge_marker(space, nodes_on_edge(space, np.array(marker.edge)))
+            nodes = nodes_on_edge(space, np.array(marker.edge))
+            if space.mesh.midsurface is not None:
+                return face_marker(space, points_of_nodes(space, nodes))
+            return edge_marker(space, nodes)
         if marker.edge_faces:
             key = f"body.{body}.marker.{name}.edge"
             names = [find_name(space.mesh.faces, face, file, key) for face in marker.edge_faces]

@@ -19,7 +19,7 @@ from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals, add_normal_blocks, normal_blocks
 from fmd.scene.any_body import Flexible
 from fmd.scene.bar import Bar
-from fmd.scene.imported_bodies import CadPart, MatrixPart, ReducedPart
+from fmd.scene.imported_bodies import MatrixPart, ReducedPart
 from fmd.scene.propeller import Propeller
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import SourceFiles
@@ -294,7 +294,7 @@ class FlexiblePart:
     @property
     def formulation(self) -> Formulation:
         """Strain of linear hexahedra, ``enhanced`` or ``plain``."""
-        return "enhanced" if isinstance(self.shape, MatrixPart | ReducedPart | CadPart) else self.shape.mesh.formulation
+        return getattr(getattr(self.shape, "mesh", None), "formulation", "enhanced")
 
     @property
     def is_supported(self) -> bool:

@@ -42,3 +42,8 @@ DEEPEST_LINKS = 20  # links that hang on links
 ON_A_LINE = 1e-9  # smallest over largest second moment of nodes that lie on a line
 RIGID_RESIDUAL = 1e-6  # of an equation's coefficients, in rotations times the body's extent: digits of a deck
 IDLE = 1e-10  # square of a link's displacements over the largest, by motions in which the nodes tied to it stand still
+
+# Shells.
+INNER_TYING = 1e-4  # distance of MITC3+'s inner tying points from the centroid, as published
+SHELL_FOLD = 30.0  # between the normals of two elements, from which on a shell has a fold on their edge [degrees]
+ALIKE_DIRECTORS = 1e-3  # second over first moment of a node's directors, below which they are one line

@@ -60,12 +60,12 @@ def read_mesh(
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
     try:
-        return solid_mesh(_read_raw(path), scale, repair, mass_unit, force_unit)
+        return solid_mesh(read_raw(path), scale, repair, mass_unit, force_unit)
     except MeshFileError as error:
         raise InputError(str(path), "", None, str(error)) from error
 
 
-def _read_raw(path: Path) -> RawMesh:
+def read_raw(path: Path) -> RawMesh:
     """Read a file by the reader of its suffix."""
     reader = _TEXT_READERS.get(path.suffix.lower())
     try:
@@ -92,7 +92,7 @@ def solid_mesh(
     MeshFileError
         The mesh can't be used; the message counts its faults.
     """
-    _require_sound(raw)
+    require_sound(raw)
     findings = _Findings()
     cell_type, cells = _solid_cells(raw)
     points = raw.points * scale
@@ -149,7 +149,7 @@ def _connections(
     return found.numbered(number, points[free]).in_si(scale, mass_unit or 1.0, force_unit or 1.0)
 
 
-def _require_sound(raw: RawMesh) -> None:
+def require_sound(raw: RawMesh) -> None:
     """Raise ``MeshFileError`` for coordinates, cells or sets that are no mesh at all."""
     bad = int(np.count_nonzero(~(np.abs(raw.points) < LARGEST_COORDINATE).all(axis=1)))
     if bad:

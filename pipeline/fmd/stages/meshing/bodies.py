@@ -15,6 +15,7 @@ from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
 from fmd.scene.reading import suggest_name
+from fmd.scene.shells import Plate, Tube
 from fmd.scene.source_files import SourceFiles
 from fmd.stages.meshing.cad_files import mesh_cad_file
 
@@ -27,17 +28,27 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     """Mesh a body, or read its mesh from the file that it comes from."""
     if shape.shape == "mesh":
         from fmd.fem.formats.import_mesh import read_mesh
+        from fmd.fem.formats.import_shell import read_shell
 
         assert source is not None
-        given = shape.mesh
+        given, unit = shape.mesh, unit_ratio(shape.mesh.unit, "m")
+        if given.shell is not None:
+            return read_shell(source.path, unit, given.shell)
         mass = None if given.mass_unit is None else unit_ratio(given.mass_unit, "kg")
         force = None if given.force_unit is None else unit_ratio(given.force_unit, "N")
-        return read_mesh(source.path, unit_ratio(given.unit, "m"), given.repair, mass, force)
+        return read_mesh(source.path, unit, given.repair, mass, force)
     if shape.shape == "cad":
         assert source is not None
         return mesh_cad_file(source.path, shape.mesh.size, shape.mesh.order)
     assert not isinstance(shape, MatrixPart | ReducedPart)
-    return SolidMesh(*import_module(f"fmd.meshes.{shape.shape}").mesh(shape))
+    module = import_module(f"fmd.meshes.{shape.shape}")
+    if not isinstance(shape, Plate | Tube):
+        return SolidMesh(*module.mesh(shape))
+    from fmd.fem.thicken import Sheet, thicken
+
+    points, cells, edges, sides = module.sheet(shape)
+    thickness = np.full(len(cells), shape.thickness)
+    return thicken(Sheet(points, cells, thickness, {shape.shape: np.arange(len(cells))}, edges, {}, sides))
 
 
 def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:

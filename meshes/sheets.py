@@ -1,0 +1,52 @@
+"""Midsurfaces of shells as plain arrays, without Gmsh."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class SheetArrays(NamedTuple):
+    """Midsurface of a shell.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3)
+        Positions [m].
+    cells : ndarray, shape (n_cells, 3 or 4)
+        Point numbers around each element, counter-clockwise seen from the upper side.
+    edges : dict of str to ndarray
+        Point numbers on each named edge.
+    sides : tuple of str
+        Names of the lower and of the upper side.
+    """
+
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    edges: dict[str, NDArray[np.int64]]
+    sides: tuple[str, str]
+
+
+def grid_cells(n_rows: int, n_points: int, n_columns: int, element: str) -> NDArray[np.int64]:
+    """Return the cells between rows of points, quadrilaterals or two triangles each; a row may close in itself.
+
+    Parameters
+    ----------
+    n_rows, n_columns : int
+        Numbers of quadrilaterals.
+    n_points : int
+        Points in a row: as many as columns if the row is closed, else one more.
+    element : str
+        ``quadrilateral`` or ``triangle``.
+    """
+    row, column = (each.ravel() for each in np.indices((n_rows, n_columns)))
+    after = (column + 1) % n_points
+    a, b = row * n_points + column, row * n_points + after
+    quadrilaterals = np.stack([a, a + n_points, b + n_points, b], axis=1)
+    if element == "quadrilateral":
+        return quadrilaterals
+    odd = (row + column) % 2 == 1  # diagonals of both directions
+    quadrilaterals[odd] = np.roll(quadrilaterals[odd], 1, axis=1)
+    return quadrilaterals[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)

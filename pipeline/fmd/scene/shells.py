@@ -1,0 +1,162 @@
+"""Shells in a scene file: flat plates and tubes by their midsurface and thickness."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+from pydantic import model_validator
+
+from fmd.core.units import PositiveLength
+from fmd.scene.bodies import Solid, scale_count
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import Count
+
+
+class ShellMesh(SceneTable):
+    """Division of a plate or tube into shell elements.
+
+    Parameters
+    ----------
+    element : str
+        Shape of the elements: MITC4 (``"quadrilateral"``), or MITC3+ (``"triangle"``), which bends as well in a plate
+        but is too stiff where a tube or a curved panel is stretched.
+    divisions : tuple of int
+        Numbers of quadrilaterals along a plate's x and y, or along and around a tube; two triangles in each.
+
+    Examples
+    --------
+    ::
+
+        [body.plate.mesh]
+        divisions = [40, 16]
+    """
+
+    order: ClassVar[int] = 1
+
+    element: Literal["quadrilateral", "triangle"] = "quadrilateral"
+    divisions: tuple[Count, Count]
+
+
+class MeshedShell(Solid):
+    """Keys of shells whose mesh follows from their measures.
+
+    Parameters
+    ----------
+    length : float
+        Extent along x [m].
+    thickness : float
+        Thickness, half of it on each side of the midsurface [m].
+    mesh : ShellMesh
+        Division into elements.
+    """
+
+    length: PositiveLength
+    thickness: PositiveLength
+    mesh: ShellMesh
+
+    @property
+    def is_shell(self) -> bool:
+        """A midsurface with a thickness."""
+        return True
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Name of the one part that the mesh has."""
+        return (self.shape,)  # type: ignore[attr-defined]
+
+    def resized(self, factor: float) -> dict[str, Any]:
+        """Return the changes for a mesh with about ``factor`` times the elements each way."""
+        divisions = tuple(
+            max(scale_count(count, factor), self._fewest[k]) for k, count in enumerate(self.mesh.divisions)
+        )
+        return {"mesh": self.mesh.model_copy(update={"divisions": divisions})}
+
+    _fewest: ClassVar[tuple[int, int]] = (1, 1)
+
+    @property
+    def divided_directions(self) -> int:
+        """Number of directions with more than one element."""
+        return max(1, sum(count > 1 for count in self.mesh.divisions))
+
+
+class Plate(MeshedShell):
+    """A flat rectangular plate of shell elements, along x from 0, centred on the x axis.
+
+    Its faces are ``x-`` (where x is least), ``x+``, ``y-``, ``y+``, ``z-`` (the lower side) and ``z+``; its one part is
+    ``plate``.
+
+    Parameters
+    ----------
+    width : float
+        Extent along y [m].
+
+    Examples
+    --------
+    ::
+
+        [body.plate]
+        shape = "plate"
+        length = "1 m"
+        width = "0.4 m"
+        thickness = "20 mm"
+        E = "70 GPa"
+        nu = 0.33
+        rho = "2700 kg/m^3"
+        mesh = { divisions = [40, 16] }
+        modes = { count = 8 }
+        marker = { root = { face = "x-" }, tip = { face = "x+" } }
+    """
+
+    shape: Literal["plate"]
+    width: PositiveLength
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of the four edges and the two sides."""
+        return ("x-", "x+", "y-", "y+", "z-", "z+")
+
+
+class Tube(MeshedShell):
+    """A straight round tube of shell elements, along x from 0, around the x axis.
+
+    Its faces are ``x-`` (where x is least), ``x+``, ``inside`` and ``outside``; its one part is ``tube``.
+
+    Parameters
+    ----------
+    radius : float
+        Radius of the middle of the wall [m].
+
+    Examples
+    --------
+    ::
+
+        [body.tower]
+        shape = "tube"
+        length = "2 m"
+        radius = "100 mm"
+        thickness = "4 mm"
+        E = "210 GPa"
+        nu = 0.3
+        rho = "7850 kg/m^3"
+        mesh = { divisions = [40, 32] }
+        modes = { count = 8 }
+        marker = { root = { face = "x-" }, tip = { face = "x+" } }
+    """
+
+    _fewest = (1, 13)  # around: with fewer the wall would have folds
+
+    shape: Literal["tube"]
+    radius: PositiveLength
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of the two ends and the two sides."""
+        return ("x-", "x+", "inside", "outside")
+
+    @model_validator(mode="after")
+    def _round(self) -> Tube:
+        if not self.thickness < 2 * self.radius:
+            raise FaultError("must be below twice the radius, which is that of the wall's middle", "thickness")
+        if self.mesh.divisions[1] < self._fewest[1]:
+            raise FaultError(f"takes at least {self._fewest[1]} elements around", "mesh", "divisions")
+        return self

@@ -1,0 +1,85 @@
+"""Shells from the scene file to their motion and stress, beside solids, and scenes with shells that are wrong."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fmd
+from fmd.core.errors import InputError
+
+METAL = {"E": "70 GPa", "nu": 0.33, "rho": "2700 kg/m^3"}
+SHELL = {"shape": "plate", "length": "1 m", "width": "0.4 m", "thickness": "20 mm", "mesh": {"divisions": [40, 16]}}
+SOLID = {"shape": "bar", "length": "1 m", "depth": "0.4 m", "width": "20 mm", "mesh": {"divisions": [40, 16, 1]}}
+MARKERS = {"root": {"face": "x-"}, "tip": {"face": "x+"}}
+
+
+def swung(shape: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    """A plate, clamped in a hub that swings by 0.16 rad and back."""
+    plate = shape | METAL | {"modes": {"count": 6, "boundary": "joint"}, "marker": MARKERS}
+    return {
+        "title": "Swung plate",
+        "body": {"plate": plate | changes},
+        "joint": {"hub": {"type": "revolute", "parent": "ground", "child": "plate.root", "axis": [0, 1, 0]}},
+        "drive": {
+            "swing": {
+                "type": "motion",
+                "joint": "hub",
+                "angle": {"formula": "0.08*(1 - cos(2*pi*t/0.2))", "unit": "rad"},
+            }
+        },
+        "simulation": {
+            "duration": "0.2 s",
+            "output_step": "1 ms",
+            "tip": "plate.tip",
+            "run": [{"integrator": "generalized-alpha", "step": "0.1 ms"}],
+        },
+    }
+
+
+def test_a_swung_plate_of_shells_moves_as_one_of_solids() -> None:
+    shell, solid = (fmd.load(swung(shape)) for shape in (SHELL, SOLID))
+    assert shell.modes.frequencies_hz == pytest.approx(solid.modes.frequencies_hz, rel=6e-3)
+    bent = [np.asarray(run.motion.tip_deflection) for run in (shell, solid)]
+    assert np.abs(bent[0] - bent[1]).max() < 5e-3 * np.abs(bent[1]).max()
+    stress = [run.stress.worst()[2] for run in (shell, solid)]
+    assert stress[0] == pytest.approx(stress[1], rel=2e-2)
+
+
+def test_a_tubes_bending_frequency_is_that_of_a_beam() -> None:
+    # Euler and Bernoulli's free beam, (4.730041 / L)² (E I / ρ A)^½, less shear and rotary inertia by Rayleigh's
+    # quotient: its first mode has 49.48 ∫ φ² of L² ∫ φ'², and 12.30 ∫ φ"² of the next derivative.
+    tube = {
+        "shape": "tube",
+        "length": "4 m",
+        "radius": "100 mm",
+        "thickness": "4 mm",
+        "mesh": {"divisions": [40, 24]},
+        "modes": {"count": 2},
+    }
+    run = fmd.load({"title": "Tube", "body": {"tube": tube | METAL | {"E": "70 GPa", "nu": 0.33}}})
+    beam = (4.730041 / 4) ** 2 * (70e9 / 2700 * 0.1**2 / 2) ** 0.5 / (2 * np.pi)
+    slender = 0.1**2 / 2 / 4**2  # I / (A L²)
+    shear = 2 * (1 + 0.33) / 0.5  # E / (k G) of a thin ring, k = 0.5
+    expected = beam * (1 - slender / 2 * (49.48 + 12.30 * shear))
+    assert run.modes.frequencies_hz[0] == pytest.approx(expected, rel=4e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"pieces": 3}, "shells aren't cut yet"),
+        ({"link": {"end": {"face": "x+", "type": "rigid"}}}, "shells have no links yet"),
+        ({"marker": {"root": {"face": "top"}}}, "face"),
+        ({"thickness": "-1 mm"}, "thickness"),
+    ],
+)
+def test_what_shells_do_not_have_is_refused_by_name(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        fmd.load(swung(SHELL, **changes))
+
+
+def test_shells_of_second_order_are_refused(tmp_path: Any) -> None:
+    mesh = {"file": "panel.inp", "unit": "mm", "shell": "2 mm", "order": 2}
+    with pytest.raises(InputError, match="shells have three or four nodes"):
+        fmd.load({"title": "Panel", "body": {"panel": {"mesh": mesh, "modes": {"count": 2}} | METAL}})
