@@ -20,7 +20,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("fmd", "fmd/meshes", "fmd/models")  # the last two are links to folders at the root
 MOST_LINES = 420  # most files have less than 250
 
-_PHYSICS = ["fem", "reduction", "dynamics", "integrators", "recovery", "stability", "responses"]
+_PHYSICS = ["fem", "reduction", "contact", "dynamics", "integrators", "recovery", "stability", "responses"]
 # The rooms of `fmd` that each may import, beside itself.
 MAY_IMPORT: dict[str, set[str]] = {"core": set(), "kernels": {"core"}, "render": {"core"}}
 MAY_IMPORT |= {folder: {"core", "kernels", *_PHYSICS[:k]} for k, folder in enumerate(_PHYSICS)}
@@ -61,6 +61,9 @@ LIMITS = "fmd.core.limits"
 DATA_ROOMS = {"render", "meshes", "models", "verification", "bench"}
 # Numbers elsewhere that decide nothing: facts of a file format, of a method, of a machine, or measures of one drawing.
 FACTS = {
+    "fmd.contact.histories": {
+        *("FORCE", "IMPULSE", "MOMENT", "AREA", "PRESSURE", "ENERGY", "FRICTION", "ERROR", "BEGIN", "END", "N_VALUES"),
+    },
     "fmd.core.cache": {"_DIGEST_BYTES"},
     "fmd.core.child": {"_PR_SET_PDEATHSIG"},
     "fmd.core.encoding": {"_LENGTH_BYTES"},

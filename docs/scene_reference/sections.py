@@ -7,6 +7,7 @@ from typing import NamedTuple
 from fmd.scene.bar import Bar, BarMesh
 from fmd.scene.bodies import Solid
 from fmd.scene.constraints import Gear, Rack
+from fmd.scene.contacts import Contact
 from fmd.scene.controllers import ExternalValue, LagController, PidController
 from fmd.scene.curves import ForceByElongation, TimeFunction
 from fmd.scene.force_elements import (
@@ -150,6 +151,9 @@ _ELEMENTS = """\
 Springs, bushings and bearings are tables `[spring.NAME]`, `[bushing.NAME]` and `[bearing.NAME]`. Each acts between two
 places, markers of bodies or places on the ground, and takes nothing away from how they move.
 """
+_CONTACT = """\
+A contact is a table `[contact.NAME]`; [Contact and friction](contact.md) tells how it is computed.
+"""
 _ELONGATION = """\
 A formula holds `x`, the elongation in metres, in place of `t`, and else what formulas of the time hold.
 """
@@ -283,6 +287,7 @@ SECTIONS = (
     Section("### Bearing", Bearing),
     Section("### Stop of a slide or a spring", LengthStop),
     Section("### Stop of a hinge", AngleStop),
+    Section("## Contact", Contact, _CONTACT),
     Section("## Simulation", Simulation),
     Section("## Runs", None, _RUNS),
     *(Section(f"### {run.title}", run) for run in RUNS),

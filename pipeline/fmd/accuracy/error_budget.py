@@ -160,7 +160,8 @@ ERROR_BUDGET: Stage[Budget] = Stage(
     lambda run: run.inputs,
     ALL_SOURCES,
     ALL_PACKAGES,
-    applies=lambda run: all(part.has_mesh for part in run.wholes.values()),  # matrices tell nothing of their own error
+    # Matrices tell nothing of their own error, and motions are sensitive after a shock.
+    applies=lambda run: not run.scene.contact and all(part.has_mesh for part in run.wholes.values()),
     lasts=lambda budget: not budget.left_out,
 )
 """Stage of a run: ``ERROR_BUDGET.of(run)`` is the budget of the scene's first run."""

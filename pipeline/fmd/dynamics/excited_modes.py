@@ -51,7 +51,7 @@ def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited |
         What counts as no force and no coupling: a part of the largest static response to a force of its kind, and of
         the modal mass.
     """
-    if not any(len(link.omega) for link in mechanism.links):
+    if mechanism.contacts or not any(len(link.omega) for link in mechanism.links):  # contact excites all modes
         return None
     kept = []
     for b, link in enumerate(mechanism.links):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from fmd.dynamics.signals.activity import Activity, find_activity
 from fmd.dynamics.signals.signal import Signal
 from fmd.dynamics.state_functions import HeldValue, Quantity, StateFunction
 from fmd.reduction.body import MarkerShapes
+
+if TYPE_CHECKING:
+    from fmd.contact.touching_body import TouchingBody
 
 
 class Layout(NamedTuple):
@@ -93,6 +96,8 @@ class Mechanism:
         Force elements between two places.
     controllers : sequence of SampledController
         Controllers that measure now and then, each after those whose outputs it takes.
+    contacts : sequence of TouchingBody
+        Bodies that touch planes, each once.
 
     Raises
     ------
@@ -111,6 +116,7 @@ class Mechanism:
     assembled: Mapping[str, Sequence[float]] = field(default_factory=dict)
     elements: Sequence[Element] = ()
     controllers: Sequence[SampledController] = ()
+    contacts: Sequence[TouchingBody] = ()
 
     def __post_init__(self) -> None:
         links = {link.name: link for link in self.links}
@@ -119,6 +125,7 @@ class Mechanism:
         frozen = {body for closure in self.closures for body in closure.bodies}
         frozen |= {end.body for element in self.elements for end in element.ends if end.body != GROUND}
         frozen |= {body for function in self.functions for body in function.bodies}
+        frozen |= {contact.body for contact in self.contacts}
         named = {*self.fast_joints, *self.slow_modes, *(at.body for at in self.loads), *frozen}
         if unknown := named - set(links):
             raise ValueError(f"no link is named {', '.join(sorted(unknown))}")
@@ -323,7 +330,7 @@ class Mechanism:
         return tuple((signal, derivative) for signal, derivative in both if not signal.is_constant)
 
     def with_modes(self, kept: Mapping[str, IntArray]) -> Mechanism:
-        """Return the mechanism whose bodies have some of their modes alone, by the bodies' names; without markers."""
+        """Return the mechanism whose bodies have some of their modes alone, by name; without markers or contacts."""
         own = [kept[link.name] for link in self.links]
         links = [link.with_modes(own[k], own[link.parent]) for k, link in enumerate(self.links)]
         loads = [load.with_modes(kept[load.body]) for load in self.loads]
@@ -335,6 +342,7 @@ class Mechanism:
             closures=[closure.with_modes(kept) for closure in self.closures],
             elements=[element.with_modes(kept) for element in self.elements],
             controllers=[controller.with_modes(kept) for controller in self.controllers],
+            contacts=(),
         )
 
     @cached_property

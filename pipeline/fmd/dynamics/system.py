@@ -45,6 +45,12 @@ def leapfrog_step(p: Any, leapfrog: Any, t: float, h: float, q: Array, v: Array,
 
 
 @singledispatch
+def note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
+    """Fill the values of a mechanism's contacts at a state of a march within or after its last step."""
+    raise NotImplementedError
+
+
+@singledispatch
 def freeze_slow(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
     """Freeze M̂, the slow accelerations and the coefficients of the velocity-dependent terms over a major cycle."""
     raise NotImplementedError

@@ -40,6 +40,8 @@ class Marker:
         Weights [1/m] of the mean rotation: ``ψ_a = Σ_ib rotation_weights[a, i, b] u_ib``.
     rigid : bool
         True if the face's nodes move as a rigid body.
+    area : float
+        The face's area [m²]; 0 of what is no face.
     """
 
     position: Array
@@ -47,6 +49,7 @@ class Marker:
     translation_weights: Array
     rotation_weights: Array
     rigid: bool = False
+    area: float = 0.0
 
     def translation(self, u: Array) -> Array:
         """Return the mean displacement (3, …) [m] of a nodal field u, shape (n_nodes, 3, …)."""
@@ -106,7 +109,8 @@ def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigi
     second = r.T @ Ar
     inertia = np.trace(second) * np.eye(3) - second
     moment = np.einsum("acb,ic->aib", EPSILON, Ar)
-    return Marker(centre, nodes, w / area, np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment), rigid)
+    weights = np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment)
+    return Marker(centre, nodes, w / area, weights, rigid, float(area))
 
 
 def traction_marker(position: Array, nodes: IntArray, x: Array, forces: Array) -> Marker:

@@ -63,8 +63,10 @@ class CentralDifference(FixedStepIntegrator):
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        end, q, v, seconds = self.fixed_march(system).run(start, times, progress)
-        return Trajectory(self.name, self.step, 1, times, q, v, end.step - start.step, 0, seconds, end)
+        contacts = np.full((times.size, getattr(system, "n_contact_values", 0)), np.nan)
+        end, q, v, seconds = self.fixed_march(system).run(start, times, progress, contacts)
+        steps = end.step - start.step
+        return Trajectory(self.name, self.step, 1, times, q, v, steps, 0, seconds, end, contacts=contacts)
 
     def fixed_march(self, system: System) -> FixedMarch:
         """Return what a system is marched with."""

@@ -19,7 +19,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, MORE_CYCLES, RUNAWAY
-from fmd.dynamics.system import System, project
+from fmd.dynamics.system import System, note_contacts, project
 from fmd.integrators.protocol import Progress, ResumableIntegrator, State, require_times
 from fmd.integrators.work_bounds import ElongationLog, WorkCheck, note_elongations
 from fmd.kernels.kernel import inlined, kernel
@@ -40,6 +40,8 @@ class Samples(Table):
         Time since that step's begin [s].
     q, v : ndarray, shapes (n_times, n_positions) and (n_times, n)
         Positions and rates, NaN as long as they aren't known.
+    contacts : ndarray, shape (n_times, n_values)
+        Values of contacts; none without contacts.
     cursor : ndarray of int, shape (1,)
         How many are known.
     """
@@ -49,6 +51,7 @@ class Samples(Table):
     offset: Array
     q: Array
     v: Array
+    contacts: Array
     cursor: IntArray
 
 
@@ -123,6 +126,9 @@ def _march(
                 return cycle * substeps + done + taken
             while start + done == next_sample:
                 sample_within(m, p, done, samples.offset[cursor], samples.q[cursor], samples.v[cursor])
+                if samples.contacts.shape[1] > 0:
+                    t, values = samples.times[cursor], samples.contacts[cursor]
+                    note_contacts(p, t, samples.q[cursor], samples.v[cursor], values)
                 cursor += 1
                 next_sample = samples.step[cursor] if cursor < n_samples else -1
             done += count
@@ -172,11 +178,13 @@ class FixedMarch:
     substeps: int = 1
     origin: float = 0.0
 
-    def run(self, start: State, times: Array, progress: Progress | None) -> tuple[State, Array, Array, float]:
+    def run(
+        self, start: State, times: Array, progress: Progress | None, contacts: Array | None = None
+    ) -> tuple[State, Array, Array, float]:
         """March until the last output time is passed.
 
         The kernel is called for some steps at a time, so that progress shows and divergence is noticed early; neither
-        that nor ``times`` changes the steps.
+        that nor ``times`` changes the steps. ``contacts`` (n_times, n_values) are filled with values of contacts.
 
         Returns
         -------
@@ -194,9 +202,14 @@ class FixedMarch:
         sample_step, sample_offset = locate_samples(times, self.step)
         q, v = np.full((times.size, start.q.size), np.nan), np.full((times.size, start.v.size), np.nan)
         method, asked = self.make(state), np.ascontiguousarray(times, dtype=float)
-        samples = Samples(asked, sample_step, sample_offset, q, v, np.array([np.searchsorted(sample_step, state.step)]))
+        noted = np.zeros((times.size, 0)) if contacts is None else contacts
+        cursor = np.array([np.searchsorted(sample_step, state.step)])
+        samples = Samples(asked, sample_step, sample_offset, q, v, noted, cursor)
         last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
         p, check = self.system.parameters, WorkCheck(self.system, self.origin, self.step, substeps)
+        touching = getattr(p, "contact", None)
+        if touching is not None and state.memory.size:
+            touching.recall(state.memory)
         check.begin(state.step, state.q, state.v)
         seconds, chunk = 0.0, substeps * FIRST_CYCLES
         _march(method, p, self.frozen, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel
@@ -216,6 +229,7 @@ class FixedMarch:
             if progress:
                 progress(state.step / last)
         check.require_little_missed(self.name)
+        state = state if touching is None else replace(state, memory=touching.memory)
         return state, q, v, seconds
 
 
@@ -238,14 +252,15 @@ class FixedStepIntegrator(ResumableIntegrator):
         """Return the states in which marches end that pass a time [s], from states that differ in values alone."""
         march = self.fixed_march(system)
         check = WorkCheck(system, 0.0, march.step, march.substeps)
-        if check.follows_laws or getattr(system, "has_loops", False):  # what these remember is each march's own
+        remembers = check.follows_laws or getattr(system, "has_loops", False) or hasattr(system, "n_contact_values")
+        if remembers:  # what is each march's own
             return super().ends(system, starts, time)
         state, p, m = starts[0].copy(), system.parameters, march.substeps
         method, found = march.make(state), []
         (sample_step,), _ = locate_samples(np.array([time]), march.step)
         nothing, numbers = np.zeros(0), np.zeros(0, dtype=np.int64)
         q, v = np.zeros((0, state.q.size)), np.zeros((0, state.v.size))
-        none = Samples(nothing, numbers, nothing, q, v, np.zeros(1, dtype=np.int64))
+        none = Samples(nothing, numbers, nothing, q, v, np.zeros((0, 0)), np.zeros(1, dtype=np.int64))
         for start in starts:
             for own, given in zip(state.arrays, start.arrays, strict=True):
                 own[:] = given

@@ -13,7 +13,15 @@ from fmd.core.arrays import Array, require_finite, require_shape, short_repr
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.stability import DAMPED
 from fmd.dynamics.controllers import HeldValues
-from fmd.dynamics.system import System, accelerations, advance, project, project_onto_constraints, velocities
+from fmd.dynamics.system import (
+    System,
+    accelerations,
+    advance,
+    note_contacts,
+    project,
+    project_onto_constraints,
+    velocities,
+)
 from fmd.kernels.kernel import kernel
 from fmd.kernels.table import Table, aligned
 
@@ -89,6 +97,8 @@ class Trajectory:
     error : float, optional
         Error that an automatic choice's last two marches tell, relative to the largest value of each kind of
         coordinate.
+    contacts : ndarray, shape (n_times, n_values)
+        Values of the mechanism's contacts at the output times; none without contacts.
     spread : float
         How far the median of repeated marches' run times is above the least, relative to that.
     held : HeldValues, optional
@@ -109,6 +119,7 @@ class Trajectory:
     error: float | None = None
     spread: float = 0.0
     held: HeldValues | None = None
+    contacts: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     __repr__ = short_repr
 
@@ -298,3 +309,8 @@ def _project(p: Any, t: float, q: Array, v: Array) -> None:
 @project_onto_constraints.register(Table)
 def _project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Leave a step as it is, likewise."""
+
+
+@note_contacts.register(Table)
+def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
+    """Note nothing, likewise."""

@@ -16,6 +16,7 @@ from fmd.accuracy.uncertain_results import uncertain_warnings
 from fmd.core.limits.errors import MORE_TIME, SAFETY, TOO_LARGE
 from fmd.core.limits.pieces import PIECES_DEFLECTIONS, PIECES_FREQUENCIES
 from fmd.core.version import __version__
+from fmd.output.contacts import contact_figures, contact_warnings
 from fmd.output.coupling import coupling_warnings
 from fmd.output.explain import STAGES
 from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
@@ -75,9 +76,10 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         *loop_warnings(run),
         *coupling_warnings(run),
         *_sampling_warnings(run),
+        *contact_warnings(run),
     ]
     first, fine = run.motion, run.fine_motion
-    summary |= loop_figures(run)
+    summary |= loop_figures(run) | contact_figures(run)
     summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
     summary["integrations"] = _integrations(run)
     summary["final"] = first.final() | _former_names(first)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.reactions import JointLoads, closing_reactions, constraint_residual, joint_loads
 from fmd.integrators.protocol import Trajectory
+
+if TYPE_CHECKING:
+    from fmd.contact.histories import ContactHistory
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,9 @@ class Motion:
     def part(self, first: int, stop: int | None = None) -> Motion:
         """Return the motion at some of the output times; nothing that is computed of it stays in the whole one."""
         t, chosen = self.trajectory, slice(first, stop)
-        return replace(self, trajectory=replace(t, times=t.times[chosen], q=t.q[chosen], v=t.v[chosen]))
+        contacts = t.contacts[chosen]
+        part = replace(t, times=t.times[chosen], q=t.q[chosen], v=t.v[chosen], contacts=contacts)
+        return replace(self, trajectory=part)
 
     def parts(self) -> Iterator[tuple[int, Motion]]:
         """Yield the motion piece by piece, each with the number of its first output time, so that memory holds one."""
@@ -111,6 +116,18 @@ class Motion:
         """Accelerations, and force and moment of every joint, at the output times."""
         whole = self.mechanism if self.complete is None else self.complete(self.mechanism)
         return joint_loads(self.mechanism, whole, self.times, self.trajectory.q, self.trajectory.v)
+
+    @property
+    def contacts(self) -> Mapping[str, ContactHistory]:
+        """Contacts at the output times, by name; none where nothing may touch."""
+        found: dict[str, ContactHistory] = {}
+        first = 0
+        counts = [len(body.planes) for body in self.mechanism.contacts]
+        for body, count in zip(self.mechanism.contacts, counts, strict=True):
+            values = self.trajectory.contacts.reshape(len(self.times), sum(counts), -1)
+            found |= body.histories(values[:, first : first + count])
+            first += count
+        return found
 
     @property
     def constraint_residual(self) -> float:

@@ -13,6 +13,10 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``B.origin``, ``B.orientation``      of the body's frame
 ``B.M.position``                     of each named marker M of the body; of a part in pieces under the part's name
 ``B.M.deflection``                   of each marker of a flexible body, in its axes, seen from the section at its joint
+``C.force``, ``C.moment``            of a contact C on its body, the moment about the plane's position
+``C.impulse``, ``C.friction_work``   of a contact since the start
+``C.area``, ``C.peak_pressure``      of a contact's pressed points
+``C.energy``                         of a contact: of the deflection that the modes leave out
 ``centre_of_mass``                   of all bodies
 ``momentum``, ``angular_momentum``   of all bodies, the latter about the ground's origin
 ``kinetic_energy``                   of all bodies
@@ -162,7 +166,7 @@ def _gather_motions(
 
 def motion_variables(motion: Motion) -> list[Variable]:
     """Compute all variables of a motion; no name comes twice."""
-    variables = [*_whole_variables(motion), *_body_variables(motion)]
+    variables = [*_whole_variables(motion), *_body_variables(motion), *_contact_variables(motion)]
     taken = {variable.name for variable in variables}
     for variable in joint_variables(motion):
         variables.append(variable._replace(name=f"joint.{variable.name}") if variable.name in taken else variable)
@@ -204,6 +208,19 @@ def _body_variables(motion: Motion) -> Iterator[Variable]:
             if len(link.omega):
                 text = f"deflection of {name}, seen from the section at the joint of {link.part or body}, in its axes"
                 yield Variable(f"{name}.deflection", whole.deflection(k, marker), _XYZ, "m", text)
+
+
+def _contact_variables(motion: Motion) -> Iterator[Variable]:
+    """Variables of each contact."""
+    for name, own in motion.contacts.items():
+        yield Variable(f"{name}.force", own.force, _XYZ, "N", f"force on the body by contact {name}")
+        yield Variable(f"{name}.impulse", own.impulse, _XYZ, "N s", f"impulse of contact {name} since the start")
+        text = f"moment of contact {name} on the body about the plane's position"
+        yield Variable(f"{name}.moment", own.moment, _XYZ, "N m", text)
+        yield Variable(f"{name}.area", own.area, (), "m^2", f"area that contact {name} presses")
+        yield Variable(f"{name}.peak_pressure", own.peak_pressure, (), "Pa", f"largest pressure of contact {name}")
+        yield Variable(f"{name}.energy", own.energy, (), "J", f"energy of deflection beside the modes, contact {name}")
+        yield Variable(f"{name}.friction_work", own.friction_work, (), "J", f"friction's work in contact {name}")
 
 
 def joint_variables(motion: Motion) -> Iterator[Variable]:

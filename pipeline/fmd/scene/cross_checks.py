@@ -47,6 +47,7 @@ class CrossCheck:
             *self._check_drives(),
             *self._check_controllers(),
             *self._check_elements(),
+            *self._check_contacts(),
             *self._check_couplers(),
             *self._check_simulation(),
             *self._check_outputs(),
@@ -150,6 +151,43 @@ class CrossCheck:
                 if first == second or first.partition(".")[0] == second.partition(".")[0] == "ground":
                     yield FaultError("must be two places that can move against each other", table, name, "between")
 
+    def _check_contacts(self) -> Iterator[FaultError]:
+        faces: dict[str, str] = {}
+        for name, contact in self.scene.contact.items():
+            ground, face = contact.between
+            for number, place in enumerate(contact.between):
+                yield from self._check_place(place, "contact", name, "between", number)
+            body = face.partition(".")[0]
+            if ground.partition(".")[0] != "ground" or body == "ground":
+                mend = "'ground' or a place on it first, where a plane is, and a face of a flexible body second"
+                yield FaultError(f"must be {mend}", "contact", name, "between")
+            elif body in self.scene.body and (body not in self.scene.flexible or body in self.scene.pieces):
+                what = "in pieces" if body in self.scene.pieces else "rigid, and nothing says how stiff its surface is"
+                mend = "pieces = 1 works" if body in self.scene.pieces else "a flexible body with few modes works"
+                yield FaultError(f"touches with {body}, which is {what}; {mend}", "contact", name, "between")
+            if face in faces:
+                mend = "a face touches one plane; give other faces, or markers on parts of it"
+                yield FaultError(f"has the face of contact.{faces[face]}; {mend}", "contact", name, "between")
+            faces[face] = name
+        if self.scene.contact and self.scene.sampled:
+            fault = f"can't be in a scene with a sampled controller, {self.scene.sampled[0]}"
+            yield FaultError(fault, "contact", next(iter(self.scene.contact)))
+        if self.scene.contact and self.scene.closing:
+            yield FaultError("can't be in a scene whose joints close loops", "contact", next(iter(self.scene.contact)))
+
+    def _check_contact_runs(self) -> Iterator[FaultError]:
+        """Contact is for methods that evaluate forces once a step, from a start at which nothing is pressed."""
+        simulation = self.scene.simulation_table
+        assert simulation is not None
+        for number, run in enumerate(simulation.run):
+            if not run.takes_contact:
+                mend = f"{name_methods('takes_contact')} does"
+                yield FaultError(f"takes no contact; {mend}", "simulation", "run", number, "integrator")
+        if getattr(self.scene, "accuracy", None) is not None:
+            yield FaultError("can't be required of a scene with contacts: no error budget states theirs", "accuracy")
+        if simulation.start != "undeformed":
+            yield FaultError("doesn't know of contacts; 'undeformed' does", "simulation", "start")
+
     def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
         """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""
         joint, drives = self.scene.joint[drive.joint], self.scene.drive
@@ -188,6 +226,8 @@ class CrossCheck:
         if remembering and self.scene.simulation_table.start != "undeformed":
             fault = f"holds no controller with a memory, such as {remembering[0]}; 'undeformed' works"
             yield FaultError(fault, "simulation", "start")
+        if self.scene.contact:
+            yield from self._check_contact_runs()
         for number, run in enumerate(self.scene.simulation_table.run):
             if not run.keeps_loops and self.scene.closing:
                 mend = f"{name_methods('chooses_steps', 'keeps_loops')} do"

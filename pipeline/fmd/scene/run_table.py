@@ -33,6 +33,8 @@ class RunTable(SceneTable):
         It brings each step back onto the constraints of loops.
     samples : bool
         Its steps end where sampled controllers measure.
+    takes_contact : bool
+        It evaluates forces once a step, as contact's are to be.
     passes_over : bool
         It stays stable where its steps don't resolve fast vibrations.
     limit_remedy, growth_remedy : str
@@ -44,6 +46,7 @@ class RunTable(SceneTable):
     chooses_steps: ClassVar[bool] = False
     keeps_loops: ClassVar[bool] = True
     samples: ClassVar[bool] = False
+    takes_contact: ClassVar[bool] = False
     passes_over: ClassVar[bool] = False
     limit_remedy: ClassVar[str] = ""
     growth_remedy: ClassVar[str] = ""

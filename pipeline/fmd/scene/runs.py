@@ -29,6 +29,7 @@ class CentralDifferenceRun(SteppedRun):
 
     title: ClassVar[str] = "Central differences"
     method: ClassVar[str] = "central_difference.CentralDifference"
+    takes_contact: ClassVar[bool] = True
 
     integrator: Literal["central-difference"]
 

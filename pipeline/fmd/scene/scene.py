@@ -31,6 +31,7 @@ _NAMED = (
     "spring",
     "bushing",
     "bearing",
+    "contact",
 )  # tables of tables by name
 
 
@@ -83,6 +84,8 @@ class Scene(SceneTables):
         Gears and racks by name.
     spring, bushing, bearing : dict
         Force elements between two places, by name.
+    contact : dict
+        Faces that may touch a plane, by name.
     simulation_table : Simulation, optional
         The integration over time. Without it the scene has meshes and modes alone, and its bodies need no joint.
     reference : PublishedResults, optional

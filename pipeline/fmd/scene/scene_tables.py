@@ -8,6 +8,7 @@ from pydantic import Field
 
 from fmd.scene.any_body import Body, Flexible, wanted_pieces
 from fmd.scene.constraints import AnyCoupler
+from fmd.scene.contacts import Contact
 from fmd.scene.controllers import AnyController
 from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
 from fmd.scene.joints.any_joint import Joint, closing_joints
@@ -32,6 +33,7 @@ class SceneTables(SceneTable):
     spring: dict[Name, Spring] = Field(default_factory=dict)
     bushing: dict[Name, Bushing] = Field(default_factory=dict)
     bearing: dict[Name, Bearing] = Field(default_factory=dict)
+    contact: dict[Name, Contact] = Field(default_factory=dict)
     simulation_table: Simulation | None = Field(default=None, alias="simulation")
     output: tuple[Output, ...] = ()
 
@@ -39,6 +41,11 @@ class SceneTables(SceneTable):
     def elements(self) -> dict[str, dict[str, ForceElement]]:
         """The force elements by table and name."""
         return {"spring": dict(self.spring), "bushing": dict(self.bushing), "bearing": dict(self.bearing)}
+
+    def faces_in_contact(self, body: str) -> tuple[str, ...]:
+        """Return the markers on the faces of a body that may touch something."""
+        faces = (contact.between[1].partition(".") for contact in self.contact.values())
+        return tuple(face for own, _, face in faces if own == body)
 
     @property
     def flexible(self) -> dict[str, Flexible]:

@@ -18,6 +18,7 @@ from fmd.responses.state_space import StateSpace
 from fmd.scene.variants import change_simulation, correct_statically, open_to_space
 from fmd.stability.tangent import OperatingPoint
 from fmd.stages.linear_ports import find_input, find_output
+from fmd.stages.run_checks import require_no_contact
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
@@ -86,6 +87,7 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
     AccuracyError
         There is no equilibrium or steady state, or the march to the time diverged.
     """
+    require_no_contact(run.scene, "a linear model")
     time = read_about(run, about)
     simulation = run.scene.simulation
     requested = [find_input(run.scene, name) for name in inputs]

@@ -87,7 +87,7 @@ def read_parent_joint(scene: Scene, body: str) -> ParentJoint:
     kept += [_across(normal, slide) for slide in slides]
     kept += [not gravity or _across(normal, scene.simulation.gravity)]
     kept += [_acts_in_plane(scene, drive, normal) for drive in scene.drive.values()]
-    kept += [not any(scene.elements.values())]  # which may pull across any plane
+    kept += [not any(scene.elements.values()), not scene.contact]  # which may pull and push across any plane
     free: tuple[Direction, ...] = ()
     if joint.kind.is_hinge and not prescribed:
         free = (axis,)

@@ -29,6 +29,7 @@ from fmd.stages.parent_joint import read_parent_joint
 from fmd.stages.part_inputs import (
     assembly_inputs,
     body_inputs,
+    contact_inputs,
     digest_of_body,
     element_inputs,
     mesh_inputs,
@@ -47,6 +48,7 @@ from fmd.stages.stage import ALL_PACKAGES, Stage, stages_of
 from fmd.stages.store import StageStore
 
 if TYPE_CHECKING:
+    from fmd.contact.touching_body import ContactPoints
     from fmd.fem.markers import Marker
     from fmd.fem.material import AnyMaterial
     from fmd.fem.mesh import SolidMesh
@@ -72,14 +74,6 @@ SecondOrder = tuple[InertiaIntegrals, Mapping[str, MarkerShapes]]
 
 def _has_mesh(part: FlexiblePart) -> bool:
     return part.has_mesh
-
-
-def _has_elements(part: FlexiblePart) -> bool:
-    return bool(part.shape.element)
-
-
-def _moves_in_a_plane(part: FlexiblePart) -> bool:
-    return part.joint.normal >= 0
 
 
 # Computations of the stages; what they need of heavy packages is loaded here.
@@ -225,7 +219,7 @@ class FlexiblePart:
         element_inputs,
         _STRESS,
         in_key=("mesh",),
-        applies=_has_elements,
+        applies=lambda part: bool(part.shape.element),
     )
     deformation_shapes: Stage[DeformationShapes] = Stage(
         "deformation", _evaluate_deformation, ("mesh", "body"), digest_of_body, _DEFORMATION
@@ -233,13 +227,22 @@ class FlexiblePart:
     nodal_stress: Stage[NDArray[np.float32]] = Stage(
         "nodal stress", _recover_nodal_stress, ("mesh", "body"), digest_of_body, _STRESS, applies=_has_mesh
     )
+    contact_points: Stage[ContactPoints] = Stage(
+        "contact",
+        "contacts:find_contact_points",
+        ("mesh", "assembly", "body"),
+        contact_inputs,
+        (*_REDUCTION, "fmd/contact"),
+        ALL_PACKAGES,
+        applies=lambda part: bool(part.contact_faces),
+    )
     inertia_along_normal: Stage[Array] = Stage(
         "inertia",
         _integrate_along_normal,
         ("mesh", "assembly", "body"),
         digest_of_body,
         _REDUCTION,
-        applies=_moves_in_a_plane,
+        applies=lambda part: part.joint.normal >= 0,
     )
 
     def __init__(
@@ -256,6 +259,7 @@ class FlexiblePart:
         self.shape: Flexible = scene.flexible[name]
         self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
         self.joint = read_parent_joint(scene, name)
+        self.contact_faces = scene.faces_in_contact(name)
         self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
         self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
         self.results: dict[str, Any] = {} if piece is None else {"mesh": piece.mesh}

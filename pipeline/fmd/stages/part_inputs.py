@@ -19,6 +19,7 @@ class KeyedPart(Protocol):
     joint: ParentJoint
     frame: str
     stiffening: str
+    contact_faces: tuple[str, ...]
 
     @property
     def is_reduced(self) -> bool:
@@ -83,6 +84,11 @@ def body_inputs(part: KeyedPart) -> Any:
 def digest_of_body(part: KeyedPart) -> Any:
     """Return the key of the reduced body, for results that depend on nothing else."""
     return part.key("body")
+
+
+def contact_inputs(part: KeyedPart) -> Any:
+    """Return what the points that may touch something depend on, and their flexibility."""
+    return {"body": part.key("body"), "faces": part.contact_faces}
 
 
 def element_inputs(part: KeyedPart) -> Any:

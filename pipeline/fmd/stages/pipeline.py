@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -60,7 +61,11 @@ def _build_mechanism(run: Pipeline) -> Mechanism:
 
     mechanism = build_mechanism(run.divided_scene, run.bodies)
     mechanism = keep_what_counts(mechanism, run.stiffening_loads, run.scene.simulation.error)
-    return with_whole_energy(mechanism) if run.whole_energy else mechanism
+    mechanism = with_whole_energy(mechanism) if run.whole_energy else mechanism
+    if not run.scene.contact:
+        return mechanism
+    add_contacts: Callable[[Pipeline, Mechanism], Mechanism] = import_module("fmd.stages.contacts").add_contacts
+    return add_contacts(run, mechanism)
 
 
 def _make_system(run: Pipeline) -> CompiledSystem:

@@ -24,6 +24,13 @@ if TYPE_CHECKING:
     from fmd.scene.simulation import Simulation
 
 
+def require_no_contact(scene: Scene, what: str) -> None:
+    """Raise ``InputError`` if a scene has contacts, of which a use of it knows nothing."""
+    if scene.contact:
+        names = ", ".join(scene.contact)
+        raise InputError(scene.file, "contact", names, f"{what} would leave contacts out; --set contact={{}} does so")
+
+
 def require_resolved_loads(file: str, key: str, method: Integrator, system: CompiledSystem) -> None:
     """Check that a method with a fixed step doesn't step over a load.
 

@@ -11,13 +11,15 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InertiaError, InputError, StabilityError
+from fmd.core.limits.contact import CHOSEN_STEP, DEEP_START, LARGEST_STEP
 from fmd.core.limits.mechanism import NO_FORCE
 from fmd.core.limits.stability import ALLOWED_GROWTH, LEAST_CYCLES, SURELY_STABLE, TRIED_PART, TRIED_TIMES
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.excited_modes import excited_part
 from fmd.integrators.central_difference import CentralDifference
-from fmd.integrators.protocol import Integrator, Trajectory
+from fmd.integrators.protocol import Integrator, Trajectory, evaluate
 from fmd.integrators.side_by_side import time_by_turns
+from fmd.integrators.work_bounds import round_down
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
@@ -194,6 +196,8 @@ def _measure_growth(built: BuiltScene, plan: Plan, run: Run, known: list[Operati
     """
     method: Any = plan.integrator  # a method with a limit has a step, and resumes
     limit, free = method.largest_step(plan.system), built.scene.simulation.step == "auto" and not run.step
+    if plan.mechanism.contacts:
+        return _limit_contact_step(built, plan, limit, free)
     if not method.step < limit and not free:
         raise InputError(
             built.scene.file,
@@ -229,6 +233,47 @@ def _measure_growth(built: BuiltScene, plan: Plan, run: Run, known: list[Operati
             )
         return Growth(longest, float(np.exp(points.e_folds(replace(method, step=longest)))))
     return Growth(None, float(np.exp(folds)))
+
+
+def _limit_contact_step(built: BuiltScene, plan: Plan, limit: float, free: bool) -> Growth:
+    """Shorten the step of a run with contacts, or refuse it: from half of its limit on the highest modes gain energy.
+
+    They do so without damping, by opening and closing, though each of the two is stable by itself. Operating points,
+    which a motion without contacts would have, tell nothing.
+    """
+    _require_free_start(built, plan)
+    step = plan.integrator.step
+    if free:
+        return Growth(plan.system.resolving_step(CHOSEN_STEP * limit)[0])
+    if step > LARGEST_STEP * limit:
+        hertz = 1.0 / (np.pi * limit)
+        raise InputError(
+            built.scene.file,
+            plan.key,
+            f"{step:.6g} s",
+            f"lets contact feed the highest modes; with all points closed these reach {hertz:.5g} Hz, and "
+            f"{round_down(LARGEST_STEP * limit):g} s is the longest step, {round_down(CHOSEN_STEP * limit):g} s a good "
+            "one",
+        )
+    return Growth()
+
+
+def _require_free_start(built: BuiltScene, plan: Plan) -> None:
+    """Raise ``InputError`` if a body begins below a plane: what presses it there isn't known."""
+    parameters, (q0, v0) = plan.system.parameters, plan.start
+    evaluate(parameters, 0.0, q0, v0, np.zeros(plan.system.n))
+    gaps, first = parameters.contact.free[:, 0], 0
+    for body in plan.mechanism.contacts:
+        for plane in body.planes:
+            depth = -float(gaps[first + plane.points].min())
+            if depth > DEEP_START * float(np.ptp(body.points.x, axis=0).max()):
+                raise InputError(
+                    built.scene.file,
+                    f"contact.{plane.name}",
+                    None,
+                    f"begins {depth:.4g} m deep: {body.body} has to start above the plane, or on it",
+                )
+        first += len(body.points.x)
 
 
 def _describe_growth(method: Integrator, folds: float, longest: float) -> str:

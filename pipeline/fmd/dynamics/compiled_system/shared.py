@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Hashable
+from importlib import import_module
 
 from fmd.core.limits.memory import MOST_SHARED
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -19,14 +20,15 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     A system's addresses, couplings and frequencies follow from its mechanism alone, and each march has storage of its
     own, so sharing changes no number.
     """
-    system = CompiledSystem(mechanism)
+    system = make_system(mechanism)
     names = [(link.name, link.joint_name, link.section, *link.markers) for link in mechanism.links]
     acting = [(load.body, load.size.breakpoints) for load in mechanism.loads]
     acting += [(link.name, (link.motion or link.load).breakpoints) for link in mechanism.links]
     joined = [(closure.name, *closure.bodies) for closure in mechanism.closures]
     placed = [(name, *position) for name, position in mechanism.assembled.items()]
     sampled = [(at.name, at.period, at.output, at.law) for at in mechanism.controllers]
-    named = tuple(tuple(part) for part in (names, acting, joined, placed, sampled))
+    touching = [contact.digest for contact in mechanism.contacts]
+    named = tuple(tuple(part) for part in (names, acting, joined, placed, sampled, touching))
     numbers = tuple(system.compiled.numbers.tolist())
     key = (system.compiled.digest, system.compiled.signals, numbers, named, mechanism.horizon)
     system = _shared.pop(key, system)
@@ -34,3 +36,11 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     while len(_shared) > MOST_SHARED:
         _shared.popitem(last=False)
     return system
+
+
+def make_system(mechanism: Mechanism) -> CompiledSystem:
+    """Make the system of a mechanism; that of one with contacts is of a module that only these load."""
+    if not mechanism.contacts:
+        return CompiledSystem(mechanism)
+    touching: type[CompiledSystem] = import_module("fmd.dynamics.compiled_system.touching").TouchingSystem
+    return touching(mechanism)

@@ -42,6 +42,8 @@ def digest_mechanism(inputs: Coordinates) -> str:
         _add(pieces, inputs, ["measured", [numbers[body] for body in function.bodies], function])
     for element in mechanism.elements:
         _add(pieces, inputs, [[numbers.get(end.body, -1) for end in element.ends], type(element).__name__, element])
+    for contact in mechanism.contacts:  # whose forces are arguments
+        _add(pieces, inputs, ["touches", numbers[contact.body]])
     for closure in mechanism.closures:
         if isinstance(closure, Coupler):
             _add(pieces, inputs, [[numbers[body] for body in closure.joints], closure.factors, closure.offset])

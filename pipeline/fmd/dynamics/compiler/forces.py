@@ -89,6 +89,19 @@ class ActingForces:
         return np.ones(len(frame.link.omega))
 
 
+class PushedForces(ActingForces):
+    """All that acts on a mechanism, and the forces of its contacts, which are arguments."""
+
+    def on_body(self, frame: MovingFrame, inertia: Inertia) -> tuple[Vector6, Terms]:
+        """Return p of a body, and the terms of −e; see `bodies`."""
+        p, terms = super().on_body(frame, inertia)
+        if all(contact.body != frame.link.name for contact in self._inputs.mechanism.contacts):
+            return p, terms
+        push = [self.graph.scalar_input("push", 6 * frame.number + k) for k in range(6)]
+        on_modes = self._inputs.inputs_of_modes(frame.number, "modal")
+        return subtract(p, push), [*terms, (1.0, on_modes)]
+
+
 class GivenForces:
     """Generalised forces that are read from an argument, on a mechanism at rest without weight.
 

@@ -7,6 +7,8 @@ are filled:
   springs, rests and dampers of joints, and held values;
 - ``q`` (n_positions,) and ``v`` (n,): positions and rates in the mechanism's order;
 - ``step`` (1,): length of a leapfrog step, which takes ``q``, ``v`` and ``a`` on in their places;
+- ``push`` (n_bodies, 6): force and moment by contact on each body's frame, in its axes, and ``modal`` (n,): such forces
+  on modes, in the order of rates;
 - ``a`` (n,): accelerations, and ``r`` (n,): the residual ``M̂ a − Q̂``;
 - ``dinputs`` (3 n_signals + n_numbers, 8), ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and
   ``dr`` (n, 8): the residual's derivatives; ``M̂ da`` by ``inertia``;
@@ -49,7 +51,7 @@ from fmd.dynamics.compiler.algebra import times
 from fmd.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.cycle import trace_cycle
-from fmd.dynamics.compiler.forces import ActingForces, GivenForces, trace_effort, trace_elongations
+from fmd.dynamics.compiler.forces import ActingForces, GivenForces, PushedForces, trace_effort, trace_elongations
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.frozen import trace_drift, trace_fast_step, trace_single
 from fmd.dynamics.compiler.graph import Scalar, combine
@@ -88,6 +90,10 @@ def trace_program(name: str, inputs: Coordinates, frames: list[MovingFrame]) -> 
 
 def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, ActingForces(inputs, frames)))
+
+
+def _pushed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, PushedForces(inputs, frames)))
 
 
 def _leap(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -292,6 +298,7 @@ _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 
 DEFINITIONS = {
     "accelerations": Definition((*_STATE, "a"), _accelerations),
+    "pushed": Definition((*_STATE, "push", "modal", "a"), _pushed),
     "leap": Definition(("inputs", "step", *_STATE[1:], "a"), _leap, in_place=True),
     "residual": Definition((*_STATE, "a", "r"), _residual),
     "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _tangents, lanes=_DIRECTIONS),

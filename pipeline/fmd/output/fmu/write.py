@@ -25,6 +25,7 @@ from fmd.output.fmu.equations import write_coefficients, write_equations
 from fmd.output.fmu.variables import Interface, make_interface
 from fmd.scene.loads import MarkerLoad
 from fmd.stages.pipeline import Pipeline
+from fmd.stages.run_checks import require_no_contact
 
 _FIXED = (
     "calls.h",
@@ -82,6 +83,7 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
         The mechanism has loops, or loads by its own motion.
     """
     scene = run.divided_scene
+    require_no_contact(scene, "an FMU")
     if run.mechanism.efforts:
         mend = "export the scene without it, and let the other program give the torque"
         raise InputError(scene.file, "drive", None, f"an FMU can't hold a load by a formula of the motion; {mend}")

@@ -1,0 +1,1 @@
+"""Contact of flexible bodies: points, the flexibility that modes leave out, and forces by complementarity."""

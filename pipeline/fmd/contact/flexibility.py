@@ -1,0 +1,115 @@
+"""Points of faces that take a pressure, and their flexibility that a body's modes leave out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.contact.touching_body import ContactPoints
+from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.contact import COLUMNS_AT_ONCE, LEAST_FLEXIBILITY, LEAST_SHARE, MOST_POINTS
+
+if TYPE_CHECKING:
+    from fmd.fem.markers import Marker
+    from fmd.fem.model import FEModel
+    from fmd.reduction.body import FlexibleBody
+    from fmd.reduction.eigen import FreeBodySolver
+
+
+def pressed_nodes(marker: Marker) -> tuple[IntArray, Array]:
+    """Return the nodes of a marker's face that a constant pressure acts on, and the area of each.
+
+    Its nodal forces are ``∫ N dA``: equal ones at the corners of linear facets, and at the middles of the sides of
+    quadratic triangles, whose corners take none. These alone can carry a constant pressure by forces that push.
+
+    Raises
+    ------
+    ValueError
+        Some forces pull: facets are quadratic quadrilaterals.
+    """
+    share = marker.translation_weights
+    if marker.rigid or share.ndim != 1 or not marker.area > 0.0:
+        raise ValueError("is no face that can deform; an averaged marker on a face works")
+    if share.min() < -LEAST_SHARE * share.max():
+        raise ValueError(
+            "has quadratic quadrilaterals, whose corners a constant pressure pulls at: no forces that only push can "
+            "stand for it; linear hexahedra (order = 1) or quadratic tetrahedra work"
+        )
+    pressed = share > LEAST_SHARE * share.max()
+    return marker.nodes[pressed], share[pressed] * marker.area
+
+
+def contact_points(
+    fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, faces: Mapping[str, Marker]
+) -> ContactPoints:
+    """Find the points of a body's faces and their residual flexibility ``G = Bᵀ K⁺ B − V (Vᵀ K V)⁻¹ Vᵀ``.
+
+    V are the modes at the points without the rigid motion that a joint-conforming basis has, and ``K⁺`` the static
+    response by inertia relief, from the factor that the modes were computed with.
+
+    Parameters
+    ----------
+    faces : mapping of str to Marker
+        Averaged markers on faces.
+
+    Raises
+    ------
+    ValueError
+        A face has no points that take a pressure, two faces share points, or there are too many points; the message
+        begins with the face's name.
+    AccuracyError
+        A static response isn't accurate.
+    """
+    nodes, areas, numbers, n = list[IntArray](), list[Array](), dict[str, IntArray](), 0
+    for name, marker in faces.items():
+        try:
+            found, area = pressed_nodes(marker)
+        except ValueError as error:
+            raise ValueError(f"{name} {error}") from error
+        if nodes and np.isin(found, np.concatenate(nodes)).any():
+            raise ValueError(f"{name} shares points with another face that touches something; join the two in a marker")
+        numbers[name] = np.arange(n, n + len(found))
+        nodes, areas, n = [*nodes, found], [*areas, area], n + len(found)
+    if n > MOST_POINTS:
+        raise ValueError(
+            f"{', '.join(faces)}: {n} points, of which {MOST_POINTS} can be followed; a smaller face "
+            "or larger elements work"
+        )
+    at: IntArray = np.concatenate(nodes)
+    G = _static_flexibility(fe, solver, at) - _modal_flexibility(fe, solver, body, at)
+    G, lifted = _raised(0.5 * (G + G.T))
+    shapes = np.ascontiguousarray(body.shapes[at])
+    return ContactPoints(body.x[at].copy(), np.concatenate(areas), shapes, G.reshape(n, 3, n, 3), numbers, lifted)
+
+
+def _static_flexibility(fe: FEModel, solver: FreeBodySolver, nodes: IntArray) -> Array:
+    """Return ``Bᵀ K⁺ B`` (3 n, 3 n), some columns at a time."""
+    n_nodes, size = len(fe.x), 3 * len(nodes)
+    G = np.empty((size, size))
+    for first in range(0, size, COLUMNS_AT_ONCE):
+        columns = np.arange(first, min(first + COLUMNS_AT_ONCE, size))
+        loads = np.zeros((n_nodes, 3, len(columns)))
+        loads[nodes[columns // 3], columns % 3, np.arange(len(columns))] = 1.0
+        G[:, columns] = solver.static_response(loads)[nodes].reshape(size, -1)
+    return G
+
+
+def _modal_flexibility(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray) -> Array:
+    """Return the part of the flexibility that the modes have, (3 n, 3 n)."""
+    flat, R = body.shapes.reshape(3 * len(fe.x), -1), solver.rigid_modes
+    if R.shape[1]:
+        MR = fe.M @ R
+        flat = flat - R @ np.linalg.solve(R.T @ MR, MR.T @ flat)
+    V = flat.reshape(len(fe.x), 3, -1)[nodes].reshape(3 * len(nodes), -1) / body.omega
+    return np.asarray(V @ V.T)
+
+
+def _raised(G: Array) -> tuple[Array, float]:
+    """Return a symmetric flexibility with its eigenvalues raised to the least that counts, and the share of these."""
+    values, vectors = np.linalg.eigh(G)
+    low = values < LEAST_FLEXIBILITY * values[-1]
+    values[low] = LEAST_FLEXIBILITY * values[-1]
+    raised = (vectors * values) @ vectors.T
+    return 0.5 * (raised + raised.T), float(low.mean())

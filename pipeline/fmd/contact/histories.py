@@ -1,0 +1,43 @@
+"""Values of a contact that kernels fill, and what they mean over time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import Array
+
+FORCE, IMPULSE, MOMENT, AREA, PRESSURE, ENERGY, FRICTION, ERROR, BEGIN, END = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15
+"""Places of a contact's values: vectors in space, then numbers."""
+N_VALUES = 16
+
+
+class ContactHistory(NamedTuple):
+    """A contact at the output times; all vectors are in space, on the body."""
+
+    force: Array  # (n_times, 3) [N]
+    impulse: Array  # (n_times, 3): since the start [N s]
+    moment: Array  # (n_times, 3): about the plane's position [N m]
+    area: Array  # (n_times,): of the points that are pressed [m²]
+    peak_pressure: Array  # (n_times,) [Pa]
+    energy: Array  # (n_times,): of the deflection that the modes leave out [J]
+    friction_work: Array  # (n_times,): heat since the start [J]
+    energy_error: Array  # (n_times,): energy that contact's steps have made since the start [J]
+    span: tuple[float | None, float | None]  # first and last time of contact [s]; None without
+
+
+def read_history(v: Array) -> ContactHistory:
+    """Return a contact's history of its values, shape (n_times, N_VALUES)."""
+    begin, end = (float(v[-1, place]) if np.isfinite(v[-1, place]) else None for place in (BEGIN, END))
+    return ContactHistory(
+        force=v[:, FORCE : FORCE + 3],
+        impulse=v[:, IMPULSE : IMPULSE + 3],
+        moment=v[:, MOMENT : MOMENT + 3],
+        area=v[:, AREA],
+        peak_pressure=v[:, PRESSURE],
+        energy=v[:, ENERGY],
+        friction_work=v[:, FRICTION],
+        energy_error=v[:, ERROR],
+        span=(begin, end),
+    )

@@ -1,0 +1,125 @@
+"""A mechanism whose bodies touch planes, as a system: contact acts in each evaluation of its accelerations.
+
+The forces follow from positions and, with friction, from where points stood at the last step, so a method that
+evaluates them once a step takes them as it takes a spring's. This module is loaded for mechanisms with contacts alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from fmd.contact.histories import N_VALUES
+from fmd.contact.patch import evaluate_contacts, remember, touch
+from fmd.contact.tables import ContactTable, contact_table
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.kernels import set_inputs
+from fmd.dynamics.compiled_system.parameters import Leapfrog, TreeParameters
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_contacts
+from fmd.kernels.kernel import inner
+from fmd.kernels.library import call_native
+
+
+@dataclass(frozen=True)
+class TouchingParameters(TreeParameters):
+    """Parameters of a mechanism without loops whose bodies touch planes."""
+
+    pushed: int  # addresses of the compiled functions
+    frames: int
+    contact: ContactTable
+    origins: Array  # (n_bodies, 3): the bodies' frames
+    rotations: Array  # (n_bodies, 3, 3)
+    spins: Array  # (n_bodies, 3)
+
+
+class TouchingSystem(CompiledSystem):
+    """A mechanism with contacts, ready to be integrated by methods that evaluate forces once a step."""
+
+    @property
+    def n_contact_values(self) -> int:
+        """How many values `note_contacts` fills."""
+        return N_VALUES * sum(len(body.planes) for body in self.mechanism.contacts)
+
+    @cached_property
+    def _parameters(self) -> TouchingParameters:
+        plain = CompiledSystem(self.mechanism).parameters
+        mechanism, n_links = self.mechanism, len(self.mechanism.links)
+        links = [mechanism.number_of(body.body) for body in mechanism.contacts]
+        modes, shift = [mechanism.modes_of(k) for k in links], mechanism.n_positions - mechanism.n
+        return TouchingParameters(
+            **{own.name: getattr(plain, own.name) for own in fields(TreeParameters)},
+            pushed=self.compiled.address("pushed"),
+            frames=self.compiled.address("frames"),
+            contact=contact_table(mechanism.contacts, links, modes, n_links, mechanism.n, shift),
+            origins=np.zeros((n_links, 3)),
+            rotations=np.zeros((n_links, 3, 3)),
+            spins=np.zeros((n_links, 3)),
+        )
+
+    @cached_property
+    def _leapfrog(self) -> Leapfrog:
+        return Leapfrog(0, np.zeros(1), np.zeros(self.n))
+
+    @property
+    def stiffest_matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping of the undeformed mechanism with all stops touched and all points held."""
+        M, K, C = super().stiffest_matrices
+        return M, K + self._contact_stiffness, C
+
+    @cached_property
+    def _contact_stiffness(self) -> Array:
+        K, q = np.zeros((self.n, self.n)), self.mechanism.rest_positions
+        for body in self.mechanism.contacts:
+            number = self.mechanism.number_of(body.body)
+            K += body.stiffness(self._velocities(q, number, body.points.x, body.points.shapes))
+        return K
+
+    def _velocities(self, q: Array, body: int, x: Array, shapes: Array) -> Array:
+        """Return velocities of a body's points for unit rates, in its axes, shape (n_points, 3, n)."""
+
+        def rates(motion: Kinematics) -> Array:
+            frame = motion.frames[body]
+            R = frame.rotation
+            u, w = (np.einsum("tba,tb->ta", R, each) for each in (frame.velocity, frame.spin))
+            moved = np.einsum("pam,tm->tpa", shapes, motion.modal_rates(body))
+            return np.asarray(u[:, None] + np.cross(w[:, None], x[None]) + moved)
+
+        return np.moveaxis(self._rates_for_units(0.0, q, rates), 0, 2)
+
+
+@inner
+def _find_contacts(p: TouchingParameters, t: float, q: Array, v: Array) -> None:
+    set_inputs(p, float(t))
+    call_native(p.frames, (p.inputs, q, v, p.origins, p.rotations, p.spins))
+    touch(p.contact, q, p.origins, p.rotations)
+
+
+@accelerations.register(TouchingParameters)
+def _accelerations(p: TouchingParameters, t: float, q: Array, v: Array, a: Array) -> None:
+    _find_contacts(p, t, q, v)
+    call_native(p.pushed, (p.inputs, q, v, p.contact.push, p.contact.modal, a))
+
+
+@leapfrog_step.register(TouchingParameters)
+def _leapfrog_step(p: TouchingParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    for i in range(v.size):
+        leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
+    accelerations(p, t, q, leapfrog.v_now, a)
+    remember(p.contact, t)
+    for i in range(v.size):
+        v[i] += h * a[i] / (1.0 - p.contact.clock[1])  # infinite where no forces were found: the march ends there
+    advance(p, q, v, h, 0, v.size)
+
+
+@note_contacts.register(TouchingParameters)
+def _note_contacts(p: TouchingParameters, t: float, q: Array, v: Array, values: Array) -> None:
+    _find_contacts(p, t, q, v)
+    evaluate_contacts(p.contact, t)
+    n = p.contact.now.shape[1]
+    for k in range(p.contact.now.shape[0]):
+        for j in range(n):
+            values[n * k + j] = p.contact.now[k, j]

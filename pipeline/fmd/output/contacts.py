@@ -1,0 +1,83 @@
+"""Contacts of a run in numbers: forces, pressure, times, and the energy that its steps made or lost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.limits.contact import LOST_ENERGY, UNSEEN_DEPTH
+from fmd.stages.pipeline import Pipeline
+
+if TYPE_CHECKING:
+    from fmd.contact.histories import ContactHistory
+
+
+def contact_figures(run: Pipeline) -> dict[str, Any]:
+    """Return the contacts of the first run by name; nothing without contacts."""
+    histories = run.motion.contacts
+    return {"contacts": {name: _figures(own) for name, own in histories.items()}} if histories else {}
+
+
+def _figures(own: ContactHistory) -> dict[str, Any]:
+    begin, end = own.span
+    return {
+        "begin_s": begin,
+        "end_s": end,
+        "impulse_n_s": own.impulse[-1].tolist(),
+        "largest_force_n": float(np.linalg.norm(own.force, axis=1).max()),
+        "largest_pressure_pa": float(own.peak_pressure.max()),
+        "largest_area_m2": float(own.area.max()),
+        "friction_work_j": float(own.friction_work[-1]),
+        "energy_error_j": float(own.energy_error[-1]),
+    }
+
+
+def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Return warnings about energy that contact's steps made, raised flexibility, and nodes that go unseen."""
+    found = []
+    for motion in run.motions.values() if run.scene.contact else ():
+        kinetic = float(motion.energies[0].max())
+        for name, own in motion.contacts.items():
+            error = float(np.abs(own.energy_error).max())
+            if error > LOST_ENERGY * kinetic:
+                text = (
+                    f"contact.{name}: the steps made or lost {error:.3g} J by opening and closing, "
+                    f"{100 * error / max(kinetic, 1e-300):.2g} % of the largest kinetic energy; shorter steps lose less"
+                )
+                found.append({"code": "contact-energy", "text": text})
+    for name, contact in run.scene.contact.items():
+        body, _, face = contact.between[1].partition(".")
+        if lifted := run.parts[body].contact_points.lifted:
+            text = (
+                f"contact.{name}: the modes of {body} have nearly all of its mesh's flexibility; {lifted:.0%} of the "
+                "rest is round-off, which was raised; fewer modes or smaller elements help"
+            )
+            found.append({"code": "contact-flexibility", "text": text})
+        if (depth := _unseen_depth(run, name, body, face)) > 0.0:
+            text = (
+                f"contact.{name}: nodes of {body}.{face} that carry no pressure go up to {depth:.3g} m deeper than "
+                "those that do, for it tilts onto a corner; smaller elements there, or linear hexahedra, help"
+            )
+            found.append({"code": "contact-unseen", "text": text})
+    return found
+
+
+def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> float:
+    """Return how much deeper than points other nodes of a face go under its plane [m]; 0 if that is little."""
+    part, motion = run.parts[body], run.motion
+    (touching,) = (own for own in motion.mechanism.contacts if own.body == body)
+    (plane,) = (own for own in touching.planes if own.name == contact)
+    nodes, reduced = part.markers[face].nodes, run.bodies[body]
+    frame, q = motion.kinematics.frames[motion.mechanism.number_of(body)], motion.modal(body)
+
+    def lowest(x: Array, shapes: Array) -> Array:
+        along = frame.rotation.transpose(0, 2, 1) @ plane.normal
+        gaps = np.einsum("ta,tna->tn", along, x + np.einsum("nam,tm->tna", shapes, q))
+        return np.asarray(gaps.min(axis=1) + (frame.origin - plane.position) @ plane.normal)
+
+    points = lowest(touching.points.x[plane.points], touching.points.shapes[plane.points])
+    deeper = (np.minimum(points, 0.0) - lowest(reduced.x[nodes], reduced.shapes[nodes])).max()
+    extent = float(np.ptp(reduced.x[nodes], axis=0).max())
+    return float(deeper) if deeper > UNSEEN_DEPTH * extent else 0.0

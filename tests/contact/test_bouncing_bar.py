@@ -1,0 +1,73 @@
+"""The bouncing bar against its exact solution by characteristics, and steps too long for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmd.contact.histories import BEGIN, END, ENERGY, ERROR, IMPULSE
+from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.kinematics import Kinematics
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import Trajectory
+from tests.contact.touching_mechanisms import LENGTH, RHO, bouncing_bar
+
+PERIOD = 16 / 3  # it falls for 1 s, is in contact for 2/3 s, and is up again 1 s later: then once more down and up
+FALL = 5.0
+
+
+def march(n: int, share: float, duration: float) -> tuple[Trajectory, np.ndarray]:
+    """March with a share of the largest stable step, and return the total energy, too."""
+    mechanism = bouncing_bar(n)
+    system = share_system(mechanism)
+    q0 = np.zeros(mechanism.n_positions)
+    q0[0] = LENGTH / 2 + FALL
+    times = np.arange(0.0, duration, 0.01)
+    motion = CentralDifference(share * system.largest_step).march(system, q0, np.zeros(mechanism.n), times)
+    kinetic, potential = Kinematics(mechanism, times, motion.q, motion.v).energies
+    return motion, kinetic + potential + motion.contacts[:, ENERGY]
+
+
+def test_a_bouncing_bar_has_the_exact_impulse_speed_and_time_of_contact() -> None:
+    motion, _ = march(60, 0.25, 2.0)
+    last, later = motion.contacts[-1], motion.times[180] - 5 / 3
+    assert last[IMPULSE] == pytest.approx(266.667, abs=0.2)  # the exact bar: 300 + 300 (t − 1) N over 2/3 s
+    assert last[BEGIN] == pytest.approx(1.0, abs=1e-3)
+    assert last[END] == pytest.approx(5 / 3, abs=2e-3)
+    assert 9.98 < motion.v[180, 0] + 10.0 * later < 10.0
+    at = np.arange(110, 160, 5)  # means over 0.1 s, since a truncated shock rings
+    mean = (motion.contacts[at + 5, IMPULSE] - motion.contacts[at - 5, IMPULSE]) / 0.1
+    np.testing.assert_allclose(mean, 300.0 + 300.0 * (motion.times[at] - 1.0), rtol=0.03)
+
+
+def test_its_energy_stays_over_ten_periods() -> None:
+    motion, energy = march(60, 0.25, 10 * PERIOD)
+    assert energy[-1] == pytest.approx(energy[0], abs=0.005 * 500.0)  # of the 500 J that it falls with
+    assert abs(motion.contacts[-1, ERROR]) < 0.005 * 500.0
+
+
+def test_beyond_half_of_the_limit_it_gains_energy_and_the_summed_error_says_so() -> None:
+    motion, energy = march(30, 0.8, 10 * PERIOD)
+    assert energy[-1] > energy[0] + 0.2 * 500.0
+    assert abs(motion.contacts[-1, ERROR]) > 0.05 * 500.0
+
+
+def test_the_impulse_is_the_change_of_momentum() -> None:
+    motion, _ = march(20, 0.3, 1.7)
+    momentum = RHO * LENGTH * motion.v[:, 0]
+    weight = -10.0 * RHO * LENGTH * motion.times
+    np.testing.assert_allclose(momentum, weight + motion.contacts[:, IMPULSE], atol=1e-9 * 266.0)
+
+
+def test_a_march_in_two_parts_is_that_without_a_break() -> None:
+    mechanism = bouncing_bar(10)
+    system = share_system(mechanism)
+    q0 = np.zeros(mechanism.n_positions)
+    q0[0] = LENGTH / 2 + FALL
+    method, times = CentralDifference(0.25 * system.largest_step), np.linspace(0.0, 2.0, 41)
+    whole = method.march(system, q0, np.zeros(mechanism.n), times)
+    first = method.march(system, q0, np.zeros(mechanism.n), times[times < 1.3])
+    rest = method.resume(system, first.end, times)
+    later = times > 1.35
+    np.testing.assert_array_equal(rest.q[later], whole.q[later])
+    np.testing.assert_array_equal(rest.contacts[later], whole.contacts[later])

@@ -1,0 +1,132 @@
+"""Points of faces and their residual flexibility, against dense algebra and the derivative of a potential."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.optimize import nnls
+
+from fmd import Pipeline, load_scene
+from fmd.contact.flexibility import pressed_nodes
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.integrators.protocol import evaluate, move_positions
+
+BLOCK: dict[str, Any] = {
+    "title": "Block",
+    "body": {
+        "block": {
+            "shape": "bar",
+            "length": "200 mm",
+            "depth": "100 mm",
+            "width": "60 mm",
+            "E": "70 GPa",
+            "nu": 0.3,
+            "rho": "2700 kg/m^3",
+            "mesh": {"divisions": [4, 3, 2], "order": 1},
+            "modes": {"count": 4},
+            "marker": {"middle": {"at": ["100 mm", "0 mm", "0 mm"]}, "bottom": {"face": "y-"}},
+        }
+    },
+    "joint": {
+        "free": {"type": "free", "parent": "ground", "child": "block.middle", "position": ["0 m", "60 mm", "0 m"]}
+    },
+    "contact": {"floor": {"between": ["ground", "block.bottom"], "normal": [0, 1, 0]}},
+    "simulation": {
+        "duration": "60 ms",
+        "output_step": "1 ms",
+        "step": "auto",
+        "tip": "block.middle",
+        "gravity": ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"],
+        "run": [{"integrator": "central-difference"}],
+    },
+}
+MESHES = {
+    "linear hexahedra": "{ divisions = [4, 3, 2], order = 1 }",
+    "linear tetrahedra": '{ element = "tetrahedron", size = "40 mm", order = 1 }',
+    "quadratic tetrahedra": '{ element = "tetrahedron", size = "40 mm", order = 2 }',
+}
+
+
+def block(*overrides: str) -> Pipeline:
+    return Pipeline(load_scene(BLOCK, overrides))
+
+
+@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
+def test_forces_of_a_constant_pressure_push_and_have_its_resultant(mesh: str) -> None:
+    part = block(f"body.block.mesh={mesh}").parts["block"]
+    nodes, areas = pressed_nodes(part.markers["bottom"])
+    assert areas.min() > 0.0
+    assert areas.sum() == pytest.approx(0.2 * 0.06)
+    assert areas @ part.space.x[nodes] / areas.sum() == pytest.approx([0.1, -0.05, 0.0], abs=1e-12)
+
+
+def test_quadratic_tetrahedra_are_pressed_in_the_middles_of_their_sides() -> None:
+    part = block(f"body.block.mesh={MESHES['quadratic tetrahedra']}").parts["block"]
+    nodes, _ = pressed_nodes(part.markers["bottom"])
+    assert not np.isin(nodes, part.space.mesh.corners).any()
+
+
+def test_quadratic_hexahedra_are_refused_with_what_works() -> None:
+    with pytest.raises(InputError, match=r"bottom has quadratic quadrilaterals.*order = 1"):
+        _ = block("body.block.mesh.order=2").mechanism
+
+
+@pytest.mark.parametrize("joint", ["free", "prismatic"])
+def test_the_flexibility_is_that_of_all_modes_but_those_kept(joint: str) -> None:
+    """Dense: all elastic modes of the free body, less the part of the kept ones."""
+    more = ['joint.free.type="prismatic"', "joint.free.axis=[0,1,0]", "joint.free.position=60 mm"]
+    part = block(*(more if joint == "prismatic" else ())).parts["block"]
+    points, fe = part.contact_points, part.fe
+    K, M = (A.toarray() for A in (fe.K, fe.M))
+    values, vectors = eigh(K, M)
+    nodes, _ = pressed_nodes(part.markers["bottom"])
+    B = vectors.reshape(len(fe.x), 3, -1)[nodes].reshape(3 * len(nodes), -1)
+    left = slice(6 + len(part.body.omega), None)
+    exact = (B[:, left] / values[left]) @ B[:, left].T
+    n = 3 * len(nodes)
+    assert points.lifted == 0.0
+    np.testing.assert_allclose(points.G.reshape(n, n), exact, atol=1e-8 * np.abs(exact).max())
+
+
+def potential(run: Pipeline, q: Array) -> float:
+    """Energy of contact, ``max over λ ≥ 0 of −½ λᵀ D λ − λᵀ y``, by non-negative least squares."""
+    points, link = run.parts["block"].contact_points, run.mechanism
+    origins, rotations, _ = run.system.compiled.frames(0.0, q, np.zeros(link.n))
+    modal = q[link.modes_of(0) + link.n_positions - link.n]
+    y = (origins[0] + (points.x + points.shapes @ modal) @ rotations[0].T)[:, 1]
+    normal = rotations[0][1]
+    D = np.einsum("a,iajb,b->ij", normal, points.G, normal)
+    L = np.linalg.cholesky(D)
+    force, _ = nnls(L.T, -np.linalg.solve(L, y), maxiter=1000)
+    return float(-0.5 * force @ D @ force - force @ y)
+
+
+def test_forces_are_the_derivative_of_the_potential_at_random_states() -> None:
+    run, rng = block(), np.random.default_rng(34)
+    system, n = run.system, run.mechanism.n
+    plain, touched = CompiledSystem(run.mechanism), 0
+    for _ in range(30):
+        q0 = move_positions(
+            system.parameters, run.start[0], rng.standard_normal(n) * np.r_[0, 0, 0, 0.04, 0.1, 0.04, [0] * 4]
+        )
+        q0[run.mechanism.modes_of(0) + 1] = rng.standard_normal(4) * 1e-6
+        p = system.parameters
+        a = np.zeros(n)
+        evaluate(p, 0.0, q0, np.zeros(n), a)
+        q0[1] -= p.contact.free[:, 0].min() + rng.uniform(0.0, 2e-6)
+        evaluate(p, 0.0, q0, np.zeros(n), a)
+        force = plain.mass_matrix(q0) @ (a - plain.accelerations(0.0, q0, np.zeros(n)))
+        size = np.r_[[1e-9] * 3, [1e-8] * 3, [1e-9] * 4]
+        exact = np.zeros(n)
+        for k, h in enumerate(size):
+            step = np.eye(n)[k] * h
+            ends = [potential(run, move_positions(p, q0, sign * step)) for sign in (1.0, -1.0)]
+            exact[k] = -(ends[0] - ends[1]) / (2 * h)
+        touched += force[1] > 0.0
+        np.testing.assert_allclose(force, exact, atol=2e-4 * np.abs(exact).max())
+    assert touched > 25

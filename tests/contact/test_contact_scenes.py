@@ -1,0 +1,132 @@
+"""Scenes with contacts: what runs give, and what is refused with what works."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.core.errors import InputError
+from fmd.output.contacts import contact_figures, contact_warnings
+from fmd.output.fmu.write import make_model
+from fmd.output.work_precision import compare_on_scene
+from fmd.recovery.motion_file import motion_variables
+from fmd.stages.linear_model import linearise_scene
+from tests.contact.test_contact_points import BLOCK
+
+
+def block(*overrides: str, **tables: Any) -> Pipeline:
+    return Pipeline(load_scene(BLOCK | tables, overrides))
+
+
+@pytest.fixture(scope="module")
+def dropped() -> Pipeline:
+    return block(
+        'joint.free.rotate=["2 deg", "0 deg", "3 deg"]', "contact.floor.friction=0.4", "body.block.modes.damping=0.02"
+    )
+
+
+def test_a_dropped_block_takes_the_impulse_that_turns_it_round(dropped: Pipeline) -> None:
+    motion = dropped.motion
+    own = motion.contacts["floor"]
+    mass = motion.mechanism.mass
+    weight = mass * np.array([0.0, -9.81, 0.0]) * motion.times[:, None]
+    np.testing.assert_allclose(motion.kinematics.momentum, weight + own.impulse, atol=1e-4 * np.abs(own.impulse).max())
+    assert own.impulse[-1, 1] > 0.0
+    assert own.friction_work[-1] > 0.0
+    across = np.linalg.norm(own.force[:, ::2], axis=1)
+    assert (across <= 0.4 * own.force[:, 1] * (1 + 1e-6) + 1e-9).all()
+
+
+def test_the_contact_is_in_the_summary_and_in_the_file(dropped: Pipeline) -> None:
+    floor = contact_figures(dropped)["contacts"]["floor"]
+    assert 0.0 < floor["begin_s"] < floor["end_s"] <= 0.06
+    assert floor["impulse_n_s"][1] > 0.0
+    names = {variable.name for variable in motion_variables(dropped.motion)}
+    assert {"floor.force", "floor.moment", "floor.impulse", "floor.area", "floor.peak_pressure"} < names
+    assert not ERROR_BUDGET.applies(dropped)
+
+
+def test_energy_that_steps_make_is_warned_of(dropped: Pipeline) -> None:
+    motion = dropped.motion
+    own = motion.contacts["floor"]
+    codes = [warning["code"] for warning in contact_warnings(dropped)]
+    lost = np.abs(own.energy_error).max() > 0.01 * motion.energies[0].max()
+    assert ("contact-energy" in codes) is bool(lost)
+
+
+def test_corners_of_quadratic_tetrahedra_that_go_deeper_are_warned_of() -> None:
+    mesh = 'body.block.mesh={ element = "tetrahedron", size = "60 mm" }'
+    tilt = 'joint.free.rotate=["20 deg", "0 deg", "20 deg"]'
+    run = block(mesh, tilt, 'joint.free.position=["0 m", "90 mm", "0 m"]')
+    (unseen,) = [own for own in contact_warnings(run) if own["code"] == "contact-unseen"]
+    assert "0.008" in unseen["text"]  # 30 mm along the edge, tilted by 20° and 20°: 9.6 mm when a middle touches
+
+
+def test_without_contact_no_error_budget_is_left_out_and_nothing_is_noted() -> None:
+    run = block(contact={})
+    assert ERROR_BUDGET.applies(run)
+    assert contact_figures(run) == {}
+    assert contact_warnings(run) == []
+    assert run.motion.trajectory.contacts.size == 0
+
+
+def test_a_step_beyond_half_of_the_limit_is_refused_with_one_that_works() -> None:
+    limit = block().system.largest_step
+    with pytest.raises(InputError, match="feed the highest modes") as refused:
+        _ = block(f"simulation.step={0.6 * limit} s").plans
+    works = float(re.search(r"([\d.e-]+) s is the longest step", str(refused.value)).group(1))  # type: ignore[union-attr]
+    assert 0.45 * limit < works <= 0.5 * limit
+    assert block(f"simulation.step={works} s").plans
+
+
+def test_a_block_that_begins_in_the_ground_is_refused_by_its_depth() -> None:
+    with pytest.raises(InputError, match=r"contact.floor: begins 0.01 m deep"):
+        _ = block('joint.free.position=["0 m", "40 mm", "0 m"]').plans
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ('simulation.run.0.integrator="generalized-alpha"', "takes no contact; central-difference does"),
+        ('simulation.start="steady"', "doesn't know of contacts; 'undeformed' does"),
+        ("accuracy=0.01", "no error budget states theirs"),
+        ('contact.floor.between=["block.bottom", "ground"]', "a face of a flexible body second"),
+        ('contact.floor.between=["ground", "block.top"]', "marker"),
+        ("body.block.pieces=2", "in pieces; pieces = 1 works"),
+        ('contact.wall={ between = ["ground", "block.bottom"], normal = [1, 0, 0] }', "has the face of contact.floor"),
+    ],
+)
+def test_what_contact_can_not_do_is_refused(override: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        block(override)
+
+
+def test_a_rigid_body_is_refused_for_its_surface_has_no_stiffness() -> None:
+    weight = {"shape": "rigid", "mass": "1 kg", "inertia": ["1 g m^2"] * 3}
+    weight |= {"marker": {"bottom": {"at": ["0 m", "0 m", "0 m"]}}}
+    joint = BLOCK["joint"] | {"other": {"type": "free", "parent": "ground", "child": "weight.bottom"}}
+    contact = {"floor": {"between": ["ground", "weight.bottom"], "normal": [0, 1, 0]}}
+    with pytest.raises(InputError, match="rigid, and nothing says how stiff"):
+        block(body=BLOCK["body"] | {"weight": weight}, joint=joint, contact=contact)
+
+
+def test_a_marker_at_a_point_is_no_face() -> None:
+    with pytest.raises(InputError, match="middle is no face that can deform"):
+        _ = block('contact.floor.between=["ground", "block.middle"]').mechanism
+
+
+def test_what_would_leave_contacts_out_says_so() -> None:
+    run = block()
+    uses = {
+        "a linear model": lambda: linearise_scene(run, ["block.middle.y"], ["block.middle.y"]),
+        "an FMU": lambda: make_model(run),
+        "a comparison of methods": lambda: compare_on_scene(run),
+    }
+    for what, use in uses.items():
+        with pytest.raises(InputError, match=f"{what} would leave contacts out"):
+            use()

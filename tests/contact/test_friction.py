@@ -1,0 +1,88 @@
+"""Blocks that slide, stick and stop by friction, and one that rocks, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmd.contact.histories import ERROR, FORCE, FRICTION, IMPULSE
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.shared import share_system
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import Trajectory
+from tests.contact.touching_mechanisms import soft_footed_block
+
+MASS, HALF = 2.0, 0.1
+
+
+def slide(angle: float, friction: float, speed: float = 0.0, duration: float = 1.0) -> Trajectory:
+    """March a block of 0.4 × 0.2 m that begins on a slope, at rest across it."""
+    tilt = np.deg2rad(angle)
+    gravity = 10.0 * np.array([-np.sin(tilt), 0.0, -np.cos(tilt)])
+    mechanism, sunk = soft_footed_block((0.4, 2 * HALF), MASS, gravity, friction, 1e6)
+    system = share_system(mechanism)
+    q0, v0 = mechanism.rest_positions, np.zeros(6)
+    q0[2], v0[0] = HALF - sunk, speed
+    times = np.linspace(0.0, duration, 201)
+    return CentralDifference(0.25 * system.largest_step).march(system, q0, v0, times)
+
+
+@pytest.mark.parametrize(("friction", "acceleration"), [(0.3, -2.401924), (0.5, -0.669873)])
+def test_a_block_slides_down_a_slope(friction: float, acceleration: float) -> None:
+    motion = slide(30.0, friction)
+    later = motion.times > 0.3
+    found = np.polyfit(motion.times[later], motion.v[later, 0], 1)[0]
+    assert found == pytest.approx(acceleration, abs=1e-5)  # −g (sin 30° − μ cos 30°)
+    lost = MASS * 10.0 * 0.5 * -motion.q[-1, 0] - 0.5 * MASS * motion.v[-1, 0] ** 2
+    assert motion.contacts[-1, FRICTION] == pytest.approx(lost, rel=1e-3)
+    assert abs(motion.contacts[-1, ERROR]) < 1e-3 * motion.contacts[-1, FRICTION]
+
+
+def test_a_block_stops_where_friction_has_taken_its_energy() -> None:
+    motion = slide(0.0, 0.3, speed=1.5)
+    assert motion.q[-1, 0] == pytest.approx(1.5**2 / (2 * 0.3 * 10.0), rel=2e-3)
+    assert np.ptp(motion.q[motion.times > 0.6, 0]) < 1e-4
+    change = MASS * (motion.v[:, 0] - 1.5)
+    np.testing.assert_allclose(motion.contacts[:, IMPULSE], change, atol=1e-9 * MASS * 1.5)
+
+
+def test_friction_is_never_more_than_its_cone() -> None:
+    v = slide(30.0, 0.5).contacts
+    across = np.hypot(v[:, FORCE], v[:, FORCE + 1])
+    assert (across <= 0.5 * v[:, FORCE + 2] * (1.0 + 1e-9)).all()
+    assert across.max() > 0.4 * MASS * 10.0 * np.cos(np.deg2rad(30.0))
+
+
+def drag(share: float) -> Array:
+    """March a block whose slope rises slowly to a share of tan φ = 0.58, and return how it creeps at the end [m/s]."""
+    motion = slide(np.rad2deg(np.arctan(0.58 * share)), 0.58, duration=2.0)
+    end = motion.times > 1.5
+    return np.polyfit(motion.times[end], motion.q[end, 0], 1)[0]
+
+
+def test_a_block_sticks_on_a_slope_that_friction_holds() -> None:
+    """Let go at once it moves until its foot has sheared, up to twice as far as at rest: a slope of half holds it."""
+    assert abs(drag(0.45)) < 1e-6
+    assert drag(1.2) < -0.5
+
+
+def test_a_block_rocks_as_housners() -> None:
+    """Quarter period ``arcosh(1/(1 − θ₀/α))/p``, ``p² = 3 g/(4 R)`` (Housner, Bull Seismol Soc Am 53, 1963)."""
+    gravity = np.array([0.0, 0.0, -10.0])
+    mechanism, _ = soft_footed_block((0.2, 0.8), 2.0, gravity, 0.8, 1e7, n=2)
+    (body,) = mechanism.contacts
+    alpha, radius = np.arctan(0.25), np.hypot(0.1, 0.4)
+    theta, p = 0.6 * alpha, np.sqrt(3 * 10.0 / (4 * radius))
+    inertia_about_corner = 4 / 3 * 2.0 * radius**2
+    assert mechanism.links[0].integrals.mass * 10.0 * radius / inertia_about_corner == pytest.approx(p**2)
+    system = share_system(mechanism)
+    q0 = mechanism.rest_positions
+    q0[3:7] = [0.0, np.sin(theta / 2), 0.0, np.cos(theta / 2)]
+    R = np.array([[np.cos(theta), 0, np.sin(theta)], [0, 1, 0], [-np.sin(theta), 0, np.cos(theta)]])
+    q0[2] = -(body.points.x @ R[2]).min()
+    times = np.linspace(0.0, 0.45, 451)
+    motion = CentralDifference(0.25 * system.largest_step).march(system, q0, np.zeros(6), times)
+    angle = 2 * np.arctan2(motion.q[:, 4], motion.q[:, 6])
+    at = int(np.argmax(angle < 0.0))
+    crossing = times[at - 1] + 1e-3 * angle[at - 1] / (angle[at - 1] - angle[at])
+    assert crossing == pytest.approx(np.arccosh(1 / (1 - theta / alpha)) / p, rel=5e-3)  # 0.3674 s
