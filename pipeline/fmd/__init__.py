@@ -14,6 +14,7 @@ from fmd.core.version import __version__
 if TYPE_CHECKING:
     from fmd.fitting.sensitivities import jacobian
     from fmd.output.result import Result, load, solve
+    from fmd.output.stepped import SteppedScene
     from fmd.scene.scene import Scene, load_scene
     from fmd.stages.pipeline import Pipeline
 
@@ -23,6 +24,7 @@ __all__ = [
     "Pipeline",
     "Result",
     "Scene",
+    "SteppedScene",
     "__version__",
     "jacobian",
     "load",
@@ -41,6 +43,10 @@ def __getattr__(name: str) -> Any:
         from fmd.output import result
 
         return getattr(result, name)
+    if name == "SteppedScene":
+        from fmd.output.stepped import SteppedScene
+
+        return SteppedScene
     if name == "jacobian":
         from fmd.fitting.sensitivities import jacobian
 

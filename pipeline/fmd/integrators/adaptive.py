@@ -179,7 +179,7 @@ def end_step(m: Any, p: Any, s: AdaptiveMarch) -> None:
 
 
 @kernel
-def _march(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
+def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> int:
     """Take steps until a breakpoint ``stop`` [s] or the last output time; return how many, less than 0 if one fails."""
     n_positions, n, clock, times, cursor = s.q.size, s.v.size, s.clock, s.times, s.cursor
     smallest, short = SHORTEST_STEP * times[times.size - 1], SHORT_STEP * times[times.size - 1]
@@ -246,7 +246,7 @@ def _set_state(p: Any, t: float, both: Array, q: Array, v: Array) -> None:
     project(p, t, q, v)
 
 
-def _begin_sampling(system: Any, start: State) -> Sampling | None:
+def begin_sampling(system: Any, start: State) -> Sampling | None:
     """Return the sampled controllers of a system for a march from its begin; none if there are none.
 
     Raises
@@ -258,6 +258,31 @@ def _begin_sampling(system: Any, start: State) -> Sampling | None:
     if sampling is not None and start.time > 0.0:
         raise ValueError("a march with sampled controllers begins at time 0")
     return sampling
+
+
+def begin_steps(system: System, p: Any, march: AdaptiveMarch, sampling: Sampling | None) -> float:
+    """Prepare steps from the present time, at which controllers may sample; return where they end at the latest [s]."""
+    now, breakpoints = float(march.clock[0]), system.breakpoints
+    stop = next((point for point in breakpoints if point > now), math.inf)
+    if now in breakpoints:
+        march.spare[0] = SPARE_STEPS
+    march.fresh[0] = march.settles or now == 0.0 or now in breakpoints
+    if sampling is None:
+        return stop
+    if now >= sampling.next:
+        sampling.sample(now, march.q, march.v, p.inputs)
+        march.fresh[0] = 1.0
+    return min(stop, sampling.next)
+
+
+def require_steps(name: str, march: AdaptiveMarch, done: int) -> None:
+    """Raise ``StabilityError`` if a method of this name has taken no steps, or to a state that isn't finite."""
+    if done > 0 and math.isfinite(march.q.sum() + march.v.sum()):
+        return
+    finite = all(np.isfinite(x).all() for x in (march.q, march.v, march.a))
+    reason = f"its step fell to {march.clock[1]:.1e} s" if finite else "the accelerations are not finite"
+    message = f"{name} stopped at t = {march.clock[0]:.6g} s: {reason}"
+    raise StabilityError(message, float(march.clock[0]), march.q)
 
 
 class AdaptiveIntegrator(ResumableIntegrator):
@@ -311,35 +336,23 @@ class AdaptiveIntegrator(ResumableIntegrator):
         """
         require_times(times)
         state = start.copy()
-        march = self._begin(system, state, times)
+        march = self.begin(system, state, times)
         clock, cursor, q, v = march.clock, march.cursor, march.sample_q, march.sample_v
         first, end, seconds = int(cursor[0]), float(times[-1]), 0.0
         m, p, chunk = self.room(system), system.parameters, FIRST_CHUNK
-        sampling, unreported = _begin_sampling(system, state), 0.0
+        sampling, unreported = begin_sampling(system, state), 0.0
         explain = getattr(system, "explain_failure", None)
         left = StepsLeft(self.name, end, MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW, state.step, state.time)
-        _march(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
+        march_steps(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
         while cursor[0] < times.size:
-            stop = next((point for point in system.breakpoints if point > clock[0]), math.inf)
-            if clock[0] in system.breakpoints:
-                march.spare[0] = SPARE_STEPS
-            march.fresh[0] = march.settles or clock[0] == 0.0 or clock[0] in system.breakpoints
-            if sampling is not None:
-                if clock[0] >= sampling.next:
-                    sampling.sample(float(clock[0]), state.q, state.v, p.inputs)
-                    march.fresh[0] = 1.0
-                stop = min(stop, sampling.next)
+            stop = begin_steps(system, p, march, sampling)
             tick = time.perf_counter()
-            done = int(_march(m, p, march, stop, chunk))
+            done = int(march_steps(m, p, march, stop, chunk))
             spent = time.perf_counter() - tick
             seconds, unreported = seconds + spent, unreported + spent
             chunk = max(1, min(CHUNK, int(chunk * CHUNK_SECONDS / max(spent, 1e-9))))
             state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
-            if done <= 0 or not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
-                finite = all(np.isfinite(x).all() for x in (state.q, state.v, state.a))
-                reason = f"its step fell to {clock[1]:.1e} s" if finite else "the accelerations are not finite"
-                message = f"{self.name} stopped at t = {clock[0]:.6g} s: {reason}"
-                raise StabilityError(message, float(clock[0]), state.q)
+            require_steps(self.name, march, done)
             if spent > LONG_SECONDS and clock[1] * system.highest_frequency < CRAWL and explain is not None:
                 explain(StabilityError(f"{self.name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
             left.require_end(state.step, state.time)
@@ -353,7 +366,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
         held = None if sampling is None else sampling.record
         return Trajectory(self.name, mean, 1, times, q, v, int(march.evaluations[0]), 0, seconds, state, held=held)
 
-    def _begin(self, system: System, state: State, times: Array) -> AdaptiveMarch:
+    def begin(self, system: System, state: State, times: Array) -> AdaptiveMarch:
         """Return a march from a state, into whose arrays it writes."""
         groups, (kinds, n_kinds) = groups_of(system), kinds_of(system)
         trial, begin, new, out = aligned(state.memory.size, *3 * [groups.size])

@@ -99,6 +99,22 @@ class Kernel:
                 entry = self._entries[types] = self._enter(types)
         return entry(*arguments)
 
+    def bind(self, first: Sequence[Any], *numbers: Any) -> Callable[..., Any]:
+        """Return a call with its first arguments given, tables and arrays whose memory stays; numbers come after them.
+
+        It does little more than call the machine code, for programs that call it very often.
+
+        Parameters
+        ----------
+        first : sequence
+            The arguments that are given.
+        numbers
+            Numbers of the types of the others, with which the function is called once.
+        """
+        self(*first, *numbers)
+        entry = self._entries[tuple([type_of(x) for x in (*first, *numbers)])]
+        return entry.bind(first) if isinstance(entry, _Entry) else functools.partial(entry, *first)
+
     def _refuse(self, arguments: Sequence[Any]) -> None:
         """Raise ``TypeError`` with the name of the first argument that isn't for kernels."""
         names = self.python.__code__.co_varnames
@@ -166,14 +182,28 @@ class _Entry:
         self._call = ctypes.CFUNCTYPE(_C_TYPES[result], *kinds)(loaded.address(_ENTRY))
 
     def __call__(self, *arguments: Any) -> Any:
-        words: list[Any] = []
-        for x in arguments:
-            if isinstance(x, np.ndarray):
-                words.append(address_of(x))
-                words += x.shape
-            else:
-                words.append(getattr(x, "address", x))
-        return self._call(*words)
+        return self._call(*_words_of(arguments))
+
+    def bind(self, first: Sequence[Any]) -> Callable[..., Any]:
+        """Return a call with the first arguments given, which it keeps; numbers come after them."""
+        call, words = self._call, _words_of(first)
+
+        def bound(*numbers: Any, _kept: Any = (self, first)) -> Any:
+            return call(*words, *numbers)
+
+        return bound
+
+
+def _words_of(arguments: Sequence[Any]) -> list[Any]:
+    """Return what machine code takes for some arguments: of an array its address and its shape."""
+    words: list[Any] = []
+    for x in arguments:
+        if isinstance(x, np.ndarray):
+            words.append(address_of(x))
+            words += x.shape
+        else:
+            words.append(getattr(x, "address", x))
+    return words
 
 
 def _modules(types: Sequence[Type | bool]) -> set[str]:

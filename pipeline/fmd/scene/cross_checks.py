@@ -41,6 +41,10 @@ class CrossCheck:
         unknown = [fault for fault in self._check_names() if isinstance(fault, UnknownNameError)]
         return [fault for fault in unknown if not {*fault.name.split(".")} & {*left_out}]
 
+    def find_unknown_parts(self, table: FormulaVariables, text: str) -> list[FaultError]:
+        """List the names in a formula outside of the scene that nothing in it has; it may name controllers, too."""
+        return [*self._check_state(table, text, [*self.scene.controller], (), ())]
+
     def _check_names(self) -> list[FaultError]:
         return [
             *self._check_joints(),

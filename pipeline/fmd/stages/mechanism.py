@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from fmd.dynamics.closures import Closure, Constraint, Coupler, Place, close_joi
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.steady import find_steady_state
 from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.controllers import LinearLaw, SampledController
 from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, half_sine, total
+from fmd.dynamics.state_functions import HeldValue
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
 from fmd.scene.loads import JointDrive, MarkerLoad, find_motion
@@ -79,6 +82,24 @@ def build_mechanism(
     if mechanism.functions:
         require_values_at_start(scene, mechanism, place_joints(scene, mechanism)[0])
     return add_elements(scene, mechanism, places.on_either, place_joints)
+
+
+def add_observer(
+    scene: Scene, bodies: Mapping[str, FlexibleBody], mechanism: Mechanism, formulas: Sequence[str]
+) -> Mechanism:
+    """Return a scene's mechanism with one more controller, the last one, which measures some formulas of the motion.
+
+    Raises
+    ------
+    InputError
+        A formula isn't one, or names what the scene doesn't have.
+    """
+    functions = FunctionBuilder(scene, _Places(scene, bodies).on_either)
+    add_controllers(functions)
+    found = tuple(functions.of_text(text) for text in formulas)
+    law = LinearLaw((), (), (), (0.0,) * len(found), (), ())
+    observer = SampledController("observation", np.inf, found, HeldValue(len(mechanism.held)), law)
+    return replace(mechanism, controllers=[*mechanism.controllers, observer])
 
 
 def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:

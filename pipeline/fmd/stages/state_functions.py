@@ -25,6 +25,7 @@ from fmd.dynamics.state_functions import (
     StateFunction,
     add_functions,
 )
+from fmd.scene.cross_checks import CrossCheck
 from fmd.scene.state_loads import OWN, FormulaVariable, FormulaVariables, LoadOverTime
 
 if TYPE_CHECKING:
@@ -72,6 +73,24 @@ class FunctionBuilder:
         variables = [self._variable(table, name, own) for name in parsed.variables]
         curves = [_curve(table.variables[name]) for name in parsed.curves]
         return StateFunction(parsed.codes, parsed.constants, tuple(variables), tuple(curves), factor)
+
+    def of_text(self, text: str) -> StateFunction:
+        """Return the function of a formula that stands in no scene.
+
+        Raises
+        ------
+        InputError
+            It isn't one, or names what the scene doesn't have.
+        """
+        table = FormulaVariables()
+        try:
+            parsed = table.parse(text)
+            faults = CrossCheck(self.scene).find_unknown_parts(table, text)
+        except ValueError as error:
+            raise InputError(self.scene.file, "observe", text, str(error)) from None
+        if faults:
+            raise InputError(self.scene.file, "observe", text, str(faults[0]))
+        return self.of_formula(table, parsed)
 
     def _variable(self, table: FormulaVariables, name: str | Formula, own: str | None) -> Measured:
         if isinstance(name, Formula):

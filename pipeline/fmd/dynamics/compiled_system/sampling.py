@@ -73,6 +73,11 @@ class Sampling:
         self._counts = [0] * len(controllers)
         self.next, self.record = 0.0, HeldValues()
 
+    @property
+    def held(self) -> Array:
+        """Values that are held now, (n_held,); those of programs may be set."""
+        return self._measurement.held
+
     def sample(self, t: float, q: Array, v: Array, inputs: Array) -> None:
         """Let the controllers whose time has come measure a state, and set what they hold at the end of ``inputs``.
 
