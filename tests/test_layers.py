@@ -82,7 +82,7 @@ FACTS = {
     "fmd.output.campbell": {"RPM"},
     "fmd.output.fmu.build": {"_FAT_MAGIC", "_FAT_ALIGNMENT"},
     "fmd.output.fmu.equations": {"_THIRD", "_FIFTH", "_DENSE"},
-    "fmd.output.joint_marks": {"_RADIUS", "_NEAR", "_COILS", "_PER_COIL", "_WIRE"},
+    "fmd.output.joint_marks": {"_RADIUS", "_NEAR", "_COILS", "_PER_COIL", "_PLATE", "_WIRE"},
     "fmd.output.report.view3d": {
         *("_COLOURS", "_LARGEST", "_MOST_EDGES", "_MOST_FRAMES", "_LEAST_FRAMES", "_MOST_BYTES", "_BYTES_A_POINT"),
         "_REACHED",

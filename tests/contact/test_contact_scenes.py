@@ -13,6 +13,7 @@ from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.core.errors import InputError
 from fmd.output.contacts import contact_figures, contact_warnings
 from fmd.output.fmu.write import make_model
+from fmd.output.mechanism_view import view_mechanism
 from fmd.output.work_precision import compare_on_scene
 from fmd.recovery.motion_file import motion_variables
 from fmd.stages.linear_model import linearise_scene
@@ -49,6 +50,16 @@ def test_the_contact_is_in_the_summary_and_in_the_file(dropped: Pipeline) -> Non
     names = {variable.name for variable in motion_variables(dropped.motion)}
     assert {"floor.force", "floor.moment", "floor.impulse", "floor.area", "floor.peak_pressure"} < names
     assert not ERROR_BUDGET.applies(dropped)
+
+
+def test_the_plane_that_is_touched_is_drawn_under_the_body(dropped: Pipeline) -> None:
+    moving = view_mechanism(dropped, np.arange(0, 61, 20))
+    (plate,) = (shape for shape in moving.shapes if shape.name == "contact.floor")
+    for frame in range(4):
+        corners, body = plate.points(frame), moving.bodies[0].points(frame)
+        assert corners[:, 1].max() == pytest.approx(0.0, abs=1e-12)  # y = 0 is what the block falls on
+        assert (corners[:, ::2].min(axis=0) < body[:, ::2].min(axis=0)).all()
+        assert (corners[:, ::2].max(axis=0) > body[:, ::2].max(axis=0)).all()
 
 
 def test_energy_that_steps_make_is_warned_of(dropped: Pipeline) -> None:

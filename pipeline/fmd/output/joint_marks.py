@@ -18,6 +18,7 @@ JOINT, GROUND, SPRING, BUSHING = "#4b5563", "#9aa2ad", "#5b7f6b", "#b08a3e"
 _RADIUS = 0.011  # of a mark over the mechanism's size
 _NEAR = 5.0  # radii of a mark: a body's points so near tell how far a pin reaches
 _COILS, _PER_COIL = 9, 12
+_PLATE = 0.5  # thickness of a plane over the radius of a mark
 _WIRE = 1.3  # radius of a coil over that of a mark
 
 
@@ -44,7 +45,7 @@ class Marks:
         """Return a marker or a place on the ground in space at the chosen times, shape (n_frames, 3) [m]."""
         body, _, marker = place.partition(".")
         if body == "ground":
-            return np.tile(ground_place(self.run.scene, place)[0], (len(self.chosen), 1))
+            return self._at_rest(ground_place(self.run.scene, place)[0])[0]
         number = self.run.mechanism.number_of(body)
         return self.kinematics.marker_position(number, marker)[self.chosen]
 
@@ -52,7 +53,7 @@ class Marks:
         """Return the axes of a place's body in space, those of space for the ground, shape (n_frames, 3, 3)."""
         body = place.partition(".")[0]
         if body == "ground":
-            return np.tile(np.eye(3), (len(self.chosen), 1, 1))
+            return self._at_rest(np.zeros(3))[1]
         return self.kinematics.frames[self.run.mechanism.number_of(body)].rotation[self.chosen]
 
     def shapes(self) -> list[MovingShape]:
@@ -73,6 +74,29 @@ class Marks:
                 surface = make_ball(origin, 1.2 * r)
             found.append(MovingShape(surface, BUSHING, self.position(place), self.rotation(place), name))
         return found + self._ground()
+
+    def planes(self, places: Array) -> list[MovingShape]:
+        """Return a thin plate for each plane of the ground that bodies may touch, below points (n, 3) [m] of these."""
+        from fmd.render.moving_bodies import MovingShape
+        from fmd.render.solids import axes_along, make_box
+
+        found = []
+        for name, contact in self.run.scene.contact.items():
+            place = contact.between[0]
+            axes = axes_along(place_axes(self.run.scene, place) @ np.array(contact.normal))
+            thick = _PLATE * self.radius
+            low, high = (places @ axes).min(axis=0), (places @ axes).max(axis=0)
+            middle, edges = (low + high) / 2, high - low + 6 * self.radius
+            middle[2] = self.position(place)[0] @ axes[:, 2] - thick / 2
+            edges[2] = thick
+            plate = make_box(edges, np.zeros(3), axes)
+            origin, rotation = self._at_rest(axes @ middle)
+            found.append(MovingShape(plate, GROUND, origin, rotation, f"contact.{name}"))
+        return found
+
+    def _at_rest(self, place: Array) -> tuple[Array, Array]:
+        """Return a place and the axes of space at the chosen times, shapes (n_frames, 3) and (n_frames, 3, 3)."""
+        return np.tile(place, (len(self.chosen), 1)), np.tile(np.eye(3), (len(self.chosen), 1, 1))
 
     def lines(self) -> list[MovingLine]:
         """Return springs as coils, kept distances as lines, and the rails of slides on the ground."""
@@ -166,12 +190,11 @@ class Marks:
             for place, other in (between, between[::-1]):
                 if place.partition(".")[0] == "ground":
                     held.setdefault(place, (other, np.array([0.0, 0.0, 1.0])))
-        still = np.tile(np.eye(3), (len(self.chosen), 1, 1))
         shapes = []
         for place, (other, axis) in held.items():
             along = self._away(place, other, axis)
             pyramid = make_pyramid(np.zeros(3), along, 3.2 * self.radius, 3.4 * self.radius)
-            shapes.append(MovingShape(pyramid, GROUND, self.position(place), still, place))
+            shapes.append(MovingShape(pyramid, GROUND, self.position(place), self.rotation(place), place))
         return shapes
 
     def _away(self, place: str, other: str, axis: Array) -> Array:

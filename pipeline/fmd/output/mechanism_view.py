@@ -64,7 +64,7 @@ def view_mechanism(
         size = float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0
         up = _upwards(run, places)
         marks = Marks(run, chosen, size, up)
-        shapes = [*_rigid(run, chosen, size), *marks.shapes()]
+        shapes = [*_rigid(run, chosen, size), *marks.shapes(), *marks.planes(places)]
         lines = [*_sticks(run, marks), *marks.lines()]
     notes = _rates(run, chosen) if len(run.scene.body) == 1 else ()
     return MovingMechanism(run.motion.times[chosen], bodies, tuple(shapes), tuple(lines), notes, up)
