@@ -78,10 +78,13 @@ def contact_points(
             "or larger elements work"
         )
     at: IntArray = np.concatenate(nodes)
-    G = _static_flexibility(fe, solver, at) - _modal_flexibility(fe, solver, body, at)
-    G, lifted = _raised(0.5 * (G + G.T))
+    whole = _symmetric(_static_flexibility(fe, solver, at))
+    try:
+        G, raised = _raised(whole - _modal_flexibility(fe, solver, body, at), whole)
+    except np.linalg.LinAlgError as error:
+        raise ValueError(f"{', '.join(faces)}: points move as a rigid part; a face that deforms works") from error
     shapes = np.ascontiguousarray(body.shapes[at])
-    return ContactPoints(body.x[at].copy(), np.concatenate(areas), shapes, G.reshape(n, 3, n, 3), numbers, lifted)
+    return ContactPoints(body.x[at].copy(), np.concatenate(areas), shapes, G.reshape(n, 3, n, 3), numbers, raised)
 
 
 def _static_flexibility(fe: FEModel, solver: FreeBodySolver, nodes: IntArray) -> Array:
@@ -106,10 +109,21 @@ def _modal_flexibility(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, 
     return np.asarray(V @ V.T)
 
 
-def _raised(G: Array) -> tuple[Array, float]:
-    """Return a symmetric flexibility with its eigenvalues raised to the least that counts, and the share of these."""
-    values, vectors = np.linalg.eigh(G)
-    low = values < LEAST_FLEXIBILITY * values[-1]
-    values[low] = LEAST_FLEXIBILITY * values[-1]
-    raised = (vectors * values) @ vectors.T
-    return 0.5 * (raised + raised.T), float(low.mean())
+def _raised(G: Array, whole: Array) -> tuple[Array, float]:
+    """Return a flexibility, raised where it is too small a part of the whole one, and the share of such directions.
+
+    Where modes have nearly all of it, they would hit the plane with their mass, at a frequency without bound. Each
+    direction of both keeps `LEAST_FLEXIBILITY` of the whole, so frequencies stay bounded and little is added.
+    """
+    L = np.linalg.cholesky(whole)
+    half = np.linalg.solve(L, _symmetric(G))
+    parts, V = np.linalg.eigh(_symmetric(np.linalg.solve(L, half.T)))
+    low = parts < LEAST_FLEXIBILITY
+    if not low.any():
+        return _symmetric(G), 0.0
+    V = L @ V
+    return _symmetric((V * np.maximum(parts, LEAST_FLEXIBILITY)) @ V.T), float(low.mean())
+
+
+def _symmetric(A: Array) -> Array:
+    return np.asarray(0.5 * (A + A.T))

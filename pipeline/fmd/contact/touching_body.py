@@ -32,8 +32,8 @@ class ContactPoints:
         Residual flexibility [m/N], symmetric and positive definite.
     faces : mapping of str to ndarray
         Numbers of the points on each face, by its marker's name.
-    lifted : float
-        Share of its directions in which G was too small and has been raised.
+    raised : float
+        Share of its directions in which modes left too little, and G has been raised.
     """
 
     x: Array
@@ -41,7 +41,7 @@ class ContactPoints:
     shapes: Array
     G: Array
     faces: Mapping[str, IntArray]
-    lifted: float = 0.0
+    raised: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.x)

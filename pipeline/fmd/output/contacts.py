@@ -49,10 +49,10 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                 found.append({"code": "contact-energy", "text": text})
     for name, contact in run.scene.contact.items():
         body, _, face = contact.between[1].partition(".")
-        if lifted := run.parts[body].contact_points.lifted:
+        if raised := run.parts[body].contact_points.raised:
             text = (
-                f"contact.{name}: the modes of {body} have nearly all of its mesh's flexibility; {lifted:.0%} of the "
-                "rest is round-off, which was raised; fewer modes or smaller elements help"
+                f"contact.{name}: the modes of {body} have nearly all of its mesh's flexibility at the face; in "
+                f"{raised:.0%} of its directions some was added, which takes short steps; fewer modes or smaller elements help"
             )
             found.append({"code": "contact-flexibility", "text": text})
         if (depth := _unseen_depth(run, name, body, face)) > 0.0:
