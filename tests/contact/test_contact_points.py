@@ -143,3 +143,34 @@ def test_where_modes_are_all_of_a_mesh_some_flexibility_is_added_and_steps_stay_
     assert "contact-flexibility" in [own["code"] for own in contact_warnings(run)]
     floor, kinetic = run.motion.contacts["floor"], run.motion.energies[0].max()
     assert abs(floor.energy_error[-1]) < 0.01 * kinetic
+
+
+def test_forces_with_friction_keep_gaps_cones_and_directions_at_random_states() -> None:
+    """Signorini's and Coulomb's conditions, from G by NumPy, for random slips since the last step."""
+    run, rng, slid = block("contact.floor.friction=0.4"), np.random.default_rng(7), 0
+    n, points = run.mechanism.n, run.parts["block"].contact_points
+    for _ in range(30):
+        turn = rng.standard_normal(n) * np.r_[0, 0, 0, 0.02, 1.0, 0.02, [0] * 4]
+        p, a = run.system.parameters, np.zeros(n)
+        q = move_positions(p, run.start[0], turn)
+        evaluate(p, 0.0, q, np.zeros(n), a)
+        q[1] -= p.contact.free[:, 0].min() + rng.uniform(0.0, 2e-6)
+        evaluate(p, 0.0, q, np.zeros(n), a)
+        p.contact.tip[:] = p.contact.free + rng.standard_normal((len(points.x), 3)) * rng.choice([1e-8, 1e-6])
+        evaluate(p, 0.0, q, np.zeros(n), a)
+        Q, force = p.contact.turned[0], p.contact.force
+        y = p.contact.free + np.einsum("ka,iajb,cb,jc->ik", Q, points.G, Q, force)
+        gap, slip = y[:, 0], (y - p.contact.tip)[:, 1:]
+        size = 1e-8 * np.abs(p.contact.free[:, 0].min()) + 1e-15
+        bound, across = 0.4 * force[:, 0], np.linalg.norm(force[:, 1:], axis=1)
+        assert force[:, 0].min() >= 0.0
+        assert gap.min() > -size
+        assert np.abs(gap[force[:, 0] > 0.0]).max() < size
+        assert (across <= bound * (1.0 + 1e-9)).all()
+        held, slides = across < bound * (1.0 - 1e-6), (across >= bound * (1.0 - 1e-6)) & (bound > 1e-6 * bound.max())
+        assert np.abs(slip[held]).max(initial=0.0) < size
+        along = np.einsum("ia,ia->i", slip, force[:, 1:])[slides]
+        apart = np.abs(np.linalg.norm(slip, axis=1)[slides] * across[slides] + along)
+        assert (apart <= 1e-6 * across[slides] * np.linalg.norm(slip, axis=1)[slides] + size * across[slides]).all()
+        slid += int(slides.sum())
+    assert slid > 20

@@ -52,7 +52,8 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
         if raised := run.parts[body].contact_points.raised:
             text = (
                 f"contact.{name}: the modes of {body} have nearly all of its mesh's flexibility at the face; in "
-                f"{raised:.0%} of its directions some was added, which takes short steps; fewer modes or smaller elements help"
+                f"{raised:.0%} of its directions some was added, which takes short steps; fewer modes or smaller "
+                "elements help"
             )
             found.append({"code": "contact-flexibility", "text": text})
         if (depth := _unseen_depth(run, name, body, face)) > 0.0:
