@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.limits.mesh import SHELL_FOLD
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.midsurface import Midsurface
@@ -63,7 +63,7 @@ def thicken(sheet: Sheet) -> SolidMesh:
         The shell has one side only, as a Möbius strip.
     """
     x = sheet.x
-    cells, n_turned = _orient(sheet.cells)
+    cells, turned = _orient(sheet.cells)
     n_local = cells.shape[1]
     normals = _corner_normals(x[cells])
     smooth = _smooth_corners(cells, normals)
@@ -72,7 +72,7 @@ def thicken(sheet: Sheet) -> SolidMesh:
     np.add.at(total, smooth, normals.reshape(-1, 3))
     directors = total / np.linalg.norm(total, axis=1, keepdims=True)
     # Corners with a common director have points of their own where thickness or offset jumps.
-    offset = np.zeros(len(cells)) if sheet.offset is None else sheet.offset
+    offset = np.zeros(len(cells)) if sheet.offset is None else np.where(turned, -sheet.offset, sheet.offset)
     section = np.unique(np.stack([sheet.thickness, offset]), axis=1, return_inverse=True)[1].ravel()
     keys = smooth * (section.max() + 1) + np.repeat(section, n_local)
     _, first, pair = np.unique(keys, return_index=True, return_inverse=True)
@@ -86,8 +86,8 @@ def thicken(sheet: Sheet) -> SolidMesh:
     faces = {name: np.flatnonzero(np.isin(owners, nodes)) for name, nodes in sheet.faces.items()}
     faces |= {name: _both_sides(pairs[own], n_pairs) for name, own in sheet.patches.items()}
     faces |= {name: _facets(pairs + k * n_pairs) for k, name in enumerate(sheet.sides) if name not in faces}
-    turned = f"{n_turned} shell elements have their normals to the other side and were turned"
-    notes = sheet.notes + ((turned,) if n_turned else ())
+    note = f"{turned.sum()} shell elements have their normals to the other side and were turned"
+    notes = sheet.notes + ((note,) if turned.any() else ())
     return SolidMesh(points, layer, _LAYERS[n_local], sheet.parts, faces, notes=notes, midsurface=Midsurface(x, owners))
 
 
@@ -121,8 +121,8 @@ def _neighbours(cells: IntArray) -> tuple[IntArray, IntArray]:
     return np.concatenate([*one, np.zeros(0, int)]), np.concatenate([*other, np.zeros(0, int)])
 
 
-def _orient(cells: IntArray) -> tuple[IntArray, int]:
-    """Turn elements so that neighbours have their normals to one side; return them, and how many were turned."""
+def _orient(cells: IntArray) -> tuple[IntArray, BoolArray]:
+    """Turn elements so that neighbours have their normals to one side; return them, and which were turned."""
     edge, cell, _ = _sides(cells)
     one, other = _neighbours(cells)
     two = np.bincount(edge)[edge[one]] == 2
@@ -130,7 +130,7 @@ def _orient(cells: IntArray) -> tuple[IntArray, int]:
     start = cells.ravel()
     opposed = start[one] == start[other]  # they run along their edge in one direction
     if not opposed.any():
-        return cells, 0
+        return cells, np.zeros(len(cells), dtype=bool)
     pairs = np.concatenate([cell[one], cell[other]]), np.concatenate([cell[other], cell[one]])
     graph = sp.csr_array((np.tile(np.where(opposed, 2, 1), 2), pairs), shape=2 * [len(cells)])
     n_pieces, piece = connected_components(graph, directed=False)
@@ -146,7 +146,7 @@ def _orient(cells: IntArray) -> tuple[IntArray, int]:
         raise ValueError("the shell has one side only, as a Möbius strip has; cut it into two parts")
     turned = cells.copy()
     turned[flip] = turned[flip, ::-1]
-    return turned, int(flip.sum())
+    return turned, flip
 
 
 def _corner_normals(x: Array) -> Array:

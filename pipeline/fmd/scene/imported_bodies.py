@@ -34,8 +34,8 @@ class MeshFile(DividedMesh):
         True to mend faults of the mesh where that is safe; else they are listed and refused.
     mass_unit, force_unit : str, optional
         The file's units of mass and of force, if it has lumped masses or springs; kg and N in a file in metres.
-    shell : float, optional
-        Thickness [m]: the file's triangles and quadrilaterals are shells on their midsurface.
+    shell : float or str, optional
+        Thickness [m]: the file's triangles and quadrilaterals are shells. ``"deck"`` takes it from the deck's sections.
 
     Examples
     --------
@@ -52,7 +52,7 @@ class MeshFile(DividedMesh):
     repair: bool = False
     mass_unit: MassUnit | None = None
     force_unit: ForceUnit | None = None
-    shell: PositiveLength | None = None
+    shell: PositiveLength | Literal["deck"] | None = None
 
     @model_validator(mode="after")
     def _shells_are_linear(self) -> MeshFile:

@@ -34,13 +34,13 @@ def write_abaqus(path: Path, x: Array, blocks: dict[str, IntArray], more: str = 
     path.write_text("\n".join(lines))
 
 
-def write_nastran(path: Path, x: Array, blocks: dict[str, IntArray], more: str = "") -> None:
+def write_nastran(path: Path, x: Array, blocks: dict[str, IntArray], more: str = "", tail: str = "") -> None:
     lines = ["BEGIN BULK", *(f"GRID,{k},,{a},{b},{c}" for k, (a, b, c) in enumerate(x, start=1))]
     number = 0
     for kind, cells in blocks.items():
         for row in cells + 1:
             number += 1
-            lines.append(f"{kind},{number},7," + ",".join(map(str, row)))
+            lines.append(f"{kind},{number},7," + ",".join(map(str, row)) + tail)
     path.write_text("\n".join([*lines, more, "ENDDATA"]))
 
 
@@ -109,3 +109,64 @@ def test_other_elements_are_refused_by_name(tmp_path: Path) -> None:
     write_abaqus(path, x, {"B31": cells[:, :2]})
     with pytest.raises(InputError, match="there are no shells of three or four nodes"):
         read_shell(path, 1e-3, 2e-3)
+
+
+def test_thickness_and_offset_come_from_the_sections_of_a_deck(tmp_path: Path) -> None:
+    x, cells = panel()
+    write_nastran(tmp_path / "panel.bdf", x, {"CQUAD4": cells}, "PSHELL,7,1,2.0,1,,1\nMAT1,1,2.1+5,,.3", ",,1.5")
+    write_abaqus(
+        tmp_path / "panel.inp", x, {"S4R": cells}, "*SHELL SECTION, ELSET=ALL-S4R, MATERIAL=M, OFFSET=-0.75\n2.0, 5"
+    )
+    plain = shell_mesh(x / 1e3, cells, 2e-3)
+    for name in ("panel.bdf", "panel.inp"):
+        mesh = read_shell(tmp_path / name, 1e-3, None)
+        assert mesh.volume == pytest.approx(plain.volume, rel=2e-3)  # a bent sheet's is another off its middle
+        n = len(mesh.points) // 2
+        assert mesh.midsurface is not None
+        half, middle = (mesh.points[n:] - mesh.points[:n]) / 2, (mesh.points[n:] + mesh.points[:n]) / 2
+        assert np.linalg.norm(half, axis=1) == pytest.approx(1e-3, rel=1e-12)
+        assert middle - mesh.midsurface.nodes[mesh.midsurface.owner[:n]] == pytest.approx(1.5 * half, abs=1e-12)
+    # Moved by its offset, the shell is the same as one whose nodes are in the middle.
+    flat = np.column_stack([x[:, :2], 0 * x[:, 0]])
+    write_nastran(tmp_path / "flat.bdf", flat, {"CQUAD4": cells}, "PSHELL,7,1,2.0,1", ",,1.5")
+    moved = frequencies(read_shell(tmp_path / "flat.bdf", 1e-3, None))
+    assert moved == pytest.approx(frequencies(shell_mesh(flat / 1e3, cells, 2e-3)), rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("section", "tail", "message"),
+    [
+        ("", "", "24 of its 24 shells have no thickness"),
+        ("PSHELL,7,1,2.0,1,1.3", "", "PSHELL 7 has 12I/T"),
+        ("PSHELL,7,1,2.0", "", "PSHELL 7 bends by another material"),
+        ("PCOMP,7", "", "PCOMP 7"),
+        ("PSHELL,7,1,2.0,1", "\n+,,,2.0,2.0,2.1,2.1", "element 1 has thicknesses of its own and 23 more"),
+    ],
+)
+def test_sections_that_are_more_than_a_thickness_are_refused(
+    tmp_path: Path, section: str, tail: str, message: str
+) -> None:
+    x, cells = panel()
+    write_nastran(tmp_path / "panel.bdf", x, {"CQUAD4": cells}, section, tail)
+    with pytest.raises(InputError, match=message):
+        read_shell(tmp_path / "panel.bdf", 1e-3, None)
+    assert read_shell(tmp_path / "panel.bdf", 1e-3, 2e-3).volume > 0
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ("", "says no thickness of its shells"),
+        ("*SHELL SECTION, ELSET=ALL-S4, COMPOSITE\n1.0, 3, M", "with COMPOSITE"),
+        ("*SHELL GENERAL SECTION, ELSET=ALL-S4\n1.0", "SHELL GENERAL SECTION"),
+        ("*SHELL SECTION, ELSET=ALL-S4, OFFSET=EDGE\n1.0", "neither a share nor SPOS"),
+        ("*SHELL SECTION, ELSET=ALL-S4\n,5", "has no thickness"),
+    ],
+)
+def test_sections_of_abaqus_that_are_more_than_a_thickness_are_refused(
+    tmp_path: Path, section: str, message: str
+) -> None:
+    x, cells = panel()
+    write_abaqus(tmp_path / "panel.inp", x, {"S4": cells}, section)
+    with pytest.raises(InputError, match=message):
+        read_shell(tmp_path / "panel.inp", 1e-3, None)

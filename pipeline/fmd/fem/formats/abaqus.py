@@ -18,7 +18,8 @@ from fmd.core.arrays import IntArray
 from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.abaqus_links import POINT_ELEMENTS, AbaqusLinks, DeckPoints
-from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh, ShellSection
+from fmd.fem.formats.shell_sections import abaqus_section, of_sets
 from fmd.fem.mesh import rows_among
 
 SUFFIXES = (".inp",)
@@ -110,6 +111,7 @@ class _Deck:
         self.surfaces: dict[str, list[tuple[str, str]]] = defaultdict(list)
         self.others: dict[str, int] = defaultdict(int)
         self.links = AbaqusLinks()
+        self.shells: dict[str, ShellSection] = {}
         self.names: dict[str, str] = {}
         self.parts = self.instances = 0
 
@@ -137,6 +139,10 @@ class _Deck:
                 raise MeshFileError(f"*{keyword} isn't read; {_WRITE_FLAT}")
             case "PART":
                 self.parts += 1
+            case "SHELL SECTION":
+                self.shells[self._named(options.get("ELSET", ""))] = abaqus_section(options, data)
+            case "SHELL GENERAL SECTION":
+                self.shells[self._named(options.get("ELSET", ""))] = ShellSection(float("nan"), fault=f"*{keyword}")
             case _ if keyword in _LINKS:
                 self.others[f"*{keyword}"] += 1
             case _:
@@ -246,6 +252,9 @@ class _Deck:
         raw = RawMesh(np.array(list(self.nodes.values())), blocks, cell_sets, point_sets, {}, dict(self.others))
         for name, rows in self.surfaces.items():
             raw.facet_sets[name] = self._facets(name, rows, raw, where)
+        if self.shells:
+            raw.shells = of_sets(self.shells, cell_sets, [len(cells) for _, cells in blocks])
+            raw.shell_faults = [section.fault for section in self.shells.values() if section.fault]
         self._add_links(raw, place, linked)
         return raw
 

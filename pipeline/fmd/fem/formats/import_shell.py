@@ -19,8 +19,8 @@ _SHELLS = {"triangle": 3, "quad": 4}
 _NONE = np.empty(0, dtype=np.int64)
 
 
-def read_shell(path: Path, scale: float, thickness: float) -> SolidMesh:
-    """Read the triangles and quadrilaterals of a file as shells of one thickness.
+def read_shell(path: Path, scale: float, thickness: float | None) -> SolidMesh:
+    """Read the triangles and quadrilaterals of a file as shells.
 
     Parameters
     ----------
@@ -29,8 +29,8 @@ def read_shell(path: Path, scale: float, thickness: float) -> SolidMesh:
         sets become faces: all of the surface between their nodes.
     scale : float
         The file's unit of length [m].
-    thickness : float
-        [m]
+    thickness : float, optional
+        Of all shells [m]; by default that of the deck's sections.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def read_shell(path: Path, scale: float, thickness: float) -> SolidMesh:
         raise InputError(str(path), "", None, str(error)) from error
 
 
-def _sheet(raw: RawMesh, scale: float, thickness: float) -> Sheet:
+def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> Sheet:
     """Check a raw mesh and take its shells."""
     require_sound(raw)
     count: dict[str, int] = dict(raw.others)
@@ -83,6 +83,7 @@ def _sheet(raw: RawMesh, scale: float, thickness: float) -> Sheet:
     used = np.unique(cells)
     place = np.full(len(raw.points), -1)
     place[used] = np.arange(len(used))
+    t, offset = _sections(raw, of, scale, thickness)
     sets = {name: _members(chosen, of) for name, chosen in raw.cell_sets.items()}
     sets = {name: own for name, own in sets.items() if len(own)}
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *sets.values()]))
@@ -91,13 +92,35 @@ def _sheet(raw: RawMesh, scale: float, thickness: float) -> Sheet:
     return Sheet(
         raw.points[used] * scale,
         place[cells],
-        np.full(len(cells), thickness),
+        t,
         parts,
         {name: nodes for name, nodes in faces.items() if len(nodes)},
         {name: own for name, own in sets.items() if name not in faces},
         ("bottom", "top"),
+        offset,
         notes=tuple(notes),
     )
+
+
+def _sections(raw: RawMesh, of: IntArray, scale: float, thickness: float | None) -> tuple[Array, Array]:
+    """Return thickness and offset of each element [m]."""
+    if not raw.shells and thickness is None:
+        raise MeshFileError("says no thickness of its shells; give one, mesh.shell = '2 mm'")
+    if raw.shell_faults and thickness is None:
+        more = "" if len(raw.shell_faults) == 1 else f" and {len(raw.shell_faults) - 1} more"
+        raise MeshFileError(
+            f"sections of shells that aren't read: {raw.shell_faults[0]}{more}; give mesh.shell a thickness"
+        )
+    t, offset = np.full(len(of), np.nan if thickness is None else thickness), np.zeros(len(of))
+    for b, (thick, off) in enumerate(raw.shells):
+        own = np.flatnonzero(of[:, 0] == b)
+        offset[own] = scale * off[of[own, 1]]
+        if thickness is None:
+            t[own] = scale * thick[of[own, 1]]
+    without = int(np.count_nonzero(~(t > 0)))
+    if without:
+        raise MeshFileError(f"{without} of its {len(t)} shells have no thickness above 0 by a section")
+    return t, offset
 
 
 def _members(chosen: list[IntArray], of: IntArray) -> IntArray:

@@ -15,6 +15,7 @@ import numpy as np
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.nastran_links import NastranLinks
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.formats.shell_sections import NastranShells
 
 SUFFIXES = (".bdf", ".nas", ".fem")
 _SOLIDS: dict[str, dict[int, str]] = {}
@@ -48,7 +49,7 @@ def read_nastran(text: str) -> RawMesh:
     properties: dict[str, list[str]] = defaultdict(list)
     others: dict[str, int] = defaultdict(int)
     seen: set[int] = set()
-    links = NastranLinks(_real)
+    links, shells = NastranLinks(_real), NastranShells(_real)
     for line, name, fields in _cards(text):
         try:
             if name == "GRID":
@@ -63,7 +64,9 @@ def read_nastran(text: str) -> RawMesh:
                 seen.add(number)
                 cells[kind].append(nodes)
                 properties[kind].append(fields[1])
-            elif links.takes(name, fields):
+                if kind in ("triangle", "quad"):
+                    shells.add(kind, len(nodes), fields)
+            elif shells.takes(name, fields) or links.takes(name, fields):
                 pass
             elif name in _OTHERS or _OTHER.fullmatch(name):
                 others[name] += 1
@@ -84,6 +87,7 @@ def read_nastran(text: str) -> RawMesh:
     except ValueError as error:
         raise MeshFileError(str(error)) from None
     raw = RawMesh(np.array(list(points.values())), others=dict(others), connections=connections)
+    raw.shells, raw.shell_faults = shells.of_blocks({kind: properties[kind] for kind in cells}), shells.faults
     for kind, rows in cells.items():
         try:
             numbers = np.array([[place[node] for node in row] for row in rows], dtype=np.int64)

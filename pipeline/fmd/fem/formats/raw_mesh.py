@@ -12,6 +12,25 @@ class MeshFileError(ValueError):
     """A mesh file can't be used; the message names the fault and a mend."""
 
 
+@dataclass(frozen=True)
+class ShellSection:
+    """Section of a deck's shells.
+
+    Attributes
+    ----------
+    thickness : float
+        In the file's unit.
+    offset : float
+        Distance of the middle from the nodes along the normal, in the file's unit.
+    fault : str
+        What of the section isn't read; empty if all is.
+    """
+
+    thickness: float
+    offset: float = 0.0
+    fault: str = ""
+
+
 @dataclass
 class RawMesh:
     """Contents of a mesh file before any check.
@@ -32,6 +51,11 @@ class RawMesh:
         Number of elements and links that aren't read, by type.
     connections : Connections
         Links, equations, springs and lumped masses between points, in the file's units.
+    shells : list of (ndarray, ndarray)
+        Thickness, NaN where there is none, and offset of each block's elements, in the file's unit; empty for files
+        without sections.
+    shell_faults : list of str
+        What of the sections of shells isn't read.
     """
 
     points: Array
@@ -41,3 +65,5 @@ class RawMesh:
     facet_sets: dict[str, list[IntArray]] = field(default_factory=dict)
     others: dict[str, int] = field(default_factory=dict)
     connections: Connections = field(default_factory=Connections)
+    shells: list[tuple[Array, Array]] = field(default_factory=list)
+    shell_faults: list[str] = field(default_factory=list)
