@@ -15,6 +15,8 @@ import fmd as package
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fitting.channels import find_channels
+from fmd.fitting.experiment_files import read_experiments
+from fmd.fitting.experiments import HistoryExperiment
 from fmd.fitting.fit import fit_scene
 from fmd.fitting.fit_model import FitModel
 from fmd.fitting.information import find_information, whiteness
@@ -62,7 +64,9 @@ def test_four_numbers_of_the_arm_come_back_from_histories_with_five_per_cent_of_
 ) -> None:
     sigmas = measure(true_arm, CHANNELS, tmp_path / "measured.csv", 0.05, units={"forearm.wrist.position.y": "mm"})
     arm = package.load("arm", *SMALL_ARM)
-    fit = fit_scene(arm.run, str(tmp_path / "measured.csv"), read_varied(arm.run, list(TRUTH)), sigmas)
+    fit = fit_scene(
+        read_experiments([(arm.run, str(tmp_path / "measured.csv"))], sigmas), read_varied(arm.run, [*TRUTH])
+    )
     assert fit.evaluations <= 10
     assert fit.probability > 1e-3
     assert all(probability > 1e-3 for probability in fit.white.values())
@@ -76,7 +80,7 @@ def test_what_the_data_do_not_determine_is_refused_by_name(true_arm: Any, tmp_pa
     arm = package.load("arm", *SMALL_ARM)
     keys = [*TRUTH, "body.forearm.E", "body.forearm.modes.damping"]
     with pytest.raises(InputError, match="these data don't determine") as caught:
-        fit_scene(arm.run, str(tmp_path / "measured.csv"), read_varied(arm.run, keys))
+        fit_scene(read_experiments([(arm.run, str(tmp_path / "measured.csv"))], {}), read_varied(arm.run, keys))
     assert "body.forearm.modes.damping (±" in str(caught.value)
     assert "body.gripper.mass (±" in str(caught.value)
     assert "it goes with joint.elbow.spring and body.forearm.E" in str(caught.value)
@@ -89,8 +93,8 @@ def test_of_a_mass_on_a_spring_the_position_tells_but_the_ratio(tmp_path: Path) 
     data, keys = str(tmp_path / "measured.csv"), ["joint.slide.spring", "body.block.mass"]
     start = package.load(OSCILLATOR | {"title": "Start"}, "joint.slide.spring=700 N/m")
     with pytest.raises(InputError, match=r"joint.slide.spring \(.*\), body.block.mass \("):
-        fit_scene(start.run, data, read_varied(start.run, keys))
-    fit = fit_scene(start.run, data, read_varied(start.run, keys, ["body.block.mass=2 %"]))
+        fit_scene(read_experiments([(start.run, data)], {}), read_varied(start.run, keys))
+    fit = fit_scene(read_experiments([(start.run, data)], {}), read_varied(start.run, keys, ["body.block.mass=2 %"]))
     spring, mass = fit.values
     assert spring / mass == pytest.approx(400.0, rel=2e-3)
     half = fit.after.half_widths
@@ -103,7 +107,7 @@ def test_intervals_hold_the_truth_in_nineteen_of_twenty_cases(tmp_path: Path) ->
     true = package.load(OSCILLATOR)
     sigmas = measure(true, ["slide.position"], tmp_path / "measured.csv", 0.05)
     varied = read_varied(true.run, ["joint.slide.spring", "joint.slide.position"])
-    model = FitModel(true.run, read_measurements(true.run, str(tmp_path / "measured.csv"), sigmas), varied)
+    model = FitModel(read_experiments([(true.run, str(tmp_path / "measured.csv"))], sigmas), varied)
     J = model.jacobian(np.zeros(2))
     half = find_information(J).half_widths
     noise = np.random.default_rng(1).standard_normal((len(J), 1000))
@@ -118,7 +122,7 @@ def test_the_jacobian_is_that_of_the_closed_form(tmp_path: Path) -> None:
     true = package.load(OSCILLATOR)
     sigmas = measure(true, ["slide.position"], tmp_path / "measured.csv", 0.05)
     varied = read_varied(true.run, ["joint.slide.spring=1..2000"])
-    model = FitModel(true.run, read_measurements(true.run, str(tmp_path / "measured.csv"), sigmas), varied)
+    model = FitModel(read_experiments([(true.run, str(tmp_path / "measured.csv"))], sigmas), varied)
     t = true.run.output_times
     expected = -0.01 * 20.0 * t / 2.0 * np.sin(20.0 * t) / sigmas["slide.position"]
     np.testing.assert_allclose(model.jacobian(np.zeros(1))[:, 0], expected, atol=1e-5 * np.abs(expected).max())
@@ -193,9 +197,9 @@ def test_displacements_count_from_the_start_though_the_measurement_begins_later(
     path = tmp_path / "measured.csv"
     path.write_text("time [s],block.hook.displacement.x [m]\n" + "".join(f"{t},0\n" for t in (0.1, 0.2, 0.3)))
     measured = read_measurements(true.run, str(path), {"block.hook.displacement.x": 1e-3})
-    model = FitModel(true.run, measured, read_varied(true.run, ["joint.slide.spring"]))
+    model = FitModel((HistoryExperiment(true.run, measured),), read_varied(true.run, ["joint.slide.spring"]))
     expected: Array = 0.01 * (np.cos(20.0 * np.array([0.1, 0.2, 0.3])) - 1.0)
-    np.testing.assert_allclose(model.histories(np.zeros(1))[0], expected, atol=1e-7)
+    np.testing.assert_allclose(model.predict(np.zeros(1))[0][0], expected, atol=1e-7)
 
 
 def test_the_command_writes_the_scene_that_fits(

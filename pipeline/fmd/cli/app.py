@@ -35,7 +35,7 @@ _COMMANDS = {
     "export:export": "A flexible body, or the whole mechanism, for another program.",
     "sweep:sweep": "A scene at every combination of values, on all cores or a cluster.",
     "sensitivities:sensitivities": "How results depend on numbers of a scene, in per cent per per cent.",
-    "fit:fit": "Numbers of a scene from measured histories, with what these can tell.",
+    "fit:fit": "Numbers of a scene from measurements, with what these can tell.",
     "optimise:optimise": "The best design of a scene under limits, or the front of two aims.",
     "report:report": "One web page of all results, to be opened without a network.",
     "verify:verify": "Published and closed-form results beside ours.",

@@ -1,7 +1,9 @@
-"""``fmd fit``: numbers of a scene from measured histories."""
+"""``fmd fit``: numbers of a scene from measurements."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,10 +14,12 @@ from fmd.cli.options import Folder, Names, SceneName, print_json
 from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
-from fmd.core.units import parse_quantity
+from fmd.core.limits.fitting import SAME_CHI2
+from fmd.core.units import parse_percentage, parse_quantity
 
 if TYPE_CHECKING:
     from fmd.fitting.fit import Fit
+    from fmd.stages.pipeline import Pipeline
 
 Several = Annotated[list[str] | None, Parameter(negative=())]
 
@@ -23,38 +27,48 @@ Several = Annotated[list[str] | None, Parameter(negative=())]
 def fit(
     scene: SceneName,
     *,
-    to: str,
+    to: Names,
     vary: Names,
     sigma: Several = None,
     prior: Several = None,
+    starts: int = 1,
     out: Folder = None,
     options: Options = DEFAULTS,
 ) -> None:
-    """Fit numbers of a scene to measured histories; what the data can't determine is refused first.
+    """Fit numbers of a scene to measurements; what the data can't determine is refused first.
 
     Parameters
     ----------
     to
-        CSV file: times in its first column, a result in each other, named with units as files of histories are, e.g.
-        "time [s]" and "forearm.wrist.position.y [mm]".
+        CSV file of histories ("time [s]", "forearm.wrist.position.y [mm]", …), of modes ("frequency [Hz]", "damping",
+        shapes), or of responses as fmd frf writes them. Several are fitted together; what an experiment has of its own
+        follows its file: "heavy.csv; body.gripper.mass=0.8 kg", also another scene, "heavy.csv; heavy.toml".
     vary
         Keys of numbers, with bounds or without: joint.elbow.spring=10..200, or body.arm.length="0.5 m..0.7 m".
     sigma
-        Standard deviation of a channel's noise: elbow.position="0.1 deg"; estimated from the data by default.
+        Standard deviation of a channel's noise: elbow.position="0.1 deg", frequency=0.2%; that of histories is
+        estimated from the data by default.
     prior
         Standard deviation of what is known of a number beforehand, about the scene's value: body.arm.E=5%.
+    starts
+        Number of searches, one from the scene's values and others from between the bounds.
     """
+    from fmd.fitting.experiment_files import read_experiments
     from fmd.fitting.fit import fit_scene
     from fmd.fitting.fit_files import write_fit
     from fmd.fitting.varied import read_varied
 
-    run = settle(options.open(scene))
+    if starts < 1:
+        raise InputError("--starts", "", starts, "must be 1 or more")
+    run = settle(options.open(scene, linear=True))
     sigmas = dict(_read_sigma(text) for text in split_names("--sigma", sigma or []))
     varied = read_varied(run, split_names("--vary", vary), split_names("--prior", prior or []))
-    found = fit_scene(run, to, varied, sigmas)
+    keys = [each.parameter.key for each in varied]
+    runs = [_open_experiment(run, scene, options, text, keys) for text in to]
+    found = fit_scene(read_experiments(runs, sigmas), varied, starts)
     folder = out or Path("out") / f"{run.scene.name}-fit"
     try:
-        files = write_fit(found, folder, scene, to, options.set_ or ())
+        files = write_fit(found, run.scene, folder, scene, [file for _, file in runs], options.set_ or ())
     except OSError as error:
         raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
     if options.json:
@@ -64,14 +78,33 @@ def fit(
         print_files(folder, files)
 
 
+def _open_experiment(
+    run: Pipeline, scene: str, options: Options, text: str, varied: Sequence[str]
+) -> tuple[Pipeline, str]:
+    """Return the stages of an experiment's scene, and its file, from ``FILE; SCENE; key=value``."""
+    file, *own = (part.strip() for part in text.split(";"))
+    if not own:
+        return run, file
+    scenes, settings = [part for part in own if "=" not in part], [part for part in own if "=" in part]
+    if len(scenes) > 1:
+        raise InputError("--to", file, "; ".join(scenes), "is more than one scene")
+    for setting in settings:
+        if (key := setting.partition("=")[0].strip()) in varied:
+            raise InputError("--to", file, setting, f"is fitted; leave it out, or leave {key} out of --vary")
+    given = replace(options, set_=[*(options.set_ or ()), *settings])
+    return settle(given.open(scenes[0] if scenes else scene, linear=True)), file
+
+
 def _read_sigma(text: str) -> tuple[str, float]:
-    """Read the noise of a channel, ``elbow.position=0.1 deg`` or, in the SI unit, ``elbow.position=0.002``."""
+    """Read a channel's noise, ``elbow.position=0.1 deg`` or ``elbow.position=0.002``, that of modes in per cent."""
+    from fmd.fitting.experiment_files import RELATIVE
+
     name, _, given = (part.strip() for part in text.partition("="))
     try:
         value = float(given)
     except ValueError:
         try:
-            value, _ = parse_quantity(given)
+            value = parse_percentage(given) if name in RELATIVE else parse_quantity(given)[0]
         except ValueError as error:
             raise InputError("--sigma", name, given, str(error)) from None
     if not value > 0:
@@ -98,15 +131,19 @@ def _print(found: Fit) -> None:
     console = open_console()
     console.print(
         f"chi-squared {found.chi2:.5g} of {found.n_free} degrees of freedom (probability {found.probability:.2g}); "
-        f"{found.evaluations} evaluations, {found.model.marches} motions"
+        f"{found.evaluations} evaluations, {found.model.solved} motions or linear models"
     )
     for each in summary["noise"]:
         origin = "estimated from its values" if each["estimated"] else "as given"
-        white = summary["whiteness"][each["channel"]]
-        console.print(
-            f"noise of {each['channel']}: {each['sigma']:.3g} {each['unit']}, {origin}; "
-            f"residuals are white with probability {white:.2g}"
-        )
+        white = summary["whiteness"].get(each["channel"])
+        told = "" if white is None else f"; residuals are white with probability {white:.2g}"
+        console.print(f"noise of {each['channel']}: {each['sigma']:.3g} {each['unit']}, {origin}{told}")
+    for alike in summary["assurance"].values():
+        console.print(f"modal assurance criterion: {', '.join(f'{value:.3f}' for value in alike)}")
+    if len(summary["starts"]) > 1:
+        best = summary["starts"][0]["chi2"]
+        same = sum(each["chi2"] <= best + SAME_CHI2 for each in summary["starts"])
+        console.print(f"{same} of {len(summary['starts'])} starts came to these numbers")
     keys = [row["key"] for row in summary["parameters"]]
     for k, key in enumerate(keys):
         for partner in found.after.partners(k):

@@ -1,21 +1,20 @@
-"""Fits of a scene's numbers to measured histories, with what these data can tell."""
+"""Fits of a scene's numbers to measurements, with what these data can tell."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.fitting import AT_BOUND, DETERMINED, FIT_TOLERANCE, MOST_EVALUATIONS, POOR_FIT, WHITE
+from fmd.core.limits.fitting import AT_BOUND, DETERMINED, FIT_TOLERANCE, MOST_EVALUATIONS, POOR_FIT, SAME_MODE, WHITE
+from fmd.fitting.experiments import Experiment
 from fmd.fitting.fit_model import FitModel
 from fmd.fitting.information import Information, find_information, whiteness
-from fmd.fitting.measurements import read_measurements
 from fmd.fitting.varied import VariedNumber
-from fmd.stages.pipeline import Pipeline
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,8 @@ class Fit:
         Sum of the squares of the residuals over their noise, priors included.
     evaluations, jacobians : int
         How often results, and their derivatives, were computed.
+    starts : sequence of tuple
+        Chi-squared and the numbers where each start ended, the best first.
     """
 
     model: FitModel
@@ -43,6 +44,7 @@ class Fit:
     chi2: float
     evaluations: int
     jacobians: int
+    starts: Sequence[tuple[float, Array]] = ()
 
     @property
     def values(self) -> list[float]:
@@ -81,10 +83,20 @@ class Fit:
     @property
     def white(self) -> dict[str, float]:
         """Probability of so large correlations over time of each channel's residuals, by its name, if it is noise."""
-        residuals = self.model.residuals(self.shares)[: self.model.n_data]
-        channels = self.model.measured.channels
-        rows = residuals.reshape(len(channels), -1)
-        return {each.channel.name: whiteness(row) for each, row in zip(channels, rows, strict=True)}
+        found: dict[str, float] = {}
+        for experiment, results in zip(self.model.experiments, self.model.predict(self.shares), strict=True):
+            if experiment.in_time:
+                for channel, result in zip(experiment.channels, results, strict=True):
+                    white = whiteness(result - channel.values)
+                    found[channel.name] = min(white, found.get(channel.name, 1.0))
+        return found
+
+    @property
+    def likeness(self) -> dict[str, list[float]]:
+        """How like measured modes and the fitted scene's are, by the modal assurance criterion, by the experiment."""
+        values = dict(zip([each.parameter for each in self.model.varied], self.values, strict=True))
+        found = [each.likeness(values) for each in self.model.experiments]
+        return {str(k): [float(x) for x in each] for k, each in enumerate(found, start=1) if each is not None}
 
     def warnings(self) -> list[dict[str, str]]:
         """Say what makes the intervals too narrow, or the numbers those of the bounds."""
@@ -97,6 +109,14 @@ class Fit:
             if probability < WHITE:
                 text = f"residuals of {name} are not white: the model misses something in it, or its noise isn't white"
                 found.append({"code": "not-white", "text": text})
+        for alike in self.likeness.values():
+            for number, value in enumerate(alike, start=1):
+                if value < SAME_MODE:
+                    text = (
+                        f"measured mode {number} is like none of the scene's (modal assurance criterion {value:.2g}): "
+                        "leave it out, or check places and signs of its shape"
+                    )
+                    found.append({"code": "unlike-mode", "text": text})
         for varied, at_bound in zip(self.model.varied, self.at_bounds, strict=True):
             if at_bound:
                 text = f"{varied.parameter.key} is at its bound, and its interval is that without bounds"
@@ -126,10 +146,9 @@ class Fit:
                 strict=True,
             )
         ]
-        channels = self.model.measured.channels
         noise = [
-            {"channel": each.channel.name, "sigma": each.sigma, "unit": each.channel.unit, "estimated": not each.given}
-            for each in channels
+            {"channel": each.name, "sigma": each.noise[0], "unit": each.noise[1], "estimated": not each.given}
+            for each in self.model.channels
         ]
         return {
             "parameters": parameters,
@@ -138,36 +157,35 @@ class Fit:
             "degrees_of_freedom": self.n_free,
             "probability": self.probability,
             "whiteness": self.white,
+            "assurance": self.likeness,
             "noise": noise,
             "evaluations": self.evaluations,
             "jacobians": self.jacobians,
-            "motions": self.model.marches,
+            "motions": self.model.solved,
+            "starts": [{"chi2": chi2, "values": self.model.values(shares)} for chi2, shares in self.starts],
             "warnings": self.warnings(),
         }
 
 
-def fit_scene(
-    run: Pipeline, data: str, varied: tuple[VariedNumber, ...], sigmas: Mapping[str, float] | None = None
-) -> Fit:
-    """Fit numbers of a scene to measured histories by least squares of the residuals over their noise.
+def fit_scene(experiments: tuple[Experiment, ...], varied: tuple[VariedNumber, ...], starts: int = 1) -> Fit:
+    """Fit numbers of a scene to measurements by least squares of the residuals over their noise.
 
-    What the data can tell is found first: a number whose 95 % interval would be wider than ±50 % is refused.
+    What the data can tell is found first: a number whose 95 % interval would be wider than ±50 % is refused. Where both
+    modes and responses are measured, the first search is by the modes alone: responses have false minima.
 
     Parameters
     ----------
-    run : Pipeline
-        Stages of the scene as it is computed, whose first run's method and steps are frozen.
-    data : str
-        File of measured histories, as `read_measurements` takes it.
+    experiments : tuple of Experiment
+        What is measured, as `read_experiments` reads it.
     varied : tuple of VariedNumber
         Numbers to fit, which start from the scene's values.
-    sigmas : mapping of str to float, optional
-        Standard deviations of the noise by channel [SI]; others are estimated.
+    starts : int
+        Number of searches: one from the scene's values, others from points of a Latin hypercube between the bounds.
 
     Raises
     ------
     InputError
-        The data can't tell a number, or can't be read.
+        The data can't tell a number, or there are no bounds to start between.
     AccuracyError
         The fit doesn't end, or a motion fails.
 
@@ -176,20 +194,68 @@ def fit_scene(
     Branch, Coleman & Li, A subspace, interior, and conjugate gradient method for large-scale bound-constrained
     minimization problems, SIAM J Sci Comput 21, 1999, as SciPy has it.
     """
+    model = FitModel(experiments, varied)
+    begins = _spread_starts(varied, starts)
+    before = find_information(model.jacobian(begins[0]))
+    require_determined(model, before)
+    found = [_search(model, _start_by_modes(model, begin)) for begin in begins]
+    found.sort(key=lambda each: float(each.cost))
+    best = found[0]
+    if not best.success:
+        raise AccuracyError(f"the fit hasn't ended after {best.nfev} evaluations; start nearer, or narrow the bounds")
+    ends = [(float(2.0 * each.cost), each.x - 1.0) for each in found]
+    evaluations, jacobians = (sum(getattr(each, name) for each in found) for name in ("nfev", "njev"))
+    return Fit(model, before, find_information(best.jac), best.x - 1.0, ends[0][0], evaluations, jacobians, ends)
+
+
+def _spread_starts(varied: tuple[VariedNumber, ...], count: int) -> list[Array]:
+    """Return starts of searches: the scene's values, and points between the bounds."""
+    starts = [np.zeros(len(varied))]
+    if count > 1:
+        from scipy.stats.qmc import LatinHypercube
+
+        bounds = np.array([[each.to_share(each.low), each.to_share(each.high)] for each in varied])
+        if not np.isfinite(bounds).all():
+            key = varied[int(np.flatnonzero(~np.isfinite(bounds).all(axis=1))[0])].parameter.key
+            raise InputError("--starts", key, count, f"takes bounds of each number, --vary {key}=low..high")
+        points = LatinHypercube(len(varied), rng=np.random.default_rng(0)).random(count - 1)
+        starts += [*(bounds[:, 0] + points * np.ptp(bounds, axis=1))]
+    return starts
+
+
+def _start_by_modes(model: FitModel, start: Array) -> Array:
+    """Return a start that fits measured modes, where there are responses too: with what modes tell, others held."""
+    modes = tuple(each for each in model.experiments if each.has_modes)
+    if not modes or not any(each.has_responses for each in model.experiments):
+        return start
+    alone = FitModel(modes, model.varied)
+    J = alone.jacobian(start)
+    told = np.flatnonzero(find_information(J).half_widths <= DETERMINED)
+    if not told.size:
+        return start
+    part = _search(alone, start, told)
+    return np.asarray(part.x - 1.0)
+
+
+def _search(model: FitModel, start: Array, chosen: IntArray | None = None) -> Any:
+    """Search the least squares from a start, by all numbers or by chosen ones; counts from 1."""
     from scipy.optimize import least_squares
 
-    model = FitModel(run, read_measurements(run, data, sigmas or {}), varied)
-    start = np.zeros(len(varied))
-    before = find_information(model.jacobian(start))
-    require_determined(model, before, data)
+    numbers = np.arange(len(start)) if chosen is None else chosen
+
+    def whole(x: Array) -> Array:
+        shares = start.copy()
+        shares[numbers] = x - 1.0
+        return shares
+
     # SciPy's first steps are as long as the start is from 0, in standard deviations: counted from 1 they are free.
     found = least_squares(
-        lambda x: model.residuals(x - 1.0),
-        start + 1.0,
-        lambda x: model.jacobian(x - 1.0),
+        lambda x: model.residuals(whole(x)),
+        start[numbers] + 1.0,
+        lambda x: model.jacobian(whole(x))[:, numbers],
         (
-            [1.0 + each.to_share(each.low) for each in varied],
-            [1.0 + each.to_share(each.high) for each in varied],
+            [1.0 + model.varied[k].to_share(model.varied[k].low) for k in numbers],
+            [1.0 + model.varied[k].to_share(model.varied[k].high) for k in numbers],
         ),
         x_scale="jac",
         ftol=FIT_TOLERANCE,
@@ -197,13 +263,11 @@ def fit_scene(
         gtol=FIT_TOLERANCE,
         max_nfev=MOST_EVALUATIONS,
     )
-    if not found.success:
-        raise AccuracyError(f"the fit hasn't ended after {found.nfev} evaluations; start nearer, or narrow the bounds")
-    after = find_information(found.jac)
-    return Fit(model, before, after, found.x - 1.0, float(2.0 * found.cost), found.nfev, found.njev)
+    found.x = whole(found.x) + 1.0
+    return found
 
 
-def require_determined(model: FitModel, information: Information, data: str) -> None:
+def require_determined(model: FitModel, information: Information) -> None:
     """Raise ``InputError`` if data can't tell a number to ±50 %; the message names each and what it goes with."""
     keys, lines = [each.parameter.key for each in model.varied], []
     for number, half in enumerate(information.half_widths):
@@ -217,4 +281,4 @@ def require_determined(model: FitModel, information: Information, data: str) -> 
             f"these data don't determine {', '.join(lines)}. Leave such a number out of --vary, so that it stays as it "
             "is, say what is known of it, e.g. --prior KEY=10%, or measure channels on which it acts"
         )
-        raise InputError(data, "", None, mend)
+        raise InputError("--to", "", None, mend)

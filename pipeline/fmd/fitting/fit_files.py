@@ -13,21 +13,26 @@ from fmd.core.limits.shown import DIGITS
 from fmd.fitting.changed_scene import write_changed_scene
 from fmd.fitting.fit import Fit
 from fmd.output.csv_rows import write_rows
+from fmd.scene.scene import Scene
 
 
-def write_fit(fit: Fit, folder: Path, given: str, data: str, overrides: Sequence[str] = ()) -> list[str]:
+def write_fit(
+    fit: Fit, scene: Scene, folder: Path, given: str, data: Sequence[str], overrides: Sequence[str] = ()
+) -> list[str]:
     """Write a fit's files into a folder and return their names.
 
     Parameters
     ----------
     fit : Fit
         The fit.
+    scene : Scene
+        The scene as it was read, with its overrides.
     folder : Path
         Made if it is missing.
     given : str
         The scene's name or path, as it was given.
-    data : str
-        File of the measurements.
+    data : sequence of str
+        File of each experiment's measurements.
     overrides : sequence of str
         Values that were used instead of the scene's own, ``key=value``.
 
@@ -41,28 +46,34 @@ def write_fit(fit: Fit, folder: Path, given: str, data: str, overrides: Sequence
     from fmd.render.fit_chart import FittedHistory, draw_fit
 
     folder.mkdir(parents=True, exist_ok=True)
-    model, run = fit.model, fit.model.run
-    first, fitted = model.histories(np.zeros(len(fit.shares))), model.histories(fit.shares)
-    channels = [(each, f"{each.channel.name} [{each.channel.unit}]") for each in model.measured.channels]
-    histories = [
-        FittedHistory(label, each.values, before, after, each.sigma)
-        for (each, label), before, after in zip(channels, first, fitted, strict=True)
-    ]
-    draw_fit(model.measured.times, histories, folder / "fit.png", title=f"{run.scene.title}: fit to {Path(data).name}")
-    columns = [
-        (f"{own.label} {kind}", getattr(own, kind)) for own in histories for kind in ("measured", "first", "fitted")
-    ]
-    table = np.column_stack([model.measured.times, *(values for _, values in columns)])
-    with whole_file(folder / "fit.csv") as part:
-        header = ["time [s]", *(name for name, _ in columns)]
-        write_rows(part, header, ([f"{x:.{DIGITS}g}" for x in row] for row in table))
+    model, files = fit.model, []
+    both = zip(model.predict(np.zeros(len(fit.shares))), model.predict(fit.shares), strict=True)
+    for number, (experiment, (first, fitted)) in enumerate(zip(model.experiments, both, strict=True), start=1):
+        name = "fit" if number == 1 else f"fit-{number}"
+        channels = zip(experiment.channels, first, fitted, strict=True)
+        histories = [
+            FittedHistory(f"{own.name} [{own.unit}]".removesuffix(" []"), own.values, before, after, own.sigma)
+            for own, before, after in channels
+        ]
+        title = f"{scene.title}: fit to {Path(data[number - 1]).name}"
+        draw_fit(experiment.axis, histories, folder / f"{name}.png", title=title)
+        columns = [
+            (f"{own.label} {kind}", getattr(own, kind)) for own in histories for kind in ("measured", "first", "fitted")
+        ]
+        if str(number) in fit.likeness:
+            columns.append(("modal assurance criterion", np.array(fit.likeness[str(number)])))
+        table = np.column_stack([experiment.axis[1], *(values for _, values in columns)])
+        with whole_file(folder / f"{name}.csv") as part:
+            header = [experiment.axis[0], *(name for name, _ in columns)]
+            write_rows(part, header, ([f"{x:.{DIGITS}g}" for x in row] for row in table))
+        files += [f"{name}.png", f"{name}.csv"]
     with whole_file(folder / "fit.json") as part:
         part.write_text(json.dumps(fit.summary(), indent=1), encoding="utf-8")
     fitted_numbers = dict(zip([each.parameter for each in model.varied], fit.values, strict=True))
     write_changed_scene(
-        run.scene, fitted_numbers, folder / "fitted.toml", given, _describe(fit, given, data), overrides
+        scene, fitted_numbers, folder / "fitted.toml", given, _describe(fit, given, ", ".join(data)), overrides
     )
-    return ["fit.png", "fit.csv", "fit.json", "fitted.toml"]
+    return [*files, "fit.json", "fitted.toml"]
 
 
 def _describe(fit: Fit, given: str, data: str) -> list[str]:

@@ -3,78 +3,78 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
-from fmd.core.errors import AccuracyError, StabilityError
-from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
-from fmd.fitting.measurements import Measurements
+from fmd.core.errors import AccuracyError
+from fmd.fitting.experiments import Experiment
+from fmd.fitting.measurements import MeasuredChannel
+from fmd.fitting.parameters import Parameter
 from fmd.fitting.varied import VariedNumber
-from fmd.stages.pipeline import Pipeline
 
 
 @dataclass
 class FitModel:
-    """Residuals of a scene's first run against measurements, over their noise.
+    """Residuals of a scene's results against measurements, over their noise.
 
     Parameters
     ----------
-    run : Pipeline
-        Stages of the scene as it is computed.
-    measured : Measurements
-        What is measured.
+    experiments : tuple of Experiment
+        What is measured, and the scene that it is measured on.
     varied : tuple of VariedNumber
         Numbers that vary; all else, method and steps too, is frozen.
-
-    Attributes
-    ----------
-    marches : int
-        Number of motions that have been computed.
     """
 
-    run: Pipeline
-    measured: Measurements
+    experiments: tuple[Experiment, ...]
     varied: tuple[VariedNumber, ...]
-    marches: int = 0
-    _known: dict[bytes, FrozenMotion] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        times = self.measured.times
-        self._first = int(times[0] > 0.0)  # displacements count from the start
-        self._frozen = FrozenRun(self.run, np.r_[0.0, times] if self._first else times)
+    @property
+    def channels(self) -> list[MeasuredChannel]:
+        """All that is measured."""
+        return [channel for each in self.experiments for channel in each.channels]
 
-    def histories(self, shares: Array) -> Array:
-        """Return the results over the measured times at some numbers, shape (n_channels, n_times), in SI units."""
-        return self._read(self._motion(shares).run)
-
-    def residuals(self, shares: Array) -> Array:
-        """Return results less measurements over their noise, and priors over theirs, shape (n_residuals,)."""
-        scale = np.array([each.sigma for each in self.measured.channels])[:, None]
-        apart = (self.histories(shares) / scale).ravel() - self.measured.values
-        return np.concatenate([apart, np.asarray(shares)[self._with_prior] / self._priors])
-
-    def jacobian(self, shares: Array) -> Array:
-        """Return the residuals' derivatives by what a fit counts, (n_residuals, n_varied)."""
-        scale = np.array([each.sigma for each in self.measured.channels])[:, None]
-        motion, columns = self._motion(shares), []
-        for each in self.varied:
-            low, high, step = self._frozen.beside(motion, each.parameter)
-            self.marches += 2
-            slope = (self._read(high) - self._read(low)) / (2.0 * step)
-            columns.append((slope * each.per_share(motion.values[each.parameter]) / scale).ravel())
-        priors = np.diag(1.0 / np.array([each.prior for each in self.varied]))[self._with_prior]
-        return np.concatenate([np.column_stack(columns), priors])
+    @property
+    def solved(self) -> int:
+        """Number of motions and of linear models that have been computed."""
+        return sum(each.solved for each in self.experiments)
 
     @property
     def n_data(self) -> int:
         """Number of measured values."""
-        return self.measured.values.size
+        return sum(channel.values.size for channel in self.channels)
+
+    def residuals(self, shares: Array) -> Array:
+        """Return results less measurements over their noise, and priors over theirs, shape (n_residuals,)."""
+        values = self._numbers(shares)
+        found = [result for each in self.experiments for result in self._try(each, values)]
+        pairs = zip(found, self.channels, strict=True)
+        apart = [(result - channel.values) / channel.sigma for result, channel in pairs]
+        return np.concatenate([*apart, np.asarray(shares)[self._with_prior] / self._priors])
+
+    def jacobian(self, shares: Array) -> Array:
+        """Return the residuals' derivatives by what a fit counts, (n_residuals, n_varied)."""
+        values, columns = self._numbers(shares), []
+        sigmas = [channel.sigma for channel in self.channels]
+        for varied in self.varied:
+            slopes = [slope for each in self.experiments for slope in each.slopes(values, varied.parameter)]
+            scale = varied.per_share(values[varied.parameter])
+            columns.append(np.concatenate([slope * scale / s for slope, s in zip(slopes, sigmas, strict=True)]))
+        priors = np.diag(1.0 / np.array([each.prior for each in self.varied]))[self._with_prior]
+        return np.concatenate([np.column_stack(columns), priors])
 
     def values(self, shares: Sequence[float] | Array) -> list[float]:
         """Return the numbers [SI] of what a fit counts."""
         return [each.from_share(float(share)) for each, share in zip(self.varied, shares, strict=True)]
+
+    def predict(self, shares: Array) -> list[list[Array]]:
+        """Return what each experiment would measure without noise, channel by channel."""
+        values = self._numbers(shares)
+        return [each.predict(values) for each in self.experiments]
+
+    def _numbers(self, shares: Array) -> dict[Parameter, float]:
+        return dict(zip([each.parameter for each in self.varied], self.values(shares), strict=True))
 
     @property
     def _with_prior(self) -> BoolArray:
@@ -84,20 +84,12 @@ class FitModel:
     def _priors(self) -> Array:
         return np.array([each.prior for each in self.varied if np.isfinite(each.prior)])
 
-    def _motion(self, shares: Array) -> FrozenMotion:
-        """Return the scene at some numbers, which is computed once."""
-        key = np.asarray(shares, dtype=float).tobytes()
-        if key not in self._known:
-            values = self.values(shares)
-            self.marches += 1
-            try:
-                motion = self._frozen.at(dict(zip([each.parameter for each in self.varied], values, strict=True)))
-            except StabilityError as error:
-                at = ", ".join(f"{each.parameter.key} = {x:.6g}" for each, x in zip(self.varied, values, strict=True))
-                mend = "narrow the bounds or shorten the step"
-                raise AccuracyError(f"the fit came to {at}, where {error}; {mend}") from error
-            self._known = {key: motion}
-        return self._known[key]
-
-    def _read(self, other: Pipeline) -> Array:
-        return np.array([each.channel.read(other)[self._first :] for each in self.measured.channels])
+    @staticmethod
+    def _try(experiment: Experiment, values: dict[Parameter, float]) -> list[Array]:
+        try:
+            return experiment.predict(values)
+        except AccuracyError as error:
+            at = ", ".join(f"{parameter.key} = {value:.6g}" for parameter, value in values.items())
+            raise AccuracyError(
+                f"the fit came to {at}, where {error}; narrow the bounds or shorten the step"
+            ) from error

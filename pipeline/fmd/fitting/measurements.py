@@ -15,7 +15,7 @@ from fmd.core.errors import InputError
 from fmd.core.limits.fitting import NOISE_ORDER
 from fmd.core.units import unit_ratio
 from fmd.fitting.channels import ResultChannel, find_channels
-from fmd.scene.reading import FaultError, suggest_name
+from fmd.scene.reading import FaultError
 from fmd.scene.table_files import read_columns, read_header
 from fmd.stages.pipeline import Pipeline
 
@@ -24,24 +24,32 @@ _COLUMN = re.compile(r"(.+?)\s*(?:\[(.*)\])?\s*")
 
 @dataclass(frozen=True)
 class MeasuredChannel:
-    """A measured history of one result.
+    """Measured values of one result.
 
     Attributes
     ----------
-    channel : ResultChannel
-        The result.
-    values : ndarray, shape (n_times,)
-        In its SI unit.
-    sigma : float
-        Standard deviation of the noise, in the same unit.
+    name, unit : str
+        The result, and its SI unit.
+    values : ndarray, shape (n,)
+        In that unit.
+    sigma : float or ndarray, shape (n,)
+        Standard deviation of the noise, in the same unit; that of each value where it is a share of these.
     given : bool
         True if that is given, false if it is estimated from the values.
     """
 
-    channel: ResultChannel
+    name: str
+    unit: str
     values: Array
-    sigma: float
+    sigma: float | Array
     given: bool
+
+    @property
+    def noise(self) -> tuple[float, str]:
+        """Standard deviation and its unit, or as a share of each value."""
+        if isinstance(self.sigma, np.ndarray):
+            return float((self.sigma / self.values).mean()), "of each value"
+        return self.sigma, self.unit
 
 
 @dataclass(frozen=True)
@@ -54,15 +62,13 @@ class Measurements:
         From the start of the scene's motion, ascending [s].
     channels : tuple of MeasuredChannel
         One at least.
+    results : tuple of ResultChannel
+        The results that they measure.
     """
 
     times: Array
     channels: tuple[MeasuredChannel, ...]
-
-    @property
-    def values(self) -> Array:
-        """All values over their noise, channel by channel, shape (n_channels n_times,)."""
-        return np.concatenate([each.values / each.sigma for each in self.channels])
+    results: tuple[ResultChannel, ...]
 
 
 def read_measurements(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> Measurements:
@@ -91,27 +97,25 @@ def read_measurements(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> 
         raise InputError(file, "", None, str(fault)) from None
     if not table:
         raise InputError(file, "", None, "has one column; give times and, in each further column, a result")
-    names, units = zip(*(_name_and_unit(file, text) for text in header), strict=True)
-    times = np.array(table[0].arguments) * _ratio(file, header[0], units[0] or "s", "s")
+    names, units = zip(*(name_and_unit(file, text) for text in header), strict=True)
+    times = np.array(table[0].arguments) * unit_factor(file, header[0], units[0] or "s", "s")
     end = run.scene.simulation.duration
     if times[0] < 0.0 or times[-1] > end * (1.0 + 1e-9):
         mend = f"times go from {times[0]:g} s to {times[-1]:g} s, the scene's motion from 0 s to {end:g} s"
         raise InputError(file, header[0], None, mend)
-    for name in sigmas:
-        if name not in names[1:]:
-            raise InputError("--sigma", name, None, f"no such channel; {suggest_name(name, names[1:], 'measured are')}")
-    channels = []
+    channels, results = [], []
     for text, name, unit, columns in zip(header[1:], names[1:], units[1:], table, strict=True):
         found = find_channels(run, name, file)
         if len(found) != 1 or found[0].name != name or not found[0].moves or found[0].largest is not None:
             raise InputError(file, text, None, "is no history of one number; those of a vector have .x, .y and .z")
-        values = np.array(columns.values) * _ratio(file, text, unit or found[0].unit, found[0].unit)
+        values = np.array(columns.values) * unit_factor(file, text, unit or found[0].unit, found[0].unit)
         sigma = sigmas.get(name) or estimate_noise(values)
         if not sigma > 0.0:
             mend = f"shows no noise, which would give it infinite weight; give it, e.g. --sigma {name}=1e-6"
             raise InputError(file, text, None, mend)
-        channels.append(MeasuredChannel(found[0], values, sigma, name in sigmas))
-    return Measurements(times, tuple(channels))
+        channels.append(MeasuredChannel(name, found[0].unit, values, sigma, name in sigmas))
+        results.append(found[0])
+    return Measurements(times, tuple(channels), tuple(results))
 
 
 def estimate_noise(values: Array) -> float:
@@ -125,15 +129,16 @@ def estimate_noise(values: Array) -> float:
     return float(np.sqrt(np.mean(np.diff(values, NOISE_ORDER) ** 2) / gain))
 
 
-def _name_and_unit(file: str, text: str) -> tuple[str, str]:
+def name_and_unit(file: str, text: str) -> tuple[str, str]:
+    """Return the name of a column and its unit in brackets, empty if it has none."""
     match = _COLUMN.fullmatch(text)
     if match is None:
         raise InputError(file, "", text, "is no name of a column; the first row has names, e.g. 'time [s]'")
     return match[1], match[2] or ""
 
 
-def _ratio(file: str, column: str, unit: str, si: str) -> float:
-    """Return the factor from a column's unit to its SI unit."""
+def unit_factor(file: str, column: str, unit: str, si: str) -> float:
+    """Return the factor from a column's unit to its SI unit; raises ``InputError`` if there is none."""
     if unit == si:
         return 1.0
     try:

@@ -23,9 +23,9 @@ class FittedHistory:
     ----------
     label : str
         Its name with its unit in brackets.
-    measured, first, fitted : ndarray, shape (n_times,)
+    measured, first, fitted : ndarray, shape (n,)
         As it was measured, and the scene's before and after the fit.
-    sigma : float
+    sigma : float or ndarray, shape (n,)
         Standard deviation of its noise.
     """
 
@@ -33,16 +33,16 @@ class FittedHistory:
     measured: Array
     first: Array
     fitted: Array
-    sigma: float
+    sigma: float | Array
 
 
-def draw_fit(times: Array, histories: Sequence[FittedHistory], path: Path, *, title: str) -> None:
+def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: Path, *, title: str) -> None:
     """Draw each channel of a fit, and beside it what the fit leaves over the noise.
 
     Parameters
     ----------
-    times : ndarray, shape (n_times,)
-        Times of the measurement [s].
+    axis : tuple of str and ndarray, shape (n,)
+        Over what is measured: its name with its unit, and its values.
     histories : sequence of FittedHistory
         At least one.
     path : Path
@@ -50,19 +50,20 @@ def draw_fit(times: Array, histories: Sequence[FittedHistory], path: Path, *, ti
     title : str
         Heading.
     """
+    label, places = axis
     size = (_WIDTH, _ROW_INCHES * len(histories) + 0.7)
     with open_figure(path, size, _DOTS_PER_INCH, padding=0.08) as figure:
         figure.suptitle(title, fontsize=14)
         frames = figure.subplots(len(histories), 2, squeeze=False, sharex=True, gridspec_kw={"width_ratios": [3, 2]})
         for (left, right), history in zip(frames, histories, strict=True):
-            left.plot(times, history.measured, ".", markersize=3, color="0.6", label="measured")
-            left.plot(times, history.first, "--", linewidth=1.2, color=COLOURS[1], label="first")
-            left.plot(times, history.fitted, linewidth=1.4, color=COLOURS[0], label="fitted")
+            left.plot(places, history.measured, ".", markersize=3, color="0.6", label="measured")
+            left.plot(places, history.first, "--", linewidth=1.2, color=COLOURS[1], label="first")
+            left.plot(places, history.fitted, linewidth=1.4, color=COLOURS[0], label="fitted")
             style_axes(left, "", history.label)
-            right.plot(times, (history.measured - history.fitted) / history.sigma, ".", markersize=3, color=COLOURS[0])
+            right.plot(places, (history.measured - history.fitted) / history.sigma, ".", markersize=3, color=COLOURS[0])
             for level in (-2.0, 2.0):
                 right.axhline(level, color=GREY, linewidth=0.8, linestyle=":")
             style_axes(right, "", "left over, of noise")
         for axes in frames[-1]:
-            axes.set_xlabel("time [s]", fontsize=12)
+            axes.set_xlabel(label, fontsize=12)
         frames[0, 0].legend(fontsize=10, frameon=False)

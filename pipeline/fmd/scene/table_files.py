@@ -50,7 +50,7 @@ class _Row(NamedTuple):
 
 
 def read_columns(
-    folder: Path, file: str, argument: tuple[str, str | int], value: tuple[str, str | int]
+    folder: Path, file: str, argument: tuple[str, str | int], value: tuple[str, str | int], *, fewest: int = FEWEST_ROWS
 ) -> TableColumns:
     """Read two columns of a CSV file; cells are divided by commas, semicolons, tabs or spaces.
 
@@ -62,6 +62,8 @@ def read_columns(
         The file, relative to it.
     argument, value : tuple
         Key of the scene that names the column, ``"time"``, and the column: its name in the first row, or its number.
+    fewest : int
+        Rows that it needs.
 
     Raises
     ------
@@ -74,8 +76,8 @@ def read_columns(
     if named or not _is_number(header[0], comma):
         rows = rows[1:]
     numbers = [_find_column(header, *column) for column in (argument, value)]
-    if len(rows) < FEWEST_ROWS:
-        raise FaultError(f"has {len(rows)} rows of numbers; a table needs {FEWEST_ROWS} at least", "file")
+    if len(rows) < fewest:
+        raise FaultError(f"has {len(rows)} rows of numbers; a table needs {fewest} at least", "file")
     if len(rows) > MOST_ROWS:
         raise FaultError(f"has {len(rows)} rows; {MOST_ROWS} are the most", "file")
     arguments, values = (tuple(_read_number(row, header, k, comma) for row in rows) for k in numbers)

@@ -27,5 +27,6 @@ AT_BOUND = 1e-4  # of the way between two bounds: a number so near to one is sai
 WHITE = 1e-3  # probability of white residuals' correlations, below which they are said not to be white
 LAGS = 10  # samples up to which correlations of residuals are looked at
 POOR_FIT = 1e-3  # probability of chi-squared below which noise alone doesn't explain the residuals
+SAME_CHI2 = 0.1  # difference of chi-squared of two searches that count as having come to the same numbers
 MOST_EVALUATIONS = 50  # of a fit
 FIT_TOLERANCE = 1e-5  # of the change of chi-squared and of the numbers at which a fit ends
