@@ -12,6 +12,7 @@ from fmd.core.arrays import Array
 from fmd.core.formula import parse_formula
 from fmd.core.rotations import quaternion_of_matrix, rotation_matrix
 from fmd.dynamics.compiler.compiled import compile_mechanism
+from fmd.dynamics.compiler.recorded import record_mechanism
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
@@ -80,6 +81,28 @@ def test_frames_and_energies_are_those_of_the_compiled_functions(chain: Make, na
             assert frame.origin[0] == pytest.approx(origins[k], abs=1e-12)
             assert frame.rotation[0] == pytest.approx(rotations[k], abs=1e-12)
             assert frame.spin[0] == pytest.approx(spins[k], abs=1e-12 * (1 + np.abs(v).max()))
+
+
+def test_mechanisms_that_differ_in_springs_are_traced_once_and_have_energies_of_their_own(
+    chain: Make, name: str
+) -> None:
+    some = chain(name, gravity=WEIGHT)
+    q, v = some.state(7)
+    trees = [replace(some.tree, links=[sprung(link, factor) for link in some.tree.links]) for factor in (1.0, 3.0, 0.5)]
+    assert len({id(record_mechanism(tree)) for tree in trees}) == 1
+    for tree in (*trees[::-1], *trees):
+        want = compile_mechanism(tree).energies(0.0, q, v)
+        assert np.ravel(at(tree, q, v).energies) == pytest.approx(want, rel=1e-12)
+    if any(link.unit for link in some.tree.links):
+        assert len({float(at(tree, q, v).energies[1][0]) for tree in trees}) == 3
+    renamed = replace(trees[0], links=[replace(trees[0].links[0], joint_name="other"), *trees[0].links[1:]])
+    for other in (replace(trees[0], gravity=np.zeros(3)), renamed):
+        assert record_mechanism(other) is not record_mechanism(trees[0])
+
+
+def sprung(link: Link, factor: float) -> Link:
+    """Give a joint with one coordinate a spring, a rest and a damper."""
+    return replace(link, spring=20.0 * factor, rest=0.1 / factor, damper=0.2) if link.unit else link
 
 
 def bowed(link: Link, seed: int) -> Any:

@@ -16,6 +16,8 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.rotations import BodyFrame, moved, rotation_matrix, turned
 from fmd.dynamics.closures import Place
+from fmd.dynamics.compiler.coordinates import ExactCoordinates
+from fmd.dynamics.compiler.graph import Graph
 from fmd.dynamics.compiler.interpret import Evaluation
 from fmd.dynamics.compiler.recorded import RecordedMechanism, record_mechanism
 from fmd.dynamics.elements import Element
@@ -86,7 +88,7 @@ class Kinematics:
 
     @cached_property
     def _state(self) -> Mapping[str, Array]:
-        return self._recorded.inputs.columns(self.times, self.q, self.v)
+        return ExactCoordinates(Graph(), self.mechanism).columns(self.times, self.q, self.v)
 
     def _over(self, quantity: Evaluation, more: Mapping[str, Array] | None = None) -> Array:
         """Return a quantity at all states, shape (n_times, n_values)."""

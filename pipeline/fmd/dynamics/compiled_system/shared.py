@@ -8,6 +8,7 @@ from importlib import import_module
 
 from fmd.core.limits.memory import MOST_SHARED
 from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.compiler.digest import names_of
 from fmd.dynamics.mechanism import Mechanism
 
 # The last used last. A key is all that a mechanism consists of, so what it names never changes.
@@ -21,16 +22,8 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     own, so sharing changes no number.
     """
     system = make_system(mechanism)
-    names = [(link.name, link.joint_name, link.section, *link.markers) for link in mechanism.links]
-    acting = [(load.body, load.size.breakpoints) for load in mechanism.loads]
-    acting += [(link.name, (link.motion or link.load).breakpoints) for link in mechanism.links]
-    joined = [(closure.name, *closure.bodies) for closure in mechanism.closures]
-    placed = [(name, *position) for name, position in mechanism.assembled.items()]
-    sampled = [(at.name, at.period, at.output, at.law) for at in mechanism.controllers]
-    touching = [contact.digest for contact in mechanism.contacts]
-    named = tuple(tuple(part) for part in (names, acting, joined, placed, sampled, touching))
     numbers = tuple(system.compiled.numbers.tolist())
-    key = (system.compiled.digest, system.compiled.signals, numbers, named, mechanism.horizon)
+    key = (system.compiled.digest, system.compiled.signals, numbers, names_of(mechanism), mechanism.horizon)
     system = _shared.pop(key, system)
     _shared[key] = system
     while len(_shared) > MOST_SHARED:

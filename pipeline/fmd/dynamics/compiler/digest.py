@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 
 from fmd.dynamics.closures import Coupler
 from fmd.dynamics.compiler.coordinates import Coordinates, constant_value
+from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
 
 _NAMES = {"name", "joint_name", "section", "body", "part", "effort", "initial", "state"}
@@ -51,6 +52,22 @@ def digest_mechanism(inputs: Coordinates) -> str:
             places = [numbers.get(place.body, -1) for place in (closure.first, closure.second)]
             _add(pieces, inputs, [places, closure])
     return hashlib.blake2b(b"".join(pieces), digest_size=16).hexdigest()
+
+
+def names_of(mechanism: Mechanism) -> Hashable:
+    """Return the names, breakpoints, controllers, contacts and positions of assembly of a mechanism.
+
+    The digest leaves these out. Mechanisms that are equal in both, and in signals, differ in numbers of joints, and in
+    values that controllers hold, at most.
+    """
+    names = tuple((link.name, link.joint_name, link.section, *link.markers) for link in mechanism.links)
+    acting = [(load.body, load.size.breakpoints) for load in mechanism.loads]
+    acting += [(link.name, (link.motion or link.load).breakpoints) for link in mechanism.links]
+    joined = tuple((closure.name, *closure.bodies) for closure in mechanism.closures)
+    placed = tuple((name, *position) for name, position in mechanism.assembled.items())
+    sampled = tuple((at.name, at.period, at.output, at.law) for at in mechanism.controllers)
+    touching = tuple(contact.digest for contact in mechanism.contacts)
+    return names, tuple(acting), joined, placed, sampled, touching
 
 
 @cache

@@ -5,12 +5,16 @@ The constants keep what the march takes for round-off.
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
+from fmd.core.limits.memory import MOST_SHARED
 from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.algebra import Vector3, add, constants, times
 from fmd.dynamics.compiler.coordinates import ExactCoordinates
+from fmd.dynamics.compiler.digest import digest_mechanism, names_of
 from fmd.dynamics.compiler.elements import trace_pair, trace_strain
 from fmd.dynamics.compiler.forces import ActingForces, joint_elongation, trace_effort
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
@@ -96,8 +100,20 @@ class RecordedMechanism:
         return evaluate_scalars(add(at, weight))
 
 
-@lru_cache(maxsize=16)
+# The last used last.
+_shared: OrderedDict[Hashable, RecordedMechanism] = OrderedDict()
+
+
+@lru_cache(maxsize=MOST_SHARED)
 def record_mechanism(mechanism: Mechanism) -> RecordedMechanism:
-    """Trace a mechanism's bodies as their motion is reported, once for all who want them."""
+    """Trace a mechanism's bodies as their motion is reported, once for all mechanisms that differ in joints' numbers.
+
+    These are in the argument ``inputs``, `ExactCoordinates.columns` of each mechanism.
+    """
     inputs = ExactCoordinates(Graph(), mechanism)
-    return RecordedMechanism(inputs, trace_frames(inputs))
+    key = (digest_mechanism(inputs), inputs.signals, names_of(mechanism))
+    found = _shared.pop(key, None) or RecordedMechanism(inputs, trace_frames(inputs))
+    _shared[key] = found
+    while len(_shared) > MOST_SHARED:
+        _shared.popitem(last=False)
+    return found
