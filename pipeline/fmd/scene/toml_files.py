@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
+from copy import deepcopy
+from functools import lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 from fmd.core.errors import InputError
-from fmd.core.limits.scene import MOST_SCENE_BYTES
+from fmd.core.limits.scene import MOST_SCENE_BYTES, SCENES_KEPT
 from fmd.scene.reading import suggest_name
 from fmd.scene.toml_lines import KeyPath, find_lines
 
@@ -35,7 +38,7 @@ def read_tables(source: Traversable) -> dict[str, Any]:
     return read_with_lines(source)[0]
 
 
-def read_with_lines(source: Traversable) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+def read_with_lines(source: Traversable) -> tuple[dict[str, Any], Mapping[KeyPath, int]]:
     """Read the tables of a scene file, and the line that each key of them stands on.
 
     Raises
@@ -45,7 +48,7 @@ def read_with_lines(source: Traversable) -> tuple[dict[str, Any], dict[KeyPath, 
     """
     file = str(source)
     text = _read(file, source)
-    return _parse(file, text), find_lines(text)
+    return deepcopy(_parse(file, text)), find_lines(text)
 
 
 def _read(file: str, source: Traversable) -> str:
@@ -66,6 +69,7 @@ def _read(file: str, source: Traversable) -> str:
         raise InputError(file, "", None, "isn't text in UTF-8; a scene file is TOML") from None
 
 
+@lru_cache(maxsize=SCENES_KEPT)
 def _parse(file: str, text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Mapping
+from functools import lru_cache
+from types import MappingProxyType
+
+from fmd.core.limits.scene import SCENES_KEPT
 
 KeyPath = tuple[str | int, ...]
 
@@ -14,7 +19,8 @@ _DOT = re.compile(r"[ \t]*\.[ \t]*")
 _BARE_VALUE = re.compile(r"[^,\]}#\n]*")
 
 
-def find_lines(text: str) -> dict[KeyPath, int]:
+@lru_cache(maxsize=SCENES_KEPT)
+def find_lines(text: str) -> Mapping[KeyPath, int]:
     """Find the lines, from 1, of all tables, keys and items of lists in a TOML file that is valid.
 
     Parameters
@@ -24,10 +30,10 @@ def find_lines(text: str) -> dict[KeyPath, int]:
 
     Returns
     -------
-    dict of tuple to int
+    mapping of tuple to int
         Line on which each begins, by the keys that lead to it; items of lists count from 0.
     """
-    return _Scanner(text).lines
+    return MappingProxyType(_Scanner(text).lines)
 
 
 class _Scanner:
