@@ -30,7 +30,7 @@ from fmd.integrators.adaptive import (
 from fmd.integrators.protocol import Integrator
 from fmd.integrators.step_control import just_after, just_before, scaled_error
 from fmd.integrators.weighted_sums import add_weighted_rows
-from fmd.kernels.kernel import inlined
+from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table
 
 DAMPED = 5.5  # radians in a step at which an undamped vibration shrinks most, by 0.70
@@ -124,7 +124,7 @@ class RungeKutta(AdaptiveIntegrator):
         return _steps(system.n_positions + system.n).renewed()
 
 
-@inlined
+@inner
 def _add_slopes(m: RungeKuttaSteps, row: int, h: float, base: Array, out: Array) -> None:
     """Add a row's weighted sum of the slopes times h to a state, into ``out``."""
     add_weighted_rows(base, m.K, m.slope[row], m.weight[row], m.length[row], max(row - 1, 0), m.latest[row], h, out)
@@ -137,7 +137,7 @@ def _slope(m: RungeKuttaSteps, p: Any, k: int, t: float, u: Array, n_positions: 
     accelerations(p, t, u[:n_positions], u[n_positions:], m.K[k, n_positions:])
 
 
-@inlined
+@inner
 def _stage(m: RungeKuttaSteps, p: Any, k: int, t: float, h: float, s: AdaptiveMarch, u: Array) -> None:
     """Evaluate slope number k of a step, at ``t + C_k h``; u is the stage's state."""
     _add_slopes(m, k, h, s.begin, u)
@@ -168,7 +168,7 @@ def _try_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
     return fifth * fifth / size if size > 0.0 else size
 
 
-@inlined
+@inner
 def _error(m: RungeKuttaSteps, row: int, h: float, s: AdaptiveMarch) -> float:
     _add_slopes(m, row, h, m.none, m.error)
     return scaled_error(s.groups, s.trial, m.error)

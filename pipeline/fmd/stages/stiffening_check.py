@@ -14,6 +14,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.stability import RIGID_TOLERANCE
 from fmd.core.limits.stiffening import (
     CLOSED_BY_DEFORMING,
     MOST_RADIANS,
@@ -23,7 +24,6 @@ from fmd.core.limits.stiffening import (
     RIGID_LEAPFROGS,
     RINGING,
     SAMPLED_TIMES,
-    SHORT_MARCH,
     SLOPES,
 )
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -258,7 +258,7 @@ def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[
 
 
 def _method_for(system: CompiledSystem, duration: float) -> Integrator:
-    """Return SciPy's method, for which nothing is compiled, or a compiled one where there is much to march.
+    """Return a compiled method of high order, or implicit ones where strong dampers or many vibrations want these.
 
     Vibrations that are too many to be followed keep their size by the trapezoidal rule, though not their frequency.
     """
@@ -266,15 +266,14 @@ def _method_for(system: CompiledSystem, duration: float) -> Integrator:
         from fmd.integrators.generalized_alpha import GeneralizedAlpha
 
         return GeneralizedAlpha(duration / RIGID_IMPLICIT_STEPS, rho=1.0)
-    damped = duration > RIGID_LEAPFROGS * system.largest_step  # strongly: explicit steps would take for ever
-    if damped and system.mechanism.closures:
+    if duration <= RIGID_LEAPFROGS * system.largest_step:
+        from fmd.integrators.runge_kutta import RungeKutta
+
+        return RungeKutta(RIGID_TOLERANCE)
+    if system.mechanism.closures:
         from fmd.integrators.rosenbrock import ExponentialRosenbrock
 
         return ExponentialRosenbrock(1e-4)
-    if damped or (system.highest_frequency * duration < SHORT_MARCH and not system.mechanism.closures):
-        from fmd.integrators.scipy_ivp import ScipyIvp
+    from fmd.integrators.scipy_ivp import ScipyIvp
 
-        return ScipyIvp("Radau" if damped else "DOP853", 1e-6)
-    from fmd.integrators.runge_kutta import RungeKutta
-
-    return RungeKutta(1e-4)
+    return ScipyIvp("Radau", RIGID_TOLERANCE)

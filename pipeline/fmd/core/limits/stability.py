@@ -17,7 +17,7 @@ OPERATING_POINTS = 8  # of a motion, in the middles of equal parts of the durati
 RIGID_STEPS = 20_000  # of the rigid motion, at least
 RESOLVED_STEP = 0.1  # step of the rigid motion over its largest stable one, at most
 SPAN = 1e-3  # of the duration: over so long a span the round-off of a tangent map is harmless
-RIGID_TOLERANCE = 1e-6  # of the rigid motion where fixed steps pass a force unseen
+RIGID_TOLERANCE = 1e-6  # of a motion with all bodies rigid, by a method that chooses its steps
 RATE_NUDGE, ACCELERATION_NUDGE = 1e-4, 1e-2  # of central differences [SI units], larger than that of positions
 
 # Sub-cycling.

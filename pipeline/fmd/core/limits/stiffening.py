@@ -8,7 +8,6 @@ RINGING = 0.02  # Share of a motion that rings, where a change of frequency adds
 NEGLIGIBLE_TERMS = 1e-2  # Terms that change a stiffness by less than this part of the wanted error are left out.
 # Error of a part that turns, over the change of its pieces' stiffness by their own inertia: 0.1 to 0.3 were measured.
 OF_PIECES = 0.3
-SHORT_MARCH = 1000.0  # radians of the highest frequency, about a step each of 0.2 ms; compiling takes seconds
 RIGID_LEAPFROGS = 1e6  # leapfrog steps of a march of rigid bodies
 MOST_RADIANS = 1e6  # of its highest frequency that are followed
 RIGID_IMPLICIT_STEPS = 4000  # of generalised-α beyond that
