@@ -1,0 +1,68 @@
+"""Cycles of random mechanisms by carried and by frozen forces are those of the scheme, written out step by step."""
+
+import numpy as np
+import pytest
+
+from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.integrators.subcycling import Subcycling
+from tests.dynamics.compiler.mechanisms import random_mechanism
+
+CYCLES, STEP = 5, 1e-3  # the last two by parabolas through three cycles
+SOME = (3, 4, 14, 16, 23, 46)
+
+
+def march_plainly(system: CompiledSystem, q: Array, v: Array, m: int, degree: int) -> tuple[Array, Array, Array]:
+    """March some cycles, forces going on by a polynomial through the cycles before; return the state at the end."""
+    (M, K, _), slow, H = system.linear_matrices, np.arange(system.n) < system.n_slow, m * STEP
+    k = np.linalg.solve(M, K).diagonal()
+    steps = np.where(slow, H, STEP)
+    a = system.compiled.accelerations(0.0, q, v)
+    q, v, past = q.copy(), v - 0.5 * steps * a, list[Array]()
+    for cycle in range(CYCLES):
+        t = cycle * H
+        if any(t - H < point <= t for point in system.breakpoints):
+            past = []
+        a = system.compiled.accelerations(t, q, v + 0.5 * steps * a)
+        r = a + k * q
+        v[slow] += H * a[slow]
+        q[slow] += H * v[slow]
+        known = [r, *past][: degree + 1]
+        times = -H * np.arange(len(known))
+        weights = [  # Lagrange's polynomials, beside the divided differences of the product
+            np.prod([(STEP * np.arange(m) - other) / (own - other) for other in times if other != own], axis=0)
+            * np.ones(m)
+            for own in times
+        ]
+        forces = sum(np.outer(weight, one) for weight, one in zip(weights, known, strict=True))
+        for s in range(m):
+            if s:
+                a = np.where(slow, a, forces[s] - k * q)
+            v = np.where(slow, v, v + STEP * a)
+            q = np.where(slow, q, q + STEP * v)
+        past = known[:2]
+    return q, v, a
+
+
+def require_the_same(seed: int, m: int, forces: str, degree: int) -> None:
+    made = random_mechanism(seed)
+    system, (q0, v0) = CompiledSystem(made.mechanism), made.state(seed)
+    if system.n != system.n_positions:
+        pytest.skip("rotations in space are no vectors")
+    method = Subcycling(STEP, m, forces)
+    end = method.march(system, q0, 0.5 * v0, np.array([(CYCLES * m - 0.5) * STEP])).end
+    for found, expected in zip((end.q, end.v, end.a), march_plainly(system, q0, 0.5 * v0, m, degree), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * max(np.abs(expected).max(), 1e-300))
+
+
+@pytest.mark.parametrize(("forces", "degree"), [("carried", 2), ("frozen", 0)])
+@pytest.mark.parametrize("m", [2, 5])
+@pytest.mark.parametrize("seed", SOME)
+def test_some_random_mechanisms_take_the_cycles_of_the_scheme(seed: int, m: int, forces: str, degree: int) -> None:
+    require_the_same(seed, m, forces, degree)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(200))
+def test_random_mechanisms_carry_their_forces_on(seed: int) -> None:
+    require_the_same(seed, 5, "carried", 2)
