@@ -35,7 +35,7 @@ from fmd.stability.operating_points import settle
 from fmd.stability.tangent import (
     OperatingPoint,
     scheme_growth_rates,
-    scheme_tangent,
+    scheme_tangents,
     system_growth_rates,
 )
 from tests.linear_system import LinearSystem
@@ -248,8 +248,8 @@ def _march(case: StressCase, method: ResumableIntegrator, m: int, share: float, 
     cycles = max(cycles, 1000)
     start, span = _disturbed(case), 1e-3 * cycles * m * h
     try:
-        left, energies = _modes(scheme_tangent(method, case.system, case.at, 0.0)[0], case)
-        folds = float(scheme_growth_rates(method, case.system, case.at, span)[0]) * cycles * m * h
+        left, energies = _modes(scheme_tangents(method, case.system, [case.at], 0.0)[0][0], case)
+        folds = float(scheme_growth_rates(method, case.system, [case.at], span)[0, 0]) * cycles * m * h
     except AccuracyError:
         folds = np.inf
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"

@@ -88,7 +88,7 @@ def test_growth_by_frozen_gyroscopic_forces_is_seen_and_that_of_carried_ones_is_
     system = gyroscopic(2.0)
     at = OperatingPoint(0.0, np.zeros(6), np.zeros(6))
     rates = {
-        forces: scheme_growth_rates(Subcycling(1e-3, 10, forces), system, at, 0.1)[0]
+        forces: scheme_growth_rates(Subcycling(1e-3, 10, forces), system, [at], 0.1)[0, 0]
         for forces in ("carried", "frozen")
     }
     start, times = start_of(system), np.array([0.0, 4.0])
@@ -102,7 +102,7 @@ def test_growth_by_frozen_gyroscopic_forces_is_seen_and_that_of_carried_ones_is_
 def test_where_carried_forces_would_grow_the_map_with_its_history_says_so() -> None:
     system = gyroscopic(0.0, 3.0)  # strong dampers, which a parabola runs ahead of
     at = OperatingPoint(0.0, np.zeros(6), np.zeros(6))
-    assert scheme_growth_rates(Subcycling(2e-3, 10, "carried"), system, at, 0.2)[0] > 5.0
+    assert scheme_growth_rates(Subcycling(2e-3, 10, "carried"), system, [at], 0.2)[0, 0] > 5.0
 
 
 def test_the_propeller_carries_its_forces_and_the_beam_follows_tangents() -> None:

@@ -15,7 +15,7 @@ from fmd.stability.tangent import (
     cycles_within,
     differentiate,
     scheme_growth_rates,
-    scheme_tangent,
+    scheme_tangents,
     system_growth_rates,
 )
 from tests.linear_system import LinearSystem
@@ -31,7 +31,7 @@ def test_vibrations_grow_in_marches_as_the_tangent_says(
     """Against the energy of the difference of two marches, averaged over ten periods, over 20 s."""
     turning = OperatingPoint(0.0, np.zeros(2), np.array([rate, 0.0]))
     at, method = settle(coasting, turning, np.array([1])), Subcycling(step, m)
-    by_tangent = scheme_growth_rates(method, coasting, at, 0.01)[0]
+    by_tangent = scheme_growth_rates(method, coasting, [at], 0.01)[0, 0]
     times = np.arange(0.0, 20.0, m * step)
     one, other = (method.march(coasting, at.q + np.array([0.0, x]), at.v, times) for x in (0.0, 1e-7))
     energy = (200 - rate**2) * (other.q - one.q)[:, 1] ** 2 + (other.v - one.v)[:, 1] ** 2
@@ -51,7 +51,7 @@ def test_the_tangent_of_a_linear_system_is_its_amplification_matrix() -> None:
     # It begins one cycle late, which changes nothing where the equations are the same at all times.
     M, K, C = np.array([[1.0, 0.3], [0.3, 1.0]]), np.diag([0.02, 1.0]), np.diag([0.01, 0.05])
     A = amplification_matrix(M, K, 1, 0.2, 5, C)
-    tangent, duration = scheme_tangent(Subcycling(0.2, 5), LinearSystem(M, K, 1, C), REST, 3.2)
+    (tangent,), duration = scheme_tangents(Subcycling(0.2, 5), LinearSystem(M, K, 1, C), [REST], 3.2)
     assert duration == pytest.approx(3.0)
     assert tangent == pytest.approx(np.linalg.matrix_power(A, 3), abs=1e-9)
 
@@ -59,10 +59,10 @@ def test_the_tangent_of_a_linear_system_is_its_amplification_matrix() -> None:
 def test_a_method_that_keeps_two_accelerations_has_a_tangent_of_both() -> None:
     # ρ∞ = 1 neither damps nor feeds an oscillator (Chung & Hulbert 1993); what it forgets decays.
     system = LinearSystem(np.eye(2), np.diag([1.0, 9.0]), 1)
-    tangent, duration = scheme_tangent(GeneralizedAlpha(0.1, 1.0), system, REST, 0.1)
+    (tangent,), duration = scheme_tangents(GeneralizedAlpha(0.1, 1.0), system, [REST], 0.1)
     assert tangent.shape == (8, 8)
     assert duration == pytest.approx(0.1)
-    rates = scheme_growth_rates(GeneralizedAlpha(0.1, 1.0), system, REST, 0.1)
+    (rates,) = scheme_growth_rates(GeneralizedAlpha(0.1, 1.0), system, [REST], 0.1)
     assert rates[:4] == pytest.approx(np.zeros(4), abs=1e-6)
 
 
@@ -70,7 +70,7 @@ def test_damping_shows_as_decay_in_both() -> None:
     # ẍ + 2 δ ẋ + x = 0 decays by δ; central difference follows it to second order.
     system = LinearSystem(np.eye(2), np.eye(2), 1, 0.2 * np.eye(2))
     assert system_growth_rates(system, REST) == pytest.approx(np.full(4, -0.1), abs=1e-6)
-    assert scheme_growth_rates(CentralDifference(0.01), system, REST, 1.0)[:4] == pytest.approx(-0.1, abs=1e-4)
+    assert scheme_growth_rates(CentralDifference(0.01), system, [REST], 1.0)[0, :4] == pytest.approx(-0.1, abs=1e-4)
 
 
 @pytest.mark.parametrize(("span", "cycle", "whole"), [(1.0, 0.3, 3), (1.0, 0.26, 4), (0.1, 0.5, 1), (0.0, 0.5, 1)])

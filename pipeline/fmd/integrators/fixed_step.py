@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import time
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import singledispatch
+from functools import cache, singledispatch
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, MORE_CYCLES, 
 from fmd.dynamics.system import System, note_contacts, project
 from fmd.integrators.protocol import Progress, ResumableIntegrator, State, require_times
 from fmd.integrators.work_bounds import ElongationLog, WorkCheck, note_elongations
-from fmd.kernels.kernel import inlined, kernel
+from fmd.kernels.kernel import inlined, inner, kernel
 from fmd.kernels.table import Table
 
 
@@ -53,6 +53,35 @@ class Samples(Table):
     v: Array
     contacts: Array
     cursor: IntArray
+
+
+@dataclass(frozen=True)
+class Starts(Table):
+    """States from which marches start, one after the other.
+
+    Attributes
+    ----------
+    first : ndarray of int, shape (n_marches,)
+        Number of the first step of each.
+    q, v, a, memory : ndarray
+        The arrays of the state that the method's table writes into.
+    values : ndarray, shape (n_marches, n_values)
+        `State.values` of each, at its start and then at its end.
+    """
+
+    first: IntArray
+    q: Array
+    v: Array
+    a: Array
+    memory: Array
+    values: Array
+
+
+@cache
+def _no_starts() -> Starts:
+    """Return the starts of a march that goes on from the state in its method's table."""
+    nothing = np.zeros(0)
+    return Starts(np.zeros(0, dtype=np.int64), nothing, nothing, nothing, nothing, np.zeros((0, 0)))
 
 
 class SingleSteps(Table):
@@ -105,8 +134,8 @@ def runs_away(v: Array) -> bool:
     return not total < RUNAWAY
 
 
-@kernel
-def _march(
+@inner
+def _march_cycles(
     m: Any, p: Any, frozen: Any, samples: Samples, log: ElongationLog, substeps: int, first: int, n_cycles: int
 ) -> int:
     """March some cycles from step number ``first`` on, and return how many steps are done before rates run away."""
@@ -138,6 +167,58 @@ def _march(
         for k in range(first_sample, cursor):
             project(p, samples.times[k], samples.q[k], samples.v[k])
     return n_cycles * substeps
+
+
+@kernel
+def _march(
+    m: Any,
+    p: Any,
+    frozen: Any,
+    samples: Samples,
+    log: ElongationLog,
+    starts: Starts,
+    substeps: int,
+    first: int,
+    n_cycles: int,
+) -> int:
+    """March some cycles from step number ``first`` on, or from each start, all without samples.
+
+    Return how many steps are done, in all marches together, before rates run away. One kernel does both: compiling a
+    second one for each method would take longer than most marches.
+    """
+    if starts.first.size == 0:
+        return _march_cycles(m, p, frozen, samples, log, substeps, first, n_cycles)
+    total = 0
+    for k in range(starts.first.size):
+        at = _take_values(starts.q, starts.values[k], 0)
+        at = _take_values(starts.v, starts.values[k], at)
+        at = _take_values(starts.a, starts.values[k], at)
+        _take_values(starts.memory, starts.values[k], at)
+        done = _march_cycles(m, p, frozen, samples, log, substeps, starts.first[k], n_cycles)
+        total += done
+        if done < n_cycles * substeps:
+            return total
+        at = _keep_values(starts.q, starts.values[k], 0)
+        at = _keep_values(starts.v, starts.values[k], at)
+        at = _keep_values(starts.a, starts.values[k], at)
+        _keep_values(starts.memory, starts.values[k], at)
+    return total
+
+
+@inner
+def _take_values(x: Array, values: Array, first: int) -> int:
+    """Copy an array from its place in a state's values, and return the place behind it."""
+    for i in range(x.size):
+        x[i] = values[first + i]
+    return first + x.size
+
+
+@inner
+def _keep_values(x: Array, values: Array, first: int) -> int:
+    """Copy an array to its place in a state's values, and return the place behind it."""
+    for i in range(x.size):
+        values[first + i] = x[i]
+    return first + x.size
 
 
 def locate_samples(times: Array, step: float) -> tuple[IntArray, Array]:
@@ -211,13 +292,13 @@ class FixedMarch:
         if touching is not None and state.memory.size:
             touching.recall(state.memory)
         check.begin(state.step, state.q, state.v)
-        seconds, chunk = 0.0, substeps * FIRST_CYCLES
-        _march(method, p, self.frozen, samples, check.log, substeps, state.step, 0)  # compiles, or reads the kernel
+        seconds, chunk, own = 0.0, substeps * FIRST_CYCLES, (method, p, self.frozen, samples, check.log, _no_starts())
+        _march(*own, substeps, state.step, 0)  # compiles, or reads the kernel
         while state.step < last:
             wanted = min(chunk, last - state.step, check.most_steps)
             cycle = wanted if isinstance(method, SingleSteps) and not check.follows_laws else substeps
             tick = time.perf_counter()
-            done = int(_march(method, p, self.frozen, samples, check.log, cycle, state.step, wanted // cycle))
+            done = int(_march(*own, cycle, state.step, wanted // cycle))
             spent = time.perf_counter() - tick
             seconds += spent
             state = replace(state, step=state.step + done, time=(state.step + done) * self.step)
@@ -248,26 +329,22 @@ class FixedStepIntegrator(ResumableIntegrator):
     def fixed_march(self, system: System) -> FixedMarch:
         """Return what a system is marched with."""
 
-    def ends(self, system: System, starts: Sequence[State], time: float) -> list[State]:
-        """Return the states in which marches end that pass a time [s], from states that differ in values alone."""
+    def ends(self, system: System, start: State, values: Array, first: IntArray, n_cycles: int) -> Array:
+        """Return the `State.values` in which marches end, as `ResumableIntegrator.ends` does, by one kernel call."""
         march = self.fixed_march(system)
         check = WorkCheck(system, 0.0, march.step, march.substeps)
         remembers = check.follows_laws or getattr(system, "has_loops", False) or hasattr(system, "n_contact_values")
         if remembers:  # what is each march's own
-            return super().ends(system, starts, time)
-        state, p, m = starts[0].copy(), system.parameters, march.substeps
-        method, found = march.make(state), []
-        (sample_step,), _ = locate_samples(np.array([time]), march.step)
+            return super().ends(system, start, values, first, n_cycles)
+        state, m, found = start.copy(), march.substeps, np.array(values, order="C")
         nothing, numbers = np.zeros(0), np.zeros(0, dtype=np.int64)
         q, v = np.zeros((0, state.q.size)), np.zeros((0, state.v.size))
         none = Samples(nothing, numbers, nothing, q, v, np.zeros((0, 0)), np.zeros(1, dtype=np.int64))
-        for start in starts:
-            for own, given in zip(state.arrays, start.arrays, strict=True):
-                own[:] = given
-            wanted = -(-(int(sample_step) + 1 - start.step) // m) * m
-            done = int(_march(method, p, march.frozen, none, check.log, m, start.step, wanted // m))
-            if done < wanted or not np.isfinite(state.q).all():
-                at = (start.step + done) * march.step
-                raise StabilityError(f"{self.name} diverges at t = {at:.6g} s; take a smaller step")
-            found.append(replace(state.copy(), step=start.step + done, time=(start.step + done) * march.step))
+        starts = Starts(first, *state.arrays, found)
+        own = (march.make(state), system.parameters, march.frozen, none, check.log)
+        done = int(_march(*own, starts, m, 0, n_cycles))
+        if done < len(found) * n_cycles * m or not np.isfinite(found).all():
+            number, steps = divmod(done, n_cycles * m)
+            at = (first[min(number, len(first) - 1)] + steps) * march.step
+            raise StabilityError(f"{self.name} diverges at t = {at:.6g} s; take a smaller step")
         return found

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, require_finite, require_shape, short_repr
+from fmd.core.arrays import Array, IntArray, require_finite, require_shape, short_repr
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.stability import DAMPED
 from fmd.dynamics.controllers import HeldValues
@@ -68,6 +68,16 @@ class State:
     def arrays(self) -> tuple[Array, Array, Array, Array]:
         """Coordinates, rates, accelerations and memory."""
         return self.q, self.v, self.a, self.memory
+
+    @property
+    def values(self) -> Array:
+        """Entries of `arrays`, one after the other, in an array of their own."""
+        return np.concatenate(self.arrays)
+
+    def with_values(self, values: Array) -> State:
+        """Return the same state with other `values`."""
+        q, v, a, memory = np.split(values, np.cumsum([x.size for x in self.arrays[:-1]]))
+        return replace(self, q=q, v=v, a=a, memory=memory)
 
 
 @dataclass(frozen=True)
@@ -225,9 +235,25 @@ class ResumableIntegrator(Integrator):
         The numbers are bit for bit those of one march without a break.
         """
 
-    def ends(self, system: System, starts: Sequence[State], time: float) -> list[State]:
-        """Return the states in which marches end that pass a time [s], from states that differ in values alone."""
-        return [self.resume(system, start, np.array([time])).end for start in starts]
+    def ends(self, system: System, start: State, values: Array, first: IntArray, n_cycles: int) -> Array:
+        """Return the `State.values` in which marches over some cycles end, by a method with a fixed step.
+
+        Parameters
+        ----------
+        start : State
+            As `start` gives it, or as a march of this method has ended.
+        values : ndarray, shape (n_marches, n_values)
+            `State.values` in the place of the start's own, a row for each march.
+        first : ndarray of int, shape (n_marches,)
+            Number of the first step of each.
+        n_cycles : int
+            How many major cycles each takes.
+        """
+        found = np.empty(values.shape)
+        for row, own, step in zip(found, values, first.tolist(), strict=True):
+            last = np.array([(step + n_cycles * self.substeps - 1) * self.step])
+            row[:] = self.resume(system, replace(start.with_values(own), step=step), last).end.values
+        return found
 
 
 def require_step(step: float) -> None:

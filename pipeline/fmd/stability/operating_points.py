@@ -66,14 +66,12 @@ class OperatingPoints:
         ndarray, shape (n_points, n_positions + n)
             [1/s]; infinite if a march from one of the points diverges at once.
         """
-        excess = np.full(self.growth_rates.shape, np.inf)
-        for row, rates, at in zip(excess, self.growth_rates, self.points, strict=True):
-            try:
-                by_scheme = scheme_growth_rates(method, self.system, at, SPAN * self.duration)
-            except StabilityError:
-                return excess
-            row[:] = by_scheme[: row.size] - np.maximum(rates, 0.0)
-        return excess
+        rates = np.maximum(self.growth_rates, 0.0)
+        try:
+            by_scheme = scheme_growth_rates(method, self.system, self.points, SPAN * self.duration)
+        except StabilityError:
+            return np.full(rates.shape, np.inf)
+        return by_scheme[:, : rates.shape[1]] - rates
 
     def worst(self, method: ResumableIntegrator) -> OperatingPoints:
         """Return the point alone at which vibrations grow the most by a scheme, as if it lasted all the time."""

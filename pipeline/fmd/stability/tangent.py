@@ -7,7 +7,7 @@ Its eigenvalues μ over a span τ grow at the rates ``ln|μ|/τ``, those of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
+from fmd.core.limits.memory import VALUES_AT_ONCE
 from fmd.core.limits.newton import NUDGE
 from fmd.core.limits.stability import ACCELERATION_NUDGE, RATE_NUDGE
 from fmd.dynamics.system import System
@@ -65,65 +66,75 @@ def system_growth_rates(system: System, at: OperatingPoint) -> Array:
     return np.sort(np.linalg.eigvals(J).real)[::-1]
 
 
-def scheme_growth_rates(method: ResumableIntegrator, system: System, at: OperatingPoint, span: float) -> Array:
-    """Return the growth rates of small vibrations in a march with a fixed step.
+def scheme_growth_rates(
+    method: ResumableIntegrator, system: System, points: Sequence[OperatingPoint], span: float
+) -> Array:
+    """Return the growth rates of small vibrations in marches with a fixed step.
 
     Parameters
     ----------
     span : float
-        Time that the tangent map is taken over, rounded to whole major cycles [s].
+        Time that the tangent maps are taken over, rounded to whole major cycles [s].
 
     Returns
     -------
-    ndarray
-        ``ln|μ|/τ`` for each eigenvalue μ of `scheme_tangent` [1/s], descending.
+    ndarray, shape (n_points, n_values)
+        ``ln|μ|/τ`` for each eigenvalue μ of `scheme_tangents` [1/s], descending.
 
     Raises
     ------
     StabilityError
-        The march diverges within the span.
+        A march diverges within the span.
     """
-    A, duration = scheme_tangent(method, system, at, span)
-    if not np.isfinite(A).all():  # a disturbed march diverged
+    A, duration = scheme_tangents(method, system, points, span)
+    finite = np.isfinite(A).all(axis=(1, 2))
+    if not finite.all():  # a disturbed march diverged
+        at = points[int(np.argmin(finite))]
         raise StabilityError(f"{method.name} diverges within {duration:.3g} s of t = {at.time:.3g} s")
     moduli = np.maximum(np.abs(np.linalg.eigvals(A)), 1e-300)
-    return np.sort(np.log(moduli))[::-1] / duration
+    return np.sort(np.log(moduli))[:, ::-1] / duration
 
 
-def scheme_tangent(method: ResumableIntegrator, system: System, at: OperatingPoint, span: float) -> tuple[Array, float]:
-    """Differentiate a march over some major cycles by its state at their start.
+def scheme_tangents(
+    method: ResumableIntegrator, system: System, points: Sequence[OperatingPoint], span: float
+) -> tuple[Array, float]:
+    """Differentiate marches over some major cycles by the states at their start.
 
     Returns
     -------
-    ndarray
-        Map of disturbances of ``State.q``, ``State.v`` and ``State.a``, a square matrix; and of the forces that a
-        method carries on from the cycles before, if it does (the companion form of a map with a history).
+    ndarray, shape (n_points, n_values, n_values)
+        Maps of disturbances of ``State.q``, ``State.v`` and ``State.a``; and of the forces that a method carries on
+        from the cycles before, if it does (the companion form of a map with a history).
     float
         Duration of the cycles [s]: ``span``, rounded to whole ones.
     """
-    h = method.step
-    driven = _has_driven_loops(system)
-    base = method.march(system, *(_rest(system) if driven else (at.q, at.v)), np.zeros(1)).end
-    m = base.step
-    cycles = cycles_within(span, m * h)
-    first = max(1, round(at.time / (m * h))) * m
-    # The first cycle had the loads of time 0; one more has those of the operating point.
-    base = replace(base, step=first - m)
+    h, m, driven = method.step, method.substeps, _has_driven_loops(system)
+    starts = [method.start(system, *(_rest(system) if driven else (at.q, at.v))) for at in points]
+    start, cycles = starts[0], cycles_within(span, m * h)
+    first = np.array([max(1, round(at.time / (m * h))) * m for at in points])
+    # The first cycle has the loads of time 0; one more has those of the operating point.
+    values = np.array([each.values for each in starts])
+    values = method.ends(system, start, values, np.zeros_like(first), 1)
     if driven:
-        base = _moved(system, base, at, (first - m) * h)
-    base = method.resume(system, base, np.array([(first - 1) * h])).end
-    history = base.memory[:-1] if getattr(method, "remembered", False) else base.memory[:0]
-    parts, end = np.cumsum([base.q.size, base.v.size, base.a.size]), (first + cycles * m - 1) * h
-
-    sizes = [base.q.size, base.v.size, base.a.size + history.size]  # some methods keep two accelerations
+        moved = zip(values, points, first.tolist(), strict=True)
+        states = [_moved(system, start.with_values(own), at, (step - m) * h) for own, at, step in moved]
+        values = np.array([state.values for state in states])
+    centres = method.ends(system, start, values, first - m, 1)
+    history = start.memory.size - 1 if getattr(method, "remembered", False) else 0
+    sizes = [start.q.size, start.v.size, start.a.size + history]  # some methods keep two accelerations
     nudges = np.repeat([NUDGE, RATE_NUDGE, ACCELERATION_NUDGE], sizes)
-    centre, starts = np.concatenate([base.q, base.v, base.a, history]), []
-    for values in (centre + sign * nudge for nudge in np.diag(nudges) for sign in (1.0, -1.0)):
-        q, v, a, earlier = np.split(values, parts)
-        starts.append(replace(base, q=q, v=v, a=a, memory=np.concatenate([earlier, base.memory[history.size :]])))
-    ends = method.ends(system, starts, end)
-    values = np.array([np.concatenate([x.q, x.v, x.a, x.memory[: history.size]]) for x in ends])
-    return (values[::2] - values[1::2]).T / (2 * nudges), cycles * m * h
+    count, found = nudges.size, []
+    at_once = max(1, VALUES_AT_ONCE // (2 * count * centres.shape[1]))
+    for some in range(0, len(points), at_once):
+        disturbed = np.repeat(centres[some : some + at_once, None], 2 * count, axis=1)
+        rows = np.arange(count)
+        disturbed[:, 2 * rows, rows] += nudges
+        disturbed[:, 2 * rows + 1, rows] -= nudges
+        steps = np.repeat(first[some : some + at_once], 2 * count)
+        ends = method.ends(system, start, disturbed.reshape(-1, centres.shape[1]), steps, cycles)
+        pairs = ends[:, :count].reshape(-1, count, 2, count)
+        found.append((pairs[:, :, 0] - pairs[:, :, 1]).swapaxes(1, 2) / (2 * nudges))
+    return np.concatenate(found), cycles * m * h
 
 
 def _has_driven_loops(system: System) -> bool:

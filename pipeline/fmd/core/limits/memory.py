@@ -28,6 +28,7 @@ MOST_SHARED = 16  # systems kept in a process, the last used last
 MOST_LOADED = 256  # programs that stay loaded in a process, the last used last
 # States that are evaluated together: the values of a mechanism's nodes at them stay in the processor's cache.
 STATES_AT_ONCE = 1024
+VALUES_AT_ONCE = 2**22  # numbers of states that are disturbed together, one state after the other
 
 # Results.
 TIMES_AT_ONCE = 8192  # output times whose results are held at a time while they are written or compared
