@@ -277,6 +277,13 @@ step = "1 ms"
     assert found["files"] == ["fit.png", "fit.csv", "fit-2.png", "fit-2.csv", "fit.json", "fitted.toml"]
     assert fmd("fit", scene, *given, *noise) == 0
     assert "of each value" in capsys.readouterr().out
+    alone = tmp_path / "alone.csv"
+    alone.write_text(f"frequency_hz\n{hertz[0]}\n")
+    noise = ["--sigma", "frequency=0.1%", "--out", tmp_path / "fit"]
+    assert fmd("fit", scene, "--to", alone, "--vary", "joint.slide.spring", *noise, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["probability"] == 1.0
+    assert [each["code"] for each in found["warnings"]] == ["no-freedom"]
     wrong = ["--to", f"{files[1]}; joint.slide.spring=900 N/m", "--vary", "joint.slide.spring"]
     assert fmd("fit", scene, *wrong, *noise) == 2
     assert "is fitted; leave it out" in capsys.readouterr().err

@@ -75,10 +75,13 @@ class Fit:
 
     @property
     def probability(self) -> float:
-        """Probability of so large a chi-squared if the model is right and the noise as stated."""
+        """Probability of so large a chi-squared if the model is right and the noise as stated.
+
+        It is 1 without degrees of freedom: as many numbers as values fit anything.
+        """
         from scipy.stats import chi2
 
-        return float(chi2.sf(self.chi2, self.n_free))
+        return float(chi2.sf(self.chi2, self.n_free)) if self.n_free > 0 else 1.0
 
     @property
     def white(self) -> dict[str, float]:
@@ -105,6 +108,9 @@ class Fit:
         if self.probability < POOR_FIT:
             text = f"residuals are {ratio:.3g} times the noise: what the model lacks is not in the intervals"
             found.append({"code": "poor-fit", "text": text})
+        if self.n_free < 1:
+            text = "there are no more values than numbers: that they fit says nothing of the model"
+            found.append({"code": "no-freedom", "text": text})
         for name, probability in self.white.items():
             if probability < WHITE:
                 text = f"residuals of {name} are not white: the model misses something in it, or its noise isn't white"
