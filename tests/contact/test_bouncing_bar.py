@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fmd.contact.histories import BEGIN, END, ENERGY, ERROR, IMPULSE
+from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.kinematics import Kinematics
 from fmd.integrators.central_difference import CentralDifference
@@ -71,3 +74,14 @@ def test_a_march_in_two_parts_is_that_without_a_break() -> None:
     later = times > 1.35
     np.testing.assert_array_equal(rest.q[later], whole.q[later])
     np.testing.assert_array_equal(rest.contacts[later], whole.contacts[later])
+
+
+def test_a_march_without_forces_of_contact_says_so() -> None:
+    mechanism = bouncing_bar(5)
+    (body,) = mechanism.contacts
+    wrong = replace(body, points=replace(body.points, G=-body.points.G))  # no flexibility is negative
+    system = share_system(replace(mechanism, contacts=[wrong]))
+    q0 = np.zeros(mechanism.n_positions)
+    q0[0] = LENGTH / 2 + 1e-3
+    with pytest.raises(StabilityError, match=r"no forces of contact were found at t = 0\.01"):
+        CentralDifference(1e-3).march(system, q0, np.zeros(mechanism.n), np.array([0.1]))

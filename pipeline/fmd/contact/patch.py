@@ -26,7 +26,7 @@ from fmd.contact.histories import (
 from fmd.contact.normal_forces import find_normal_forces, place_now, spread_forces
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
-from fmd.core.limits.contact import ROUNDED_PLACE
+from fmd.core.limits.contact import ROUNDED_PLACE, STEPS_ABOVE
 from fmd.kernels.kernel import inner
 
 
@@ -43,9 +43,37 @@ def touch(c: ContactTable, q: Array, origins: Array, rotations: Array) -> None:
         for i in range(c.first[body], c.first[body + 1]):
             for a in range(3):
                 c.force[i, a] = 0.0
-        if _place_points(c, body, q, origins[link], rotations[link]) < 0.0 and not _find_forces(c, body):
+        c.near[body, 0] = 1.0 if _may_touch(c, body, q, origins[link], rotations[link]) else 0.0
+        if c.near[body, 0] == 0.0:
+            continue
+        lowest = _place_points(c, body, q, origins[link], rotations[link])
+        if c.near[body, 1] == 0.0:  # so there is no slip yet
+            for i in range(c.first[body], c.first[body + 1]):
+                for a in range(3):
+                    c.tip[i, a], c.before[i, a], c.moved[i, a] = c.free[i, a], c.free[i, a], 0.0
+        if lowest < 0.0 and not _find_forces(c, body):
             c.clock[1] = 1.0
         _push_body(c, body, q)
+
+
+@inner
+def _may_touch(c: ContactTable, body: int, q: Array, origin: Array, R: Array) -> bool:
+    """Return false if all points of a body stay above their planes for some steps, as fast as it now comes down."""
+    size, low = 0.0, math.inf
+    for k in range(c.n_modes[body]):
+        size += q[c.mode[body, k] + c.shift] ** 2
+    size = math.sqrt(size)
+    for i in range(c.first[body], c.first[body + 1]):
+        gap = -c.offset[i, 0] - c.reach[i] * size
+        for a in range(3):
+            place = origin[a] + R[a, 0] * c.x[i, 0] + R[a, 1] * c.x[i, 1] + R[a, 2] * c.x[i, 2]
+            gap += c.axes[i, 0, a] * place
+        low = min(low, gap)
+        if c.known[i, 0] > 0.0:
+            low = -math.inf
+    c.height[body, 0] = low
+    down = c.height[body, 1] - low
+    return not (low > 0.0 and math.isfinite(down) and low > STEPS_ABOVE * down)
 
 
 @inner
@@ -175,7 +203,18 @@ def remember(c: ContactTable, t: float) -> None:
             s[END] = t
         s[ENERGY] = v[ENERGY]
         s[ERROR] = 0.0 if begins else s[ERROR] + v[ENERGY]
-    for i in range(c.force.shape[0]):
+    for body in range(c.link.size):
+        c.height[body, 1] = c.height[body, 0]
+        c.near[body, 1] = c.near[body, 0]
+        if c.near[body, 0] != 0.0:
+            _add_work(c, body, begins)
+    c.clock[0] = t
+
+
+@inner
+def _add_work(c: ContactTable, body: int, begins: bool) -> None:
+    """Add the work of the forces on a body's points since the last step, and remember them."""
+    for i in range(c.first[body], c.first[body + 1]):
         s = c.sums[c.contact[i]]
         for a in range(3):
             tip = place_now(c, i, a)
@@ -185,4 +224,3 @@ def remember(c: ContactTable, t: float) -> None:
                 s[FRICTION] += heat
                 s[ERROR] += work + heat
             c.tip[i, a], c.before[i, a], c.known[i, a] = tip, c.free[i, a], c.force[i, a]
-    c.clock[0] = t

@@ -30,6 +30,7 @@ class ContactTable(Table):
     shift: int  # from there to its position
     x: Array  # (n, 3): undeformed points in their body's frame [m]
     shapes: Array  # (n, 3, most modes)
+    reach: Array  # (n,): no modal coordinates of length 1 displace it farther
     areas: Array  # (n,)
     G: Array  # (n, most points of a body, 3, 3), the second from the body's first point on
     axes: Array  # (n, 3, 3): normal and tangents in space, a row each
@@ -43,6 +44,8 @@ class ContactTable(Table):
     tip: Array  # (n, 3): places with forces, at the last step
     before: Array  # (n, 3): places without forces, at the last step
     noise: Array  # (n_bodies,): round-off of places [m]
+    height: Array  # (n_bodies, 2): all points are above this, at the state looked at and at the last step [m]
+    near: Array  # (n_bodies, 2): 1 if its points have been placed, at the same two
     own: Array  # (n, 3): forces in the body's axes
     moved: Array  # (n, 3): displacements by them, in the body's axes
     turned: Array  # (n, 3, 3): axes in those of the body, a row each
@@ -60,6 +63,11 @@ class ContactTable(Table):
         """What a march needs of its last step to go on."""
         return np.concatenate([own.ravel() for own in self._remembered])
 
+    @property
+    def is_lost(self) -> bool:
+        """True if no forces were found at the last state."""
+        return bool(self.clock[1])
+
     def recall(self, memory: Array) -> None:
         """Go on from the memory of another march."""
         for own, kept in zip(self._remembered, np.split(memory, self._ends), strict=True):
@@ -67,7 +75,7 @@ class ContactTable(Table):
 
     @property
     def _remembered(self) -> tuple[Array, ...]:
-        return self.known, self.tip, self.before, self.sums, self.clock
+        return self.known, self.tip, self.before, self.sums, self.clock, self.height, self.near
 
     @property
     def _ends(self) -> IntArray:
@@ -118,6 +126,7 @@ def contact_table(
         shift=shift,
         x=np.concatenate([body.points.x for body in bodies]),
         shapes=shapes,
+        reach=np.sqrt((shapes**2).sum(axis=(1, 2))),
         areas=np.concatenate([body.points.areas for body in bodies]),
         G=G,
         axes=axes,
@@ -127,6 +136,8 @@ def contact_table(
         positions=np.array([plane.position for plane in planes]),
         **{name: np.zeros((size, 3)) for name in ("free", "force", "known", "tip", "before", "own", "moved")},
         noise=np.zeros(len(bodies)),
+        height=np.full((len(bodies), 2), np.inf),
+        near=np.zeros((len(bodies), 2)),
         turned=np.zeros((size, 3, 3)),
         active=np.zeros(size, dtype=np.int64),
         A=np.zeros((most, most)),

@@ -19,6 +19,8 @@ SMALL_FORCE = 1e-10  # of the largest force: what is below counts as none, and s
 LARGEST_STEP = 0.5  # of 2/ω with all points closed: beyond it, opening and closing feed the highest modes
 CHOSEN_STEP = 0.25  # of the same, where the step is left to the program
 
+STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from which on they aren't placed
+
 # Results.
 DEEP_START = 1e-6  # of the body's size: how deep it may be in the ground at the start
 LOST_ENERGY = 0.01  # of the largest kinetic energy: more that contact's steps make or lose is warned of
