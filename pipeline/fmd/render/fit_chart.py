@@ -13,6 +13,7 @@ from fmd.render.figure import open_figure, style_axes
 _WIDTH = 11.0
 _ROW_INCHES = 2.7
 _DOTS_PER_INCH = 120
+_FEW = 12  # measured values, such as those of modes, that are drawn as large dots, each with its tick
 
 
 @dataclass(frozen=True)
@@ -51,19 +52,24 @@ def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: 
         Heading.
     """
     label, places = axis
+    dot = 7 if len(places) <= _FEW else 3
     size = (_WIDTH, _ROW_INCHES * len(histories) + 0.7)
     with open_figure(path, size, _DOTS_PER_INCH, padding=0.08) as figure:
         figure.suptitle(title, fontsize=14)
         frames = figure.subplots(len(histories), 2, squeeze=False, sharex=True, gridspec_kw={"width_ratios": [3, 2]})
         for (left, right), history in zip(frames, histories, strict=True):
-            left.plot(places, history.measured, ".", markersize=3, color="0.6", label="measured")
+            left.plot(places, history.measured, ".", markersize=dot, color="0.6", label="measured")
             left.plot(places, history.first, "--", linewidth=1.2, color=COLOURS[1], label="first")
             left.plot(places, history.fitted, linewidth=1.4, color=COLOURS[0], label="fitted")
             style_axes(left, "", history.label)
-            right.plot(places, (history.measured - history.fitted) / history.sigma, ".", markersize=3, color=COLOURS[0])
+            right.plot(
+                places, (history.measured - history.fitted) / history.sigma, ".", markersize=dot, color=COLOURS[0]
+            )
             for level in (-2.0, 2.0):
                 right.axhline(level, color=GREY, linewidth=0.8, linestyle=":")
             style_axes(right, "", "left over, of noise")
         for axes in frames[-1]:
             axes.set_xlabel(label, fontsize=12)
+            if len(places) <= _FEW:
+                axes.set_xticks(places)
         frames[0, 0].legend(fontsize=10, frameon=False)
