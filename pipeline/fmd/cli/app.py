@@ -28,6 +28,7 @@ _COMMANDS = {
     "mesh:mesh": "Mesh alone: counts, volume, mass and the smallest scaled Jacobian.",
     "modes:modes": "Modes alone: frequencies beside the scene's reference.",
     "campbell:campbell": "Campbell diagram: frequencies on a turning hub over its rate of rotation.",
+    "unbalance:unbalance": "Unbalance response of a rotor in bearings: orbits over its speed, critical speeds.",
     "frf:frf": "Frequency response about a state, and random vibration: chart, table, NetCDF.",
     "linearise:linearise": "Linear state-space model A, B, C, D about a state, as .npz and .mat.",
     "stability:stability": "Largest safe step: of a scene, or as a map for two degrees of freedom.",

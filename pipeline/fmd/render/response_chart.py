@@ -37,7 +37,9 @@ class ResponseCurve(NamedTuple):
     error: Array | None = None
 
 
-def draw_response(frequencies_hz: Array, curves: Sequence[ResponseCurve], path: Path, *, title: str) -> None:
+def draw_response(
+    frequencies_hz: Array, curves: Sequence[ResponseCurve], path: Path, *, title: str, along: str = "frequency [Hz]"
+) -> None:
     """Draw magnitudes, a frame for each unit, and below them the phases; a unit without phase has a frame, too.
 
     Parameters
@@ -50,6 +52,8 @@ def draw_response(frequencies_hz: Array, curves: Sequence[ResponseCurve], path: 
         PNG, PDF or SVG.
     title : str
         Heading.
+    along : str
+        Label of the axis of frequencies, if these are something else.
     """
     units = list(dict.fromkeys(curve.unit for curve in curves))
     rows = len(units) + 1
@@ -77,7 +81,7 @@ def draw_response(frequencies_hz: Array, curves: Sequence[ResponseCurve], path: 
             style_axes(frame, "", f"{'spectral density' if real else 'magnitude'}\n[{unit}]")
         frames[-1].set_ylim(-190, 190)
         frames[-1].set_yticks([-180, -90, 0, 90, 180])
-        style_axes(frames[-1], "frequency [Hz]", "phase [°]")
+        style_axes(frames[-1], along, "phase [°]")
         if frequencies_hz[0] > 0 and frequencies_hz[-1] > _WIDE * frequencies_hz[0]:
             frames[-1].set_xscale("log")
         frames[-1].set_xlim(frequencies_hz[0], frequencies_hz[-1])

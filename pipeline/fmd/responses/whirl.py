@@ -102,10 +102,16 @@ def scaled_eigen(A: Array) -> tuple[Array, Array]:
 
     Round-off is taken out: by what has no stiffness, LAPACK would scale the rest to nothing.
     """
-    n = len(A) // 2
-    scale = np.ones(len(A))
-    scale[:n] = np.sqrt(np.maximum(np.abs(A[n:, :n].diagonal()), 1.0))
+    scale = state_scale(A)
     scaled = scale[:, None] * A / scale
     scaled[np.abs(scaled) < NO_ENTRY * np.abs(scaled).max(initial=0.0)] = 0.0
     poles, vectors = np.linalg.eig(scaled)
     return poles, vectors / scale[:, None]
+
+
+def state_scale(A: Array) -> Array:
+    """Return the sizes of a state matrix's states, positions before rates: of each position its frequency [rad/s]."""
+    n = len(A) // 2
+    scale = np.ones(len(A))
+    scale[:n] = np.sqrt(np.maximum(np.abs(A[n:, :n].diagonal()), 1.0))
+    return scale

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -129,7 +130,7 @@ class TurningRotor:
         self.steady = SteadyRotation(linearisation, way.rotation, way.still, self._close)
         self._found: dict[float, Array] = {}
         self._require_round(linearisation)
-        places = _marker_places(self.mechanism, self.rest)
+        self._marked = places = _marker_places(self.mechanism, self.rest)
         self._size = float(np.linalg.norm(places, axis=1).max())
         self.on_axis = self._on_axis(places)
         if in_bearings:
@@ -152,6 +153,35 @@ class TurningRotor:
             self._require_balance(rate, model)
         return model
 
+    def forced(self, place: str) -> Callable[[float], StateSpace]:
+        """Return models at a rate [rad/s] as `model`, whose inputs are forces on a marker along both axes across."""
+        body, _, name = place.partition(".")
+        number = self.mechanism.find_marker(self.mechanism.number_of(body), name)
+        at = self.mechanism.links[number].markers[name]
+        inputs = [MarkerPort(f"{place} {k}", "N", number, at, way, False) for k, way in enumerate(self._directions[:2])]
+        linearisation = Linearisation(self.mechanism, inputs, self._ports())
+
+        def model(rate: float) -> StateSpace:
+            q = self.find(rate)
+            rotation = self.way.rotation(rate, q)
+            return linearisation.at(OperatingPoint(0.0, q, rotation.rates), rotation.motions)
+
+        return model
+
+    @property
+    def markers(self) -> list[str]:
+        """Names of all markers, in the order of the outputs."""
+        return [f"{link.part or link.name}.{name}" for link in self.mechanism.links for name in link.markers]
+
+    def places_on_axis(self, first: str) -> dict[str, int]:
+        """Return one marker for each place on the axis, by its name, with its number; where it is there, ``first``."""
+        found: dict[str, int] = {}
+        for k in sorted(self.on_axis.tolist(), key=lambda k: self.markers[k] != first):
+            apart = [float(np.linalg.norm(self._marked[k] - self._marked[other])) for other in found.values()]
+            if min(apart, default=np.inf) > ON_AXIS * self._size:
+                found[self.markers[k]] = k
+        return dict(sorted(found.items(), key=lambda item: float(self._marked[item[1]] @ self.way.axis)))
+
     def find(self, rate: float) -> Array:
         """Return the positions in which the rotor turns steadily at a rate [rad/s]; raises as `model`.
 
@@ -171,14 +201,18 @@ class TurningRotor:
                 self._require_steady(to)
         return self._found[rate]
 
-    def _ports(self) -> list[MarkerPort]:
+    @property
+    def _directions(self) -> list[Direction]:
+        """Two axes across that of rotation, a right-handed system with it, and that one."""
         first, second, _ = np.linalg.svd(np.eye(3) - np.outer(self.way.axis, self.way.axis))[0].T
         if np.cross(first, second) @ self.way.axis < 0.0:
             first, second = second, first
-        directions: list[Direction] = [(float(d[0]), float(d[1]), float(d[2])) for d in (first, second, self.way.axis)]
+        return [(float(d[0]), float(d[1]), float(d[2])) for d in (first, second, self.way.axis)]
+
+    def _ports(self) -> list[MarkerPort]:
         return [
             MarkerPort(f"{link.name}.{name} {k}", "m", number, at, direction, False)
-            for k, direction in enumerate(directions)
+            for k, direction in enumerate(self._directions)
             for number, link in enumerate(self.mechanism.links)
             for name, at in link.markers.items()
         ]

@@ -15,3 +15,9 @@ SHORTEST_RATE = 1 / 256  # of the rate: shortest step to it
 ON_AXIS = 1e-6  # of the farthest marker: one nearer to the axis is on it
 ECCENTRIC = 2.5e-4  # of the rotor's size: unbalance that changes frequencies by less than 1 %
 STEADY_RATE = 1e-3  # of the squared rate, or of 1 rad/s²: less is no acceleration of the whole
+
+# Unbalance.
+LOOSE_STATE = 1e-13  # of the largest singular value of a scaled state matrix: what nothing holds
+HALF_POWER = 0.5**0.5  # of a peak, at which its width is measured
+PEAK_DIGITS = 1e-8  # of a critical rate
+SHARPEST = 1e6  # amplification factor of a rotor without damping

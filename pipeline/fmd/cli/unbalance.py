@@ -1,0 +1,81 @@
+"""``fmd unbalance``: response of a rotor in bearings to an unbalance, or to a force that goes round."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fmd.cli.inputs import DEFAULTS, Options, read_quantity
+from fmd.cli.options import Folder, SceneName, print_json
+from fmd.cli.tables import print_files, print_table
+from fmd.core.errors import InputError
+from fmd.core.units import parse_quantity
+
+
+def unbalance(
+    scene: SceneName,
+    *,
+    at: str,
+    to: str,
+    of: str = "",
+    force: str = "",
+    order: float = 1.0,
+    points: int = 400,
+    out: Folder = None,
+    options: Options = DEFAULTS,
+) -> None:
+    """Unbalance response: radius and phase of the orbits of a rotor's axis over its speed, and its critical speeds.
+
+    Parameters
+    ----------
+    at
+        Marker of the unbalance or of the force, "body.marker".
+    to
+        Highest rate of rotation, e.g. "8000 rpm".
+    of
+        Unbalance, mass times distance from the axis, e.g. "500 g mm".
+    force
+        Size of a force in place of an unbalance, e.g. "10 N".
+    order
+        How often the force goes round in a turn of the rotor; below 0 it goes round backwards.
+    points
+        Number of rates.
+    """
+    highest = read_quantity("--to", to, "angular rate", above_zero=True)
+    if not 3 <= points <= 100_000:
+        raise InputError("--points", "", points, "must be 3 … 100000")
+    if bool(of) == bool(force):
+        raise InputError("--of", "", of, "give an unbalance, e.g. '500 g mm', or --force, e.g. '10 N'")
+    if of and order != 1.0:
+        raise InputError("--order", "", order, "belongs to --force: an unbalance goes round with the rotor")
+    size = _read(of, "--of", "kg*m", "an unbalance such as '500 g mm'") if of else 0.0
+    constant = read_quantity("--force", force, "force", above_zero=True) if force else 0.0
+    from fmd.output.unbalance import compute_circular_response, write_circular_response
+
+    pipeline = options.solve(scene)
+    rates = highest * np.arange(1, points + 1) / points
+    response = compute_circular_response(pipeline, at, lambda rate: constant + size * rate**2, rates, order)
+    folder = out or Path("out") / pipeline.scene.name
+    files = write_circular_response(response, folder)
+    if options.json:
+        print_json({"rows": response.rows(), "criticals": response.critical_rows(), "files": files})
+        return
+    columns = {"marker": "{}", "rpm": "{:.2f}", "rad/s": "{:.4g}", "radius [mm]": "{:.4g}", "amplification": "{:.3g}"}
+    rows = [
+        (one.marker, row["speed_rpm"], one.rate, 1e3 * one.amplitude, one.amplification)
+        for one, row in zip(response.criticals, response.critical_rows(), strict=True)
+    ]
+    print_table(f"{response.title}, largest orbits", columns, rows)
+    print_files(folder, files)
+
+
+def _read(text: str, option: str, unit: str, what: str) -> float:
+    """Read a quantity with a unit of its own, in SI units."""
+    try:
+        value, found = parse_quantity(text)
+    except ValueError as error:
+        raise InputError(option, "", text, str(error)) from None
+    if found != parse_quantity(f"1 {unit}")[1] or not value > 0.0:
+        raise InputError(option, "", text, f"must be {what}, above zero")
+    return value

@@ -1,0 +1,51 @@
+"""Response of a rotor to a force that goes round: an unbalance, or a harmonic of any order, forward or backward.
+
+A force across the axis that goes round in space at ν stands still in the axes that turn at Ω, or goes round there at
+``w = ν − Ω``: with the axes ``e₁, e₂`` across, ``f = Re[(e₁ − i e₂) F exp(iwt)]``. What answers at a point, ``u₁`` and
+``u₂``, has a part ``a = (u₁ + i u₂)/2`` that goes round with the force, and ``b`` with ``b̄ = (u₁ − i u₂)/2`` that goes
+round at −w, in space at ``2 Ω − ν``; the latter is 0 where the rotor, as its supports, is the same all around (Genta,
+Dynamics of Rotating Systems, 2005, chapter 4).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.limits.rotors import LOOSE_STATE
+from fmd.responses.whirl import state_scale
+
+
+def circular_response(A: Array, B: Array, C: tuple[Array, Array], omega: float) -> tuple[Any, Array]:
+    """Return the response of points to a force of size 1 that goes round in the turning axes.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+        State matrix in the turning axes.
+    B : ndarray, shape (n, 2)
+        What unit forces along the two axes across do.
+    C : tuple of ndarray, shape (n_points, n) each
+        Displacements of points along both axes across.
+    omega : float
+        w [rad/s]; 0 for a force that stands still there, as an unbalance does.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n_points,)
+        Complex displacement with the force, whose angle is ahead of it, and size of that against it [m/N]. The force
+        that stands still has the direction in which it does most.
+    """
+    scale = state_scale(A)
+    scaled, forces = scale[:, None] * A / scale, scale[:, None] * B
+    if omega == 0.0:  # what turns or shifts as a whole isn't moved by it: the smallest answer
+        x = np.linalg.lstsq(-scaled, forces, rcond=LOOSE_STATE)[0] / scale[:, None]
+        both = np.stack([C[0] @ x, C[1] @ x], axis=1)  # (n_points, 2, 2)
+        left, sizes, right = np.linalg.svd(both)
+        moved, force = left[:, :, 0] @ [1.0, 1.0j], right[:, 0] @ [1.0, 1.0j]
+        return sizes[:, 0] * moved / force, np.zeros(len(both))
+    moving = np.linalg.solve(1j * omega * np.eye(len(A)) - scaled, forces @ [1.0, -1.0j]) / scale
+    first, second = C[0] @ moving, C[1] @ moving
+    return 0.5 * (first + 1j * second), np.abs(0.5 * (first - 1j * second))

@@ -1,0 +1,167 @@
+"""Orbits of rotors by an unbalance and by forces that go round, against closed forms and critical speeds."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmd.cli.app import main
+from fmd.core.errors import InputError
+from fmd.output.campbell import compute_campbell, whirl_word
+from fmd.output.unbalance import compute_circular_response
+from fmd.scene.scene import load_scene
+from fmd.stages.pipeline import Pipeline
+
+MASS, POLAR, ACROSS, ARM, RADIAL, DAMPER = 12.0, 0.09, 0.06, 0.2, 4e5, 150.0
+RATES = np.linspace(20.0, 2000.0, 60)
+RIGID = f"""
+title = "Rigid rotor"
+
+[body.rotor]
+shape = "rigid"
+mass = "{MASS} kg"
+inertia = ["{POLAR} kg m^2", "{ACROSS} kg m^2", "{ACROSS} kg m^2"]
+
+[body.rotor.marker]
+centre = {{ at = ["0 m", "0 m", "0 m"] }}
+near = {{ at = ["{-ARM} m", "0 m", "0 m"] }}
+far = {{ at = ["{ARM} m", "0 m", "0 m"] }}
+rim = {{ at = ["0 m", "0.1 m", "0 m"] }}
+
+[ground.near]
+at = ["{-ARM} m", "0 m", "0 m"]
+
+[ground.far]
+at = ["{ARM} m", "0 m", "0 m"]
+
+[joint.float]
+type = "free"
+parent = "ground"
+child = "rotor.centre"
+
+[bearing.near]
+between = ["ground.near", "rotor.near"]
+axis = [1, 0, 0]
+radial = "{RADIAL} N/m"
+axial = "1e5 N/m"
+radial_damper = "{DAMPER} N s/m"
+
+[bearing.far]
+between = ["ground.far", "rotor.far"]
+axis = [1, 0, 0]
+radial = "{RADIAL} N/m"
+radial_damper = "{DAMPER} N s/m"
+
+[simulation]
+duration = "10 ms"
+output_step = "1 ms"
+tip = "rotor.far"
+
+[[simulation.run]]
+integrator = "auto"
+"""
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Pipeline:
+    file = tmp_path / "rigid.toml"
+    file.write_text(RIGID)
+    return Pipeline(load_scene(file))
+
+
+@pytest.mark.parametrize("order", [1.0, -1.0, 2.0, -0.5])
+@pytest.mark.parametrize("place", ["centre", "far"])
+def test_a_rigid_rotor_goes_round_as_its_equations_say(run: Pipeline, order: float, place: str) -> None:
+    # As complex numbers, at ν = order Ω: z = F/(2k − m ν² + 2icν) of the centre, and the tilt θ by the force's arm
+    # = F a/(2k a² − I_t ν² + I_p Ω ν + 2ic a² ν) (Genta, Dynamics of Rotating Systems, 2005, section 4.2).
+    def force(rate: float) -> float:
+        return 2e-4 * rate**2 if order == 1.0 else 5.0
+
+    found = compute_circular_response(run, f"rotor.{place}", force, RATES, order)
+    rates = found.rates
+    assert {*RATES} <= {*rates}
+    nu, arm, size = order * rates, {"centre": 0.0, "far": ARM}[place], np.array([force(rate) for rate in rates])
+    shift = size / (2 * RADIAL - MASS * nu**2 + 2j * DAMPER * nu)
+    tilt = size * arm / (2 * RADIAL * ARM**2 - ACROSS * nu**2 + POLAR * rates * nu + 2j * DAMPER * ARM**2 * nu)
+    assert found.markers == ("rotor.near", "rotor.centre", "rotor.far")  # those on the axis
+    exact = np.stack([shift - ARM * tilt, shift, shift + ARM * tilt], axis=1)
+    assert found.displacement == pytest.approx(exact, rel=1e-9)
+    assert found.against.max() < 1e-12 * np.abs(exact).max()
+
+
+def test_the_critical_speed_of_a_jeffcott_rotor_and_its_amplification(run: Pipeline) -> None:
+    # |z| = U Ω²/|2k − mΩ² + 2icΩ| is largest at ω₀/√(1 − 2ζ²), where it is U/m / (2ζ √(1 − ζ²)).
+    found = compute_circular_response(run, "rotor.centre", lambda rate: 2e-4 * rate**2, RATES)
+    assert {at.marker for at in found.criticals} == {"rotor.near", "rotor.centre", "rotor.far"}
+    omega, zeta = np.sqrt(2 * RADIAL / MASS), DAMPER / np.sqrt(2 * RADIAL * MASS)
+    for at in found.criticals:
+        assert at.rate == pytest.approx(omega / np.sqrt(1 - 2 * zeta**2), rel=1e-6)
+        assert at.amplitude == pytest.approx(2e-4 / MASS / (2 * zeta * np.sqrt(1 - zeta**2)), rel=1e-9)
+        # r⁴/((1 − r²)² + 4ζ²r²) is half of its largest value where r⁻² = 1 − 2ζ² ± 2ζ √(1 − ζ²).
+        sides = 1 / np.sqrt(1 - 2 * zeta**2 + np.array([1, -1]) * 2 * zeta * np.sqrt(1 - zeta**2))
+        assert at.amplification == pytest.approx(1 / np.sqrt(1 - 2 * zeta**2) / np.ptp(sides), rel=1e-5)
+
+
+@pytest.mark.slow
+def test_the_published_rotor_is_critical_where_its_forward_whirl_meets_the_speed() -> None:
+    # Lightly damped, the largest orbit is beside the damped frequency by the square of the damping ratio, 1e-4 here.
+    light = [f"bearing.{name}.radial_damper=2 N s/m" for name in ("near", "far")]
+    rotor = Pipeline(load_scene("rotor", light))
+    rates = np.linspace(20.0, 420.0, 201)
+    found = compute_circular_response(rotor, "wheel.centre", lambda rate: 5e-4 * rate**2, rates)
+    crossings = compute_campbell(rotor, rates, [1.0]).crossings
+    forward = [at for at in crossings if whirl_word(at.whirl) == "forward"]
+    assert len(found.markers) == 4  # of those in one place, the one with the unbalance, or the first
+    peaks = [at.rate for at in found.criticals if at.marker == "wheel.centre"]
+    assert len(peaks) >= 2
+    for peak in peaks[:2]:
+        nearest = min(forward, key=lambda at: abs(at.rate - peak))
+        assert peak == pytest.approx(nearest.rate, rel=1e-3)
+
+
+def test_the_command_writes_orbits_and_critical_speeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "rigid.toml"
+    file.write_text(RIGID)
+    words = ["unbalance", str(file), "--at", "rotor.centre", "--to", "6000 rpm", "--points", "120"]
+    with pytest.raises(SystemExit) as ended:
+        main([*words, "--of", "200 g mm", "--out", str(tmp_path / "out"), "--json"])
+    assert ended.value.code == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["files"] == ["unbalance.png", "unbalance.csv", "criticals.csv"]
+    assert all((tmp_path / "out" / name).stat().st_size > 100 for name in found["files"])
+    with (tmp_path / "out" / "unbalance.csv").open() as table:
+        rows = list(csv.DictReader(table))
+    assert len(rows) >= 120
+    assert float(rows[-1]["rotor.centre.phase_deg"]) == pytest.approx(
+        -180.0, abs=5.0
+    )  # far above, it lags by half a turn
+    assert found["criticals"][0]["speed_rpm"] == pytest.approx(found["criticals"][0]["rate_rad_s"] * 30 / np.pi)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--at", "rotor.rum", "--of", "1 g mm"], "is no marker; the markers: rotor.centre"),
+        (["--at", "rotor.rim", "--of", "1 g"], "must be an unbalance such as '500 g mm'"),
+        (["--at", "rotor.rim"], "give an unbalance"),
+        (["--at", "rotor.rim", "--of", "1 g mm", "--order", "2"], "an unbalance goes round with the rotor"),
+    ],
+)
+def test_what_the_command_cannot_take_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    file = tmp_path / "rigid.toml"
+    file.write_text(RIGID)
+    with pytest.raises(SystemExit) as ended:
+        main(["unbalance", str(file), "--to", "6000 rpm", *words])
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_what_turns_on_a_hub_is_refused() -> None:
+    with pytest.raises(InputError, match="isn't a rotor in bearings"):
+        compute_circular_response(Pipeline(load_scene("hinged-rotor")), "a.b", lambda rate: 1.0, RATES)
