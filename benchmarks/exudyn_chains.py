@@ -245,6 +245,7 @@ CASES = {"arm": ("arm", arm), "robot": (str(HERE / "scenes" / "robot.toml"), rob
 
 def measure(name: str) -> Iterator[WorkPrecisionRow]:
     """March a chain by Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
+    import_exudyn()  # before the reference takes its time
     scene, build = CASES[name]
     run = Pipeline(load_scene(scene, ["simulation.stiffening=off"]))
     duration = run.scene.simulation.duration
@@ -252,15 +253,3 @@ def measure(name: str) -> Iterator[WorkPrecisionRow]:
     error = relative_error(Motion(run.mechanism, exact, run.scene.simulation.tip).tip_position)
     for solver in IMPLICIT:
         yield from refine(build(run), duration, solver, COUNTS, error, FINEST, MOST_SECONDS)
-
-
-def peer_rows(name: str) -> list[WorkPrecisionRow]:
-    """Return the rows of Exudyn's solvers on a scene, to stand beside our own.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        Exudyn isn't installed.
-    """
-    import_exudyn()  # before the reference takes its time
-    return list(measure(name))

@@ -166,20 +166,10 @@ CASES: dict[str, Callable[[], Case]] = {
 }
 
 
-def measure(case: Case) -> Iterator[WorkPrecisionRow]:
-    """March a case by each of Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
+def measure(name: str) -> Iterator[WorkPrecisionRow]:
+    """March a scene by each of Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
+    import_exudyn()  # before the reference takes its time
+    case = CASES[name]()
     for solver in (IMPLICIT[0], *STAGES):
         twin = case.build(solver in STAGES)
         yield from refine(twin, case.duration, solver, COUNTS, case.error, FINEST, MOST_SECONDS)
-
-
-def peer_rows(scene_name: str) -> list[WorkPrecisionRow]:
-    """Return the rows of Exudyn's solvers on a scene, to stand beside our own.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        Exudyn isn't installed.
-    """
-    import_exudyn()  # before the reference takes its time
-    return list(measure(CASES[scene_name]()))

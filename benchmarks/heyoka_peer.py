@@ -131,9 +131,9 @@ def acceleration_expressions(system: Any, q: list[Any], v: list[Any]) -> list[An
     return out
 
 
-def measure(scene: str, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
+def measure(name: str, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
     """March a scene by heyoka, coarse to fine, timed as our own benchmark does it."""
-    hy, run = import_heyoka(), Pipeline(load_scene(scene))
+    hy, run = import_heyoka(), Pipeline(load_scene(CASES[name]))
     system, (q0, v0) = run.system, run.start
     n, duration, errors = system.n, run.scene.simulation.duration, errors_of(run)
     times = np.linspace(0.0, duration, INTERVALS + 1)
@@ -157,15 +157,3 @@ def measure(scene: str, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
         error = errors(found, exact)
         figures = (median(seconds), error.tip, steps, error.modal, error.joint)
         yield WorkPrecisionRow("heyoka", duration / steps, 1, *figures)
-
-
-def peer_rows(name: str) -> list[WorkPrecisionRow]:
-    """Return heyoka's rows on a scene, to stand beside our own.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        heyoka isn't installed.
-    """
-    import_heyoka()  # before the reference takes its time
-    return list(measure(CASES[name]))

@@ -13,7 +13,7 @@ from fmd.cli.inputs import DEFAULTS, Options
 from fmd.cli.options import Flag, SceneName, print_json
 from fmd.cli.tables import open_console, print_table
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import refusing, write_text
 
 if TYPE_CHECKING:
     from fmd.dynamics.compiler.compiled import CompiledMechanism
@@ -36,11 +36,8 @@ def _write_c(compiled: CompiledMechanism, scene: str, path: Path) -> None:
         raise InputError("--c", "", str(path), "the mechanism has loops, whose forces no single function computes")
     first = re.sub(r"\W", "_", scene, flags=re.ASCII)
     names = {name: f"{first}_{name}" if first.isidentifier() else f"scene_{first}_{name}" for name in _FUNCTIONS}
-    try:
-        with whole_file(path) as part:
-            part.write_text(write_c({own: compiled.program(name) for name, own in names.items()}), encoding="utf-8")
-    except OSError as error:
-        raise InputError("--c", "", str(path), f"can't be written: {error.strerror}") from None
+    with refusing("--c", path):
+        write_text(path, write_c({own: compiled.program(name) for name, own in names.items()}))
 
 
 def compile(

@@ -11,6 +11,7 @@ from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import SceneName, print_json
 from fmd.cli.tables import print_files
 from fmd.core.errors import InputError
+from fmd.core.files import refusing
 from fmd.output.formats import write_format
 from fmd.scene.outputs import EXPORT_FORMATS, MECHANISM_FORMATS
 from fmd.scene.scene import Scene
@@ -43,11 +44,9 @@ def export(
     path = out or Path("out") / solved.scene.name / f"{chosen or solved.scene.name}{suffixes[0]}"
     if not path.name.endswith(suffixes):
         raise InputError("--out", "", str(path), f"a file of format {to} ends in {' or '.join(suffixes)}")
-    try:
+    with refusing("--out", path):
         path.parent.mkdir(parents=True, exist_ok=True)
         files = write_format(settle(solved), to, chosen, path)
-    except OSError as error:
-        raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
     platforms = _platforms(files) if to == "fmu" else {}
     if options.json:
         print_json({"format": to, "files": [str(file) for file in files]} | platforms)

@@ -14,6 +14,7 @@ from fmd.cli.options import Folder, Names, SceneName, print_json
 from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
+from fmd.core.files import refusing
 from fmd.core.limits.fitting import SAME_CHI2
 from fmd.core.units import parse_percentage, parse_quantity
 
@@ -67,10 +68,8 @@ def fit(
     runs = [_open_experiment(run, scene, options, text, keys) for text in to]
     found = fit_scene(read_experiments(runs, sigmas), varied, starts)
     folder = out or Path("out") / f"{run.scene.name}-fit"
-    try:
+    with refusing("--out", folder):
         files = write_fit(found, run.scene, folder, scene, [file for _, file in runs], options.set_ or ())
-    except OSError as error:
-        raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
     if options.json:
         print_json({"scene": run.scene.name, **found.summary(), "files": files})
     else:

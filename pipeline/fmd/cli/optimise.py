@@ -11,6 +11,7 @@ from fmd.cli.options import Folder, Names, SceneName, print_json
 from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
+from fmd.core.files import refusing
 from fmd.core.limits.fitting import FRONT
 
 if TYPE_CHECKING:
@@ -62,14 +63,12 @@ def optimise(
         found = find_front(run, (aims[0], aims[1]), limits, varied, points or FRONT)
     else:
         found = [optimise_scene(run, aims[0][0], limits, varied, aims[0][1])]
-    try:
+    with refusing("--out", folder):
         files = (
             write_front(found, folder, scene, given, f"{run.scene.title}: front")
             if len(aims) == 2
             else write_design(found[0], folder, scene, given)
         )
-    except OSError as error:
-        raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
     if options.json:
         print_json({"scene": run.scene.name, "designs": [each.summary() for each in found], "files": files})
         return

@@ -10,6 +10,7 @@ from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, Names, SceneName, print_json
 from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
+from fmd.core.files import refusing
 from fmd.core.html import scaled
 
 if TYPE_CHECKING:
@@ -43,11 +44,9 @@ def sensitivities(
     run = settle(solved)
     found = jacobian(solved, names, keys)
     folder = out or Path("out") / run.scene.name
-    try:
+    with refusing("--out", folder):
         times = run.output_times if run.scene.moves else None
         files = write_sensitivities(found, times, folder, f"{run.scene.title}: sensitivities")
-    except OSError as error:
-        raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
     rows = [each.row() for each in found]
     if options.json:
         print_json({"scene": run.scene.name, "rows": rows, "files": files})

@@ -13,6 +13,7 @@ from cyclopts import Parameter
 from fmd.cli.options import Json, SceneName, Set, print_json
 from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
+from fmd.core.files import refusing
 from fmd.core.html import scaled
 from fmd.core.limits.shown import SWEPT_JOINTS
 from fmd.core.progress import bars
@@ -20,7 +21,7 @@ from fmd.sweep.cluster import compute_on_cluster
 from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally
 from fmd.sweep.plot import draw_sweep
-from fmd.sweep.points import make_points, parse_variations, sample_variations
+from fmd.sweep.points import choose_values, make_points
 from fmd.sweep.study import Sweep, run_sweep
 from fmd.sweep.table import write_tables
 
@@ -76,15 +77,8 @@ def sweep(
     if workers is not None and (workers < 1 or scheduler is not None):
         raise InputError("--workers", "", workers, "must be 1 or more, and can't stand beside --scheduler")
     tick = time.perf_counter()
-    if (design is None) != (points is None):
-        raise InputError("--design", "", design, "and --points belong together")
-    if design is None or points is None:
-        variations = parse_variations(vary)
-        chosen = make_points(scene, variations, set_ or ())
-    else:
-        variations = sample_variations(vary, design, points, seed)
-        rows_of_values = list(zip(*(variation.values for variation in variations), strict=True))
-        chosen = make_points(scene, variations, set_ or (), rows_of_values)
+    variations, combinations = choose_values(vary, design, points, seed)
+    chosen = make_points(scene, variations, set_ or (), combinations)
     name = Path(scene).stem
     folder = out or Path("out") / f"{name}-sweep"
     compute = (
@@ -92,12 +86,10 @@ def sweep(
         if scheduler is None
         else partial(compute_on_cluster, address=scheduler)
     )
-    try:
+    with refusing("--out", folder):
         result = run_sweep(variations, chosen, folder / "points", compute, bars)
         files, rows = write_tables(result, folder)
         files += draw_sweep(result, rows, folder, f"{name}: {len(rows)} points")
-    except OSError as error:
-        raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
     seconds = time.perf_counter() - tick
     if json:
         counts = {"points": len(rows), "computed": result.computed, **result.counts}

@@ -2,17 +2,52 @@
 
 from __future__ import annotations
 
+import csv
+import hashlib
+import json
 import math
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
 from typing import Any
 
-from fmd.core.errors import AccuracyError
+from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.patience import ABANDONED_SECONDS
+from fmd.core.limits.shown import DIGITS
+
+
+@contextmanager
+def refusing(option: str, path: Path, what: str = "written") -> Iterator[None]:
+    """Raise what the system says of a file or folder that an option names as ``InputError``."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(option, "", str(path), f"can't be {what}: {error.strerror or error}") from error
+
+
+def read_text(path: Path) -> str:
+    """Read a text file, with ``�`` for what isn't UTF-8; raises ``InputError``."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from error
+
+
+def digest_file(path: Path) -> str:
+    """Return a file's digest, or raise ``ValueError`` that says where it was looked for."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "blake2b").hexdigest()
+    except (OSError, ValueError) as error:
+        raise ValueError(unreadable(error, path)) from None
+
+
+def unreadable(error: Exception, path: Path) -> str:
+    """Write what the system says of a file that a scene names, and where it was looked for."""
+    return f"can't be read: {getattr(error, 'strerror', None) or error}; it is looked for at {path}"
 
 
 def remove_abandoned(folder: Path, pattern: str) -> None:
@@ -26,7 +61,11 @@ def remove_abandoned(folder: Path, pattern: str) -> None:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Lend a temporary name beside ``path``; the file is renamed to it if the block ends well, else deleted."""
+    """Lend a temporary name beside ``path``; the file is renamed to it if the block ends well, else deleted.
+
+    Its folder is made if it is missing.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     remove_abandoned(path.parent, f".{escape(path.stem)}.*{escape(path.suffix)}")
     try:
@@ -34,6 +73,32 @@ def whole_file(path: Path) -> Iterator[Path]:
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8, whole."""
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a value as JSON, whole; raises ``AccuracyError`` as `require_finite` does."""
+    require_finite(value)
+    write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
+
+
+def write_table(path: Path, header: Sequence[str], rows: Iterable[Iterable[object]], note: str = "") -> None:
+    """Write a table as CSV, whole: a note for a reader of the file, a header, and rows, where None is an empty cell."""
+    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        file.write(note)
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(header)
+        table.writerows(rows)
+
+
+def number_texts(rows: Iterable[Iterable[float]]) -> Iterator[list[str]]:
+    """Yield rows of numbers as texts in the digits that tables have."""
+    yield from ([f"{x:.{DIGITS}g}" for x in row] for row in rows)
 
 
 @contextmanager

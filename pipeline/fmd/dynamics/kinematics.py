@@ -33,6 +33,15 @@ class Momenta(NamedTuple):
     angular: Array  # (n_times, 3) [kg m²/s]
 
 
+class Constraints(NamedTuple):
+    """Scalar constraints of a mechanism: those of joints that close loops first, then those of couplers."""
+
+    joints: list[str]  # of each of the first, by name
+    residuals: Array  # (n_times, n_rows) [m, or rad]
+    rates: Array  # (n_times, n_rows)
+    wrenches: Array  # (n_times, n_of_joints, 2, 6): force [N] and moment [N m] of a unit multiplier on both places
+
+
 @dataclass(frozen=True)
 class Kinematics:
     """Positions, velocities, energies and momenta of a mechanism's bodies at given states.
@@ -120,6 +129,15 @@ class Kinematics:
         """Kinetic and potential energy (strain, springs, stops, force elements, weight) [J], (n_times,) each."""
         kinetic, potential = self._over(self._recorded.of_energies).T
         return kinetic, potential
+
+    @property
+    def constraints(self) -> Constraints:
+        """Scalar constraints, those that hold in every state among them."""
+        rows = self._recorded.rows
+        joints, n = [row.name for row in rows if row.wrenches], 2 * len(rows)
+        values = self._over(self._recorded.of_rows) if rows else np.zeros((len(self.q), 0))
+        wrenches = values[:, n:].reshape(len(self.q), len(joints), 2, 6)
+        return Constraints(joints, values[:, :n:2], values[:, 1:n:2], wrenches)
 
     def strain(self, element: Element) -> tuple[Array, Array, Array]:
         """Strain of a force element, its rate, and that of the vector from its first place to its second in space.

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fmd.core.errors import AccuracyError
-from fmd.core.files import whole_file
+from fmd.core.files import write_text
 from fmd.core.limits.round_off import SOLVED
 from fmd.fitting.parameters import Parameter, find_parameter, list_settings
 from fmd.scene.scene import Scene, load_scene
@@ -51,8 +51,7 @@ def write_changed_scene(
     settings = [text for parameter, value in values.items() for text in list_settings(scene, parameter, value)]
     lines = [*(f"# {text}" for text in comments), "", f"base = {json.dumps(base)}", "set = ["]
     lines += [f"    {json.dumps(text)}," for text in [*overrides, *settings]]
-    with whole_file(path) as part:
-        part.write_text("\n".join([*lines, "]"]) + "\n", encoding="utf-8")
+    write_text(path, "\n".join([*lines, "]"]) + "\n")
     again = load_scene(path)
     for parameter, value in values.items():
         found = find_parameter(again, parameter.key)

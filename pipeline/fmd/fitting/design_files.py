@@ -6,11 +6,9 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from fmd.core.files import whole_file
-from fmd.core.limits.shown import DIGITS
+from fmd.core.files import number_texts, write_table, write_text
 from fmd.fitting.changed_scene import write_changed_scene
 from fmd.fitting.optimise import Optimum
-from fmd.output.csv_rows import write_rows
 
 
 def write_design(found: Optimum, folder: Path, given: str, overrides: Sequence[str], name: str = "design") -> list[str]:
@@ -30,13 +28,11 @@ def write_design(found: Optimum, folder: Path, given: str, overrides: Sequence[s
     OSError
         The folder can't be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     aim, *others = found.summary()["results"]
     comments = [f"The design of {given} with the {'least' if found.sign > 0 else 'largest'} {_value(aim)}"]
     comments += [f"{_value(row)} {row['must']} {row['limit']:.6g}" if row["must"] else _value(row) for row in others]
     write_changed_scene(found.space.run.scene, found.design.values, folder / f"{name}.toml", given, comments, overrides)
-    with whole_file(folder / f"{name}.json") as part:
-        part.write_text(json.dumps(found.summary(), indent=1), encoding="utf-8")
+    write_text(folder / f"{name}.json", json.dumps(found.summary(), indent=1))
     return [f"{name}.toml", f"{name}.json"]
 
 
@@ -53,8 +49,7 @@ def write_front(found: Sequence[Optimum], folder: Path, given: str, overrides: S
     names = [f"{parameter.key} [{parameter.unit}]".removesuffix(" []") for parameter in first.values]
     names += [f"{channel.name} [{channel.unit}]".removesuffix(" []") for channel in first.channels]
     rows = [[*each.design.values.values(), *(float(x) for x in each.design.results)] for each in found]
-    with whole_file(folder / "front.csv") as part:
-        write_rows(part, names, ([f"{x:.{DIGITS}g}" for x in row] for row in rows))
+    write_table(folder / "front.csv", names, number_texts(rows))
     aims = (len(first.values), len(names) - 1)
     x, y = ([row[k] for row in rows] for k in aims)
     draw_front(x, y, folder / "front.png", title=title, labels=(names[aims[0]], names[aims[1]]))

@@ -8,11 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fmd.core.files import whole_file
-from fmd.core.limits.shown import DIGITS
+from fmd.core.files import number_texts, write_table, write_text
 from fmd.fitting.changed_scene import write_changed_scene
 from fmd.fitting.fit import Fit
-from fmd.output.csv_rows import write_rows
 from fmd.scene.scene import Scene
 
 
@@ -45,7 +43,6 @@ def write_fit(
     """
     from fmd.render.fit_chart import FittedHistory, draw_fit
 
-    folder.mkdir(parents=True, exist_ok=True)
     model, files = fit.model, []
     both = zip(model.predict(np.zeros(len(fit.shares))), model.predict(fit.shares), strict=True)
     for number, (experiment, (first, fitted)) in enumerate(zip(model.experiments, both, strict=True), start=1):
@@ -63,12 +60,10 @@ def write_fit(
         if str(number) in fit.likeness:
             columns.append(("modal assurance criterion", np.array(fit.likeness[str(number)])))
         table = np.column_stack([experiment.axis[1], *(values for _, values in columns)])
-        with whole_file(folder / f"{name}.csv") as part:
-            header = [experiment.axis[0], *(name for name, _ in columns)]
-            write_rows(part, header, ([f"{x:.{DIGITS}g}" for x in row] for row in table))
+        header = [experiment.axis[0], *(name for name, _ in columns)]
+        write_table(folder / f"{name}.csv", header, number_texts(table))
         files += [f"{name}.png", f"{name}.csv"]
-    with whole_file(folder / "fit.json") as part:
-        part.write_text(json.dumps(fit.summary(), indent=1), encoding="utf-8")
+    write_text(folder / "fit.json", json.dumps(fit.summary(), indent=1))
     fitted_numbers = dict(zip([each.parameter for each in model.varied], fit.values, strict=True))
     write_changed_scene(
         scene, fitted_numbers, folder / "fitted.toml", given, _describe(fit, given, ", ".join(data)), overrides

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fmd.core.arrays import Array
-from fmd.core.files import whole_file
+from fmd.core.files import write_table
 from fmd.core.limits.shown import DIGITS
 from fmd.fitting.sensitivities import Sensitivity
-from fmd.output.csv_rows import write_rows
 
 
 def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folder: Path, title: str) -> list[str]:
@@ -29,7 +28,6 @@ def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folde
     OSError
         The folder can't be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     rows = [each.row() for each in found]
     cells = [{**row, **_bounds(row.pop("interval"))} for row in rows]
     _write(folder / "sensitivities.csv", list(cells[0]), [[*row.values()] for row in cells])
@@ -63,8 +61,4 @@ def _bounds(interval: list[float] | None) -> dict[str, float | None]:
 
 
 def _write(path: Path, header: list[str], rows: Sequence[Sequence[object]]) -> None:
-    with whole_file(path) as part:
-        texts = [
-            [f"{x:.{DIGITS}g}" if isinstance(x, float) else "" if x is None else str(x) for x in row] for row in rows
-        ]
-        write_rows(part, header, texts)
+    write_table(path, header, ([f"{x:.{DIGITS}g}" if isinstance(x, float) else x for x in row] for row in rows))

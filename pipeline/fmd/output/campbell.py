@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -13,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fmd.core.arrays import Array
-from fmd.core.files import whole_file
+from fmd.core.files import write_table
 from fmd.core.limits.responses import BESIDE_MEETING, GROWS, UNSTABLE_EDGE
 from fmd.core.limits.rotors import NO_DAMPING, NO_WHIRL
 from fmd.core.limits.shown import DRAWN_MODES
@@ -296,7 +295,6 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
     """Write a diagram as a chart and as tables of its modes and of its crossings; return the files' names."""
     from fmd.render.campbell_chart import draw_campbell
 
-    folder.mkdir(parents=True, exist_ok=True)
     n_modes = diagram.frequencies_hz.shape[1]
     header = [f"rate_{'rpm' if diagram.in_rpm else 'rad_s'}"]
     for what in ("hz", "growth_1_s", "damping", "whirl"):
@@ -307,7 +305,7 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
         [f"{row[0]:.6g}", *(f"{x:.8g}" for x in row[1 : n_modes + 1]), *(f"{x:.5g}" for x in row[n_modes + 1 :])]
         for row in np.concatenate(columns, axis=1)
     ]
-    _write_rows(folder / "campbell.csv", [header, *rows])
+    write_table(folder / "campbell.csv", header, rows)
     files = ["campbell.csv", "campbell.png"]
     draw_campbell(
         diagram.in_unit(diagram.rates),
@@ -321,11 +319,6 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
     )
     if diagram.crossings:
         crossings = diagram.crossing_rows()
-        _write_rows(folder / "crossings.csv", [[*crossings[0]], *([*row.values()] for row in crossings)])
+        write_table(folder / "crossings.csv", [*crossings[0]], (row.values() for row in crossings))
         files.append("crossings.csv")
     return files
-
-
-def _write_rows(path: Path, rows: Sequence[Sequence[Any]]) -> None:
-    with whole_file(path) as part, part.open("w", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(rows)

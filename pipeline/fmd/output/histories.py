@@ -12,10 +12,9 @@ import numpy as np
 from fmd.accuracy.details import named_markers
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import number_texts, whole_file, write_table
 from fmd.core.limits.shown import DIGITS
 from fmd.core.netcdf import write_netcdf
-from fmd.output.csv_rows import write_rows
 from fmd.output.output_kinds import OutputKind
 from fmd.output.variable_errors import VariableErrors, write_errors
 from fmd.recovery.motion import Motion
@@ -36,19 +35,17 @@ _COMPONENTS = {"axis": "xyz", "quaternion": "xyzw"}
 def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
     """Write the file of a history into a folder, of a table of columns their errors beside it, and return the names."""
     errors = partial(VariableErrors(run).of, in_body=output.axes == "body")
-    with whole_file(folder / output.file) as part:
-        if output.file.endswith(".nc"):
-            runs = {label: history_variables(run, output, motion) for label, motion in run.motions.items()}
-            data, coordinates = gather_runs(run.motion.times, runs, errors)
-            used = {dim for variable in data for dim in variable.dims}
-            write_netcdf(part, [*(axis for axis in coordinates if axis.name in used), *data])
-        else:
-            columns = list(number_columns(history_variables(run, output, run.motion)))
-            header = ["time [s]", *(f"{name} [{variable.units}]" for variable, name, _ in columns)]
-            table = np.column_stack([run.motion.times, *(values for *_, values in columns)])
-            write_rows(part, header, ([f"{x:.{DIGITS}g}" for x in row] for row in table))
     if output.file.endswith(".nc"):
+        runs = {label: history_variables(run, output, motion) for label, motion in run.motions.items()}
+        data, coordinates = gather_runs(run.motion.times, runs, errors)
+        used = {dim for variable in data for dim in variable.dims}
+        with whole_file(folder / output.file) as part:
+            write_netcdf(part, [*(axis for axis in coordinates if axis.name in used), *data])
         return [output.file]
+    columns = list(number_columns(history_variables(run, output, run.motion)))
+    header = ["time [s]", *(f"{name} [{variable.units}]" for variable, name, _ in columns)]
+    table = np.column_stack([run.motion.times, *(values for *_, values in columns)])
+    write_table(folder / output.file, header, number_texts(table))
     beside = f"{output.file.removesuffix('.csv')}-errors.csv"
     write_errors([(name, variable.units, errors(variable)) for variable, name, _ in columns], folder / beside)
     return [output.file, beside]
@@ -57,9 +54,7 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
 def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[str]:
     """Write a table of extremes into a folder and return its name."""
     rows = extremes(run, output)
-    with whole_file(folder / output.file) as part:
-        texts = ([_text(x) for x in row.values()] for row in rows)
-        write_rows(part, list(rows[0]), texts)
+    write_table(folder / output.file, [*rows[0]], ([_text(x) for x in row.values()] for row in rows))
     return [output.file]
 
 

@@ -9,9 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
-from fmd.core.limits.shown import DIGITS
-from fmd.output.csv_rows import write_rows
+from fmd.core.files import number_texts, write_table
 from fmd.output.output_kinds import OutputKind
 from fmd.render.calls import Drawer, draw_here
 
@@ -38,9 +36,7 @@ def write_orbit(run: Pipeline, output: Orbit, folder: Path) -> list[str]:
     """Write the path of a marker by the first run as a table over time."""
     shown = _shown_times(run, output)
     table = np.column_stack([run.motion.times, _path(run, output, run.motion)])[shown]
-    with whole_file(folder / output.file) as part:
-        header = ["time [s]", *(f"{axis} [m]" for axis in output.plane)]
-        write_rows(part, header, ([f"{x:.{DIGITS}g}" for x in row] for row in table))
+    write_table(folder / output.file, ["time [s]", *(f"{axis} [m]" for axis in output.plane)], number_texts(table))
     return [output.file]
 
 

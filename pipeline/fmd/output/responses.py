@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.response_errors import Request, ResponseErrors, estimate_response_errors
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.files import whole_file
+from fmd.core.files import whole_file, write_table
 from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RESONANT, UNBOUNDED, UNDAMPED
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
 from fmd.output.output_kinds import OutputKind, ResponseKind
@@ -186,7 +185,6 @@ def _require_stationary(linear: LinearModel, lowest: float, highest: float) -> N
 
 def write_response(found: FrequencyResponse, path: Path, title: str, chart: bool = True) -> list[str]:
     """Write a frequency response as a chart, as a table and as NetCDF files of its name; return the files' names."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     files = []
     if chart:
         _draw(found, path, title)
@@ -238,7 +236,6 @@ def compute_scene_response(run: Pipeline, output: FrequencyResponseChart) -> Fre
 
 def write_model(linear: LinearModel, folder: Path, formats: Sequence[str]) -> list[str]:
     """Write a linear model as ``model.npz`` and ``model.mat``, those whose suffixes are given; return their names."""
-    folder.mkdir(parents=True, exist_ok=True)
     holds = {} if linear.holds_to_hz is None else {"holds_to_hz": linear.holds_to_hz}
     for suffix in formats:
         linear.model.save(folder / f"model{suffix}", holds)
@@ -288,10 +285,7 @@ def _write_table(found: FrequencyResponse, path: Path) -> None:
         for j, (output, unit) in enumerate(found.outputs):
             header.append(f"{output} spectral density [({unit})^2/Hz]")
             columns.append(np.interp(found.frequencies_hz, found.random.frequencies_hz, found.random.density[:, j]))
-    with whole_file(path) as part, part.open("w", newline="") as file:
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(header)
-        rows.writerows([f"{x:.9g}" for x in row] for row in np.stack(columns, axis=1))
+    write_table(path, header, ([f"{x:.9g}" for x in row] for row in np.stack(columns, axis=1)))
 
 
 def _write_netcdf(found: FrequencyResponse, path: Path) -> None:

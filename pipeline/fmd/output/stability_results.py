@@ -29,7 +29,6 @@ def write_maps(
     name = f"two-dof-{kind}{substeps}-substeps.png"
     panels = [Panel(m.omega_s, m.omega_l, m.rho, f"β = {m.coupling:g}") for m in maps]
     title = f"{'Reversible sub' if kind else 'Sub'}-cycling with {substeps} fast steps to a slow one"
-    folder.mkdir(parents=True, exist_ok=True)
     draw_stability(panels, folder / name, title=title)
     return maps, name
 

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.files import whole_file
-from fmd.core.limits.shown import DECADES, DIGITS
+from fmd.core.files import number_texts, write_table
+from fmd.core.limits.shown import DECADES
 from fmd.fem.surface import surface_normals
-from fmd.output.csv_rows import write_rows
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind, read_body
 from fmd.output.views import camera_of
@@ -242,8 +241,8 @@ def _write_field(
         return [file]
     header = ["node", "x_m", "y_m", "z_m", *columns]
     table = np.column_stack([points, *columns.values()])
-    with whole_file(folder / file) as part:
-        write_rows(part, header, ([str(surface.nodes[k]), *(f"{x:.{DIGITS}g}" for x in table[k])] for k in worst))
+    numbers = number_texts(table[worst])
+    write_table(folder / file, header, ([node, *row] for node, row in zip(surface.nodes[worst], numbers, strict=True)))
     return [file]
 
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from fmd.accuracy.details import NO_MEANING, row_name
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
 from fmd.accuracy.error_estimates import Row
-from fmd.core.files import whole_file
+from fmd.core.files import write_table
 from fmd.core.limits.shown import DIGITS
-from fmd.output.csv_rows import write_rows
 from fmd.recovery.motion_file import Variable
 from fmd.stages.pipeline import Pipeline
 
@@ -91,9 +90,8 @@ class VariableErrors:
 
 def write_errors(errors: Sequence[tuple[str, str, float | str]], path: Path) -> None:
     """Write names, units and errors of a table's columns as a table beside it."""
-    with whole_file(path) as part:
-        rows = ([name, unit, *error_cells(error)] for name, unit, error in errors)
-        write_rows(part, ["column", "unit", "error", "why not"], rows)
+    rows = ([name, unit, *error_cells(error)] for name, unit, error in errors)
+    write_table(path, ["column", "unit", "error", "why not"], rows)
 
 
 def error_cells(error: float | str) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import importlib
 import platform
 import sys
@@ -16,7 +15,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.files import whole_file
+from fmd.core.files import write_table
 from fmd.core.limits.patience import MARCH_SECONDS
 from fmd.core.limits.stability import NEARLY_STABLE
 from fmd.core.limits.stepping import MOST_REPEATS, REPEATED_SECONDS
@@ -31,7 +30,7 @@ from fmd.stages.pipeline import Pipeline
 from fmd.stages.run_checks import require_no_contact
 
 _PEERS = Path(__file__).parents[3] / "benchmarks"
-_PEER_SCRIPTS = ("exudyn_peer", "exudyn_chains", "heyoka_peer")  # each has CASES, and peer_rows of one of them
+_PEER_SCRIPTS = ("exudyn_peer", "exudyn_chains", "heyoka_peer")  # each has CASES, and measures one of them by `measure`
 _EMPTY: Any = None
 
 
@@ -208,7 +207,7 @@ def peer_rows(scene: str) -> list[WorkPrecisionRow]:
         try:
             module = importlib.import_module(name)
             if scene in module.CASES:
-                rows += module.peer_rows(scene)
+                rows += module.measure(scene)
         except ModuleNotFoundError as error:
             raise InputError("--peer", "", None, f"{error}, or the extra 'bench'") from None
     return rows
@@ -218,14 +217,11 @@ def write_comparison(run: Pipeline, result: WorkPrecision, folder: Path, name: s
     """Write the rows as CSV, after a line that names the machine, and the chart; return the files' names."""
     from fmd.render.precision_chart import draw_work_precision
 
-    folder.mkdir(parents=True, exist_ok=True)
-    with whole_file(folder / f"{name}.csv") as part, part.open("w", newline="") as file:
-        file.write(f"# {platform.machine()}, {platform.system()}, Python {platform.python_version()}; ")
-        file.write(f"two references differ by {result.reference_error:.1e}\n")
-        rows = [asdict(row) for row in result.rows]
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    machine = f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}"
+    note = f"# {machine}; two references differ by {result.reference_error:.1e}\n"
+    rows = [asdict(row) for row in result.rows]
+    texts = ([f"{x:.4g}" if isinstance(x, float) else x for x in row.values()] for row in rows)
+    write_table(folder / f"{name}.csv", [*rows[0]], texts, note)
     curves: dict[str, Any] = {}
     for row in result.rows:
         curves.setdefault(row.integrator, []).append((row.seconds, max(row.error, 1e-16)))

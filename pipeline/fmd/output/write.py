@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import InputError
-from fmd.core.files import require_finite, whole_file
+from fmd.core.files import refusing, whole_file, write_json
 from fmd.output.explain import remember_times
 from fmd.output.output_kinds import ResponseKind, kind_of, outputs_of
 from fmd.output.picture_files import Pictures
@@ -59,13 +58,11 @@ def write_results(
         run.while_timed = drawing.paused
         run.motions  # noqa: B018 - refuses or diverges before anything is written
         drawing.begin(run, still=False)
-        try:
+        with refusing("--out", folder):
             summary = _write(solved, folder, drawing, budget, budget_seconds)
             if responses:
                 _add_responses(run, responses, folder, pictures, summary)
-            _write_summary(summary, folder)
-        except OSError as error:
-            raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
+            write_json(folder / "summary.json", summary)
     remember_times(run)
     return summary
 
@@ -85,12 +82,6 @@ def _write(
         files += run.store.compute("files", lambda: [name for o in asked for name in kind_of(o).make(run, o, folder)])
     files += drawing.write(run, folder)
     return summarise_solved(solved, files, budget, seconds)
-
-
-def _write_summary(summary: dict[str, Any], folder: Path) -> None:
-    require_finite(summary)
-    with whole_file(folder / "summary.json") as part:
-        part.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n")
 
 
 def _compute_responses(run: Pipeline) -> list[tuple[Any, ResponseKind, Any]]:

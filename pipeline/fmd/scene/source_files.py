@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fmd.core.errors import InputError
+from fmd.core.files import digest_file
 from fmd.scene.any_body import Flexible
 from fmd.scene.scene import Scene, load_scene
 
@@ -51,12 +51,9 @@ class SourceFiles:
         digests = {}
         for key, path in paths.items():
             try:
-                with path.open("rb") as stream:
-                    digests[key] = hashlib.file_digest(stream, "blake2b").hexdigest()
-            except (OSError, ValueError) as error:
-                what = getattr(error, "strerror", None) or error
-                mend = f"can't be read: {what}; it is looked for at {path}"
-                raise InputError(scene_file, f"body.{body}.{table}.{key}", names[key], mend) from None
+                digests[key] = digest_file(path)
+            except ValueError as error:
+                raise InputError(scene_file, f"body.{body}.{table}.{key}", names[key], str(error)) from None
         return SourceFiles(paths, digests)
 
     def identity(self, part: dict[str, Any]) -> dict[str, Any]:

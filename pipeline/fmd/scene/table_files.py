@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import BeforeValidator
 
+from fmd.core.files import unreadable
 from fmd.core.limits.scene import FEWEST_ROWS, MOST_ROWS, MOST_TABLE_BYTES
 from fmd.scene.reading import FaultError, UnknownNameError
 from fmd.scene.values import Words
@@ -98,8 +99,7 @@ def _read_text(path: Path) -> str:
         with path.open("rb") as stream:
             content = stream.read(MOST_TABLE_BYTES + 1)
     except (OSError, ValueError) as error:
-        what = getattr(error, "strerror", None) or error
-        raise FaultError(f"can't be read: {what}; it is looked for at {path}", "file") from None
+        raise FaultError(unreadable(error, path), "file") from None
     if len(content) > MOST_TABLE_BYTES:
         raise FaultError(f"is over {MOST_TABLE_BYTES // 1_000_000} MB; write the columns that are wanted", "file")
     try:

@@ -137,7 +137,7 @@ def check_stiffening_loads(
         counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
         stiffened = setting == "on" or (setting == "auto" and counts)
         checks[name] = StiffeningLoads(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
-    opened = largest_residual(rigid, motion.times, motion.q) > CLOSED_BY_DEFORMING
+    opened = largest_residual(mechanism.rigid, motion.times, motion.q) > CLOSED_BY_DEFORMING
     if setting == "auto" and (opened or any(check.stiffened for check in checks.values())):
         for name, check in checks.items():  # stretched by a body that deflects, or by a motion that is prescribed
             strained = bool(check.loads.open.any()) and (meshed is None or name in meshed)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache, stage_key
 from fmd.core.errors import InputError
+from fmd.core.files import digest_file
 from fmd.core.limits.patience import VISUAL_SECONDS
 from fmd.core.processes import ChildError, run_child
 from fmd.core.units import unit_ratio
@@ -32,14 +32,10 @@ def find_visual_files(scene: Scene) -> dict[str, str]:
         for number, visual in enumerate(getattr(table, "visual", ())):
             if visual.type == "file":
                 key = f"body.{body}.visual.{number}.file"
-                path = Path(scene.file).parent / visual.file
                 try:
-                    with path.open("rb") as stream:
-                        digests[key] = hashlib.file_digest(stream, "blake2b").hexdigest()
-                except (OSError, ValueError) as error:
-                    what = getattr(error, "strerror", None) or error
-                    message = f"can't be read: {what}; it is looked for at {path}"
-                    raise InputError(scene.file, key, visual.file, message) from None
+                    digests[key] = digest_file(Path(scene.file).parent / visual.file)
+                except ValueError as error:
+                    raise InputError(scene.file, key, visual.file, str(error)) from None
     return digests
 
 

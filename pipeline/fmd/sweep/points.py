@@ -97,6 +97,19 @@ def sample_variations(texts: Sequence[str], design: Design, points: int, seed: i
     return tuple(Variation(key, values) for key, values in zip(ranges, samples, strict=True))
 
 
+def choose_values(
+    texts: Sequence[str], design: Design | None, points: int | None, seed: int
+) -> tuple[tuple[Variation, ...], list[tuple[str, ...]]]:
+    """Parse what is varied, and return it with the combinations of values: all of them, or the points of a design."""
+    if (design is None) != (points is None):
+        raise InputError("--design", "", design, "and --points belong together")
+    if design is None or points is None:
+        variations = parse_variations(texts)
+        return variations, combine(variations)
+    variations = sample_variations(texts, design, points, seed)
+    return variations, list(zip(*(variation.values for variation in variations), strict=True))
+
+
 def _parse_range(key: str, text: str) -> Range | None:
     try:
         return parse_range(text)

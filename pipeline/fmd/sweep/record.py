@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fmd.core.files import whole_file
+from fmd.core.files import write_json
 
 STATUSES = ("ok", "refused", "failed")
 
@@ -41,8 +41,7 @@ def interrupted_record(message: str) -> Record:
 
 def write_record(record: Record, path: Path) -> None:
     """Write a record to a file that appears whole; raises ``OSError``."""
-    with whole_file(path) as part:
-        part.write_text(json.dumps(asdict(record), indent=1, allow_nan=False) + "\n")
+    write_json(path, asdict(record))
 
 
 def read_record(path: Path) -> Record | None:

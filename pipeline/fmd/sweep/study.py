@@ -71,7 +71,6 @@ def run_sweep(
     OSError
         The folder can't be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     scenes = {point.key: point.scene for point in points if point.scene is not None}
     known = {key: record for key in scenes if (record := read_record(folder / f"{key}.json")) is not None}
     wanted = {key: scene for key, scene in scenes.items() if key not in known}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmd.core.files import whole_file
+from fmd.core.files import whole_file, write_table
 from fmd.core.units import parse_quantity
 from fmd.scene.toml_files import parse_value
 from fmd.sweep.points import Variation
@@ -78,10 +77,7 @@ class SweepTable:
     def write_csv(self, path: Path) -> None:
         """Write the rows as CSV, with an empty cell where a point lacks a figure."""
         rows = self.rows
-        with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-            table.writeheader()
-            table.writerows(rows)
+        write_table(path, [*rows[0]], (row.values() for row in rows))
 
     @property
     def dataset(self) -> xarray.Dataset:

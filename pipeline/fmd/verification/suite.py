@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -13,7 +11,7 @@ from typing import Any
 
 from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.files import whole_file
+from fmd.core.files import refusing, write_json, write_table
 from fmd.scene.reading import suggest_name
 from fmd.verification import bodies, frequencies, functional_mockup, loops, rotation, tops, wind_turbine
 from fmd.verification.case import CaseSkipped, Figure, VerificationCase
@@ -106,16 +104,9 @@ def write_rows(rows: list[dict[str, Any]], folder: Path) -> list[str]:
     InputError
         The folder can't be written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with whole_file(folder / "verification.csv") as part, part.open("w", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-            table.writeheader()
-            table.writerows(rows)
-        with whole_file(folder / "verification.json") as part:
-            part.write_text(json.dumps(rows, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError("--out", "", str(folder), f"can't be written: {error.strerror or error}") from error
+    with refusing("--out", folder):
+        write_table(folder / "verification.csv", [*rows[0]], (row.values() for row in rows))
+        write_json(folder / "verification.json", rows)
     return ["verification.csv", "verification.json"]
 
 

@@ -181,7 +181,7 @@ def trace_rows(inputs: Coordinates, frames: list[MovingFrame]) -> list[Constrain
         One can't hold in any state.
     """
     closable = _closable_distance(inputs.mechanism)
-    return [row for row in _trace_all(inputs, frames) if not _holds_always(row, closable)]
+    return [row for row in trace_all_rows(inputs, frames) if not _holds_always(row, closable)]
 
 
 def closed_distances(mechanism: Mechanism) -> dict[str, float]:
@@ -191,7 +191,7 @@ def closed_distances(mechanism: Mechanism) -> dict[str, float]:
     beside its mid-plane.
     """
     inputs = Coordinates(Graph(), mechanism)
-    rows = _trace_all(inputs, trace_frames(inputs))
+    rows = trace_all_rows(inputs, trace_frames(inputs))
     apart = {row.name: 0.0 for row in rows}
     for row in rows:
         if row.residual.constant is not None and not row.rotational:
@@ -199,7 +199,8 @@ def closed_distances(mechanism: Mechanism) -> dict[str, float]:
     return {name: distance for name, distance in apart.items() if distance > SOLVED}
 
 
-def _trace_all(inputs: Coordinates, frames: list[MovingFrame]) -> list[ConstraintRow]:
+def trace_all_rows(inputs: Coordinates, frames: list[MovingFrame]) -> list[ConstraintRow]:
+    """Trace a mechanism's scalar constraints, those that hold in every state among them."""
     rows: list[ConstraintRow] = []
     for constraint in inputs.mechanism.closures:
         if isinstance(constraint, Coupler):

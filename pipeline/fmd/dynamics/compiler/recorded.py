@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 from fmd.core.limits.memory import MOST_SHARED
 from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.algebra import Vector3, add, constants, times
+from fmd.dynamics.compiler.closures import ConstraintRow, trace_all_rows
 from fmd.dynamics.compiler.coordinates import ExactCoordinates
 from fmd.dynamics.compiler.digest import digest_mechanism, names_of
 from fmd.dynamics.compiler.elements import trace_pair, trace_strain
@@ -66,6 +67,17 @@ class RecordedMechanism:
         """Kinetic and potential energy [J]."""
         kinetic = trace_kinetic_energy(self.inputs, self.frames)
         return evaluate_scalars([kinetic, trace_potential_energy(self.inputs, self.frames)])
+
+    @cached_property
+    def rows(self) -> list[ConstraintRow]:
+        """Scalar constraints, those that hold in every state among them: those of joints, then those of couplers."""
+        return sorted(trace_all_rows(self.inputs, self.frames), key=lambda row: not row.wrenches)
+
+    @cached_property
+    def of_rows(self) -> Evaluation:
+        """Residual and rate of each of these, and force and moment of a unit multiplier on both places of a joint's."""
+        values = [x for row in self.rows for x in (row.residual, row.rate(self.inputs))]
+        return evaluate_scalars([*values, *(x for row in self.rows for _, f, m in row.wrenches for x in (*f, *m))])
 
     def of_joint(self, body: int) -> Evaluation:
         """Position and rate of a joint with one axis, of a revolute one of the section that it grips."""

@@ -13,7 +13,7 @@ from meshio import _mesh
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import refusing, whole_file
 from fmd.fem.cells.table import complete_dimensions
 from fmd.fem.mesh import SolidMesh
 
@@ -36,8 +36,7 @@ def write_mesh(mesh: SolidMesh, path: Path) -> None:
         known = " ".join(sorted(meshio.extension_to_filetypes))
         raise InputError("--out", "", str(path), f"no known mesh format; these are: {known}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as part:
+        with refusing("--out", path), whole_file(path) as part:
             match path.suffix:
                 case ".msh" if mesh.parts:
                     _to_gmsh(mesh).write(part, file_format="gmsh")
@@ -52,8 +51,6 @@ def write_mesh(mesh: SolidMesh, path: Path) -> None:
                 part.write_text(re.sub(r"^(C[A-Z]+)_", r"\1 ", part.read_text(), flags=re.MULTILINE))
     except KeyError as error:
         raise InputError("--out", "", str(path), f"the format has no cells of type {mesh.cell_type}") from error
-    except OSError as error:
-        raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
 
 
 def write_surface(points: Array, triangles: IntArray, fields: Mapping[str, Array], path: Path) -> None:

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
+from fmd.core.files import read_text
 from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, SYMMETRIC
 from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.formats.free_body import require_free_body
@@ -261,13 +262,10 @@ def _both_halves(row: IntArray, column: IntArray, values: Array) -> tuple[IntArr
 
 
 def _text(path: Path) -> str:
-    """Read a text file, or raise ``InputError``."""
-    try:
-        if path.stat().st_size > MOST_MATRIX_BYTES:
-            raise InputError(str(path), "", None, f"is over {MOST_MATRIX_BYTES / 1e9:g} GB")
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from error
+    """Read a text file of a size that memory holds, or raise ``InputError``."""
+    if path.is_file() and path.stat().st_size > MOST_MATRIX_BYTES:
+        raise InputError(str(path), "", None, f"is over {MOST_MATRIX_BYTES / 1e9:g} GB")
+    return read_text(path)
 
 
 def _is_number(item: str) -> bool:

@@ -12,8 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
-from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import refusing, whole_file
 from fmd.core.html import scaled
 from fmd.output.report.contents import collect_tables, draw_pictures, versions_table
 from fmd.output.summary import summarise_solved
@@ -51,13 +50,9 @@ def write_page(path: Path, make: Callable[[], str]) -> None:
     InputError
         The file can't be written, which is found before anything is computed.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as part:
-            part.touch()
-            part.write_text(make(), encoding="utf-8")
-    except OSError as error:
-        raise InputError("--out", "", str(path), f"can't be written: {error.strerror or error}") from error
+    with refusing("--out", path), whole_file(path) as part:
+        part.touch()
+        part.write_text(make(), encoding="utf-8")
 
 
 def make_page(solved: SolvedScene, overrides: Sequence[str] = (), budget: bool = True) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import whole_file, write_text
 from fmd.core.limits.files import MARKER_ARM
 from fmd.fem.surface import SurfaceTopology
 from fmd.reduction.body import MarkerShapes
@@ -201,8 +201,7 @@ def _write(body: ExportedBody, path: Path) -> list[Path]:
     write_exudyn(path, exudyn_arrays(body.modal_data(stiffened=False), x, shapes, surface, stress))
     script = path.with_suffix(".py")
     template = files("fmd.reduction.formats").joinpath("exudyn_body.py.txt").read_text(encoding="utf-8")
-    with whole_file(script) as half:
-        half.write_text(template.replace("@FILE@", path.name).replace("@BODY@", body.name), encoding="utf-8")
+    write_text(script, template.replace("@FILE@", path.name).replace("@BODY@", body.name))
     return [path, script]
 
 

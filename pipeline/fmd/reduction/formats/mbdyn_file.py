@@ -18,7 +18,7 @@ import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import read_text, write_text
 from fmd.core.limits.files import MOST_NUMBERS, SAME_MASS
 from fmd.core.limits.rank import INDEPENDENT_FUNCTIONS
 from fmd.reduction.body import MarkerShapes
@@ -38,8 +38,7 @@ _Line = tuple[int, list[str]]  # number and items of a line of text
 
 def write_mbdyn(path: Path, data: ModalData) -> None:
     """Write a body's modal data; the file appears whole or not at all."""
-    with whole_file(path) as part:
-        part.write_text("\n".join(_lines(data)) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(_lines(data)) + "\n")
 
 
 def inertia_points(data: ModalData) -> tuple[float, Array, Array]:
@@ -122,11 +121,7 @@ def read_mbdyn(path: Path) -> ModalData:
     InputError
         The file can't be read, is cut off or damaged; the message names the record group and its line.
     """
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from error
-    return _Records(str(path), text).data()
+    return _Records(str(path), read_text(path)).data()
 
 
 class _Records:

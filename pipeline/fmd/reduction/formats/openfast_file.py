@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import read_text, whole_file
 from fmd.core.limits.files import LONGEST_LINE, MOST_COORDINATES
 from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
@@ -112,10 +112,7 @@ def read_extptfm(path: Path) -> dict[str, Array]:
     InputError
         The file can't be read, is cut off or damaged; the message names the line.
     """
-    try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as error:
-        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from error
+    lines = read_text(path).splitlines()
     low = [" ".join(line.lower().split()) for line in lines]
     heads = [line for line in low if line.startswith("!dimension:")]
     found = re.match(r"!dimension: *(\d+)$", heads[0]) if heads else None

@@ -15,7 +15,7 @@ import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import read_text, write_text
 from fmd.core.limits.files import MOST_ENTRIES
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
@@ -32,8 +32,7 @@ def write_sid(path: Path, data: ModalData) -> None:
 
     Nodes are numbered from 1 in their order; their labels stand in the first line's text.
     """
-    with whole_file(path) as part:
-        part.write_text("\n".join(_lines(data)) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(_lines(data)) + "\n")
 
 
 def _lines(data: ModalData) -> Iterator[str]:
@@ -106,11 +105,7 @@ def read_sid(path: Path) -> ModalData:
     InputError
         The file can't be read, is cut off or damaged, or its terms contradict one another; the message names the line.
     """
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from error
-    reader = _Reader(str(path), text)
+    reader = _Reader(str(path), read_text(path))
     mass, terms, nodes = reader.read_part()
     n = terms["Ke"].M0.shape[0]
     for name, term in terms.items():
