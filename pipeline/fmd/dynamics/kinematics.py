@@ -33,7 +33,7 @@ class Momenta(NamedTuple):
     angular: Array  # (n_times, 3) [kg m²/s]
 
 
-class Constraints(NamedTuple):
+class ConstraintValues(NamedTuple):
     """Scalar constraints of a mechanism: those of joints that close loops first, then those of couplers."""
 
     joints: list[str]  # of each of the first, by name
@@ -131,13 +131,13 @@ class Kinematics:
         return kinetic, potential
 
     @property
-    def constraints(self) -> Constraints:
+    def constraints(self) -> ConstraintValues:
         """Scalar constraints, those that hold in every state among them."""
         rows = self._recorded.rows
         joints, n = [row.name for row in rows if row.wrenches], 2 * len(rows)
         values = self._over(self._recorded.of_rows) if rows else np.zeros((len(self.q), 0))
         wrenches = values[:, n:].reshape(len(self.q), len(joints), 2, 6)
-        return Constraints(joints, values[:, :n:2], values[:, 1:n:2], wrenches)
+        return ConstraintValues(joints, values[:, :n:2], values[:, 1:n:2], wrenches)
 
     def strain(self, element: Element) -> tuple[Array, Array, Array]:
         """Strain of a force element, its rate, and that of the vector from its first place to its second in space.
