@@ -47,6 +47,17 @@ def test_a_swung_plate_of_shells_moves_as_one_of_solids() -> None:
     assert stress[0] == pytest.approx(stress[1], rel=2e-2)
 
 
+def test_a_named_element_has_the_stress_of_the_face_that_its_point_is_nearer_to() -> None:
+    places = {"above": {"at": ["0.26 m", "0 m", "9 mm"]}, "below": {"at": ["0.26 m", "0 m", "-9 mm"]}}
+    shell = fmd.load(swung(SHELL | {"mesh": {"divisions": [20, 8]}}, element=places)).run
+    above, below = (next(iter(shell.element_stress(f"plate.{name}", "xx").values())) for name in places)
+    assert np.abs(above + below).max() < 1e-6 * np.abs(above).max()  # by bending alone
+    spots = {"above": {"at": ["0.275 m", "25 mm", "10 mm"]}}  # the middle of an element's face
+    named = fmd.load(swung(SHELL | {"mesh": {"divisions": [20, 8]}}, element=spots)).run
+    at_point = named.part.stress_at(np.array([[0.275, 0.025, 0.01]]))
+    assert named.part.element_stress == pytest.approx(at_point, rel=1e-9, abs=1e-6 * np.abs(at_point).max())
+
+
 @pytest.mark.parametrize("axis", [[0, 0, 1], [0, 1, 0], [1, 0, 0]], ids=["z", "y", "x"])
 def test_turning_stiffens_a_plate_of_shells_as_one_of_solids(axis: list[int]) -> None:
     found = []

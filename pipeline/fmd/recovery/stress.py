@@ -8,7 +8,7 @@ tensor, never summed themselves.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -70,12 +70,24 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     return np.asarray(total[:-1] / count[:-1, None, None])
 
 
-def element_stress(space: Discretisation, material: AnyMaterial, shapes: Array, elements: IntArray) -> Array:
-    """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n) [Pa per unit of the shape]."""
+def element_stress(
+    space: Discretisation, material: AnyMaterial, shapes: Array, elements: IntArray, upper: Sequence[bool] = ()
+) -> Array:
+    """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n) [Pa per unit of the shape].
+
+    Parameters
+    ----------
+    upper : sequence of bool
+        Of shells, whose middle has no stress by bending: True for the upper face of an element, False for the lower.
+    """
     from fmd.fem.strain import stresses
 
     middle = space.kind.corners.mean(axis=0)[:, None]
-    return stresses(space, material, shapes, middle, elements)[:, 0]
+    if not len(upper):
+        return stresses(space, material, shapes, middle, elements)[:, 0]
+    lower, higher = (np.vstack([middle[:2], [[end]]]) for end in (0.0, 1.0))
+    both = stresses(space, material, shapes, np.concatenate([lower, higher], axis=1), elements)
+    return np.asarray(both[np.arange(len(elements)), np.asarray(upper, dtype=int)])
 
 
 def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:

@@ -170,7 +170,7 @@ class NamedElement(SceneTable):
     Parameters
     ----------
     at : tuple of float
-        A point of the body's frame [m]; the element whose middle is nearest to it is meant.
+        A point of the body's frame [m]; the element whose middle is nearest to it is meant, of a shell its nearer face.
     part : str, optional
         Part of the mesh that the element is looked for in, e.g. ``"joints"``.
 

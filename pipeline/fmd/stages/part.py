@@ -24,7 +24,8 @@ from fmd.scene.propeller import Propeller
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import SourceFiles
 from fmd.scene.values import Formulation
-from fmd.stages.meshing.bodies import find_material, find_name, make_mesh, read_body_matrices
+from fmd.stages.meshing.bodies import find_material, make_mesh, read_body_matrices
+from fmd.stages.named_elements import find_sides, number_elements, stress_places
 from fmd.stages.parent_joint import read_parent_joint
 from fmd.stages.part_inputs import (
     assembly_inputs,
@@ -154,7 +155,7 @@ def _recover_surface_stress(part: FlexiblePart) -> Array:
 
 def _recover_element_stress(part: FlexiblePart) -> Array:
     numbers = np.array(list(part.elements.values()))
-    return element_stress(part.space, part.material, part.body.shapes, numbers)
+    return element_stress(part.space, part.material, part.body.shapes, numbers, part.element_sides)
 
 
 def _evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
@@ -388,23 +389,18 @@ class FlexiblePart:
     @cached_property
     def elements(self) -> dict[str, int]:
         """Numbers of the named elements."""
-        if not self.shape.element:
-            return {}  # without a mesh
-        x = self.mesh.points[self.mesh.cells].mean(axis=1)
-        numbers = {}
-        for name, element in self.shape.element.items():
-            chosen = np.arange(len(x))
-            if element.part:
-                key = f"body.{self.name}.element.{name}.part"
-                chosen = self.mesh.parts[find_name(self.mesh.parts, element.part, self.file, key)]
-            numbers[name] = int(chosen[np.linalg.norm(x[chosen] - element.at, axis=1).argmin()])
-        return numbers
+        named = self.shape.element  # without any there may be no mesh
+        return number_elements(named, self.mesh, self.file, self.name) if named else {}
+
+    @cached_property
+    def element_sides(self) -> tuple[bool, ...]:
+        """True for each named element of a shell whose point is nearer to the upper face; empty if solid."""
+        return find_sides(self.shape.element, self.mesh, self.elements)
 
     @cached_property
     def element_places(self) -> Array:
-        """Middles of the named elements, shape (n_elements, 3) [m]."""
-        cells = self.mesh.cells[list(self.elements.values())]
-        return np.asarray(self.mesh.points[cells].mean(axis=1)).reshape(-1, 3)
+        """Middles of the named elements, of shells on one face, shape (n_elements, 3) [m]."""
+        return stress_places(self.mesh, self.elements, self.element_sides)
 
     def stress_at(self, points: Array) -> Array:
         """Return the stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""

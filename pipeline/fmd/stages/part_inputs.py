@@ -29,6 +29,10 @@ class KeyedPart(Protocol):
     def elements(self) -> dict[str, int]:
         """Numbers of the named elements."""
 
+    @property
+    def element_sides(self) -> tuple[bool, ...]:
+        """Faces of the named elements of a shell."""
+
     def key(self, stage: str) -> str:
         """Return the key of a stage's result."""
 
@@ -93,4 +97,4 @@ def contact_inputs(part: KeyedPart) -> Any:
 
 def element_inputs(part: KeyedPart) -> Any:
     """Return what the stress of the named elements depends on."""
-    return {"body": part.key("body"), "elements": part.elements}
+    return {"body": part.key("body"), "elements": part.elements, "sides": part.element_sides}
