@@ -3,10 +3,13 @@
 Run from the project's root: ``python benchmarks/truth.py``. Scenes are those of `truth_scenes`, by their seeds; each is
 loaded from its file, integrated by ``auto`` with all defaults and an error budget within its time limit, and compared
 with a reference of `truth_references` or `truth_finer`. Rows that the table holds already aren't made again, so that a
-run can be interrupted; ``--again`` makes them anew. ``--scenes 40`` takes the first forty seeds, ``--seed 7`` one.
+run can be interrupted; ``--again`` makes them anew. ``--scenes 40`` takes the first forty seeds, ``--seed 7`` one, and
+``--mixed 40`` the first forty scenes with features of `truth_features`, whose pairs are counted.
 
-A quantity is *covered* if its true error is below the stated one, and *wrong* if it is more than three times as large;
-what is known of the reference's own error is taken off first. A scene's row has the quantity that is worst.
+A quantity is *covered* if its true error is below the stated one, *wrong* if it is more than three times as large, and
+*overstated* if it is less than a twentieth; what is known of the reference's own error is taken off first. Where the
+reference is a finer run, it has the same model: the model's part of what is stated is left out then, and joints and
+markers are compared, too. A scene's row has the quantity that is worst.
 """
 
 from __future__ import annotations
@@ -24,9 +27,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from table_format import write_rows
+from truth_features import pairwise_coverage
 from truth_finer import finer_run
 from truth_references import elastica_reference
-from truth_scenes import Case, random_case
+from truth_scenes import MIXED, Case, random_case
 
 from fmd import Pipeline, load_scene, solve
 from fmd.accuracy import time_limit
@@ -40,6 +44,7 @@ from fmd.output.write import write_results
 TABLE = Path(__file__).parent / "truth.csv"
 SCENES = 300
 WRONG = 3.0  # times the stated error
+OVERSTATED = 20.0  # times the true error
 PATIENCE = 400.0  # seconds by the clock of a run, and of its reference: others may use the machine
 ROUND_OFF = 1e-9
 
@@ -67,6 +72,8 @@ class Row:
     bounded: int = 0
     seconds: float = 0.0
     march: float = 0.0
+    overstated: int = 0
+    features: str = ""
     ratios: str = ""
     warnings: str = ""
     said: str = ""
@@ -77,6 +84,7 @@ def run_case(case: Case, folder: Path) -> tuple[Row, Pipeline | None]:
     file = folder / f"truth-{case.seed}.toml"
     file.write_text(case.text)
     row, run, begun = Row(case.seed, case.kind, "compared"), None, time.process_time()
+    row.features = ", ".join(case.features)
     try:
         solved = solve(load_scene(file), Cache(None))
         run = solved.run
@@ -94,7 +102,9 @@ def run_case(case: Case, folder: Path) -> tuple[Row, Pipeline | None]:
 def reference_errors(case: Case, run: Pipeline, file: Path) -> dict[str, tuple[float, float]]:
     """Return the true error of each quantity, and the reference's own."""
     if case.kind != "planar":
-        return {name: (error, 0.0) for name, error in true_errors(run, finer_run(file, case, run)).items()}
+        return {
+            name: (error, 0.0) for name, error in true_errors(run, finer_run(file, case, run), details=True).items()
+        }
     exact, off = elastica_reference(case)
     ours = motion_quantities(run, run.motion, run.fine_motion)
     return {name: (ours[name].error(each), off[name]) for name, each in exact.items() if is_compared(each, ours)}
@@ -117,8 +127,9 @@ def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: No
     if run is None or row.outcome != "compared":
         return row
     budget = state_errors(run)
-    stated = {each.name: each.total for each in budget.rows}
-    open_ = {each.name for each in budget.rows if any(is_open(part) for part in each.parts.values())}
+    rows = (*budget.rows, *budget.details)
+    stated = {each.name: each.total if case.kind == "planar" else each.numerical for each in rows}
+    open_ = {each.name for each in rows if any(is_open(part) for part in each.parts.values())}
     try:
         true = reference_errors(case, run, folder / f"truth-{case.seed}.toml")
     except Exception as error:
@@ -126,7 +137,7 @@ def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: No
         return row
     worst, ratios = -1.0, []
     for name, (error, off) in true.items():
-        if error <= ROUND_OFF:
+        if error <= ROUND_OFF or name not in stated:
             continue
         if name in open_:
             row.bounded += 1
@@ -135,6 +146,7 @@ def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: No
         row.quantities += 1
         row.covered += sure <= stated[name]
         row.wrong += sure > WRONG * stated[name]
+        row.overstated += stated[name] > OVERSTATED * error
         ratio = sure / max(stated[name], ROUND_OFF)
         ratios.append(f"{stated[name] / error:.3g}")
         if ratio > worst:
@@ -189,10 +201,15 @@ def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(description="Stated against true errors of random scenes.")
     parser.add_argument("--scenes", type=int, default=SCENES)
     parser.add_argument("--seed", type=int, action="append")
+    parser.add_argument("--mixed", type=int, default=0)
     parser.add_argument("--again", action="store_true")
     options = parser.parse_args(arguments)
     time_limit.clock = time.perf_counter = time.process_time  # of marches and stages too: others may use the machine
     rows, seeds = read_table(), options.seed or range(options.scenes)
+    if options.mixed:
+        seeds = range(MIXED, MIXED + options.mixed)
+        seen, pairs, lacking = pairwise_coverage(map(random_case, seeds))
+        print(f"{seen} of {pairs} pairs of features are drawn; not drawn: {lacking}", flush=True)
     for seed in seeds:
         if seed in rows and not options.again:
             continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from truth_references import number
-from truth_scenes import Case
+from truth_scenes import Case, Table
 
 from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError
@@ -42,14 +42,20 @@ def _finer(case: Case, more_modes: float, more: tuple[str, ...]) -> list[str]:
     overrides = [each for each in more if each.startswith("simulation")]
     for name in case.bars:
         body = case.table["body"][name]
-        along = body["mesh"]["divisions"][0]
-        along = 2 * along if body["mesh"]["order"] == 2 else along
         overrides += [
-            f"body.{name}.mesh={{order=2, divisions=[{along}, 2, 2]}}",
+            f"body.{name}.mesh={{{_finer_mesh(body['mesh'])}}}",
             f"body.{name}.modes.count={round((1 + more_modes) * body['modes']['count'] + 8 * more_modes)}",
         ]
-        overrides += [f"body.{name}.{each}" for each in more if each.startswith("modes")]
+        overrides += [f"body.{name}.{each}" for each in more if each.startswith("modes") and "pieces" not in body]
     return overrides
+
+
+def _finer_mesh(mesh: Table) -> str:
+    """Return elements of half the length, quadratic ones, of the same shape."""
+    if "size" in mesh:
+        return f'element="tetrahedron", order=2, size="{number(mesh["size"]) / 2!r} m"'
+    along = mesh["divisions"][0]
+    return f"order=2, divisions=[{2 * along if mesh['order'] == 2 else along}, 2, 2]"
 
 
 def _marched(file: Path, case: Case, run: Pipeline, overrides: list[str]) -> Pipeline:

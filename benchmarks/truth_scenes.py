@@ -1,8 +1,9 @@
 """Random scenes from a seed, as a user might write them: bars and rigid bodies, joints, loads and speeds.
 
-Three kinds. *Planar* scenes are one or two slender bars in the plane of x and y, clamped, hinged, sliding or driven,
+Four kinds. *Planar* scenes are one or two slender bars in the plane of x and y, clamped, hinged, sliding or driven,
 with or without a mass at the end: what an elastica is a reference of. *Trees* are one to four bodies in
 space, some of them bars, on joints of every type. *Rigid* scenes are trees without a bar.
+*Mixed* scenes, from seed `MIXED` on, are trees or a four-bar linkage with some of the features of `truth_features`.
 """
 
 from __future__ import annotations
@@ -12,11 +13,14 @@ from math import pi, sqrt
 from typing import Any
 
 import numpy as np
+from truth_features import add_features, loop_scene
 
 Table = dict[str, Any]
 KINDS = {"planar": 0.45, "tree": 0.35, "rigid": 0.2}  # with their shares
 MATERIALS = ((210e9, 0.3, 7850.0), (70e9, 0.33, 2700.0), (3e9, 0.35, 1200.0))  # E, ν, ρ
 GRAVITY = 9.81
+MIXED = 1000  # seed from which on scenes are mixed
+LOOPS = 0.25  # share of them with a loop
 JUMPS = 0.04  # share of prescribed motions that jump, which nothing can follow
 
 
@@ -27,13 +31,15 @@ class Case:
     Attributes
     ----------
     kind : str
-        One of `KINDS`.
+        One of `KINDS`, or ``"mixed"``.
     table : dict
         The scene, as TOML describes it.
     bars : tuple of str
         Names of its flexible bodies.
     periods : float
         Duration over the period of the first vibration, of a planar scene.
+    features : tuple of str
+        What a mixed scene has beside bodies, joints and loads.
     """
 
     seed: int
@@ -41,6 +47,7 @@ class Case:
     table: Table
     bars: tuple[str, ...]
     periods: float = 0.0
+    features: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
@@ -66,6 +73,8 @@ def quantity(value: float, unit: str) -> str:
 
 def random_case(seed: int) -> Case:
     """Return the scene of a seed."""
+    if seed >= MIXED:
+        return mixed_case(seed)
     rng = np.random.default_rng([seed, 16])
     kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
     periods = 0.0
@@ -77,6 +86,21 @@ def random_case(seed: int) -> Case:
     table["title"] = f"truth {seed}"
     bars = tuple(name for name, body in table["body"].items() if body["shape"] == "bar")
     return Case(seed, kind, table, bars, periods)
+
+
+def mixed_case(seed: int) -> Case:
+    """Return a tree or a loop with some features."""
+    rng = np.random.default_rng([seed, 17])
+    loop = rng.random() < LOOPS
+    if loop:
+        bars = {"part0": random_bar(rng, (12.0, 50.0))}
+        table = loop_scene(rng, bars["part0"], bars["part0"].table(rng))
+    else:
+        table, numbered = tree_with_bars(rng, 0.6)
+        bars = {f"part{k}": bar for k, bar in numbered.items()}
+    features = add_features(rng, table, bars)
+    table["title"] = f"truth {seed}"
+    return Case(seed, "mixed", table, tuple(bars), features=(*features, *["loop"] * loop))
 
 
 @dataclass(frozen=True)
@@ -287,6 +311,11 @@ def thick_rod(rod: Table) -> Table:
 
 def tree_scene(rng: np.random.Generator, flexible: float) -> Table:
     """Return one to four bodies in space, each a bar with a given probability, at least one if it isn't 0."""
+    return tree_with_bars(rng, flexible)[0]
+
+
+def tree_with_bars(rng: np.random.Generator, flexible: float) -> tuple[Table, dict[int, Bar]]:
+    """Return a tree and the bars among its bodies, by their numbers."""
     n = int(rng.integers(1, 5))
     bars = {k: random_bar(rng, (12.0, 70.0)) for k in range(n) if rng.random() < flexible}
     if flexible and not bars:
@@ -320,7 +349,7 @@ def tree_scene(rng: np.random.Generator, flexible: float) -> Table:
     down = [0.0, 0.0, -GRAVITY] if rng.random() < 0.7 else [0.0, 0.0, 0.0]
     found: Table = {"title": "", "body": body, "joint": joint}
     found |= {"drive": drive} if drive else {}
-    return found | {"simulation": simulation(duration, ends[-1], down)}
+    return found | {"simulation": simulation(duration, ends[-1], down)}, bars
 
 
 def push(rng: np.random.Generator, marker: str, force: Any) -> Table:

@@ -1,6 +1,7 @@
 """Estimates of errors by source, each from a variant of the run that differs in that source alone."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,10 @@ from fmd.accuracy.comparison import change_fineness
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.error_estimates import NO_PART
 from fmd.accuracy.estimators import Estimates, _with_diagonal, root_mean_square
+from fmd.accuracy.quantities import motion_quantities
 from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError
+from fmd.core.limits.errors import SAFETY
 
 ROD = ["simulation.duration=1 s", 'simulation.run=[{integrator="central-difference", step="4 ms"}]']
 
@@ -66,3 +70,40 @@ def test_stress_is_compared_around_the_worst_instant_on_the_hot_nodes() -> None:
     assert np.searchsorted(stress.times, time) in estimates.frames
     assert node in estimates.hot["beam"]
     assert len(estimates.hot["beam"]) < len(stress.nodes)
+
+
+@pytest.mark.slow
+def test_a_loop_whose_longer_and_richer_steps_have_no_solution_is_estimated_by_shorter_ones() -> None:
+    # The four-bar linkage in 4 ms: Newton's iteration didn't converge with static responses in the first step.
+    run = Pipeline(load_scene("four-bar", ["simulation.duration=0.4 s"]), Cache(None))
+    estimates = Estimates(run)
+    time, truncation = estimates._time(), estimates._truncation()
+    exact = Pipeline(
+        load_scene("four-bar", ["simulation.duration=0.4 s", "simulation.run.0.step=0.25 ms"]), Cache(None)
+    )
+    finer = motion_quantities(exact, exact.motion, exact.fine_motion)
+    for name in ("D, angle", "tip, deflection"):
+        true = estimates.quantities[name].error(finer[name])
+        assert true <= SAFETY * time[name] <= 10 * true
+    assert all(isinstance(part, float) for part in truncation.values())
+
+
+def test_a_longer_step_without_a_solution_gives_way_to_half_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Pipeline(load_scene("rod-slider", ROD), Cache(None))
+    estimates, march = Estimates(run), Estimates.march
+    estimates.motion = replace(estimates.motion, trajectory=replace(estimates.motion.trajectory, seconds=10.0))
+    steps = []
+
+    def refuse_longer(self: Estimates, other: Pipeline, plan: Any, work: float = 1.0) -> Any:
+        steps.append(plan.integrator.step)
+        if steps[-1] > estimates.plan.integrator.step:
+            raise AccuracyError("Newton's iteration did not converge")
+        return march(self, other, plan, work)
+
+    monkeypatch.setattr(Estimates, "march", refuse_longer)
+    expected = {name: part for name, part in budget().items() if isinstance(part, float)}
+    steps.clear()
+    found = estimates._time()
+    assert steps == [8e-3, 2e-3]
+    for name, part in expected.items():
+        assert found[name] == pytest.approx(part, rel=0.3)

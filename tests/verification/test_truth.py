@@ -17,7 +17,7 @@ from fmd.output.summary import _budget_warnings, summarise
 pytestmark = pytest.mark.slow
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-COMPARED = (10, 18, 30, 46)  # rigid, rigid, planar, tree
+COMPARED = (10, 18, 30, 46, 1004)  # rigid, rigid, planar, tree, mixed
 REFUSED = {97: "a prescribed motion must keep its position"}
 
 
@@ -42,6 +42,17 @@ def test_a_random_scene_that_has_no_answer_is_refused_with_one_message(module: A
     row = module("truth").judge(module("truth_scenes").random_case(seed), tmp_path)
     assert row.outcome == "refused"
     assert REFUSED[seed] in row.said
+
+
+def test_mixed_scenes_draw_nearly_all_pairs_of_features_and_can_be_read(module: Any, tmp_path: Path) -> None:
+    features, scenes = module("truth_features"), module("truth_scenes")
+    cases = [scenes.random_case(seed) for seed in range(scenes.MIXED, scenes.MIXED + 100)]
+    seen, pairs, lacking = features.pairwise_coverage(cases)
+    assert (pairs, seen) >= (120, 105), lacking
+    file = tmp_path / "scene.toml"
+    for case in cases[:30]:
+        file.write_text(case.text)
+        load_scene(file)
 
 
 def test_two_marches_agree_within_the_wanted_error_where_vibrations_are_out_of_step(

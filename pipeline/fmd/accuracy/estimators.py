@@ -22,7 +22,7 @@ from fmd.accuracy.model_errors import ModelErrors
 from fmd.accuracy.quantities import Quantities, mesh_quantities
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
+from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.automatic import IMPLICIT_STEPS_IN_ACTION
 from fmd.core.limits.errors import (
     ACROSS_SHARE,
@@ -118,8 +118,14 @@ class Estimates(Comparison):
         plan, gain = self.plan, 0.0
         for _ in range(MOST_REFINEMENTS):
             integrator, gain = change_fineness(plan, self.motion.trajectory.seconds)
+            try:
+                other = self.march(self.run, replace(plan, integrator=integrator), FINER_WORK)
+            except AccuracyError:
+                if not integrator.step > plan.integrator.step:
+                    raise
+                integrator, gain = change_fineness(plan, 0.0)  # a longer step has no solution
+                other = self.march(self.run, replace(plan, integrator=integrator), FINER_WORK)
             plan = replace(plan, integrator=integrator)
-            other = self.march(self.run, plan, FINER_WORK)
             chosen = self.run.fine_times[1]
             if not np.array_equal(other.trajectory.q[chosen], self.motion.trajectory.q):
                 break  # else a method that chooses its step had met the finer tolerance already, and took the same one
@@ -149,14 +155,29 @@ class Estimates(Comparison):
             ours = self.quantities if base is None else self.quantities_of(self.run, base)
             enriched = self.quantities_of(rich, theirs)
             resolved = self._is_resolved(rich, plan, enriched, self.changes(enriched, ours))
-        except LeftOutError:  # static responses vibrate so fast that an explicit method follows them for ever
+        except (LeftOutError, AccuracyError):  # an explicit method follows static responses for ever, or a step is long
             resolved = False
         if not resolved:
-            plan = replace(self.plan, integrator=self._implicit_method())
-            ours = self.quantities_of(self.run, self.march(self.run, plan))
-            enriched = self.quantities_of(rich, self.march(rich, plan_like(plan, rich)))
+            ours, enriched = self._by_implicit_steps(rich)
         self.correct_by(enriched, 1.0, ours)
         return dict(self.changes(enriched, ours))
+
+    def _by_implicit_steps(self, rich: Pipeline) -> tuple[Quantities, Quantities]:
+        """Return the quantities of the run and of a richer basis by generalised-α, with the same steps.
+
+        Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
+        """
+        method = self._implicit_method()
+        for k in range(MOST_REFINEMENTS):
+            plan = replace(self.plan, integrator=replace(method, step=method.step / 2**k))
+            try:
+                theirs = self.march(rich, plan_like(plan, rich), FINER_WORK if k else 1.0)
+            except AccuracyError:
+                if k + 1 == MOST_REFINEMENTS:
+                    raise
+            else:
+                break
+        return self.quantities_of(self.run, self.march(self.run, plan)), self.quantities_of(rich, theirs)
 
     def _is_resolved(self, rich: Pipeline, plan: Plan, enriched: Quantities, changes: dict[str, float]) -> bool:
         """Return true if the march of a richer basis has an error in time far below what the basis changes.
