@@ -8,6 +8,7 @@ import pytest
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.fem.assembly import assemble
+from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.formats.import_shell import read_shell
 from fmd.fem.material import Material
 from fmd.reduction.eigen import FreeBodySolver
@@ -84,6 +85,13 @@ def test_quadrilaterals_beside_triangles_are_split_and_it_is_noted(tmp_path: Pat
     assert len(mesh.cells) == 2 * len(cells)
     assert mesh.notes == ("22 quadrilaterals beside triangles are split into two triangles each",)
     assert mesh.parts["property-7"].tolist() == list(range(2 * len(cells)))
+
+
+def test_a_mesh_of_shells_that_is_read_as_a_solid_says_how_to_read_it(tmp_path: Path) -> None:
+    x, cells = panel()
+    write_nastran(tmp_path / "panel.bdf", x, {"CQUAD4": cells})
+    with pytest.raises(InputError, match=r"no solid elements.*mesh.shell = '2 mm' takes"):
+        read_mesh(tmp_path / "panel.bdf", 1e-3)
 
 
 def test_other_elements_are_refused_by_name(tmp_path: Path) -> None:

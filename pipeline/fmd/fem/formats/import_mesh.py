@@ -171,7 +171,9 @@ def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     solids = [kind for kind in count if is_solid(kind)]
     listed = ", ".join(f"{n} {kind}" for kind, n in count.items()) or "none"
     if not solids:
-        raise MeshFileError(f"there are no solid elements; the elements: {listed}")
+        plane = any(kind in ("triangle", "quad") for kind in count)
+        mend = "; mesh.shell = '2 mm' takes triangles and quadrilaterals as shells" if plane else ""
+        raise MeshFileError(f"there are no solid elements; the elements: {listed}{mend}")
     for kind in solids:
         if kind not in CELLS:
             raise MeshFileError(f"solid elements of kind {kind} aren't read, {', '.join(CELLS)} are; it has {listed}")
