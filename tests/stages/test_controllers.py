@@ -10,11 +10,13 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from fmd import Pipeline, load_scene
+from fmd.cli.app import main
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.scene.scene import Scene
 from fmd.stages.linear_model import linearise_scene
 from fmd.stages.sampling_check import find_unstable_sampling
+from fmd.stages.stiffening_check import rigid_motion
 
 INERTIA = 2 / 3  # of the rod about its hinge [kg m²]
 ROD = """
@@ -302,5 +304,30 @@ def test_a_controller_that_means_nothing_is_refused(tmp_path: Path, text: str, m
 def test_runs_and_starts_that_cannot_hold_a_controller_are_refused(tmp_path: Path):
     with pytest.raises(InputError, match="doesn't end its steps where controller 'servo' samples"):
         scene_of(tmp_path, PID + SAMPLED, 'simulation.run=[{ integrator = "central-difference", step = "1 ms" }]')
-    with pytest.raises(InputError, match="holds no controller with a memory, such as servo"):
-        scene_of(tmp_path, PID, "simulation.start=equilibrium")
+    for text in (PID, PID + SAMPLED):
+        with pytest.raises(InputError, match="holds no controller with a memory, such as servo"):
+            scene_of(tmp_path, text, "simulation.start=equilibrium")
+    with pytest.raises(SystemExit) as ended:
+        main(["bench", str(tmp_path / "mine.toml")])
+    assert ended.value.code == 2
+
+
+def test_loads_through_bodies_are_those_of_the_sampled_motion(tmp_path: Path):
+    # They are found with all bodies rigid, whose motion has to be sampled, too.
+    run = Pipeline(scene_of(tmp_path, PID + SAMPLED))
+    found = rigid_motion(run.mechanism, *run.start, 1.0)
+    times, (angle, _) = found.times, found.along_joint(0)
+    integral = 0.0
+
+    def control(x: Array) -> float:
+        nonlocal integral
+        output = 40 * (0.3 - x[0]) + integral - 4 * x[1]
+        integral += 60 * 0.02 * (0.3 - x[0])
+        return output
+
+    assert np.abs(angle - sampled_angles(control, 0.02, times)).max() < 1e-6
+    effort = found.mechanism.links[0].effort
+    assert effort is not None
+    torque = found.effort(effort)
+    assert torque[0] == pytest.approx(40 * 0.3, rel=1e-9)
+    assert np.ptp(torque) > 1.0

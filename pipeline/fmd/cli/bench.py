@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from fmd.cli.inputs import Options
 from fmd.cli.options import Flag, Json, Set, print_json
 from fmd.cli.tables import print_files, print_table
+from fmd.core.errors import InputError
 
 if TYPE_CHECKING:
     from fmd.output.work_precision import WorkPrecision
@@ -34,6 +35,9 @@ def bench(
     rows: list[dict[str, Any]] = []
     for scene in scenes:
         name, run = Path(scene).stem, Options(set_).solve(scene)
+        if run.scene.sampled:
+            mend = "samples, which most methods don't end their steps at: without sample_time all can be compared"
+            raise InputError(run.scene.file, f"controller.{run.scene.sampled[0]}", None, mend)
         result = compare_on_scene(run)
         if peer:
             result = replace(result, rows=(*result.rows, *peer_rows(name)))

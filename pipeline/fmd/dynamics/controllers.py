@@ -11,7 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.signals.signal import TABLE, Signal, Term
-from fmd.dynamics.state_functions import HeldValue, StateFunction
+from fmd.dynamics.state_functions import HeldValue, Quantity, SignalValue, StateFunction
 
 
 @dataclass(frozen=True)
@@ -123,3 +123,7 @@ class HeldValues:
         """Return a value as a function of time: stairs."""
         cubics = tuple((values[number], 0.0, 0.0, 0.0) for values in self.values)
         return Signal((Term(TABLE, knots=tuple(self.times), cubics=cubics),))
+
+    def know(self, quantity: Quantity) -> Quantity:
+        """Return the function of time of a value that is held, and any other quantity as it is."""
+        return SignalValue(self.signal(quantity.number)) if isinstance(quantity, HeldValue) else quantity

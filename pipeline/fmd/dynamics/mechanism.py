@@ -292,17 +292,16 @@ class Mechanism:
         return tuple((link.name, rate, position) for link, rate, position in at if link.state is not None)
 
     def with_known(self, known: Callable[[Quantity], Quantity]) -> Mechanism:
-        """Return the mechanism without controllers, whose outputs are known as functions of time.
+        """Return the mechanism without sampling, whose controllers' outputs are known as functions of time.
 
         Parameters
         ----------
         known : callable
             Returns, for a value that is held or a state's, its function of time, and any other quantity as it is.
         """
-        links = [link for link in self.links if link.state is None]
         return replace(
             self,
-            links=[replace(link, effort=link.effort and link.effort.with_variables(known)) for link in links],
+            links=[replace(link, effort=link.effort and link.effort.with_variables(known)) for link in self.links],
             loads=[replace(load, effort=load.effort and load.effort.with_variables(known)) for load in self.loads],
             controllers=(),
         )

@@ -19,7 +19,7 @@ def leave_out_controllers(motion: Motion) -> Motion:
 
     def known(quantity: Quantity) -> Quantity:
         if isinstance(quantity, HeldValue):
-            return SignalValue(constant(quantity.initial) if held is None else held.signal(quantity.number))
+            return SignalValue(constant(quantity.initial)) if held is None else held.know(quantity)
         if not (isinstance(quantity, JointValue) and quantity.body in rates):
             return quantity
         values = trajectory.v[:, rates[quantity.body]]
@@ -27,4 +27,6 @@ def leave_out_controllers(motion: Motion) -> Motion:
 
     q = np.delete(trajectory.q, [position for _, _, position in mechanism.states], axis=1)
     v = np.delete(trajectory.v, list(rates.values()), axis=1)
-    return replace(motion, mechanism=mechanism.with_known(known), trajectory=replace(trajectory, q=q, v=v))
+    driven = mechanism.with_known(known)
+    bodies = replace(driven, links=[link for link in driven.links if link.state is None])
+    return replace(motion, mechanism=bodies, trajectory=replace(trajectory, q=q, v=v))

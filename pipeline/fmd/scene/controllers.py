@@ -21,7 +21,7 @@ class Controller(FormulaVariables):
     inputs : tuple of str
         Keys that hold formulas of what it takes.
     has_states : bool
-        True if it has states that move with the mechanism.
+        True if its output isn't known from the state of the mechanism alone.
     """
 
     inputs: ClassVar[tuple[str, ...]] = ()
@@ -131,8 +131,8 @@ class PidController(Controller):
 
     @property
     def has_states(self) -> bool:  # type: ignore[override]
-        """True if it is continuous and remembers."""
-        return self.sample_time is None and bool(self.integral or self.filters)
+        """True if it remembers, or holds a value that only sampling gives."""
+        return self.sample_time is not None or bool(self.integral or self.filters)
 
     @property
     def has_limits(self) -> bool:

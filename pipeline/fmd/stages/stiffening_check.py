@@ -27,6 +27,7 @@ from fmd.core.limits.stiffening import (
     SLOPES,
 )
 from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.controllers import HeldValues
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.least_work import share_open_loads
 from fmd.dynamics.open_loads import largest_residual, open_loads
@@ -241,20 +242,21 @@ def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> 
 def rigid_motion(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> Kinematics:
     """Compute the motion of a mechanism in which no body deforms; the arguments are those of `rigid_spins`."""
     times = np.linspace(0.0, duration, SAMPLED_TIMES)
-    q, v = _march_rigid(mechanism.rigid, q0, v0, times)
-    return Kinematics(mechanism.rigid, times, q, v)
+    rigid = mechanism.rigid
+    q, v, held = _march_rigid(rigid, q0, v0, times)
+    return Kinematics(rigid if held is None else rigid.with_known(held.know), times, q, v)
 
 
-def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array]:
-    """Integrate a mechanism of rigid bodies: positions and rates, (n_times, …) each."""
+def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[Array, Array, HeldValues | None]:
+    """Integrate a mechanism of rigid bodies: positions and rates, (n_times, …) each, and what controllers have held."""
     if not rigid.n:
-        return np.zeros((len(times), 0)), np.zeros((len(times), 0))
+        return np.zeros((len(times), 0)), np.zeros((len(times), 0)), None
     system = CompiledSystem(rigid)
     try:
         motion = _method_for(system, times[-1]).march(system, q0, v0, times)
     except AccuracyError as error:
         raise AccuracyError(f"the scene with all bodies rigid: {error}") from error
-    return motion.q, motion.v
+    return motion.q, motion.v, motion.held
 
 
 def _method_for(system: CompiledSystem, duration: float) -> Integrator:
@@ -262,7 +264,7 @@ def _method_for(system: CompiledSystem, duration: float) -> Integrator:
 
     Vibrations that are too many to be followed keep their size by the trapezoidal rule, though not their frequency.
     """
-    if system.highest_frequency * duration > MOST_RADIANS:
+    if system.highest_frequency * duration > MOST_RADIANS and not system.is_sampled:
         from fmd.integrators.generalized_alpha import GeneralizedAlpha
 
         return GeneralizedAlpha(duration / RIGID_IMPLICIT_STEPS, rho=1.0)
@@ -270,7 +272,7 @@ def _method_for(system: CompiledSystem, duration: float) -> Integrator:
         from fmd.integrators.runge_kutta import RungeKutta
 
         return RungeKutta(RIGID_TOLERANCE)
-    if system.mechanism.closures:
+    if system.mechanism.closures or system.is_sampled:  # whose steps end at the samples
         from fmd.integrators.rosenbrock import ExponentialRosenbrock
 
         return ExponentialRosenbrock(1e-4)
