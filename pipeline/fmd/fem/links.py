@@ -140,10 +140,15 @@ def inertia_points(mass: float, inertia: Array, length: float) -> tuple[Array, A
     length : float
         Length of the arms where the inertia doesn't give one [m].
     """
-    w, e = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
-    total = float(w.sum())
+    total = 0.5 * float(np.trace(inertia))
     if mass > 0 and total > 0:
         length = float(np.sqrt(total / mass))  # no mass is left in the middle
+    return rigid_body_points(mass, inertia, length)
+
+
+def rigid_body_points(mass: float, inertia: Array, length: float) -> tuple[Array, Array]:
+    """Return `inertia_points` on arms of a given length; the mass in the middle may be below zero."""
+    w, e = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
     places = np.concatenate([np.zeros((1, 3)), length * e.T, -length * e.T])
     around = w / (2 * length**2)
     return places, np.concatenate([[mass - 2 * around.sum()], around, around])

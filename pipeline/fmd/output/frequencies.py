@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.limits.magnitudes import POOR_QUALITY
+from fmd.core.limits.magnitudes import LUMPING_COUNTS, POOR_QUALITY
 from fmd.reduction.rotating import rotating_modes
+from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.magnitudes import find_unusual
+from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
 
@@ -74,6 +76,12 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
             found.append({"code": "left-out", "body": name, "text": text})
         if len(run.pieces_of(name)) > 1:  # whose modes are those of its pieces
             continue
+        if (cost := _cost_of_lumping(part)) > LUMPING_COUNTS:
+            text = (
+                f"{name}: its masses are lumped on nodes, which changes a frequency of its modes by about "
+                f"{100 * cost:.2g} %; finer elements, or a lumped mass matrix of the other program, leave less"
+            )
+            found.append({"code": "masses-lumped", "body": name, "text": text})
         count, more = part.shape.modes.count, part.modes.n_completing
         if more:
             text = (
@@ -82,6 +90,16 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
             )
             found.append({"code": "mode-pair-completed", "body": name, "text": text})
     return found
+
+
+def _cost_of_lumping(part: FlexiblePart) -> float:
+    """Return the largest relative change of a frequency by lumped masses of matrices with rotations."""
+    from fmd.fem.formats.matrix_model import MatrixModel
+
+    if not isinstance(part.shape, MatrixPart) or part.shape.matrices.unknowns == 3:
+        return 0.0
+    assert isinstance(part.fe, MatrixModel)
+    return float(np.abs(part.fe.frequency_changes(part.modes.shapes)).max(initial=0.0))
 
 
 def rotating_table(run: Pipeline, rate: float) -> dict[str, Any]:

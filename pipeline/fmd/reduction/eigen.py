@@ -200,7 +200,9 @@ class FreeBodySolver:
         V, K, M, T = np.kron(np.stack(terms, axis=1), np.eye(3)), self._K, self._M, self._T
         if self._supported:  # polynomials would break at the supports; the free body is softer in any case
             K, M, T = self._fe.K, self._fe.M, self._fe.T
-            if T is not None:
+            if self._fe.directors is None:  # by points: a mass beside a light shaft is soft by its arm
+                T = None
+            elif T is not None:
                 K, M = T.T @ K @ T, T.T @ M @ T
         V = np.linalg.qr(_unknowns_of(V, T))[0]
         mass, W = np.linalg.eigh(V.T @ (M @ V))

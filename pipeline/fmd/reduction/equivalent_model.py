@@ -17,7 +17,7 @@ from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.modes import MASSLESS, NO_FREQUENCY, OWN_FRAME
 from fmd.core.rotations import rigid_motions
-from fmd.fem.formats.matrices import MatrixModel
+from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.markers import Marker
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.modal_data import ModalData, function_products

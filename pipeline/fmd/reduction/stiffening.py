@@ -134,11 +134,11 @@ class _Support:
         felt = np.flatnonzero(np.abs(rest).max(axis=0) > SOLVED * np.abs(flat).max(axis=0))
         u = self._solver.static_response(rest[:, felt].reshape(*loads.shape[:2], -1))
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
-        at_a_time = max(1, ENTRIES_AT_ONCE // self._fe.discretisation.element_nodes.shape[1] ** 2)
-        for first in range(0, len(felt), at_a_time):
+        entries = self._fe.discretisation.element_nodes.shape[1] ** 2 if elements else ENTRIES_AT_ONCE
+        at_a_time = max(1, ENTRIES_AT_ONCE // entries)
+        for first in range(0, len(felt) if elements else 0, at_a_time):
             part = slice(first, first + at_a_time)
-            if elements:
-                out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
+            out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
         both = [self._fe.arms, self._fe.directors if elements else None]
         if arms := [one for one in both if one is not None]:
             left = rest[:, felt] - self._fe.K @ u.reshape(len(rest), -1)

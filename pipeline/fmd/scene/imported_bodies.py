@@ -221,7 +221,7 @@ class Meshless(Deformable):
 
 
 class MatrixFiles(SceneTable):
-    """Files that hold a body's matrices as another program wrote them, three displacements a node.
+    """Files that hold a body's matrices as another program wrote them, three or six unknowns a node.
 
     Parameters
     ----------
@@ -236,6 +236,8 @@ class MatrixFiles(SceneTable):
         Unit of the stiffness matrix.
     mass_unit : str
         Unit of the mass matrix.
+    unknowns : int
+        Unknowns of each node: 3 displacements, or 6, with rotations in rad behind them, as of shells and beams.
 
     Examples
     --------
@@ -255,7 +257,8 @@ class MatrixFiles(SceneTable):
     nodes: SourceFile
     unit: LengthUnit
     stiffness_unit: Annotated[str, UnitCheck("N/m")] = "N/m"
-    mass_unit: Annotated[str, UnitCheck("kg")] = "kg"
+    mass_unit: MassUnit = "kg"
+    unknowns: Literal[3, 6] = 3
 
 
 class MatrixPart(Meshless):

@@ -12,7 +12,8 @@ import numpy as np
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError
 from fmd.fem.deck_links import find_deck_links
-from fmd.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane
+from fmd.fem.formats.matrices import node_marker, nodes_in_plane
+from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.links import Linked, LinkedFace, LinkedModel, LumpedMass, link_points
 from fmd.fem.local_markers import edge_marker, point_marker, single_node_marker
 from fmd.fem.markers import Marker, face_marker, facets_on_face
@@ -166,6 +167,8 @@ def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str
 
     def place(name: str, marker: MarkerPlace) -> Marker:
         nodes = nodes_in_plane(model, *marker.plane) if marker.plane else np.array(marker.nodes)
+        if model.T is not None and marker.attachment == "rigid":
+            raise ValueError("can't be rigid where nodes have rotations; take one node, which turns, or their mean")
         return node_marker(model, nodes, marker.attachment == "rigid")
 
     return _placed(shape, place, file, body)

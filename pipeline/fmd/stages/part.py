@@ -338,7 +338,7 @@ class FlexiblePart:
     @cached_property
     def markers(self) -> dict[str, Marker]:
         """Markers on the finite element model, by name."""
-        from fmd.fem.formats.matrices import MatrixModel
+        from fmd.fem.formats.matrix_model import MatrixModel
         from fmd.stages.markers import place_link_markers, place_markers, place_node_markers
 
         if self.has_mesh:

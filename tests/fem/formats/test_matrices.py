@@ -10,7 +10,8 @@ import scipy.io
 import scipy.sparse as sp
 
 from fmd.core.errors import AccuracyError, InputError
-from fmd.fem.formats.matrices import MatrixModel, node_marker, nodes_in_plane, read_matrices
+from fmd.fem.formats.matrices import node_marker, nodes_in_plane, read_matrices
+from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.markers import face_marker
 from fmd.fem.model import FEModel
 
@@ -76,7 +77,7 @@ def test_lines_that_do_not_fit_their_format_are_named(files: tuple[Path, Path, P
         ("1 1 2.0\n1,1,1,1,2.0\n", "line 2 isn't row, column, value"),
         (f"1 {3 * n + 1} 2.0\n", f"line 1 has row 1 and column {3 * n + 1}, and {n} nodes have {3 * n} displacements"),
         ("10,1,10,1,2.0\n10,1,10\n", "line 2 isn't node, direction, node, direction, value"),
-        ("10,4,10,1,2.0\n", "directions are 1, 2, 3; line 1 has 4 and 1"),
+        ("10,4,10,1,2.0\n", "directions are 1 to 3; line 1 has 4 and 1; with rotations say matrices.unknowns = 6"),
         ("10,1,11,1,2.0\n", "line 1 names node 11, which isn't among the nodes"),
     ):
         K.write_text(text)

@@ -50,6 +50,8 @@ def require_free_body(path: Path, model: FEModel) -> None:
             "supports, and check units"
         )
     smooth = _smooth_deformations(model, x, R)
+    heavy, vectors = la.eigh(smooth.T @ (model.M @ smooth))
+    smooth = smooth @ vectors[:, heavy > DEPENDENT_SHAPES * heavy[-1]]  # of nodes in a plane some move no mass
     stiffness, mass = (smooth.T @ (A @ smooth) for A in (model.K, model.M))
     softest = float(la.eigvalsh(stiffness, mass)[0])
     of_rigid, vectors = la.eigh(R.T @ (model.K @ R), R.T @ (model.M @ R))
@@ -77,8 +79,9 @@ def _require_matter(path: Path, model: FEModel, size: float) -> None:
             f"{path}: {model.mass:.3g} kg in a cube of {1e3 * size:.3g} mm would be {density:.2g} kg/m³, and no matter "
             "is so dense; check unit and mass_unit of the matrices"
         )
-    nearest = cKDTree(model.x).query(model.x, 2)[0][:, 1]
-    stiffness, mass = model.K.diagonal().reshape(-1, 3).max(axis=1), model.m.diagonal()
+    n = len(model.x) if model.arms is None else int(model.arms.points.min())  # points on arms come behind the nodes
+    nearest = cKDTree(model.x[:n]).query(model.x[:n], 2)[0][:, 1]
+    stiffness, mass = model.K.diagonal().reshape(-1, 3).max(axis=1)[:n], model.m.diagonal()[:n]
     speed = float(np.median(nearest * np.sqrt(stiffness / np.where(mass > 0.0, mass, np.inf))))
     if speed > FASTEST_WAVE:
         raise AccuracyError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,46 +16,32 @@ from fmd.core.files import read_text
 from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, SYMMETRIC
 from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.formats.free_body import require_free_body
+from fmd.fem.formats.matrix_model import MatrixModel
+from fmd.fem.formats.six_unknowns import six_unknowns_model
 from fmd.fem.markers import Marker
-from fmd.fem.model import FEModel
 
+_WHAT = {3: "displacements", 6: "displacements and rotations"}  # unknowns of a node
 _Line = tuple[int, list[str]]  # number and items of a line of text
 
 
-@dataclass(frozen=True)
-class MatrixModel(FEModel):
-    """A finite element model without elements: discretisation and material are ``None``.
-
-    Attributes
-    ----------
-    positions : ndarray, shape (n_nodes, 3)
-        Node positions [m].
-    labels : ndarray, shape (n_nodes,)
-        Node numbers in the other program.
-    """
-
-    positions: Array
-    labels: IntArray
-
-    @property
-    def x(self) -> Array:
-        """Node positions, shape (n_nodes, 3) [m]."""
-        return self.positions
-
-
-def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, float, float]) -> MatrixModel:
-    """Read a body's matrices, three unknowns a node, and check that they are those of a free body.
+def read_matrices(
+    stiffness: Path, mass: Path, nodes: Path, units: tuple[float, float, float], unknowns: int = 3
+) -> MatrixModel:
+    """Read a body's matrices and check that they are those of a free body.
 
     Parameters
     ----------
     stiffness, mass : Path
         Matrix Market (``.mtx``), SciPy's ``.npz``, or what Abaqus writes: rows of node, direction, node, direction,
         value (``FORMAT=MATRIX INPUT`` or ``LABELS``) or of row, column, value (``FORMAT=COORDINATE``). Rows and columns
-        without node numbers are x, y, z of the first node in ``nodes``, then of the second.
+        without node numbers are x, y, z of the first node in ``nodes``, then of the second; with six unknowns a node
+        the rotations about x, y, z behind each.
     nodes : Path
         Rows of number, x, y, z.
     units : tuple of float
         The files' units of length [m], stiffness [N/m] and mass [kg].
+    unknowns : int
+        Unknowns a node: 3 displacements, or 6 with rotations [rad], whose entries take the file's unit of length.
 
     Raises
     ------
@@ -68,15 +53,21 @@ def read_matrices(stiffness: Path, mass: Path, nodes: Path, units: tuple[float, 
     """
     labels, x = _read_nodes(nodes)
     x = x * units[0]
-    K, M = (_read(path, labels) * unit for path, unit in ((stiffness, units[1]), (mass, units[2])))
+    K, M = (_read(path, labels, unknowns) * unit for path, unit in ((stiffness, units[1]), (mass, units[2])))
+    if unknowns == 6:
+        arm = sp.diags_array(np.tile(np.repeat([1.0, units[0]], 3), len(x)))
+        K, M = (sp.csr_array(arm @ A @ arm) for A in (K, M))
     for path, A in ((stiffness, K), (mass, M)):
         apart = abs(A - A.T).max() / abs(A).max() if A.nnz else np.inf
         if not apart < SYMMETRIC:
             raise AccuracyError(f"{path}: the matrix isn't symmetric, entries differ by {apart:.1e} of the largest")
     K, M = (sp.csr_array(0.5 * (A + A.T)) for A in (K, M))
     K.eliminate_zeros()  # its pattern tells what is connected
-    model = MatrixModel(None, None, K, _scalar(mass, M), x, labels)  # type: ignore[arg-type]
-    _require_mass(mass, model)
+    if unknowns == 6:
+        model: MatrixModel = six_unknowns_model(mass, K, M, x, labels)
+    else:
+        model = MatrixModel(None, None, K, _scalar(mass, M), x, labels)  # type: ignore[arg-type]
+        _require_mass(mass, model)
     require_free_body(stiffness, model)
     return model
 
@@ -121,17 +112,19 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array]:
     return table[:, 0].astype(np.int64), table[:, 1:]
 
 
-def _read(path: Path, labels: IntArray) -> sp.csr_array:
-    """Read a matrix of three unknowns a node, shape (3 n_nodes, 3 n_nodes)."""
-    n = 3 * len(labels)
+def _read(path: Path, labels: IntArray, unknowns: int) -> sp.csr_array:
+    """Read a matrix of some unknowns a node, shape (unknowns n_nodes, unknowns n_nodes)."""
+    n = unknowns * len(labels)
     try:
-        A = _read_npz(path) if path.suffix == ".npz" else _read_text(path, labels)
+        A = _read_npz(path) if path.suffix == ".npz" else _read_text(path, labels, unknowns)
     except InputError:
         raise
     except Exception as error:  # what NumPy, SciPy and zipfile raise on damaged bytes is of many kinds
         raise InputError(str(path), "", None, f"can't be read as a matrix: {' '.join(str(error).split())}") from error
     if A.shape != (n, n):
-        mend = f"has {A.shape[0]} rows and {A.shape[1]} columns; {len(labels)} nodes have {n} displacements"
+        mend = f"has {A.shape[0]} rows and {A.shape[1]} columns; {len(labels)} nodes have {n} {_WHAT[unknowns]}"
+        if A.shape[0] == 2 * n and unknowns == 3:
+            mend += ", and this is twice as many: with rotations say matrices.unknowns = 6"
         raise InputError(str(path), "", None, mend)
     if not np.isfinite(A.data).all():
         bad = np.count_nonzero(~np.isfinite(A.data))
@@ -163,7 +156,7 @@ def _real_matrix(shape: tuple[int, ...], row: IntArray, column: IntArray, values
     return sp.csr_array((np.asarray(values, dtype=float), (row, column)), shape=shape)
 
 
-def _read_text(path: Path, labels: IntArray) -> sp.csr_array:
+def _read_text(path: Path, labels: IntArray, unknowns: int) -> sp.csr_array:
     """Read a matrix in Matrix Market form or in Abaqus' rows, of five items by node labels or of three by numbers."""
     text = _text(path)
     if text.startswith("%%MatrixMarket"):
@@ -174,14 +167,14 @@ def _read_text(path: Path, labels: IntArray) -> sp.csr_array:
         if items and not items[0].startswith(("*", "#", "%")):
             lines.append((number, items))
     by_numbers = bool(lines) and len(lines[0][1]) == 3
-    row, column, values = (_coordinate_entries if by_numbers else _label_entries)(lines, labels)
-    n = 3 * len(labels)
+    row, column, values = (_coordinate_entries if by_numbers else _label_entries)(lines, labels, unknowns)
+    n = unknowns * len(labels)
     if _is_half(row, column, n):
         row, column, values = _both_halves(row, column, values)
     return _real_matrix((n, n), row, column, values)
 
 
-def _label_entries(lines: Sequence[_Line], labels: IntArray) -> tuple[IntArray, IntArray, Array]:
+def _label_entries(lines: Sequence[_Line], labels: IntArray, unknowns: int) -> tuple[IntArray, IntArray, Array]:
     """Return rows, columns and values of lines of node, direction, node, direction, value."""
     place = {int(label): k for k, label in enumerate(labels)}
     rows, columns, values = [], [], []
@@ -191,20 +184,21 @@ def _label_entries(lines: Sequence[_Line], labels: IntArray) -> tuple[IntArray, 
             value = _real(items[4])
         except (IndexError, ValueError):
             raise ValueError(f"line {number} isn't node, direction, node, direction, value") from None
-        if not (1 <= direction <= 3 and 1 <= along <= 3):
-            raise ValueError(f"directions are 1, 2, 3; line {number} has {direction} and {along}")
+        if not (1 <= direction <= unknowns and 1 <= along <= unknowns):
+            more = "; with rotations say matrices.unknowns = 6" if unknowns == 3 and max(direction, along) <= 6 else ""
+            raise ValueError(f"directions are 1 to {unknowns}; line {number} has {direction} and {along}{more}")
         try:
-            rows.append(3 * place[node] + direction - 1)
-            columns.append(3 * place[other] + along - 1)
+            rows.append(unknowns * place[node] + direction - 1)
+            columns.append(unknowns * place[other] + along - 1)
         except KeyError as error:
             raise ValueError(f"line {number} names node {error}, which isn't among the nodes") from None
         values.append(value)
     return np.array(rows, dtype=int), np.array(columns, dtype=int), np.array(values)
 
 
-def _coordinate_entries(lines: Sequence[_Line], labels: IntArray) -> tuple[IntArray, IntArray, Array]:
+def _coordinate_entries(lines: Sequence[_Line], labels: IntArray, unknowns: int) -> tuple[IntArray, IntArray, Array]:
     """Return rows, columns and values of lines of row, column, value, counted from 1 through the nodes' unknowns."""
-    n = 3 * len(labels)
+    n = unknowns * len(labels)
     rows, columns, values = [], [], []
     for number, items in lines:
         try:
@@ -216,7 +210,7 @@ def _coordinate_entries(lines: Sequence[_Line], labels: IntArray) -> tuple[IntAr
             raise ValueError(f"line {number} isn't row, column, value") from None
         if not (1 <= row <= n and 1 <= column <= n):
             raise ValueError(
-                f"line {number} has row {row} and column {column}, and {len(labels)} nodes have {n} displacements"
+                f"line {number} has row {row} and column {column}, and {len(labels)} nodes have {n} {_WHAT[unknowns]}"
             )
         rows.append(row - 1)
         columns.append(column - 1)
@@ -294,6 +288,8 @@ def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Mar
     if missing:
         raise ValueError(f"there is no node {missing[0]} (of {len(missing)} that aren't there)")
     own = np.array(sorted({place[int(node)] for node in nodes}), dtype=np.int64)
+    if len(own) == 1 and (turning := model.turning_marker(int(own[0]))) is not None:
+        return turning
     r = model.x[own] - model.x[own].sum(axis=0) / max(len(own), 1)
     second = r.T @ r
     if len(own) < 3 or np.linalg.eigvalsh(second)[1] <= IN_LINE * np.trace(second):
@@ -307,5 +303,6 @@ def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Mar
 
 def nodes_in_plane(model: MatrixModel, axis: int, place: float) -> IntArray:
     """Return the numbers of the nodes in the plane across an axis at ``place`` [m]."""
-    near = FACE_IN_PLANE * float(np.ptp(model.x, axis=0).max())
-    return np.asarray(model.labels[np.abs(model.x[:, axis] - place) <= near])
+    x = model.x[: len(model.labels)]
+    near = FACE_IN_PLANE * float(np.ptp(x, axis=0).max())
+    return np.asarray(model.labels[np.abs(x[:, axis] - place) <= near])

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fmd.fem.formats.matrices import MatrixModel
 from fmd.fem.formats.matrix_files import write_matrices, write_modes
+from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
 
 

@@ -59,7 +59,7 @@ def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:
     assert source is not None
     given, paths = shape.matrices, source.paths
     units = unit_ratio(given.unit, "m"), unit_ratio(given.stiffness_unit, "N/m"), unit_ratio(given.mass_unit, "kg")
-    return read_matrices(paths["stiffness"], paths["mass"], paths["nodes"], units)
+    return read_matrices(paths["stiffness"], paths["mass"], paths["nodes"], units, given.unknowns)
 
 
 def find_material(shape: Flexible, mesh: SolidMesh, file: str, body: str) -> AnyMaterial:
