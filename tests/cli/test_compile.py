@@ -40,5 +40,6 @@ def test_the_functions_are_written_as_c(fmd, capsys, tmp_path):
 
 
 def test_a_file_of_c_that_cannot_be_written_is_told(fmd, capsys, tmp_path):
-    assert fmd("compile", "rod-slider", "--c", tmp_path / "missing" / "equations.c") == 2
+    (tmp_path / "file").touch()
+    assert fmd("compile", "rod-slider", "--c", tmp_path / "file" / "equations.c") == 2
     assert "can't be written" in capsys.readouterr().err

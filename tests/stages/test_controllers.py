@@ -12,10 +12,11 @@ from scipy.linalg import expm
 from fmd import Pipeline, load_scene
 from fmd.cli.app import main
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
+from fmd.core.errors import AccuracyError, InputError
 from fmd.scene.scene import Scene
 from fmd.stages.linear_model import linearise_scene
-from fmd.stages.sampling_check import find_unstable_sampling
+from fmd.stages.plan import Plan
+from fmd.stages.sampling_check import find_unstable_sampling, state_of_start, states_of_motion
 from fmd.stages.stiffening_check import rigid_motion
 
 INERTIA = 2 / 3  # of the rod about its hinge [kg m²]
@@ -229,14 +230,32 @@ def growth(T: float) -> float:
 @pytest.mark.parametrize("T", [0.1, 0.19, 0.21, 0.4])
 def test_a_sample_time_that_makes_the_loop_unstable_is_told_with_one_that_would_do(tmp_path: Path, T: float):
     run = Pipeline(scene_of(tmp_path, PID + f'sample_time = "{T} s"\n'))
-    text = find_unstable_sampling(run)
+    text = find_unstable_sampling(run, states_of_motion(run))
     assert bool(text) is (growth(T) > 0.0)
+    assert bool(find_unstable_sampling(run, state_of_start(run))) is bool(text)
     if text:
         told, mend = re.search(r"grow as exp\((\S+) t\)", text), re.search(r"; (\S+) s would do", text)
         assert told is not None
         assert mend is not None
         assert float(told[1]) == pytest.approx(growth(T), rel=0.01)
         assert growth(float(mend[1])) <= 0.0 < growth(float(mend[1]) + 0.011)
+
+
+def test_a_motion_that_fails_by_its_sample_time_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    march = Plan.march
+
+    def fail(plan: Plan, times: Array, *rest: Any) -> Any:
+        if len(times) > 1:  # else it is compiled
+            raise AccuracyError("the last two marches differ")
+        return march(plan, times, *rest)
+
+    monkeypatch.setattr(Plan, "march", fail)
+    with pytest.raises(
+        AccuracyError, match=r"marches differ; servo: the sample time makes.*about t = 0 s; 0\.2 s would do"
+    ):
+        Pipeline(scene_of(tmp_path, PID + 'sample_time = "0.3 s"\n')).motions  # noqa: B018
+    with pytest.raises(AccuracyError, match=r"marches differ$"):
+        Pipeline(scene_of(tmp_path, PID + 'sample_time = "0.1 s"\n')).motions  # noqa: B018
 
 
 def test_loops_of_several_sample_times_grow_by_their_common_multiple(tmp_path: Path):
@@ -263,7 +282,8 @@ sample_time = "100 ms"
 
     loop = np.stack([two_samples(e) for e in np.eye(2)], axis=1)
     exact = np.log(np.abs(np.linalg.eigvals(loop)).max()) / 0.2
-    told = re.search(r"grow as exp\((\S+) t\)", find_unstable_sampling(Pipeline(scene_of(tmp_path, text))))
+    run = Pipeline(scene_of(tmp_path, text))
+    told = re.search(r"grow as exp\((\S+) t\)", find_unstable_sampling(run, states_of_motion(run)))
     assert told is not None
     assert float(told[1]) == pytest.approx(exact, rel=0.01)
 

@@ -185,6 +185,13 @@ def test_a_file_without_linear_hexahedra_has_no_choice_of_formulation(from_files
         run.fe  # noqa: B018
 
 
+def test_a_file_of_second_order_has_no_elements_of_first(from_files: Pipeline, folder: Path) -> None:
+    markers = 'body.strip.marker={e={plane="x = 20 mm"}}'
+    run = pipeline(folder, 'body.strip.mesh={file="strip.inp",unit="m",order=1}', markers)
+    with pytest.raises(InputError, match=r"body\.strip\.mesh\.order = 1: the cells are tetra10.*leave `order` out"):
+        run.fe  # noqa: B018
+
+
 @pytest.mark.parametrize("mass", ["M.npz", "M.mtx"])
 def test_matrices_give_the_same_modes(from_files: Pipeline, folder: Path, mass: str) -> None:
     run = pipeline(folder, f"body.strip.matrices.mass={mass}", scene="matrices.toml")

@@ -94,10 +94,10 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
 
 def _cost_of_lumping(part: FlexiblePart) -> float:
     """Return the largest relative change of a frequency by lumped masses of matrices with rotations."""
-    from fmd.fem.formats.matrix_model import MatrixModel
-
     if not isinstance(part.shape, MatrixPart) or part.shape.matrices.unknowns == 3:
         return 0.0
+    from fmd.fem.formats.matrix_model import MatrixModel
+
     assert isinstance(part.fe, MatrixModel)
     return float(np.abs(part.fe.frequency_changes(part.modes.shapes)).max(initial=0.0))
 

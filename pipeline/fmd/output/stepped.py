@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.automatic import FIRST_TOLERANCE
@@ -20,7 +21,6 @@ from fmd.integrators.runge_kutta import RungeKutta
 from fmd.scene.controllers import ExternalValue
 from fmd.scene.scene import Scene, load_scene
 from fmd.stages.mechanism import add_observer
-from fmd.stages.pipeline import Pipeline
 
 
 class SteppedScene:
@@ -61,7 +61,7 @@ class SteppedScene:
     """
 
     def __init__(self, scene: Scene | str | Path, observe: Sequence[str] = (), sample_time: float = 1e-3) -> None:
-        run = Pipeline(scene if isinstance(scene, Scene) else load_scene(scene))
+        run = SolvedScene(scene if isinstance(scene, Scene) else load_scene(scene)).run
         if not sample_time > 0.0:
             raise InputError(run.scene.file, "sample_time", sample_time, "must be a time above 0, in seconds")
         self.scene, self.sample_time, self.observe = run.scene, sample_time, tuple(observe)

@@ -224,9 +224,9 @@ def _sampling_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Warn of sample times of controllers that make a closed loop unstable."""
     if not run.scene.sampled:
         return []
-    from fmd.stages.sampling_check import find_unstable_sampling
+    from fmd.stages.sampling_check import find_unstable_sampling, states_of_motion
 
-    text = find_unstable_sampling(run)
+    text = find_unstable_sampling(run, states_of_motion(run))
     return [{"code": "sample-time", "text": text}] if text else []
 
 

@@ -294,6 +294,9 @@ class FlexiblePart:
     def order(self) -> int:
         """Polynomial order of the displacement in an element."""
         chosen = None if isinstance(self.shape, MatrixPart | ReducedPart) else self.shape.mesh.order
+        if chosen and chosen < self.mesh.order:
+            mend = f"the cells are {self.mesh.cell_type}, with nodes at the middles of sides; leave `order` out"
+            raise InputError(self.file, f"body.{self.name}.mesh.order", chosen, mend)
         return chosen or self.mesh.order
 
     @property

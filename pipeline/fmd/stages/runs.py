@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import InertiaError, InputError, StabilityError
+from fmd.core.errors import AccuracyError, InertiaError, InputError, StabilityError
 from fmd.core.limits.contact import CHOSEN_STEP, DEEP_START, LARGEST_STEP
 from fmd.core.limits.mechanism import NO_FORCE
 from fmd.core.limits.stability import ALLOWED_GROWTH, LEAST_CYCLES, SURELY_STABLE, TRIED_PART, TRIED_TIMES
@@ -361,9 +361,19 @@ def _find_motions(run: BuiltScene) -> dict[str, Motion]:
 
 
 def _march(run: BuiltScene, label: str, plan: Plan) -> Trajectory:
-    """Integrate a run of the scene."""
-    with run.store.monitor(label) as advance, run.while_timed():
-        return plan.march(run.output_times, advance)
+    """Integrate a run of the scene; where sampled controllers make the loop unstable, its failure says so."""
+    try:
+        with run.store.monitor(label) as advance, run.while_timed():
+            return plan.march(run.output_times, advance)
+    except AccuracyError as error:
+        if isinstance(error, InertiaError) or not run.scene.sampled:
+            raise
+        from fmd.stages.sampling_check import find_unstable_sampling, state_of_start
+
+        cause = find_unstable_sampling(run, state_of_start(run))
+        if not cause:
+            raise
+        raise AccuracyError(f"{error}; {cause}") from error
 
 
 def march_finely(built: BuiltScene) -> Motion:

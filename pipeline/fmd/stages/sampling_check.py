@@ -1,12 +1,14 @@
-"""Check of the sample times of a scene's controllers, along the motion of its first run."""
+"""Check of the sample times of a scene's controllers, along the motion of its first run or at its start."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.core.limits.stability import BISECTIONS, FINELY_SAMPLED, GROWING, SAMPLED_STATES
 from fmd.scene.controllers import PidController
 from fmd.stability.sampled_loops import SampledLoops, linearise_loops
@@ -17,20 +19,45 @@ if TYPE_CHECKING:
     from fmd.stages.plan import BuiltScene
 
 
-def find_unstable_sampling(run: BuiltScene) -> str:
+def states_of_motion(run: BuiltScene) -> list[tuple[OperatingPoint, Array]]:
+    """Return some states of the first run's motion with the values that controllers hold there, (n_held,) each."""
+    trajectory = run.motion.trajectory
+    assert trajectory.held is not None
+    return [
+        (
+            OperatingPoint(float(trajectory.times[k]), trajectory.q[k], trajectory.v[k]),
+            np.array(trajectory.held.at(float(trajectory.times[k]))),
+        )
+        for k in np.linspace(0, len(trajectory.times) - 1, SAMPLED_STATES).astype(int)
+    ]
+
+
+def state_of_start(run: BuiltScene) -> list[tuple[OperatingPoint, Array]]:
+    """Return the state at the start, for a motion that can't be found; controllers hold nothing there."""
+    q, v = run.start
+    return [(OperatingPoint(0.0, q, v), np.zeros(len(run.system.mechanism.controllers)))]
+
+
+def find_unstable_sampling(run: BuiltScene, states: Sequence[tuple[OperatingPoint, Array]]) -> str:
     """Say if sampling makes small vibrations grow that fine sampling would not, and which sample times would do.
 
-    The loops are linearised without limits at some states of the first run's motion; empty if they are sound there.
+    Parameters
+    ----------
+    states : sequence of tuple
+        States, with the values that controllers hold, about which loops are linearised, without limits.
+
+    Returns
+    -------
+    str
+        Empty if the loops are sound there.
     """
-    scene, system, motion = run.scene, run.system, run.motion
-    trajectory, controllers = motion.trajectory, system.mechanism.controllers
-    assert trajectory.held is not None
+    scene, system = run.scene, run.system
+    controllers = system.mechanism.controllers
     given = [scene.controller[one.name] for one in controllers]
     duration, worst = scene.simulation.duration, ""
     most = GROWING
-    for k in np.linspace(0, len(trajectory.times) - 1, SAMPLED_STATES).astype(int):
-        at = OperatingPoint(float(trajectory.times[k]), trajectory.q[k], trajectory.v[k])
-        loops = linearise_loops(system, at, np.array(trajectory.held.at(at.time)))
+    for at, held in states:
+        loops = linearise_loops(system, at, held)
 
         def rate(share: float, loops: SampledLoops = loops) -> float:
             periods = [share * one.period for one in controllers]

@@ -218,8 +218,8 @@ def test_a_file_that_was_there_stays_if_the_fields_fail(space: Discretisation, p
         write_series(space, TIMES, failing(), path)
     assert path.read_bytes() == before
     assert [entry.name for entry in path.parent.iterdir()] == [path.name]
-    with pytest.raises(OSError, match="No such file"):
-        write_series(space, TIMES, fields_of(space), path.parent / "nowhere" / "motion.vtkhdf")
+    with pytest.raises(OSError, match=path.name):  # a file is no folder
+        write_series(space, TIMES, fields_of(space), path / "motion.vtkhdf")
 
 
 @ONE
