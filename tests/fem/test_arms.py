@@ -61,7 +61,7 @@ def test_an_arm_on_the_mean_motion_of_nodes_is_drawn_in_as_they_turn() -> None:
 
 
 def test_links_that_hang_on_links_are_resolved_and_circles_refused() -> None:
-    constraints = Constraints(2, 0)
+    constraints = Constraints(6, 0)
     constraints.give(np.array([0]), np.array([1]), np.array([[2.0]]))
     constraints.give(np.array([1]), np.array([3, 4]), np.array([[1.0, -1.0]]))
     T, independent = constraints.transformation()

@@ -15,17 +15,22 @@ INERTIA = ["1e-4 kg m^2", "2e-4 kg m^2", "2e-4 kg m^2"]
 AT = ["0.3 m", "0 m", f"{HEIGHT} m"]
 
 
-def scene(linked: bool = True, **changes: Any) -> dict[str, Any]:
+BAR = {
+    "shape": "bar",
+    "length": "0.3 m",
+    "depth": "10 mm",
+    "width": "10 mm",
+    "mesh": {"element": "hexahedron", "order": 2, "divisions": [6, 1, 1]},
+}
+PLATE = {"shape": "plate", "length": "0.3 m", "width": "50 mm", "thickness": "5 mm", "mesh": {"divisions": [6, 2]}}
+
+
+def scene(linked: bool = True, shape: dict[str, Any] = BAR, **changes: Any) -> dict[str, Any]:
     """A bar on a hinge along y, whose free end carries a motor beside it, linked or as a rigid body of its own."""
-    bar = {
-        "shape": "bar",
-        "length": "0.3 m",
-        "depth": "10 mm",
-        "width": "10 mm",
+    bar = shape | {
         "E": "70 GPa",
         "nu": 0.3,
         "rho": "2700 kg/m^3",
-        "mesh": {"element": "hexahedron", "order": 2, "divisions": [6, 1, 1]},
         "modes": {"count": 6, "boundary": "interface"},
         "marker": {"root": {"face": "x-"}, "end": {"face": "x+", "attachment": "rigid"}},
     }
@@ -56,10 +61,11 @@ def scene(linked: bool = True, **changes: Any) -> dict[str, Any]:
     }
 
 
-def test_a_linked_motor_moves_as_a_rigid_body_that_is_bolted_on() -> None:
+@pytest.mark.parametrize("shape", [BAR, PLATE], ids=["solid", "shell"])
+def test_a_linked_motor_moves_as_a_rigid_body_that_is_bolted_on(shape: dict[str, Any]) -> None:
     paths: list[Array] = []
     for linked in (True, False):
-        paths.append(np.asarray(fmd.load(scene(linked)).motion.tip_position))
+        paths.append(np.asarray(fmd.load(scene(linked, shape)).motion.tip_position))
     fall = np.abs(paths[0] - paths[0][0]).max()
     assert fall > 0.02
     assert np.abs(paths[0] - paths[1]).max() < 1e-5 * fall

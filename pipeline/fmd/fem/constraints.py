@@ -11,34 +11,30 @@ from fmd.core.limits.mesh import DEEPEST_LINKS
 
 
 class Constraints:
-    """Equations that give some unknowns of nodes and grid points by others, solved for all by the independent ones.
+    """Equations that give some unknowns of a body and its grid points by others, solved for all by independent ones.
 
-    Unknowns are three of each node, then six of each grid point, its displacement and its rotation.
+    Unknowns are those of the body, then six of each grid point, its displacement and its rotation.
 
     Parameters
     ----------
-    n_nodes : int
-        Number of nodes.
+    n_unknowns : int
+        Number of the body's unknowns.
     n_grids : int
         Number of grid points.
     """
 
-    def __init__(self, n_nodes: int, n_grids: int) -> None:
-        self._n, self.n_nodes = 3 * n_nodes + 6 * n_grids, n_nodes
+    def __init__(self, n_unknowns: int, n_grids: int) -> None:
+        self._n, self.n_unknowns = n_unknowns + 6 * n_grids, n_unknowns
         self._is_given = np.zeros(self._n, dtype=bool)
         self._rows: list[IntArray] = []
         self._columns: list[IntArray] = []
         self._values: list[Array] = []
 
-    def unknowns(self, nodes: IntArray) -> IntArray:
-        """Return the unknowns of nodes (k,), shape (3 k,)."""
-        return np.asarray((3 * nodes[:, None] + np.arange(3)).ravel())
-
     def grid(self, k: int) -> IntArray:
         """Return the six unknowns of a grid point."""
-        return 3 * self.n_nodes + 6 * k + np.arange(6)
+        return self.n_unknowns + 6 * k + np.arange(6)
 
-    def give(self, unknowns: IntArray, others: IntArray, matrix: Array) -> None:
+    def give(self, unknowns: IntArray, others: IntArray, matrix: Array | sp.csr_array) -> None:
         """Let ``u[unknowns] = matrix @ u[others]``.
 
         Raises
@@ -49,10 +45,11 @@ class Constraints:
         if self._is_given[unknowns].any():
             raise ValueError("a node is moved by two links")
         self._is_given[unknowns] = True
-        row, column = np.nonzero(matrix)
+        entries = sp.coo_array(matrix)
+        row, column = entries.coords
         self._rows.append(unknowns[row])
         self._columns.append(others[column])
-        self._values.append(matrix[row, column])
+        self._values.append(entries.data)
 
     def are_given(self, unknowns: IntArray) -> NDArray[np.bool_]:
         """Return for each of some unknowns whether others give it."""

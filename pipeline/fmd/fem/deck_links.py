@@ -1,7 +1,7 @@
 """Connections of a deck as links, masses, springs and equations of the finite element model.
 
-Rigid connections that share a point with a rotation are one rigid piece. A point that isn't the solid's and that
-nothing ties is a rigid piece of its own.
+Rigid connections that share a point with a rotation are one rigid piece. A point that isn't the body's and that
+nothing ties is a rigid piece of its own. A shell's node of which a rotation is wanted turns as the elements around it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ from fmd.core.limits.mesh import ON_A_LINE, RIGID_RESIDUAL
 from fmd.core.rotations import rigid_motions
 from fmd.fem.connections import Connections, Equation, MassOnPoint, MeanConnection, RigidConnection, SpringBetween
 from fmd.fem.links import Linked, LinkedFace, LumpedMass, Relation
+from fmd.fem.local_markers import single_node_marker
 from fmd.fem.markers import Marker, face_marker
+from fmd.fem.selection import body_nodes, points_of_nodes
 from fmd.fem.space import Discretisation
 
 
 def find_deck_links(deck: Connections, space: Discretisation) -> Linked:
-    """Return the links of a deck on its solid, each by the name of its reference point.
+    """Return the links of a deck on its solid or shell, each by the name of its reference point.
 
     Raises
     ------
@@ -51,8 +53,9 @@ class _Finder:
 
     def __init__(self, deck: Connections, space: Discretisation) -> None:
         self._deck, self._space = deck, space
-        self._n = len(space.x)
-        self._x = np.concatenate([space.x, deck.places])
+        x, self._first = body_nodes(space)
+        self._n, self._is_shell = len(x), space.mesh.midsurface is not None
+        self._x = np.concatenate([x, deck.places])
         self._above: dict[int, int] = {}  # a point with rotations, and one nearer to its group's first
         self._names = {point: name for name, point in reversed(list(deck.names.items()))}
 
@@ -60,22 +63,23 @@ class _Finder:
         """Gather the links of all groups, and what is on them."""
         deck, links = self._deck, dict[str, LinkedFace]()
         references = {int(each.points[0]) for each in (*deck.rigid, *deck.mean)}
-        for point in (*sorted(references), *deck.points[deck.points >= self._n]):
+        for point in (*sorted(references | self._turned_nodes()), *deck.points[deck.points >= self._n]):
             self._root(int(point))
         for each in deck.rigid:
             self._join(each, references)
         for first in dict.fromkeys(self._root(point) for point in list(self._above)):
             rigid = [each for each in deck.rigid if self._root(int(each.points[0])) == first]
             mean = [each for each in deck.mean if self._root(int(each.points[0])) == first]
-            links[self._names[first]] = LinkedFace(self._marker(first, rigid, mean), self._x[first])
+            marker = self._marker(first, rigid, mean)
+            links[self._names[first]] = LinkedFace(marker, self._x[first], self._pinned(first, rigid))
         at = {point: self._names[self._root(point)] for point in self._above}
-        node_masses = np.zeros(self._n)
+        node_masses = np.zeros(self._first + self._n)
         for mass in deck.masses:
             if (point := int(mass.points[0])) in at:
                 continue
             if mass.offset.any() or mass.inertia.any():
                 raise ValueError(f"{mass.label} has an offset or inertia at a node of the solid, which doesn't turn")
-            node_masses[point] += mass.mass
+            node_masses[self._first + point] += mass.mass
         return Linked(
             links,
             [self._hung(mass) for mass in deck.masses if int(mass.points[0]) in at],
@@ -84,6 +88,15 @@ class _Finder:
             [self._relation(each, links) for each in deck.springs],
             {name: (at[point], self._x[point]) for name, point in deck.names.items() if point in at},
         )
+
+    def _turned_nodes(self) -> set[int]:
+        """Return the nodes of a shell whose rotations are wanted."""
+        if not self._is_shell:
+            return set()
+        eccentric = [each.points for each in self._deck.masses if each.offset.any() or each.inertia.any()]
+        turned = [each.points[each.directions >= 3] for each in (*self._deck.equations, *self._deck.springs)]
+        points = np.concatenate([np.zeros(0, dtype=np.int64), *eccentric, *turned])
+        return set(map(int, points[points < self._n]))
 
     def _root(self, point: int) -> int:
         """Return the first point of a point's group; a point of no group makes one."""
@@ -101,11 +114,16 @@ class _Finder:
                 self._above[self._root(point)] = self._root(first)
 
     def _marker(self, first: int, rigid: list[RigidConnection], mean: list[MeanConnection]) -> Marker:
-        """Return the marker of a group's nodes on the solid."""
-        tied = np.concatenate([np.array([first]), *(each.points for each in rigid)])
+        """Return the marker of a group's nodes, of a shell those that turn with it."""
+        turning = [each.points for each in rigid if each.turning or not self._is_shell]
+        tied = np.concatenate([np.array([first]), *turning])
         nodes = np.unique(tied[tied < self._n])
+        if not mean and not rigid and len(nodes) and self._is_shell:
+            return single_node_marker(self._space, self._first + first)
         if not mean:
-            return weighted_marker(nodes, self._x[nodes], np.ones(len(nodes)), rigid=True)
+            points = points_of_nodes(self._space, self._first + nodes)
+            x = self._space.x[points]
+            return weighted_marker(points, x, np.ones(len(points)), rigid=True)
         if len(mean) > 1 or len(nodes):
             names = " and ".join(each.label for each in (*mean, *rigid)[:3])
             raise ValueError(f"{names} move the same point; an average link to the solid must be the only one")
@@ -114,12 +132,31 @@ class _Finder:
             raise ValueError(f"{own.label} follows points that aren't nodes of the solid, which isn't read")
         if not own.turning and rigid:
             raise ValueError(f"{own.label} doesn't turn its point, on which {rigid[0].label} hangs")
-        if own.facets:
+        if own.facets and not self._is_shell:
             return face_marker(self._space, list(own.facets))
-        marker = weighted_marker(own.points[1:], self._x[own.points[1:]], own.weights)
+        weights = self._areas(own) if own.facets else own.weights
+        marker = weighted_marker(self._first + own.points[1:], self._x[own.points[1:]], weights)
         if own.turning and np.linalg.matrix_rank(marker.rotation_weights.reshape(3, -1), ON_A_LINE) < 3:
             raise ValueError(f"{own.label} follows nodes that lie on a line, about which they don't turn")
         return marker
+
+    def _pinned(self, first: int, rigid: list[RigidConnection]) -> IntArray:
+        """Return the points of a shell's nodes that a group moves but doesn't turn."""
+        if not self._is_shell:
+            return np.zeros(0, dtype=np.int64)
+        turning = np.concatenate([np.array([first]), *(each.points for each in rigid if each.turning)])
+        others = np.concatenate([np.zeros(0, dtype=np.int64), *(each.points for each in rigid)])
+        pinned = np.setdiff1d(others, turning)
+        return np.asarray(self._first + pinned[pinned < self._n])
+
+    def _areas(self, own: MeanConnection) -> Array:
+        """Return the area around each of the points that an average link follows on a shell."""
+        areas = np.zeros(len(self._x))
+        for facets in own.facets:
+            r = self._x[facets] - self._x[facets[:, :1]]
+            area = sum(np.cross(r[:, k], r[:, k + 1]) for k in range(1, facets.shape[1] - 1))
+            np.add.at(areas, facets, np.linalg.norm(area, axis=1)[:, None] / (2 * facets.shape[1]))
+        return np.asarray(areas[own.points[1:]])
 
     def _hung(self, mass: MassOnPoint) -> LumpedMass:
         """Return a mass on its link."""
@@ -141,7 +178,8 @@ class _Finder:
                 row = turned if direction >= 3 else coefficient * rigid_motions(arm)[0, direction]
                 links[link] = links.get(link, np.zeros(6)) + row
             elif direction < 3:
-                nodes[point] = nodes.get(point, np.zeros(3)) + turned[:3]
+                node = self._first + point
+                nodes[node] = nodes.get(node, np.zeros(3)) + turned[:3]
             else:
                 raise ValueError(f"{each.label} has a rotation at node {self._names[point]}, which has none")
         size = np.abs(each.coefficients).max() * np.repeat([1.0, np.ptp(self._x, axis=0).max()], 3)

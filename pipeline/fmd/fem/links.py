@@ -1,4 +1,4 @@
-"""Links and lumped masses on a solid: points that carry mass, moved by one linear map from independent unknowns.
+"""Links and lumped masses on a body: points that carry mass, moved by one linear map from independent unknowns.
 
 The points of a body are the nodes of its mesh and, behind them, those of its links and masses. They move as
 ``u = T y``: a rigid link (RBE2) has six unknowns in place of those of its nodes, an average one (RBE3) follows its
@@ -15,12 +15,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.limits.mesh import RIGID_RESIDUAL
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, second_of_mean, second_of_rigid
 from fmd.fem.constraints import Constraints
 from fmd.fem.idle_motions import without_idle_motions
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
+from fmd.fem.rigid_pieces import arms_of_unknowns, rigid_unknowns
 
 
 @dataclass(frozen=True)
@@ -33,10 +35,13 @@ class LinkedFace:
         The face; rigid or averaged.
     at : ndarray, shape (3,)
         The reference point [m].
+    pinned : ndarray, shape (n,)
+        Further points of a rigid link, which it moves but doesn't turn, as nodes of a shell.
     """
 
     marker: Marker
     at: Array
+    pinned: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 @dataclass(frozen=True)
@@ -85,7 +90,7 @@ class Relation:
 
 @dataclass(frozen=True)
 class LinkedModel(FEModel):
-    """A finite element model with links and masses, whose points are more than the nodes of its mesh.
+    """A finite element model with links and masses, whose points are more than those of its mesh.
 
     Attributes
     ----------
@@ -191,15 +196,22 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
         Two rigid links share nodes, equations contradict them, or a mass isn't held by what it hangs on.
     """
     n, links, names = len(fe.x), linked.links, {name: k for k, name in enumerate(linked.links)}
-    constraints = Constraints(n, len(links))
-    groups, weights, shown_at = [], [np.zeros(0)], dict[str, tuple[str, int]]()
+    own_T = sp.csr_array(sp.eye_array(3 * n, format="csr")) if fe.T is None else fe.T
+    constraints = Constraints(own_T.shape[1], len(links))
+    groups, weights, shown_at, carried = [], [np.zeros(0)], dict[str, tuple[str, int]](), list[tuple[IntArray, Array]]()
     for k, (name, link) in enumerate(links.items()):
-        marker, r = link.marker, fe.x[link.marker.nodes] - link.at
-        own, grid = constraints.unknowns(marker.nodes), constraints.grid(k)
-        if marker.rigid:
-            constraints.give(own, grid, rigid_motions(r).reshape(-1, 6))
-        else:
-            constraints.give(grid, own, _mean_motion(marker, link.at))
+        marker, grid = link.marker, constraints.grid(k)
+        moved = [(marker.nodes[:0], np.zeros((0, 3)))]
+        for nodes in (marker.nodes, link.pinned) if marker.rigid else ():
+            if len(nodes):
+                unknowns, values = rigid_unknowns(own_T, fe.x, nodes, link.at)
+                constraints.give(unknowns, grid, values)
+                moved.append(arms_of_unknowns(own_T, unknowns, values))
+        carried.append((np.concatenate([own for own, _ in moved]), np.concatenate([r for _, r in moved])))
+        if not marker.rigid:
+            mean = sp.csr_array(_mean_motion(marker, link.at)) @ own_T[_rows(marker.nodes)]
+            unknowns = np.unique(mean.indices)
+            constraints.give(grid, unknowns, mean[:, unknowns])
         arms = fe.x[marker.nodes] - marker.position
         length = float(np.linalg.norm(arms, axis=1).max(initial=0.0)) or float(np.ptp(fe.x, axis=0).max())
         on_it = [mass for mass in linked.masses if mass.link == name]
@@ -216,7 +228,7 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
         groups.append(np.concatenate([*(at + shown for at in shown_places), *places]))
         weights += [*(none for _ in shown_places), *(each for _, each in points)]
     for equation in linked.equations:
-        _apply(equation, constraints, names)
+        _apply(equation, constraints, names, own_T)
     T, independent = constraints.transformation()
     rows = [
         sp.csr_array(rigid_motions(x - link.at).reshape(-1, 6)) @ T[constraints.grid(k)]
@@ -224,7 +236,7 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
     ]
     x = np.concatenate([fe.x, *groups])
     starts = np.cumsum([n, *(len(own) for own in groups)])
-    points_T = sp.csr_array(sp.vstack([T[: 3 * n], *rows]))
+    points_T = sp.csr_array(sp.vstack([own_T @ T[: constraints.n_unknowns], *rows]))
     own_mass = fe.m if linked.node_masses is None else sp.csr_array(fe.m + sp.diags_array(linked.node_masses))
     m = sp.csr_array(own_mass, copy=True)
     m.resize((len(x), len(x)))
@@ -233,7 +245,8 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
     K = sp.csr_array(fe.K, copy=True)
     K.resize((3 * len(x), 3 * len(x)))
     K = sp.csr_array(K + stretch.T @ stretch)
-    of_link = [list(links)[(unknown - 3 * n) // 6] for unknown in independent[independent >= 3 * n]]
+    first = constraints.n_unknowns
+    of_link = [list(links)[(unknown - first) // 6] for unknown in independent[independent >= first]]
     points_T, n_linked = without_idle_motions(points_T, stretch, m, n, of_link) if of_link else (points_T, 0)
     return LinkedModel(
         fe.discretisation,
@@ -244,16 +257,23 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
         {place: starts[names[link]] + 7 * number + np.arange(7) for place, (link, number) in shown_at.items()},
         T=points_T,
         link_unknowns=n_linked,
-        arms=_arms(x, list(links.values()), starts) if links else None,
+        arms=_arms(x, list(links.values()), starts, carried) if links else None,
+        directors=None if fe.directors is None else _free_directors(fe, x, list(links.values()), carried),
     )
 
 
-def _apply(equation: Relation, constraints: Constraints, links: Mapping[str, int]) -> None:
+def _rows(nodes: IntArray) -> IntArray:
+    """Return the displacements of nodes (k,) among those of all points, shape (3 k,)."""
+    return np.asarray((3 * nodes[:, None] + np.arange(3)).ravel())
+
+
+def _apply(equation: Relation, constraints: Constraints, links: Mapping[str, int], own_T: sp.csr_array) -> None:
     """Give one of the unknowns of an equation by the others: the first that isn't given yet."""
     nodes = np.array(list(equation.nodes), dtype=np.int64)
+    own = sp.csr_array(np.concatenate([np.zeros(0), *equation.nodes.values()])[None]) @ own_T[_rows(nodes)]
     grids = [constraints.grid(links[name]) for name in equation.links]
-    unknowns = np.concatenate([constraints.unknowns(nodes), *grids])
-    coefficients = np.concatenate([np.zeros(0), *equation.nodes.values(), *equation.links.values()])
+    unknowns = np.concatenate([own.indices, *grids])
+    coefficients = np.concatenate([own.data, *equation.links.values()])
     unknowns, coefficients = unknowns[coefficients != 0], coefficients[coefficients != 0]
     free = np.flatnonzero(~constraints.are_given(unknowns))
     if not free.size:
@@ -287,14 +307,14 @@ def _mean_motion(marker: Marker, at: Array) -> Array:
     return np.concatenate([move + np.cross(turn, at - marker.position, axis=0), turn])
 
 
-def _arms(x: Array, links: Sequence[LinkedFace], starts: IntArray) -> Arms:
-    """Return the arms of all links: their points, from ``starts`` on, and the nodes of the rigid ones."""
+def _arms(x: Array, links: Sequence[LinkedFace], starts: IntArray, carried: Sequence[tuple[IntArray, Array]]) -> Arms:
+    """Return the arms of all links: their points, from ``starts`` on, and what the rigid ones carry."""
     points, number, second, turns = [], [], [], []
-    for k, link in enumerate(links):
+    for k, (link, (moved, r)) in enumerate(zip(links, carried, strict=True)):
         marker, own = link.marker, np.arange(starts[k], starts[k + 1])
         if marker.rigid:
-            own = np.concatenate([marker.nodes, own])
-            second.append(second_of_rigid(x[own] - link.at))
+            second.append(second_of_rigid(np.concatenate([r, x[own] - link.at])))
+            own = np.concatenate([moved, own])
         else:
             places = x[marker.nodes] - marker.position
             second.append(second_of_mean(x[own] - marker.position, places, marker.rotation_weights))
@@ -302,6 +322,21 @@ def _arms(x: Array, links: Sequence[LinkedFace], starts: IntArray) -> Arms:
         number.append(np.full(len(own), k))
         shown = starts[k] + np.arange(7)
         rotation = arms_marker(shown, x[shown]).rotation_weights.reshape(3, -1)
-        place = (np.repeat(np.arange(3), 21), np.tile((3 * shown[:, None] + np.arange(3)).ravel(), 3))
+        place = (np.repeat(np.arange(3), 21), np.tile(_rows(shown), 3))
         turns.append(sp.csr_array((rotation.ravel(), place), shape=(3, 3 * len(x))))
     return Arms(np.concatenate(points), np.concatenate(number), sp.csr_array(sp.vstack(turns)), np.concatenate(second))
+
+
+def _free_directors(
+    fe: FEModel, x: Array, links: Sequence[LinkedFace], carried: Sequence[tuple[IntArray, Array]]
+) -> Arms:
+    """Return a shell's directors without those that turn with a rigid link, whose arms they are."""
+    assert fe.directors is not None
+    turned = np.zeros(len(x), dtype=bool)
+    for link, (points, r) in zip(links, carried, strict=True):
+        turned[points] = np.abs(x[points] - link.at - r).max(axis=1, initial=0.0) < RIGID_RESIDUAL * np.ptp(x)
+    free = ~turned[fe.directors.points]
+    turn = sp.csr_array(fe.directors.turn, copy=True)
+    turn.resize((turn.shape[0], 3 * len(x)))
+    own = fe.directors
+    return Arms(own.points[free], own.link[free], turn, own.second[free])

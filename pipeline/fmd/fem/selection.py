@@ -80,7 +80,7 @@ def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
         No node lies there; the message gives the distance of the nearest.
     """
     along = ends[1] - ends[0]
-    x, first = _own_nodes(space)
+    x, first = body_nodes(space)
     r = x - ends[0]
     share = np.clip(r @ along / (along @ along), 0.0, 1.0)
     away = np.linalg.norm(r - share[:, None] * along, axis=1)
@@ -93,7 +93,7 @@ def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
 
 def node_at(space: Discretisation, point: Array) -> IntArray:
     """Return the node nearest to a point (3,) [m], of a shell that of its midsurface, shape (1,)."""
-    x, first = _own_nodes(space)
+    x, first = body_nodes(space)
     return np.array([first + np.linalg.norm(x - point, axis=1).argmin()])
 
 
@@ -104,7 +104,7 @@ def points_of_nodes(space: Discretisation, nodes: IntArray) -> IntArray:
     return np.flatnonzero(np.isin(space.mesh.midsurface.owner, nodes - len(space.x)))
 
 
-def _own_nodes(space: Discretisation) -> tuple[Array, int]:
+def body_nodes(space: Discretisation) -> tuple[Array, int]:
     """Return positions of a body's nodes (n_nodes, 3), of a shell in its midsurface, and the number of the first."""
     midsurface = space.mesh.midsurface
     return (space.x, 0) if midsurface is None else (midsurface.nodes, len(space.x))

@@ -23,7 +23,6 @@ from fmd.core.limits.modes import (
     ROUNDED_RESIDUAL,
     ZERO_EIGENVALUE,
 )
-from fmd.core.limits.round_off import SOLVED
 from fmd.reduction.factor.factor import Factor, factorise
 from fmd.reduction.inertia_relief import THIN, rounded_defect, solve_balanced
 from fmd.reduction.missed_modes import missed_eigenvalue
@@ -41,7 +40,7 @@ Inverse = Callable[[Array], Array]
 class FreeBodySolver:
     """Modes and static responses of a body from one factorisation of ``K − σ M``, σ < 0.
 
-    K alone is singular for a free body, so a shift of zero would return garbage; a negative shift makes the
+    K alone is singular for a body that can move, so a shift of zero would return garbage; a negative shift makes the
     matrix positive definite. It is scaled to the problem: a third of an upper bound of the lowest elastic
     eigenvalue.
 
@@ -175,8 +174,8 @@ class FreeBodySolver:
         return np.asarray(bent - R @ np.linalg.solve(rigid_mass, MR.T @ bent)).reshape(u.shape)
 
     def _shifted_factor(self) -> tuple[float, Factor]:
-        """Choose the shift σ and factorise ``K − σ M``."""
-        shift = -0.3 * self._lowest_bound()
+        """Choose the shift σ, none if supports hold the whole body, and factorise ``K − σ M``."""
+        shift = -0.3 * self._lowest_bound() if self.rigid_modes.shape[1] else 0.0
         return shift, self._factorise(self._K - shift * self._M)
 
     def _loads(self, f: Array) -> Array:
@@ -200,14 +199,13 @@ class FreeBodySolver:
         V, K, M, T = np.kron(np.stack(terms, axis=1), np.eye(3)), self._K, self._M, self._T
         if self._supported:  # polynomials would break at the supports; the free body is softer in any case
             K, M, T = self._fe.K, self._fe.M, self._fe.T
-            if self._fe.directors is None:  # by points: a mass beside a light shaft is soft by its arm
-                T = None
-            elif T is not None:
+            if T is not None:
                 K, M = T.T @ K @ T, T.T @ M @ T
         V = np.linalg.qr(_unknowns_of(V, T))[0]
-        mass, W = np.linalg.eigh(V.T @ (M @ V))
-        V = V @ (W[:, mass > SOLVED * mass[-1]])  # a point of links may carry no mass
-        return float(eigh(V.T @ (K @ V), V.T @ (M @ V), eigvals_only=True)[6])
+        k, m = V.T @ (K @ V), V.T @ (M @ V)
+        scale = float(np.trace(k) / np.trace(m))
+        theta = eigh(m, k + scale * m, eigvals_only=True)  # 1 / (λ + scale), which is 0 of what carries no mass
+        return float(1.0 / theta[-7] - scale)
 
     def _rigid_modes_left(self, B: Array) -> Array:
         """Rigid-body modes that constraints B leave, ``Zᵀ M Z = 1``."""

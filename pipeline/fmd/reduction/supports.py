@@ -9,11 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import null_space
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import rigid_motions
+from fmd.fem.rigid_pieces import rigid_unknowns
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
@@ -88,17 +88,10 @@ def _moved_rigidly(fe: FEModel, T: sp.csr_array, marker: Marker) -> tuple[IntArr
     ValueError
         A link moves some of the nodes.
     """
-    rows = sp.csr_array(T[(3 * marker.nodes[:, None] + np.arange(3)).ravel()])
-    if len(rows.indices) == rows.shape[0] and (rows.data == 1.0).all():
-        return rows.indices, rigid_motions(fe.x[marker.nodes] - marker.position).reshape(-1, 6)
-    unknowns = np.unique(rows.indices)
-    if unknowns[-1] >= T.shape[1] - fe.link_unknowns:
+    unknowns, values = rigid_unknowns(T, fe.x, marker.nodes, marker.position)
+    if unknowns.max() >= T.shape[1] - fe.link_unknowns:
         raise ValueError("a rigid face and a link share nodes; make the attachment 'averaged'")
-    moved = sp.csc_array(T[:, unknowns])  # of a shell: all points of the nodes, which turn with them
-    points = np.unique(moved.indices // 3)
-    part = sp.csr_array(moved)[(3 * points[:, None] + np.arange(3)).ravel()]
-    rigid = part.T @ rigid_motions(fe.x[points] - marker.position).reshape(-1, 6)
-    return unknowns, np.asarray(splu(sp.csc_array(part.T @ part)).solve(rigid))
+    return unknowns, values
 
 
 def remove_fixed_unknowns(T: Any, fixed: IntArray, n_linked: int) -> sp.csr_array:

@@ -175,10 +175,6 @@ class Solid(Deformable):
 
     @model_validator(mode="after")
     def _of_shells(self) -> Solid:
-        if self.is_shell and self.link:
-            raise FaultError(
-                "is of solids: shells have no links yet; a marker with attachment = 'rigid' has one", "link"
-            )
         if self.is_shell and self.pieces != 1:
             raise FaultError("is of solids: shells aren't cut yet; join several bodies by fixed joints", "pieces")
         return self

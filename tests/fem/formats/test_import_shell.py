@@ -100,9 +100,6 @@ def test_other_elements_are_refused_by_name(tmp_path: Path) -> None:
     write_abaqus(path, x, {"S4": cells}, "*ELEMENT, TYPE=B31\n900, 1, 2")
     with pytest.raises(InputError, match=r"beside shells of three or four nodes aren't read.*1 line"):
         read_shell(path, 1e-3, 2e-3)
-    write_nastran(tmp_path / "linked.bdf", x, {"CQUAD4": cells}, "RBE2,800,1,123456,2,3")
-    with pytest.raises(InputError, match="links and masses of decks are of solids; it has RBE2 800"):
-        read_shell(tmp_path / "linked.bdf", 1e-3, 2e-3)
     write_abaqus(path, x, {"C3D4": cells})
     with pytest.raises(InputError, match="has solid elements: 24 tetra"):
         read_shell(path, 1e-3, 2e-3)

@@ -323,8 +323,8 @@ class _Deck:
         """Return the corners of a surface's facets, an array for each block and face."""
         cells_of: dict[tuple[int, int], list[int]] = defaultdict(list)
         for of, side in rows:
-            if not re.fullmatch(r"S[1-6]", side):
-                continue  # of shells: SPOS, SNEG
+            if not re.fullmatch(r"S[1-6]|SPOS|SNEG|", side):
+                continue  # edges of shells
             inner = self.names.get(of.rpartition(".")[2].casefold(), "")
             if of.isdigit():
                 numbers = {int(of)} & where.keys()
@@ -334,10 +334,14 @@ class _Deck:
                 raise MeshFileError(f"surface {name} names the element set {of}, which isn't there")
             for number in sorted(numbers):
                 b, k = where[number]
-                cells_of[b, int(side[1]) - 1].append(k)
+                cells_of[b, int(side[1]) - 1 if side[1:].isdigit() else -1].append(k)
         facets = []
         for (b, face), chosen in cells_of.items():
             kind, cells = raw.blocks[b]
+            if face < 0:  # a side of shells
+                if kind.startswith(("triangle", "quad")):
+                    facets.append(cells[chosen][:, : 3 if kind.startswith("triangle") else 4])
+                continue
             corners = CELLS[kind].shape.abaqus_faces if kind in CELLS else ()
             if face >= len(corners):
                 raise MeshFileError(f"surface {name}: elements of {cells.shape[1]} nodes have no face S{face + 1}")

@@ -94,7 +94,7 @@ class AbaqusLinks:
                 else:
                     rigid.append(_rigid(label, reference, surface[1], _turns(label, rows)))
             elif keyword == "RIGID BODY":
-                rigid.append(_rigid(label, reference, _body_nodes(label, options, points), True))
+                rigid += _rigid_body(label, reference, options, points)
             else:
                 tied = [points.nodes(row[0]) for row in data]
                 rigid.append(_rigid(label, reference, np.concatenate(tied), _turns(label, [row[1:] for row in data])))
@@ -135,14 +135,17 @@ def _place(points: DeckPoints, node: int, label: str) -> int:
     return points.place[node]
 
 
-def _body_nodes(label: str, options: dict[str, str], points: DeckPoints) -> IntArray:
-    """Return the places of a rigid body's nodes."""
-    found = [points.nodes(options[key]) for key in ("NSET", "TIE NSET", "PIN NSET") if key in options]
+def _rigid_body(label: str, reference: IntArray, options: dict[str, str], points: DeckPoints) -> list[RigidConnection]:
+    """Return the connections of a rigid body: of the nodes that turn with it, and of those on pins."""
+    found = [points.nodes(options[key]) for key in ("NSET", "TIE NSET") if key in options]
     if "ELSET" in options:
         found.append(points.cell_nodes(options["ELSET"]))
-    if not found:
+    if not found and "PIN NSET" not in options:
         raise MeshFileError(f"{label} has no NSET or ELSET")
-    return np.unique(np.concatenate(found))
+    rigid = [_rigid(label, reference, np.unique(np.concatenate(found)), True)] if found else []
+    if "PIN NSET" in options:
+        rigid.append(_rigid(label, reference, points.nodes(options["PIN NSET"]), False))
+    return rigid
 
 
 def _rigid(label: str, reference: IntArray, nodes: IntArray, turning: bool) -> RigidConnection:

@@ -111,10 +111,8 @@ def solid_mesh(
         findings.notes.append(f"{lone} nodes that belong to no element are left out")
     place = np.full(len(points), -1)
     place[used] = np.arange(len(used))
-    connections = _connections(raw.connections, points, place[first], scale, mass_unit, force_unit)
-    if connections:
-        listed = ", ".join(f"{n} {kind}" for kind, n in connections.count().items())
-        findings.notes.append(f"links and masses of the file belong to the body: {listed}")
+    connections = connections_in_si(raw.connections, points, place[first], scale, mass_unit, force_unit)
+    findings.notes += connection_notes(connections)
     return SolidMesh(
         points[used],
         place[cells],
@@ -126,7 +124,15 @@ def solid_mesh(
     )
 
 
-def _connections(
+def connection_notes(found: Connections | None) -> tuple[str, ...]:
+    """Return the note of a file's connections, if it has some."""
+    if found is None:
+        return ()
+    listed = ", ".join(f"{n} {kind}" for kind, n in found.count().items())
+    return (f"links and masses of the file belong to the body: {listed}",)
+
+
+def connections_in_si(
     found: Connections, points: Array, place: IntArray, scale: float, mass_unit: float | None, force_unit: float | None
 ) -> Connections | None:
     """Return a file's connections in SI units, between the mesh's nodes and further points; ``None`` if it has none."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,9 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
 from fmd.fem.cells.table import is_solid
-from fmd.fem.formats.import_mesh import read_raw, require_sound
+from fmd.fem.formats.import_mesh import connection_notes, connections_in_si, read_raw, require_sound
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
-from fmd.fem.formats.repair import label_pieces
+from fmd.fem.formats.repair import count_pieces
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.thicken import Sheet, thicken
 
@@ -19,7 +20,13 @@ _SHELLS = {"triangle": 3, "quad": 4}
 _NONE = np.empty(0, dtype=np.int64)
 
 
-def read_shell(path: Path, scale: float, thickness: float | None) -> SolidMesh:
+def read_shell(
+    path: Path,
+    scale: float,
+    thickness: float | None,
+    mass_unit: float | None = None,
+    force_unit: float | None = None,
+) -> SolidMesh:
     """Read the triangles and quadrilaterals of a file as shells.
 
     Parameters
@@ -31,6 +38,8 @@ def read_shell(path: Path, scale: float, thickness: float | None) -> SolidMesh:
         The file's unit of length [m].
     thickness : float, optional
         Of all shells [m]; by default that of the deck's sections.
+    mass_unit, force_unit : float, optional
+        The file's units [kg], [N]. Without, lumped masses and springs are refused, but for a file in metres.
 
     Raises
     ------
@@ -38,13 +47,20 @@ def read_shell(path: Path, scale: float, thickness: float | None) -> SolidMesh:
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
     try:
-        return thicken(_sheet(read_raw(path), scale, thickness))
+        raw = read_raw(path)
+        sheet, place = _sheet(raw, scale, thickness)
+        links = connections_in_si(raw.connections, raw.points * scale, place, scale, mass_unit, force_unit)
+        mesh = thicken(sheet)
+        return replace(mesh, connections=links, notes=mesh.notes + connection_notes(links))
     except (MeshFileError, ValueError, AccuracyError) as error:
         raise InputError(str(path), "", None, str(error)) from error
 
 
-def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> Sheet:
-    """Check a raw mesh and take its shells."""
+def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> tuple[Sheet, IntArray]:
+    """Check a raw mesh and take its shells; return their sheet, and the number that each point of the file has there.
+
+    Points of no shell have -1.
+    """
     require_sound(raw)
     count: dict[str, int] = dict(raw.others)
     for kind, cells in raw.blocks:
@@ -55,8 +71,6 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> Sheet:
     given = [(b, kind, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind in _SHELLS and len(cells)]
     if not given:
         raise MeshFileError(f"there are no shells of three or four nodes; the elements: {listed}")
-    if raw.connections.all:
-        raise MeshFileError(f"links and masses of decks are of solids; it has {raw.connections.all[0].label}")
     lost = {kind: n for kind, n in count.items() if kind not in (*_SHELLS, "vertex") and n}
     if lost:
         names = ", ".join(f"{n} {kind}" for kind, n in lost.items())
@@ -77,9 +91,9 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> Sheet:
         raise MeshFileError(
             f"{repeated} shells have a node more than once, as collapsed ones do; write them as triangles"
         )
-    n_pieces = int(label_pieces(cells, len(raw.points)).max()) + 1
+    n_pieces = count_pieces(cells, len(raw.points), raw.connections.point_groups)
     if n_pieces > 1:
-        raise MeshFileError(f"its shells are in {n_pieces} unconnected pieces; join them at common nodes")
+        raise MeshFileError(f"its shells are in {n_pieces} unconnected pieces; join them at common nodes, or by links")
     used = np.unique(cells)
     place = np.full(len(raw.points), -1)
     place[used] = np.arange(len(used))
@@ -89,7 +103,7 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> Sheet:
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *sets.values()]))
     parts = sets | ({"rest" if sets else "all": rest} if len(rest) else {})
     faces = {name: place[nodes][place[nodes] >= 0] for name, nodes in raw.point_sets.items()}
-    return Sheet(
+    sheet = Sheet(
         raw.points[used] * scale,
         place[cells],
         t,
@@ -100,6 +114,7 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> Sheet:
         offset,
         notes=tuple(notes),
     )
+    return sheet, place
 
 
 def _sections(raw: RawMesh, of: IntArray, scale: float, thickness: float | None) -> tuple[Array, Array]:

@@ -32,10 +32,10 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
 
         assert source is not None
         given, unit = shape.mesh, unit_ratio(shape.mesh.unit, "m")
-        if given.shell is not None:
-            return read_shell(source.path, unit, None if given.shell == "deck" else given.shell)
         mass = None if given.mass_unit is None else unit_ratio(given.mass_unit, "kg")
         force = None if given.force_unit is None else unit_ratio(given.force_unit, "N")
+        if given.shell is not None:
+            return read_shell(source.path, unit, None if given.shell == "deck" else given.shell, mass, force)
         return read_mesh(source.path, unit, given.repair, mass, force)
     if shape.shape == "cad":
         assert source is not None
