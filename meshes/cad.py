@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmd.meshes.cad_places import describe_part, name_faces_by_place
+from fmd.meshes.cad_places import describe_part, find_centre, name_faces_by_place
 from fmd.meshes.gmsh_session import gmsh_model, import_cad
 
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
@@ -53,12 +53,15 @@ class CadMesh(NamedTuple):
     faces : mapping of str to ndarray, shape (n_facets, 3)
         Corners of each face's facets, by its number ``face-1`` …, its name in the file, its colour ``#ff0000``, and the
         name by its place, ``xmin`` or ``hole-1``.
+    centres : mapping of str to ndarray, shape (4,)
+        Area [m²] and centre [m] of each face by its geometry, of a whole cylinder the middle of its axis.
     """
 
     points: NDArray[np.float64]
     cells: NDArray[np.int64]
     parts: Mapping[str, NDArray[np.int64]]
     faces: Mapping[str, NDArray[np.int64]]
+    centres: Mapping[str, NDArray[np.float64]]
 
 
 class CadError(ValueError):
@@ -205,14 +208,16 @@ def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]], wh
         parts[name if name not in parts else f"{name}-{k + 1}"] = np.arange(done, done + len(blocks[-1]))
         done += len(blocks[-1])
     faces: dict[str, list[NDArray[np.int64]]] = {}
+    surfaces: dict[str, list[int]] = {}
     for _, tag in gmsh.model.getEntities(2):
         nodes = gmsh.model.mesh.getElementsByType(triangle, tag)[1]
         corners = np.sort(place[nodes].reshape(-1, n_around)[:, :3], axis=1)
         for name in [f"face-{whole[tag]}", *names.get((2, tag), [])]:
             faces.setdefault(name, []).append(corners)
-    return CadMesh(
-        xyz.reshape(-1, 3), np.concatenate(blocks), parts, {name: np.concatenate(rows) for name, rows in faces.items()}
-    )
+            surfaces.setdefault(name, []).append(tag)
+    centres = {name: np.array(find_centre(gmsh, tags)) for name, tags in surfaces.items()}
+    whole_faces = {name: np.concatenate(rows) for name, rows in faces.items()}
+    return CadMesh(xyz.reshape(-1, 3), np.concatenate(blocks), parts, whole_faces, centres)
 
 
 def _whole_faces(gmsh: Any) -> dict[int, int]:
@@ -237,6 +242,7 @@ def save(mesh: CadMesh, path: Path) -> None:
     arrays: dict[str, Any] = {"points": mesh.points, "cells": mesh.cells}
     arrays |= {f"part {k}": cells for k, cells in enumerate(mesh.parts.values())}
     arrays |= {f"face {k}": corners for k, corners in enumerate(mesh.faces.values())}
+    arrays["centres"] = np.array(list(mesh.centres.values()))
     names = json.dumps({"parts": list(mesh.parts), "faces": list(mesh.faces)})
     np.savez(path, **arrays, names=np.frombuffer(names.encode(), dtype=np.uint8))
 
@@ -250,6 +256,7 @@ def load(path: Path) -> CadMesh:
             file["cells"],
             {name: file[f"part {k}"] for k, name in enumerate(names["parts"])},
             {name: file[f"face {k}"] for k, name in enumerate(names["faces"])},
+            dict(zip(names["faces"], file["centres"], strict=True)),
         )
 
 

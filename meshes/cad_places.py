@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+_ROUND = {"Cylinder", "Surface of Revolution"}  # the latter is what IGES has for cylinders
 _ALONG = 0.9999  # cosine between a normal and an axis
 _AT_END = 1e-4  # of the part's extent
 _SAMPLES = 24  # points around each cylinder
@@ -40,7 +41,7 @@ def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
         kind = gmsh.model.getType(2, tag)
         if kind == "Plane" and (name := _end(gmsh, tag, low, high)):
             names[tag] = name
-        elif kind in ("Cylinder", "Surface of Revolution"):  # what IGES has for cylinders
+        elif kind in _ROUND:
             groups.setdefault(whole[tag], []).append(tag)
     found: dict[str, list[tuple[tuple[float, ...], list[int]]]] = {"hole": [], "pin": []}
     extent = float((high - low).max())
@@ -52,6 +53,20 @@ def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
         for number, (_, tags) in enumerate(sorted(cylinders), start=1):
             names |= dict.fromkeys(tags, f"{what}-{number}")
     return names
+
+
+def find_centre(gmsh: Any, tags: list[int]) -> tuple[float, float, float, float]:
+    """Return the area [m²] and the centre [m] of the face that some surfaces make up.
+
+    Of a whole cylinder it is the middle of its axis, of another face its centroid.
+    """
+    areas = np.array([gmsh.model.occ.getMass(2, tag) for tag in tags])
+    kinds = {gmsh.model.getType(2, tag) for tag in tags}
+    cylinder = _look_at_cylinder(gmsh, tags) if kinds <= _ROUND else None
+    if cylinder is not None:
+        return float(areas.sum()), *_triple(cylinder[1])
+    centres = np.array([gmsh.model.occ.getCenterOfMass(2, tag) for tag in tags])
+    return float(areas.sum()), *_triple(areas @ centres / areas.sum())
 
 
 def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int, int], list[str]]) -> dict[str, Any]:
@@ -78,12 +93,10 @@ def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int,
         surfaces.setdefault(next(iter(own), f"face-{whole[tag]}"), []).append(tag)
     faces = []
     for name, tags in surfaces.items():
-        areas = np.array([gmsh.model.occ.getMass(2, tag) for tag in tags])
-        centres = np.array([gmsh.model.occ.getCenterOfMass(2, tag) for tag in tags])
+        area, *centre = find_centre(gmsh, tags)
         kind = gmsh.model.getType(2, tags[0]).lower()
         kind = kind if kind in ("plane", "cylinder", "cone", "sphere", "torus") else "free-form"
-        centre = _triple(areas @ centres / areas.sum())
-        faces.append({"name": name, "kind": kind, "area": float(areas.sum()), "centre": centre})
+        faces.append({"name": name, "kind": kind, "area": area, "centre": centre})
     solids = gmsh.model.getEntities(3)
     volume = float(sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids))
     low, high = _box(gmsh)

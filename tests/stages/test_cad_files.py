@@ -5,9 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
 from fmd.core.errors import InputError
+from fmd.dynamics.compiler.closures import closed_distances
 from fmd.meshes.gmsh_session import gmsh_model
 from fmd.stages.meshing.cad_files import choose_element_size, describe_cad_file, mesh_cad_file
 
@@ -101,6 +105,90 @@ def test_faces_of_the_mesh_have_the_same_names(step: Callable[..., Path]):
     radius = (mesh.points[mesh.faces["hole-1"]][..., :2] ** 2).sum(axis=-1) ** 0.5
     assert radius == pytest.approx(12 * MM)
     assert mesh.points[mesh.faces["zmax"]][..., 2] == pytest.approx(30 * MM)
+
+
+def write_rod(occ: Any) -> None:
+    """A rod of 150 mm between eyes whose bores of 10 and 8 mm go along z, and their middle planes at z = 6 mm."""
+    eyes = [(3, occ.addCylinder(0, 0, 0, 0, 0, 12, 12)), (3, occ.addCylinder(150, 0, 1, 0, 0, 10, 10))]
+    solid, _ = occ.fuse([(3, occ.addBox(0, -6, 2, 150, 12, 8))], eyes)
+    occ.cut(solid, [(3, occ.addCylinder(0, 0, -1, 0, 0, 14, 5)), (3, occ.addCylinder(150, 0, -1, 0, 0, 14, 4))])
+
+
+def test_centres_of_faces_are_those_of_the_geometry(step: Callable[..., Path]):
+    """Bores' axes and middle planes to the last digits, on any mesh; a flat face's centroid by areas of its shape."""
+    for size in (4, 5, 8):
+        mesh = mesh_cad_file(step(write_rod), size * MM, 1)
+        centres = {tuple(np.round(place[1:] / MM, 9)) for name, place in mesh.centres.items() if "hole" in name}
+        assert centres == {(0.0, 0.0, 6.0), (150.0, 0.0, 6.0)}
+    mesh = mesh_cad_file(step(write_bracket), 20 * MM, 1)
+    area, *place = mesh.centres["xmin"]
+    bore = math.pi * 5**2
+    assert area == pytest.approx((40 * 50 - bore) * MM**2, rel=1e-9)
+    z = (40 * 50 * 25 - bore * 35) / (40 * 50 - bore)
+    assert place == pytest.approx([0.0, 20 * MM, z * MM], rel=1e-9, abs=1e-15)
+
+
+SLIDER_CRANK = """
+title = "slider-crank"
+[body.crank]
+shape = "rod"
+mass = "0.3 kg"
+length = "50 mm"
+marker = { shaft = { at = ["0 mm", "0 mm", "0 mm"] }, pin = { at = ["50 mm", "0 mm", "0 mm"] } }
+[body.rod]
+shape = "cad"
+E = "200 GPa"
+nu = 0.3
+rho = "7870 kg/m^3"
+mesh = { cad = "part.step", size = "5 mm", order = 1 }
+modes = { count = 2, boundary = "joint" }
+marker = { big = { face = "BIG" }, small = { face = "SMALL" } }
+[body.slider]
+shape = "point"
+mass = "0.1 kg"
+marker = { pin = { at = ["0 mm", "0 mm", "0 mm"] } }
+[joint.shaft]
+type = "revolute"
+parent = "ground"
+child = "crank.shaft"
+axis = [0, 0, 1]
+[joint.big_end]
+type = "revolute"
+parent = "crank.pin"
+child = "rod.big"
+axis = [0, 0, 1]
+[joint.guide]
+type = "prismatic"
+parent = "ground"
+child = "slider.pin"
+axis = [1, 0, 0]
+position = "200 mm"
+[joint.small_end]
+type = "revolute"
+parent = "rod.small"
+child = "slider.pin"
+axis = [0, 0, 1]
+[simulation]
+duration = "1 ms"
+output_step = "1 ms"
+tip = "rod.small"
+run = [{ integrator = "auto" }]
+"""
+
+
+def test_a_slider_crank_closes_with_a_rod_of_any_mesh(step: Callable[..., Path], tmp_path: Path):
+    """The pins' places are those of the bores; the facets' averages lie nanometres apart, which no motion closes."""
+    bores = sorted(name for name in mesh_cad_file(step(write_rod), 8 * MM, 1).centres if name.startswith("hole"))
+    (tmp_path / "scene.toml").write_text(SLIDER_CRANK.replace("BIG", bores[0]).replace("SMALL", bores[1]))
+    for size in (4, 5, 8):
+        run = Pipeline(load_scene(tmp_path / "scene.toml", [f"body.rod.mesh.size={size} mm"]), Cache(None))
+        marker, x = run.parts["rod"].markers["small"], run.parts["rod"].space.x
+        assert marker.position == pytest.approx([0.15, 0.0, 0.006], abs=1e-13)
+        turn = np.array([0.2, -0.5, 0.3])  # a rigid rotation moves the marker as it moves the place
+        moved, rotation = marker.translation(np.cross(turn, x)), marker.rotation(np.cross(turn, x))
+        assert moved == pytest.approx(np.cross(turn, [0.15, 0.0, 0.006]), rel=1e-9)
+        assert rotation == pytest.approx(turn, rel=1e-9)
+    assert closed_distances(run.mechanism.rigid) == {}
 
 
 def test_names_in_the_file_go_before_places(step: Callable[..., Path]):

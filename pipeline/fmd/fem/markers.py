@@ -76,7 +76,9 @@ class Marker:
         return B
 
 
-def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigid: bool = False) -> Marker:
+def face_marker(
+    space: Discretisation, face: IntArray | Sequence[IntArray], rigid: bool = False, centre: Array | None = None
+) -> Marker:
     """Attach a marker to a face of the body, or to several together.
 
     Parameters
@@ -88,6 +90,9 @@ def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigi
         of its facets.
     rigid : bool
         True if the face's nodes move as a rigid body.
+    centre : ndarray, shape (3,), optional
+        Place of the marker by the face's geometry [m], which follows the face's mean displacement and rotation; the
+        centroid of the mesh's facets by default.
 
     Raises
     ------
@@ -103,14 +108,18 @@ def face_marker(space: Discretisation, face: IntArray | Sequence[IntArray], rigi
     x = space.x[nodes]
     w = A @ np.ones(len(nodes))
     area = w.sum()
-    centre = w @ x / area
-    r = x - centre
+    centroid = w @ x / area
+    r = x - centroid
     Ar = A @ r
     second = r.T @ Ar
     inertia = np.trace(second) * np.eye(3) - second
     moment = np.einsum("acb,ic->aib", EPSILON, Ar)
     weights = np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment)
-    return Marker(centre, nodes, w / area, weights, rigid, float(area))
+    if centre is None:
+        return Marker(centroid, nodes, w / area, weights, rigid, float(area))
+    turned = np.einsum("acd,cib,d->aib", EPSILON, weights, centre - centroid)  # ψ × (centre − centroid)
+    translation = np.eye(3)[:, None] * (w / area)[:, None] + turned
+    return Marker(centre, nodes, translation, weights, rigid, float(area))
 
 
 def traction_marker(position: Array, nodes: IntArray, x: Array, forces: Array) -> Marker:

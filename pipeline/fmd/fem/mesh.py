@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -38,6 +38,8 @@ class SolidMesh:
         Faults of the file that the mesh was read from, and how they were mended, with counts.
     connections : Connections, optional
         Links, masses, springs and equations of the file.
+    centres : mapping of str to ndarray, shape (4,)
+        Area [m²] and centre [m] of faces by their geometry, which CAD files have beside the mesh.
     midsurface : Midsurface, optional
         That of a shell, whose cells are one layer between both faces.
 
@@ -56,6 +58,7 @@ class SolidMesh:
     notes: tuple[str, ...] = ()
     connections: Connections | None = None
     midsurface: Midsurface | None = None
+    centres: Mapping[str, Array] = field(default_factory=dict)
 
     __repr__ = short_repr
 

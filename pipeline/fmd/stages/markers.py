@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
-from fmd.core.arrays import IntArray
+from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.fem.deck_links import find_deck_links
 from fmd.fem.formats.matrices import node_marker, nodes_in_plane
@@ -64,7 +64,8 @@ def place_markers(
             key = f"body.{body}.marker.{name}.edge"
             names = [find_name(space.mesh.faces, face, file, key) for face in marker.edge_faces]
             return edge_marker(space, nodes_on_faces(space, [space.mesh.faces[face] for face in names]))
-        return face_marker(space, _faces(shape, space, marker, file, f"body.{body}.marker.{name}"), rigid)
+        faces = _faces(shape, space, marker, file, f"body.{body}.marker.{name}")
+        return face_marker(space, faces, rigid, _centre_by_geometry(space, faces))
 
     return _placed(shape, place, file, body)
 
@@ -160,6 +161,15 @@ def _faces(
     if place.near is not None:
         return [facets_near(space, np.array(place.near), _cad_faces(shape, space))]
     return [space.mesh.faces[find_name(space.mesh.faces, face, file, f"{key}.face")] for face in place.faces]
+
+
+def _centre_by_geometry(space: Discretisation, faces: Sequence[IntArray]) -> Array | None:
+    """Return the centre (3,) [m] of faces together by the geometry that CAD has of each; ``None`` without."""
+    names = [name for face in faces for name, corners in space.mesh.faces.items() if corners is face]
+    if len(names) < len(faces) or not {*names} <= space.mesh.centres.keys():
+        return None
+    areas, places = np.split(np.array([space.mesh.centres[name] for name in names]), [1], axis=1)
+    return np.asarray((areas * places).sum(axis=0) / areas.sum())
 
 
 def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str) -> dict[str, Marker]:

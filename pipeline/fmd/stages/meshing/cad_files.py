@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fmd.core.errors import InputError
@@ -104,7 +104,7 @@ def mesh_cad_file(path: Path, size: float, order: int) -> SolidMesh:
     raw = RawMesh(mesh.points, [(cell_type, mesh.cells)], {name: [cells] for name, cells in mesh.parts.items()})
     raw.facet_sets = {name: [corners] for name, corners in mesh.faces.items()}
     try:
-        return solid_mesh(raw, 1.0, repair=True)
+        return replace(solid_mesh(raw, 1.0, repair=True), centres=mesh.centres)
     except MeshFileError as error:
         raise InputError(str(path), "", None, str(error)) from error
 
