@@ -50,14 +50,15 @@ class Design:
         A result without end, such as a life without damage, has none.
         """
         moves = any(channel.moves for channel in self.channels)
-        frozen = FrozenRun(self.run)
-        motion, columns = frozen.at({}, moves), []
-        for parameter, value in self.values.items():
-            own = parameter if parameter.is_factor else replace(parameter, value=value)
-            low, high, step = frozen.beside(motion, own, moves=moves)
-            changes = [np.atleast_1d(change_of(channel, self.run, low, high))[0] for channel in self.channels]
+        pairs = self.values.items()
+        numbers = [each if each.is_factor else replace(each, value=value) for each, value in pairs]
+        frozen, columns = FrozenRun(self.run), []
+        motion = frozen.at({}, moves, numbers)
+        for own in numbers:
+            both = frozen.beside(motion, own, moves=moves)
+            changes = [np.atleast_1d(change_of(channel, self.run, both.low, both.high))[0] for channel in self.channels]
             with np.errstate(invalid="ignore"):
-                columns.append(own.value / (2.0 * step) * np.array(changes) / self.results)
+                columns.append(own.value / (2.0 * both.step) * np.array(changes) / self.results)
         return np.where(np.isfinite(self.results)[:, None], np.column_stack(columns), 0.0)
 
 

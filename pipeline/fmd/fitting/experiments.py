@@ -16,15 +16,11 @@ from fmd.stages.pipeline import Pipeline
 
 
 class Experiment(Protocol):
-    """Measurements on a scene, and what the scene with other numbers would show in their place.
+    """Measurements on a scene, and what the scene with other numbers would show in their place."""
 
-    Attributes
-    ----------
-    solved : int
-        Number of motions, or of linear models, that have been computed.
-    """
-
-    solved: int
+    @property
+    def solved(self) -> int:
+        """Number of motions, or of linear models, that have been computed; eight tangents count as one."""
 
     @property
     def channels(self) -> tuple[MeasuredChannel, ...]:
@@ -70,13 +66,17 @@ class HistoryExperiment:
 
     run: Pipeline
     measured: Measurements
-    solved: int = 0
     _known: dict[tuple[float, ...], FrozenMotion] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         times = self.measured.times
         self._first = int(times[0] > 0.0)  # displacements count from the start
         self._frozen = FrozenRun(self.run, np.r_[0.0, times] if self._first else times)
+
+    @property
+    def solved(self) -> int:
+        """Number of motions that have been computed."""
+        return self._frozen.marches
 
     @property
     def channels(self) -> tuple[MeasuredChannel, ...]:
@@ -97,9 +97,9 @@ class HistoryExperiment:
 
     def slopes(self, values: Mapping[Parameter, float], parameter: Parameter) -> list[Array]:
         """Return the derivatives of the histories by a number."""
-        low, high, step = self._frozen.beside(self._motion(values), parameter)
-        self.solved += 2
-        return [(b - a) / (2.0 * step) for a, b in zip(self._read(low), self._read(high), strict=True)]
+        both = self._frozen.beside(self._motion(values), parameter)
+        sides = zip(self._read(both.low), self._read(both.high), strict=True)
+        return [(b - a) / (2.0 * both.step) for a, b in sides]
 
     def likeness(self, values: Mapping[Parameter, float]) -> None:
         """Return ``None``: histories have no modes."""
@@ -107,7 +107,6 @@ class HistoryExperiment:
     def _motion(self, values: Mapping[Parameter, float]) -> FrozenMotion:
         key = tuple(values.values())
         if key not in self._known:
-            self.solved += 1
             self._known = {key: self._frozen.at(values)}
         return self._known[key]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,13 +11,39 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import DIFFERENCE, NEAR_DIFFERENCE, SAME_SHAPE
+from fmd.dynamics.compiled_system.tangents import Direction
+from fmd.dynamics.compiler.program import LANES
 from fmd.fitting.neighbours import PartedMarch, goes_in_parts, march_in_parts, march_neighbours
 from fmd.fitting.parameters import Parameter, change_parameters
+from fmd.fitting.tangents import Tangent, changes_in_line, find_direction, march_tangents
 from fmd.integrators.protocol import Trajectory
 from fmd.scene.variants import change_simulation
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.plan import Plan, repeat_choice
 from fmd.stages.runs import plan_frozen
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A scene a little below and above one of its numbers.
+
+    Attributes
+    ----------
+    low, high : Pipeline
+        Its stages there.
+    step : float
+        How far below and above [SI].
+    plans : tuple of Plan
+        The frozen run at both; none where no motion is needed.
+    by_tangents : bool
+        True if their motions are the scene's own less and more its tangent, so that their difference is exact.
+    """
+
+    low: Pipeline
+    high: Pipeline
+    step: float
+    plans: tuple[Plan, ...] = ()
+    by_tangents: bool = False
 
 
 @dataclass(frozen=True)
@@ -30,13 +56,26 @@ class FrozenMotion:
         The scene's stages.
     values : dict of Parameter to float
         The numbers [SI].
-    parts : PartedMarch, optional
-        The run's parts, beside which others may be marched.
+    plan : Plan, optional
+        The run; none where no motion is needed.
+    by : tuple of Parameter
+        Numbers that it is differentiated by, whose tangents are marched together.
+    tangents : dict of Parameter to Tangent or None
+        Derivatives of the motion by logarithms of numbers, as far as they have been asked for; ``None`` where there is
+        no tangent.
+    variants : dict of tuple to Beside
+        The scene beside it, by a number and the share of it.
+    parts : list of PartedMarch
+        The run's parts, if they have been needed.
     """
 
     run: Pipeline
     values: Mapping[Parameter, float]
-    parts: PartedMarch | None = None
+    plan: Plan | None = None
+    by: tuple[Parameter, ...] = ()
+    tangents: dict[Parameter, Tangent | None] = field(default_factory=dict)
+    variants: dict[tuple[Parameter, float], Beside] = field(default_factory=dict)
+    parts: list[PartedMarch] = field(default_factory=list)
 
 
 class FrozenRun:
@@ -48,10 +87,16 @@ class FrozenRun:
         Stages of the scene as it is computed.
     times : ndarray, shape (n_times,), optional
         Output times [s]; the scene's own by default. They change no step.
+
+    Attributes
+    ----------
+    marches : int
+        How many motions have been computed; eight tangents count as one.
     """
 
     def __init__(self, run: Pipeline, times: Array | None = None) -> None:
         self.run = run
+        self.marches = 0
         self._times = times
 
     @cached_property
@@ -64,7 +109,9 @@ class FrozenRun:
         """Output times [s], shape (n_times,)."""
         return self.run.output_times if self._times is None else self._times
 
-    def at(self, values: Mapping[Parameter, float], moves: bool = True) -> FrozenMotion:
+    def at(
+        self, values: Mapping[Parameter, float], moves: bool = True, by: Sequence[Parameter] | None = None
+    ) -> FrozenMotion:
         """Return the scene at some values of its numbers [SI], with the frozen run as its motion.
 
         Bases of finite elements that these numbers change are computed anew.
@@ -73,6 +120,8 @@ class FrozenRun:
         ----------
         moves : bool
             False where no motion is needed: of frequencies alone.
+        by : sequence of Parameter, optional
+            Numbers to differentiate by; those of ``values`` by default.
 
         Raises
         ------
@@ -81,48 +130,104 @@ class FrozenRun:
         StabilityError
             The frozen step is too long at these values.
         """
-        other = self._variant(values, moves)
+        other, by = self._variant(values, moves), tuple(values) if by is None else tuple(by)
         if not moves:
-            return FrozenMotion(other, values)
+            return FrozenMotion(other, values, None, by)
         plan = plan_frozen(self.plan, other)
-        parts = march_in_parts(plan, self.times) if goes_in_parts(plan) else None
-        self._set_motion(other, plan, plan.march(self.times) if parts is None else parts.trajectory)
-        return FrozenMotion(other, values, parts if parts is not None and parts.draws_back else None)
+        self._set_motion(other, plan, self._march(plan))
+        return FrozenMotion(other, values, plan, by)
 
-    def beside(
-        self, motion: FrozenMotion, parameter: Parameter, share: float = 1.0, moves: bool = True
-    ) -> tuple[Pipeline, Pipeline, float]:
-        """Return the scene a little below and above one of its numbers, and by how much above [SI].
+    def beside(self, motion: FrozenMotion, parameter: Parameter, share: float = 1.0, moves: bool = True) -> Beside:
+        """Return the scene a little below and above one of its numbers.
 
-        Where neither the method nor the basis of a body stands against it, both motions are drawn back to that between
-        them, so that their difference is the derivative of the steps.
+        Where the number is an input of the equations, and the method carries tangents, both motions are the scene's own
+        with its tangent. Else, where neither the method nor the basis of a body stands against it, they are drawn back
+        to that between them, so that their difference is the derivative of the steps, too.
 
         Parameters
         ----------
         share : float
             How far, of the usual.
         """
-        middle = motion.values.get(parameter, parameter.value)
+        if not moves:
+            return self._variants(motion, parameter, share * NEAR_DIFFERENCE, moves)
+        tangent = self._tangent(motion, parameter)
+        if tangent is not None:
+            return self._move_along(motion, parameter, tangent, share)
+        parts, found = self._parts(motion), self._variants(motion, parameter, share * NEAR_DIFFERENCE)
+        signs = [_signs_of_shapes(run, motion.run) for run in (found.low, found.high)] if parts is not None else []
+        known = [each for each in signs if each is not None]
+        if parts is not None and len(known) == len(found.plans):
+            trajectories = march_neighbours(parts, found.plans, known, self.times)
+            self.marches += 2
+        else:
+            found = self._variants(motion, parameter, share * DIFFERENCE)
+            trajectories = [self._march(plan) for plan in found.plans]
+        return self._with_motions(found, trajectories)
 
-        def variants(step: float) -> list[Pipeline]:
-            return [self._variant({**motion.values, parameter: middle + side * step}, moves) for side in (-1.0, 1.0)]
+    def _tangent(self, motion: FrozenMotion, parameter: Parameter) -> Tangent | None:
+        """Return a motion's derivative by a number's logarithm, if it is to be had; those by others go with it."""
+        if parameter not in motion.tangents:
+            assert motion.plan is not None
+            wanted = [each for each in dict.fromkeys((parameter, *motion.by)) if each not in motion.tangents]
+            directions = {each: self._direction(motion, each) for each in wanted}
+            known = {each: direction for each, direction in directions.items() if direction is not None}
+            found = march_tangents(motion.plan, list(known.values()), self.times)
+            self.marches += -(-len(known) // LANES)
+            motion.tangents.update(dict.fromkeys(wanted) | dict(zip(known, found, strict=True)))
+        return motion.tangents[parameter]
 
-        step = share * NEAR_DIFFERENCE * abs(middle)
-        low, high = variants(step)
-        signs = [_signs_of_shapes(run, motion.run) for run in (low, high)] if motion.parts is not None else [None]
-        if moves and None in signs:
-            step = share * DIFFERENCE * abs(middle)
-            low, high = variants(step)
-        if moves:
-            plans = [plan_frozen(self.plan, run) for run in (low, high)]
-            known = [each for each in signs if each is not None]
-            if motion.parts is not None and len(known) == len(plans):
-                trajectories = march_neighbours(motion.parts, plans, known, self.times)
-            else:
-                trajectories = [plan.march(self.times) for plan in plans]
-            for run, plan, trajectory in zip((low, high), plans, trajectories, strict=True):
-                self._set_motion(run, plan, trajectory)
-        return low, high, step
+    def _direction(self, motion: FrozenMotion, parameter: Parameter) -> Direction | None:
+        """Return how the equations change with a number's logarithm: by two variants, by four if not in a line."""
+        assert motion.plan is not None
+        far = self._variants(motion, parameter, NEAR_DIFFERENCE).plans
+        weight = 0.5 / NEAR_DIFFERENCE
+        sides = list(zip(far, (-weight, weight), strict=True))
+        found = find_direction(motion.plan, sides)
+        if found is None or changes_in_line(motion.plan, *far):
+            return found
+        near = self._variants(motion, parameter, 0.5 * NEAR_DIFFERENCE).plans
+        sides = [(plan, -own / 3.0) for plan, own in sides]
+        sides += zip(near, (-8.0 * weight / 3.0, 8.0 * weight / 3.0), strict=True)
+        return find_direction(motion.plan, sides)
+
+    def _move_along(self, motion: FrozenMotion, parameter: Parameter, tangent: Tangent, share: float) -> Beside:
+        """Return variants whose motions are the scene's own less and more a part of its tangent."""
+        part = share * NEAR_DIFFERENCE
+        found = self._variants(motion, parameter, part)
+        own = motion.run.motion.trajectory
+        moved = [tangent.move(own, side, motion.run.mechanism) for side in (-part, part)]
+        return replace(self._with_motions(found, moved), by_tangents=True)
+
+    def _variants(self, motion: FrozenMotion, parameter: Parameter, share: float, moves: bool = True) -> Beside:
+        """Return the scene's stages a share of a number below and above its value."""
+        if (parameter, share) not in motion.variants:
+            middle = motion.values.get(parameter, parameter.value)
+            step = share * abs(middle)
+            low, high = (
+                self._variant({**motion.values, parameter: middle + side * step}, moves) for side in (-1.0, 1.0)
+            )
+            plans = tuple(plan_frozen(self.plan, run) for run in (low, high)) if moves else ()
+            motion.variants[parameter, share] = Beside(low, high, step, plans)
+        return motion.variants[parameter, share]
+
+    def _parts(self, motion: FrozenMotion) -> PartedMarch | None:
+        """Return the run's parts, beside which others may be marched; none where the method stands against it."""
+        if motion.plan is None or not goes_in_parts(motion.plan):
+            return None
+        if not motion.parts:
+            self.marches += 1
+            motion.parts.append(march_in_parts(motion.plan, self.times))
+        return motion.parts[0] if motion.parts[0].draws_back else None
+
+    def _with_motions(self, found: Beside, trajectories: Sequence[Trajectory]) -> Beside:
+        for run, plan, trajectory in zip((found.low, found.high), found.plans, trajectories, strict=True):
+            self._set_motion(run, plan, trajectory)
+        return found
+
+    def _march(self, plan: Plan) -> Trajectory:
+        self.marches += 1
+        return plan.march(self.times)
 
     def _variant(self, values: Mapping[Parameter, float], moves: bool) -> Pipeline:
         scene = self.run.scene

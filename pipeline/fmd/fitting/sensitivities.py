@@ -33,6 +33,8 @@ class Sensitivity:
         Its derivative by the number, in SI units, and what that may be off by.
     jumps : bool
         True if the largest value is at another place, or long before or after, as soon as the number changes a little.
+    by_tangents : bool
+        True if it is by the motion's tangent, which is marched beside it, not by a difference of motions.
     """
 
     channel: ResultChannel
@@ -41,6 +43,7 @@ class Sensitivity:
     slope: Array
     error: Array
     jumps: bool = False
+    by_tangents: bool = False
 
     @property
     def relative(self) -> float:
@@ -75,6 +78,7 @@ class Sensitivity:
             "relative": share if known else None,
             "interval": [share - off, share + off] if known else None,
             "jumps": self.jumps,
+            "by_tangents": self.by_tangents,
         }
 
 
@@ -104,7 +108,7 @@ def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[
     parameters = [find_parameter(run.scene, key) for key in dict.fromkeys(to)]
     channels = [channel for name in dict.fromkeys(of) for channel in find_channels(run, name)]
     frozen, moves = FrozenRun(run), any(channel.moves for channel in channels)
-    motion = frozen.at({}, moves)
+    motion = frozen.at({}, moves, parameters)
     by_parameter = [list(_differentiate(frozen, motion, channels, parameter)) for parameter in parameters]
     return [row for rows in zip(*by_parameter, strict=True) for row in rows]
 
@@ -119,15 +123,16 @@ def _differentiate(
         value = np.asarray(channel.read(frozen.run))
         if not np.isfinite(value).all():
             raise InputError("--of", channel.name, None, "is without end: this motion does no damage")
-        rough, fine = (change_of(channel, frozen.run, low, high) / (2.0 * step) for low, high, step in pairs)
-        ratio = (pairs[0][2] / pairs[1][2]) ** 2
+        rough, fine = (change_of(channel, frozen.run, each.low, each.high) / (2.0 * each.step) for each in pairs)
+        ratio = (pairs[0].step / pairs[1].step) ** 2
         slope = (ratio * fine - rough) / (ratio - 1.0)
         if channel.part:
             slope, mean, solved = slope
             yield Sensitivity(channel, parameter, value, slope, np.abs(mean - solved))
         else:
-            jumps = _jumps(channel, *pairs[1][:2], share=pairs[1][2] / abs(parameter.value))
-            yield Sensitivity(channel, parameter, value, slope, np.abs(slope - rough), jumps)
+            near = pairs[1]
+            jumps = _jumps(channel, near.low, near.high, share=near.step / abs(parameter.value))
+            yield Sensitivity(channel, parameter, value, slope, np.abs(slope - rough), jumps, near.by_tangents)
 
 
 def change_of(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeline) -> Array:

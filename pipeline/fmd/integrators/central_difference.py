@@ -40,6 +40,7 @@ class CentralDifference(FixedStepIntegrator):
     step: float
 
     name = "central-difference"
+    marches_tangents = True
 
     def __post_init__(self) -> None:
         require_step(self.step)

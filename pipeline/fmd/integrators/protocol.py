@@ -147,12 +147,16 @@ class Integrator(ABC):
         Fast steps to one slow step.
     chooses_method : bool
         True if it chooses another method as it marches, so that what it calls can't be compiled beforehand.
+    marches_tangents : bool
+        True if its steps are made of accelerations and of sums of what it has, so that tangents of a motion can be
+        marched beside it as more coordinates.
     """
 
     name: str
     step: float
     substeps: int = 1
     chooses_method: bool = False
+    marches_tangents: bool = False
 
     @abstractmethod
     def order(self, system: System) -> int:

@@ -2,9 +2,10 @@
 
 # Derivatives by differences, extrapolated from those over two steps, the longer of which is given.
 DIFFERENCE = 2e-3  # of a number, between whole motions
-NEAR_DIFFERENCE = 2e-4  # of a number, between motions that are drawn back to the run after each of its parts
+NEAR_DIFFERENCE = 2e-4  # of a number, between motions that a tangent moves or that are drawn back after each part
 SAME_SHAPE = 0.02  # of a shape's size: what it may change by where motions are drawn back
 PARTS = 200  # of a motion
+TRIED_TIMES = 8  # at which loads are compared, to see if they change in proportion to a number
 JUMP = 0.05  # per cent per per cent that a largest value gains elsewhere, from which on it is said to jump
 
 # Designs.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
@@ -49,6 +50,12 @@ def _leapfrog_step(p: TreeParameters, leapfrog: Leapfrog, t: float, h: float, q:
         leapfrog.step[0] = h
         call_native(leapfrog.leap, (p.inputs, leapfrog.step, q, v, a))
         return
+    take_leap(p, leapfrog, t, h, q, v, a)
+
+
+@inlined
+def take_leap(p: Any, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Take a leapfrog step of any mechanism by its accelerations."""
     for i in range(v.size):
         leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
     accelerations(p, t, q, leapfrog.v_now, a)

@@ -270,6 +270,11 @@ class CompiledSystem(ReferenceState):
         return bool(self.compiled.rows)
 
     @property
+    def has_tangents(self) -> bool:
+        """True if tangents of a motion can be marched beside it: no loops close, nothing touches, nothing samples."""
+        return not (self.has_loops or self.is_sampled or self.mechanism.contacts)
+
+    @property
     def takes_whole_cycles(self) -> bool:
         """True if a major cycle of sub-cycling is one function: no fast coordinates couple, and nothing settles."""
         return self._is_single and not self.settles

@@ -12,6 +12,7 @@ are filled:
 - ``a`` (n,): accelerations, and ``r`` (n,): the residual ``M̂ a − Q̂``;
 - ``dinputs`` (3 n_signals + n_numbers, 8), ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and
   ``dr`` (n, 8): the residual's derivatives; ``M̂ da`` by ``inertia``;
+- ``da`` (n, 8) as an output, of ``acceleration_tangents``: derivatives of the accelerations along eight directions;
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
   zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
 - of a mechanism with loops (see `closures`) ``f`` (n_rows, 8): eight sets of multipliers, ``x`` and ``s`` (n_rows, 8):
@@ -47,6 +48,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from fmd.dynamics.compiler.acceleration_tangents import trace_acceleration_tangents
 from fmd.dynamics.compiler.algebra import times
 from fmd.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
@@ -94,6 +96,11 @@ def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Outpu
 
 def _pushed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, PushedForces(inputs, frames)))
+
+
+def _acceleration_tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    values, slopes = trace_acceleration_tangents(inputs, frames)
+    return [*_in_order_of_rates(inputs.mechanism, "a", values), *_in_order_of_rates(inputs.mechanism, "da", slopes)]
 
 
 def _leap(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -295,9 +302,11 @@ _REACTION = ("D", "K", "Ky")
 _FROZEN = ("constant", "slope", "load", "K")
 _CYCLE = ("inputs", "steps", "inverse_mass", "ahead", "q", "v", "a", "begin")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
+_ALONG = _DIRECTIONS[:3]
 
 DEFINITIONS = {
     "accelerations": Definition((*_STATE, "a"), _accelerations),
+    "acceleration_tangents": Definition((*_STATE, *_ALONG, "a", "da"), _acceleration_tangents, lanes=_DIRECTIONS[:4]),
     "pushed": Definition((*_STATE, "push", "modal", "a"), _pushed),
     "leap": Definition(("inputs", "step", *_STATE[1:], "a"), _leap, in_place=True),
     "residual": Definition((*_STATE, "a", "r"), _residual),

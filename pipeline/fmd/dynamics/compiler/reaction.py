@@ -14,7 +14,7 @@ from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Scalar, Vector, combine
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from fmd.dynamics.compiler.residual import trace_residual
-from fmd.dynamics.compiler.tangents import trace_tangents
+from fmd.dynamics.compiler.tangents import flatten, trace_tangents, unflatten
 
 Reaction = dict[str, list[BodyValues]]
 """Values by the argument that they fill: ``a``, ``D``, ``K`` and ``Ky``, and with damping ``C`` and ``Cy``."""
@@ -88,14 +88,4 @@ def _differentiate_along(
         seeds |= {x.node: dx for x, dx in zip(joint, direction.joint, strict=True)}
         if modes.size:
             seeds[modes.node] = direction.modes
-    flat: list[Scalar | Vector] = []
-    for body in values:
-        flat += [*body.joint, body.modes]
-    slopes = iter(differentiate(inputs.graph, flat, seeds))
-    out = []
-    for body in values:
-        joint_slopes = [x for x in (next(slopes) for _ in body.joint) if isinstance(x, Scalar)]
-        modal = next(slopes)
-        assert isinstance(modal, Vector)
-        out.append(BodyValues(joint_slopes, modal))
-    return out
+    return unflatten(differentiate(inputs.graph, flatten(values), seeds), values)

@@ -8,18 +8,24 @@ from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.recursion import BodyValues
 
 
-def trace_tangents(inputs: Coordinates, residual: list[BodyValues], arguments: tuple[str, ...]) -> list[BodyValues]:
-    """Trace the residual's derivatives along a direction of some arguments, such as ``dq`` of ``q``."""
+def trace_tangents(inputs: Coordinates, found: list[BodyValues], arguments: tuple[str, ...]) -> list[BodyValues]:
+    """Trace derivatives of what bodies have along a direction of some arguments, such as ``dq`` of ``q``."""
     graph = inputs.graph
+    return unflatten(differentiate(graph, flatten(found), direction_inputs(graph, arguments)), found)
+
+
+def flatten(found: list[BodyValues]) -> list[Scalar | Vector]:
+    """Return what has been found of bodies in a row: the entries of each joint, and the modes."""
     values: list[Scalar | Vector] = []
-    for body in residual:
+    for body in found:
         values += [*body.joint, body.modes]
-    slopes = iter(differentiate(graph, values, direction_inputs(graph, arguments)))
-    out = []
-    for body in residual:
-        joint = [_scalar(next(slopes)) for _ in body.joint]
-        out.append(BodyValues(joint, _vector(next(slopes))))
-    return out
+    return values
+
+
+def unflatten(values: list[Scalar | Vector], like: list[BodyValues]) -> list[BodyValues]:
+    """Return values in a row, as `flatten` has them, body by body."""
+    following = iter(values)
+    return [BodyValues([_scalar(next(following)) for _ in body.joint], _vector(next(following))) for body in like]
 
 
 def direction_inputs(graph: Graph, arguments: tuple[str, ...]) -> dict[int, Scalar | Vector]:
