@@ -156,11 +156,13 @@ def test_forces_with_friction_keep_gaps_cones_and_directions_at_random_states() 
         evaluate(p, 0.0, q, np.zeros(n), a)
         q[1] -= p.contact.free[:, 0].min() + rng.uniform(0.0, 2e-6)
         evaluate(p, 0.0, q, np.zeros(n), a)
-        p.contact.tip[:] = p.contact.free + rng.standard_normal((len(points.x), 3)) * rng.choice([1e-8, 1e-6])
+        p.contact.tip[:] = p.contact.spot + rng.standard_normal((len(points.x), 3)) * rng.choice([1e-8, 1e-6])
+        p.contact.seen[:, 1] = 1
         evaluate(p, 0.0, q, np.zeros(n), a)
+        p.contact.seen[:, 1] = 0
         Q, force = p.contact.turned[0], p.contact.force
         y = p.contact.free + np.einsum("ka,iajb,cb,jc->ik", Q, points.G, Q, force)
-        gap, slip = y[:, 0], (y - p.contact.tip)[:, 1:]
+        gap, slip = y[:, 0], y[:, 1:]
         size = 1e-8 * np.abs(p.contact.free[:, 0].min()) + 1e-15
         bound, across = 0.4 * force[:, 0], np.linalg.norm(force[:, 1:], axis=1)
         assert force[:, 0].min() >= 0.0

@@ -24,12 +24,12 @@ def bouncing_bar(n: int) -> Mechanism:
     G[0, 0, 1:, 1:], G[0, 0, 0, 0], shapes[0, 0] = np.eye(n), RHO * LENGTH**3 / 12, end
     foot = ContactPoints(
         x=np.array([[-LENGTH / 2, 0.0, 0.0]]),
-        areas=np.ones(1),
+        areas={"foot": np.ones(1)},
         shapes=shapes,
         G=(residual * np.eye(3)).reshape(1, 3, 1, 3),
         faces={"foot": np.arange(1)},
     )
-    plane = ContactPlane("floor", np.zeros(3), np.array([1.0, 0.0, 0.0]), 0.0, np.arange(1))
+    plane = ContactPlane("floor", np.zeros(3), np.array([1.0, 0.0, 0.0]), 0.0, "foot")
     integrals = InertiaIntegrals(G, np.zeros((3, 1 + n)), RHO * LENGTH)
     link = Link("bar", integrals, PRISMATIC, axis=np.array([1.0, 0.0, 0.0]), omega=omega)
     contacts = [TouchingBody("bar", foot, (plane,))]
@@ -45,12 +45,12 @@ def soft_footed_block(
     C = np.exp(-np.abs(x[:, None] - x) / (a / 8)) / k
     foot = ContactPoints(
         x=np.stack([x, np.zeros(n), np.full(n, -b / 2)], axis=1),
-        areas=np.full(n, a / n),
+        areas={"foot": np.full(n, a / n)},
         shapes=np.zeros((n, 3, 0)),
         G=np.einsum("ij,ab->iajb", C, np.eye(3)),
         faces={"foot": np.arange(n)},
     )
-    plane = ContactPlane("floor", np.zeros(3), np.array([0.0, 0.0, 1.0]), friction, np.arange(n))
+    plane = ContactPlane("floor", np.zeros(3), np.array([0.0, 0.0, 1.0]), friction, "foot")
     inertia = mass / 12 * np.array([b**2 + a**2, a**2 + b**2, 2 * a**2])
     link = Link("block", rigid_integrals(mass, np.zeros(3), np.diag(inertia)), FREE)
     mechanism = Mechanism([link], gravity=gravity, contacts=[TouchingBody("block", foot, (plane,))])

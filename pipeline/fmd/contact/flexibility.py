@@ -42,7 +42,11 @@ def pressed_nodes(marker: Marker) -> tuple[IntArray, Array]:
 
 
 def contact_points(
-    fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, faces: Mapping[str, Marker]
+    fe: FEModel,
+    solver: FreeBodySolver,
+    body: FlexibleBody,
+    faces: Mapping[str, Marker],
+    triangles: Mapping[str, IntArray],
 ) -> ContactPoints:
     """Find the points of a body's faces and their residual flexibility ``G = Bᵀ K⁺ B − V (Vᵀ K V)⁻¹ Vᵀ``.
 
@@ -53,38 +57,40 @@ def contact_points(
     ----------
     faces : mapping of str to Marker
         Averaged markers on faces.
+    triangles : mapping of str to ndarray, shapes (n_triangles, 3)
+        Nodes at the corners of the triangles of those faces that may touch other bodies: all of these become points.
 
     Raises
     ------
     ValueError
-        A face has no points that take a pressure, two faces share points, or there are too many points; the message
-        begins with the face's name.
+        A face has no points that take a pressure, or there are too many points; the message begins with the face's
+        name.
     AccuracyError
         A static response isn't accurate.
     """
-    nodes, areas, numbers, n = list[IntArray](), list[Array](), dict[str, IntArray](), 0
+    pressed = dict[str, tuple[IntArray, Array]]()
     for name, marker in faces.items():
         try:
-            found, area = pressed_nodes(marker)
+            pressed[name] = pressed_nodes(marker)
         except ValueError as error:
             raise ValueError(f"{name} {error}") from error
-        if nodes and np.isin(found, np.concatenate(nodes)).any():
-            raise ValueError(f"{name} shares points with another face that touches something; join the two in a marker")
-        numbers[name] = np.arange(n, n + len(found))
-        nodes, areas, n = [*nodes, found], [*areas, area], n + len(found)
-    if n > MOST_POINTS:
+    corners = [own.ravel() for own in triangles.values()]
+    at: IntArray = np.unique(np.concatenate([*(nodes for nodes, _ in pressed.values()), *corners]))
+    if (n := len(at)) > MOST_POINTS:
         raise ValueError(
             f"{', '.join(faces)}: {n} points, of which {MOST_POINTS} can be followed; a smaller face "
             "or larger elements work"
         )
-    at: IntArray = np.concatenate(nodes)
+    numbers = {name: np.searchsorted(at, nodes) for name, (nodes, _) in pressed.items()}
+    areas = {name: area for name, (_, area) in pressed.items()}
     whole = _symmetric(_static_flexibility(fe, solver, at))
     try:
         G, raised = _raised(whole - _modal_flexibility(fe, solver, body, at), whole)
     except np.linalg.LinAlgError as error:
         raise ValueError(f"{', '.join(faces)}: points move as a rigid part; a face that deforms works") from error
     shapes = np.ascontiguousarray(body.shapes[at])
-    return ContactPoints(body.x[at].copy(), np.concatenate(areas), shapes, G.reshape(n, 3, n, 3), numbers, raised)
+    surfaces = {name: np.searchsorted(at, own) for name, own in triangles.items()}
+    return ContactPoints(body.x[at].copy(), areas, shapes, G.reshape(n, 3, n, 3), numbers, raised, surfaces)
 
 
 def _static_flexibility(fe: FEModel, solver: FreeBodySolver, nodes: IntArray) -> Array:

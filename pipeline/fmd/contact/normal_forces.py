@@ -1,85 +1,46 @@
-"""Normal forces on points by active sets: ``g = y + D λ ≥ 0``, ``λ ≥ 0``, ``gᵀ λ = 0``, D positive definite."""
+"""Normal forces on points by active sets: ``g = y + N λ ≥ 0``, ``λ ≥ 0``, ``gᵀ λ = 0``, N positive definite."""
 
 from __future__ import annotations
 
 import math
 
 from fmd.contact.tables import ContactTable
-from fmd.core.arrays import Array
 from fmd.core.limits.contact import BLOCK_CHANGES, SET_CHANGES, SMALL_FORCE
-from fmd.kernels.kernel import inlined, inner
-
-
-@inlined
-def compliance(c: ContactTable, first: int, i: int, j: int, a: int, b: int) -> float:
-    """Return how far point i moves along its axis a by a unit force on point j along its axis b."""
-    total = 0.0
-    for k in range(3):
-        for m in range(3):
-            total += c.turned[i, a, k] * c.G[i, j - first, k, m] * c.turned[j, b, m]
-    return float(total)
+from fmd.kernels.kernel import inner
 
 
 @inner
-def spread_forces(c: ContactTable, body: int) -> None:
-    """Turn the forces on a body's points into its axes, and find the displacements by them."""
-    first, last = c.first[body], c.first[body + 1]
-    for i in range(first, last):
-        for k in range(3):
-            c.own[i, k], c.moved[i, k] = 0.0, 0.0
-            for a in range(3):
-                c.own[i, k] += c.force[i, a] * c.turned[i, a, k]
-    for j in range(first, last):
-        if c.force[j, 0] != 0.0:
-            for i in range(first, last):
-                for k in range(3):
-                    for m in range(3):
-                        c.moved[i, k] += c.G[i, j - first, k, m] * c.own[j, m]
-
-
-@inlined
-def place_now(c: ContactTable, i: int, a: int) -> float:
-    """Return where a point stands along an axis of its plane with the displacement by forces."""
-    total = c.free[i, a]
-    for k in range(3):
-        total += c.turned[i, a, k] * c.moved[i, k]
-    return float(total)
-
-
-@inner
-def find_normal_forces(c: ContactTable, body: int) -> bool:
-    """Find the forces on a body's points from those that were active before; false if that has no end.
+def find_normal_forces(c: ContactTable, g: int) -> bool:
+    """Find the normal forces on a group's chosen points from those active before; false if that has no end.
 
     All points that are wrong change sides at once (Kunisch & Rendl, SIAM J Optim 14, 2003); if they go on doing so,
-    the worst alone.
+    the worst alone. The factor of the active points stays as long as these and N do.
     """
-    first, last = c.first[body], c.first[body + 1]
+    first, count = c.group[g], c.n_chosen[g]
+    size, n = c.group[g + 1] - first, c.first_entry[g, 1]
     for change in range(SET_CHANGES):
-        count = 0
-        for i in range(first, last):
-            if c.active[i] != 0:
-                c.b[count] = -c.free[i, 0]
-                row = 0
-                for j in range(first, i + 1):
-                    if c.active[j] != 0:
-                        c.A[count, row] = compliance(c, first, i, j, 0, 0)
-                        row += 1
-                count += 1
-        if not _solve(c.A, c.b, count):
+        if not _factor_active(c, g):
             return False
-        count, largest = 0, 0.0
-        for i in range(first, last):
-            c.force[i, 0] = 0.0
-            if c.active[i] != 0:
-                c.force[i, 0] = c.b[count]
-                largest = max(largest, abs(c.b[count]))
-                count += 1
-        spread_forces(c, body)
+        active = c.n_factored[g]
+        for k in range(active):
+            c.b[k] = -c.free[c.chosen[first + c.factored[first + k]], 0]
+        _solve(c, g)
+        largest = 0.0
+        for own in range(count):
+            c.force[c.chosen[first + own], 0] = 0.0
+        for k in range(active):
+            c.force[c.chosen[first + c.factored[first + k]], 0] = c.b[k]
+            largest = max(largest, abs(c.b[k]))
         worst, at, wrong = 0.0, -1, 0
-        for i in range(first, last):
-            own = compliance(c, first, i, i, 0, 0)
-            fault = -c.force[i, 0] * own if c.active[i] != 0 else -place_now(c, i, 0)
-            if fault > SMALL_FORCE * largest * own + c.noise[body]:
+        for own in range(count):
+            i, row = c.chosen[first + own], n + own * size
+            soft = c.N[row + own]
+            fault = -c.force[i, 0] * soft
+            if c.active[i] == 0:
+                fault = -c.free[i, 0]
+                for k in range(active):
+                    fault -= c.N[row + c.factored[first + k]] * c.b[k]
+            if fault > SMALL_FORCE * largest * soft + c.noise[g]:
                 wrong += 1
                 if fault > worst:
                     worst, at = fault, i
@@ -93,27 +54,67 @@ def find_normal_forces(c: ContactTable, body: int) -> bool:
 
 
 @inner
-def _solve(A: Array, b: Array, n: int) -> bool:
-    """Solve ``A x = b`` of size n by Cholesky's method into b, from the lower half of A, in its place."""
-    for j in range(n):
-        pivot = A[j, j]
-        for k in range(j):
-            pivot -= A[j, k] * A[j, k]
-        if not pivot > 0.0:
-            return False
-        A[j, j] = math.sqrt(pivot)
-        for i in range(j + 1, n):
-            entry = A[i, j]
-            for k in range(j):
-                entry -= A[i, k] * A[j, k]
-            A[i, j] = entry / A[j, j]
-    for i in range(n):
-        for k in range(i):
-            b[i] -= A[i, k] * b[k]
-        b[i] /= A[i, i]
-    for back in range(n):
-        i = n - 1 - back
-        for k in range(i + 1, n):
-            b[i] -= A[k, i] * b[k]
-        b[i] /= A[i, i]
+def _factor_active(c: ContactTable, g: int) -> bool:
+    """Factor N's rows and columns of active points by Cholesky's method unless that is done; false if it can't be."""
+    first, active, same = c.group[g], 0, c.n_factored[g] >= 0
+    for own in range(c.n_chosen[g]):
+        if c.active[c.chosen[first + own]] == 1:
+            same = same and active < c.n_factored[g] and c.factored[first + active] == own
+            active += 1
+    if same and active == c.n_factored[g]:
+        return True
+    active = 0
+    for own in range(c.n_chosen[g]):
+        if c.active[c.chosen[first + own]] == 1:
+            c.factored[first + active] = own
+            active += 1
+    c.n_factored[g] = -1
+    size, n = c.group[g + 1] - first, c.first_entry[g, 1]
+    for i in range(active):
+        row = n + c.factored[first + i] * size
+        own = n + i * size
+        for j in range(i + 1):
+            other = n + j * size
+            entry = c.N[row + c.factored[first + j]] - _dot(c, own, other, j)
+            if j < i:
+                c.L[own + j] = entry / c.L[other + j]
+            elif entry > 0.0:
+                c.L[own + j] = math.sqrt(entry)
+            else:
+                return False
+    c.n_factored[g] = active
     return True
+
+
+@inner
+def _dot(c: ContactTable, one: int, other: int, count: int) -> float:
+    """Return the product of two rows of L, in four sums that don't wait for one another."""
+    s0, s1, s2, s3, k = 0.0, 0.0, 0.0, 0.0, 0
+    while k + 3 < count:
+        s0 += c.L[one + k] * c.L[other + k]
+        s1 += c.L[one + k + 1] * c.L[other + k + 1]
+        s2 += c.L[one + k + 2] * c.L[other + k + 2]
+        s3 += c.L[one + k + 3] * c.L[other + k + 3]
+        k += 4
+    while k < count:
+        s0 += c.L[one + k] * c.L[other + k]
+        k += 1
+    return (s0 + s1) + (s2 + s3)
+
+
+@inner
+def _solve(c: ContactTable, g: int) -> None:
+    """Solve ``L Lᵀ x = b`` into b."""
+    first, count = c.group[g], c.n_factored[g]
+    size, n = c.group[g + 1] - first, c.first_entry[g, 1]
+    for i in range(count):
+        row, total = n + i * size, c.b[i]
+        for k in range(i):
+            total -= c.L[row + k] * c.b[k]
+        c.b[i] = total / c.L[row + i]
+    for back in range(count):
+        i = count - 1 - back
+        row = n + i * size
+        c.b[i] /= c.L[row + i]
+        for k in range(i):
+            c.b[k] -= c.L[row + k] * c.b[i]

@@ -2,61 +2,115 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.contact.histories import BEGIN, END, N_VALUES
 from fmd.core.arrays import Array, IntArray
 from fmd.kernels.table import Table
-
-if TYPE_CHECKING:
-    from fmd.contact.touching_body import TouchingBody
 
 
 @dataclass(frozen=True)
 class ContactTable(Table):
-    """Points of bodies that may touch planes, body after body, and the forces on them.
+    """Points that may touch planes of the ground or triangles of other bodies, and the forces on them.
 
-    Vectors of points are along the normal and the two tangents of their plane, but where it says otherwise.
+    The **nodes** are points of bodies, with their displacements by modes and their flexibility. A **point** of contact
+    is a node and what it may touch; its vectors are along the normal out of that and along two tangents, in the frame
+    of its own body ("own axes") or in that of the other one, which is the ground for a plane. Points are sorted by
+    **surface**, a face before a plane or before another face, and surfaces by **group**: points of a group share
+    bodies, and so their forces depend on one another.
     """
 
+    # Bodies.
     link: IntArray  # (n_bodies,): each body's number in the mechanism
-    first: IntArray  # (n_bodies + 1,): its first point
+    first: IntArray  # (n_bodies + 1,): its first node
     n_modes: IntArray  # (n_bodies,)
     mode: IntArray  # (n_bodies, most modes): rate of each of its modal coordinates
     shift: int  # from there to its position
-    x: Array  # (n, 3): undeformed points in their body's frame [m]
-    shapes: Array  # (n, 3, most modes)
-    reach: Array  # (n,): no modal coordinates of length 1 displace it farther
-    areas: Array  # (n,)
-    G: Array  # (n, most points of a body, 3, 3), the second from the body's first point on
+    # Nodes.
+    x: Array  # (n_nodes, 3): undeformed, in their body's frame [m]
+    shapes: Array  # (n_nodes, 3, most modes)
+    G: Array  # (n_nodes, most nodes of a body, 3, 3), the second from the body's first node on
+    place: Array  # (n_nodes, 3): deformed, in space [m]
+    placed: IntArray  # (n_nodes,): number of the state at which it was found
+    # Surfaces.
+    slave: IntArray  # (n_surfaces,): the body of its points
+    master: IntArray  # (n_surfaces,): the body with the triangles, -1 for the ground
+    point: IntArray  # (n_surfaces + 1,): its first point
+    triangle: IntArray  # (n_surfaces + 1,): its first triangle
+    contact: IntArray  # (n_surfaces,): number of the contact
+    sign: Array  # (n_surfaces,): 1 if the contact's values are of the force on the body of its points, else -1
+    softness: Array  # (n_surfaces,): more of the own flexibility of each point
+    clearance: Array  # (n_surfaces,): what is added to gaps [m]
+    friction: Array  # (n_surfaces,)
+    plane: Array  # (n_surfaces, 3, 3): normal and tangents of the ground's plane in space, a row each
+    position: Array  # (n_surfaces, 3): a point of it
+    reach: Array  # (n_surfaces, 2): no modal coordinates of length 1 displace points, or triangles, farther
+    height: Array  # (n_surfaces, 2): all points are above a plane by this, now and at the last step [m]
+    box: Array  # (n_surfaces, 8, 3): corners of a box around its points
+    radius: Array  # (n_surfaces,): distance up to which triangles are kept [m]
+    room: Array  # (n_surfaces,): what surfaces may move before these are to be found again; negative at first [m]
+    corners: Array  # (n_surfaces, 8, 3): the box in the master's frame when they were found
+    modal_then: Array  # (n_surfaces, 2, most modes): modal coordinates of both bodies then
+    # Triangles.
+    corner: IntArray  # (n_triangles, 3): nodes
+    rim: IntArray  # (n_triangles, 6): 1 for each side, then each corner, that is on its face's rim
+    ball: Array  # (n_triangles, 4): centre in space and radius
+    # Points.
+    node: IntArray  # (n,)
+    surface: IntArray  # (n,)
+    areas: Array  # (n,): force by a pressure of 1; 0 for those on edges [m²]
+    outward: Array  # (n, 3): unit normal of its face, in own axes
+    near: IntArray  # (n, NEAR_TRIANGLES)
+    n_near: IntArray  # (n,)
+    foot: IntArray  # (n, 3): nodes at the corners of the triangle below it
+    weights: Array  # (n, 3): of these
     axes: Array  # (n, 3, 3): normal and tangents in space, a row each
-    offset: Array  # (n, 3): the plane's position along them
-    friction: Array  # (n,)
-    contact: IntArray  # (n,): number of the plane
-    positions: Array  # (n_planes, 3): moments are about these
-    free: Array  # (n, 3): places without forces
-    force: Array  # (n, 3): forces at the state looked at
-    known: Array  # (n, 3): forces at the last step
-    tip: Array  # (n, 3): places with forces, at the last step
-    before: Array  # (n, 3): places without forces, at the last step
-    noise: Array  # (n_bodies,): round-off of places [m]
-    height: Array  # (n_bodies, 2): all points are above this, at the state looked at and at the last step [m]
-    near: Array  # (n_bodies, 2): 1 if its points have been placed, at the same two
-    own: Array  # (n, 3): forces in the body's axes
-    moved: Array  # (n, 3): displacements by them, in the body's axes
-    turned: Array  # (n, 3, 3): axes in those of the body, a row each
+    turned: Array  # (n, 3, 3): in own axes
+    Q: Array  # (n, 3, 3): turns vectors in the other body's frame into own axes
+    seen: IntArray  # (n, 2): 1 if there is something below it, now and at the last step
+    spot: Array  # (n, 3): place without forces relative to what it may touch, in the other's undeformed frame [m]
+    free: Array  # (n, 3): gap without forces, and slip since the last step
+    force: Array  # (n, 3)
+    own: Array  # (n, 3): forces in own axes
+    moved: Array  # (n, 3): displacements by forces against what it touches, in own axes
+    supple: Array  # (n,): no force of 1 moves it farther against what it touches, without others [m/N]
+    at: Array  # (n, 3): where the force acts, in space [m]
     active: IntArray  # (n,)
-    A: Array  # (most, most), room to work in
-    b: Array  # (most,)
+    known: Array  # (n, 3): force at the last step, in the other's frame
+    tip: Array  # (n, 3): spot with displacement by forces, at the last step
+    before: Array  # (n, 3): spot at the last step
+    # Groups.
+    group: IntArray  # (n_groups + 1,): its first point
+    noise: Array  # (n_groups,): round-off of places [m]
+    band: Array  # (n_groups,): gaps below this may close [m]
+    chosen: IntArray  # (n,): points that may close, from the group's first entry on
+    n_chosen: IntArray  # (n_groups,)
+    slot: IntArray  # (n,): place of a point among these, -1 without
+    first_entry: IntArray  # (n_groups, 2): where the group's part of D and of N begins
+    stride: IntArray  # (n_groups,): entries in a row of D
+    D: Array  # flexibility between chosen points in own axes, a row for each component of each
+    Q_then: Array  # (n, 3, 3): what D was found with
+    weights_then: Array  # (n, 3)
+    foot_then: IntArray  # (n, 3)
+    N: Array  # flexibility between chosen points along their normals
+    normal_then: Array  # (n, 3): what N was found with
+    L: Array  # factor of the active part of N
+    factored: IntArray  # (n,): places of points in it, from the group's first entry on
+    n_factored: IntArray  # (n_groups,): how many; -1 if it isn't to be used
+    answer: Array  # (as many): displacements by them
+    b: Array  # (most points of a group,)
+    block: Array  # (3, 3)
+    product: Array  # (3, 3)
+    # Results.
     push: Array  # (n_links, 6): force and moment on each body's frame, in its axes
     modal: Array  # (n_rates,): forces on modes, in the order of rates
-    now: Array  # (n_planes, N_VALUES): values at the state looked at
-    sums: Array  # (n_planes, N_VALUES): those that add up, at the last step
-    clock: Array  # (2,): time of the last step; 0 if forces were found, 1 if not
+    centre: Array  # (n_contacts, 3): moments are about this point of the carrier's frame
+    carrier: IntArray  # (n_contacts,): link, -1 for the ground
+    now: Array  # (n_contacts, N_VALUES): values at the state looked at
+    sums: Array  # (n_contacts, N_VALUES): those that add up, at the last step
+    clock: Array  # (2,): time of the last step; 0 if forces were found, 1 if not, 2 where a point is deep at first
+    state: IntArray  # (1,): number of the state looked at
 
     @property
     def memory(self) -> Array:
@@ -64,87 +118,31 @@ class ContactTable(Table):
         return np.concatenate([own.ravel() for own in self._remembered])
 
     @property
-    def is_lost(self) -> bool:
-        """True if no forces were found at the last state."""
-        return bool(self.clock[1])
+    def lost(self) -> str:
+        """Why no forces were found at the last state; empty if they were."""
+        if self.clock[1] == 2.0:
+            return (
+                "a point came deep into a body past the edge of its face; a marker with the faces around it, or a "
+                "shorter step, helps"
+            )
+        return "their iterations don't settle; a shorter step or less friction helps" if self.clock[1] else ""
+
+    def deepest(self, contact: int) -> float:
+        """Return how deep points of a contact are at the last state, beyond an interference that is wanted [m]."""
+        mine = (self.contact[self.surface] == contact) & (self.seen[:, 0] == 1)
+        wanted = np.minimum(self.clearance[self.surface], 0.0)
+        return -float((self.free[:, 0] - wanted)[mine].min(initial=0.0))
 
     def recall(self, memory: Array) -> None:
         """Go on from the memory of another march."""
         for own, kept in zip(self._remembered, np.split(memory, self._ends), strict=True):
             own[:] = kept.reshape(own.shape)
+        self.room[:] = -1.0
 
     @property
-    def _remembered(self) -> tuple[Array, ...]:
-        return self.known, self.tip, self.before, self.sums, self.clock, self.height, self.near
+    def _remembered(self) -> tuple[Array | IntArray, ...]:
+        return self.known, self.tip, self.before, self.sums, self.clock, self.height, self.seen
 
     @property
     def _ends(self) -> IntArray:
         return np.cumsum([own.size for own in self._remembered])[:-1]
-
-
-def contact_table(
-    bodies: Sequence[TouchingBody], links: Sequence[int], modes: Sequence[IntArray], n_links: int, n: int, shift: int
-) -> ContactTable:
-    """Make the table of bodies that touch planes.
-
-    Parameters
-    ----------
-    links : sequence of int
-        Number of each body in the mechanism.
-    modes : sequence of ndarray, shapes (n_modes,)
-        Rates of each body's modal coordinates.
-    n_links, n : int
-        Numbers of bodies and of rates of the mechanism.
-    shift : int
-        From a mode's rate to its position.
-    """
-    counts = [len(body.points.x) for body in bodies]
-    first = np.concatenate([[0], np.cumsum(counts)])
-    size, most, most_modes = int(first[-1]), max(counts), max(1, *(len(own) for own in modes))
-    mode, shapes = np.zeros((len(bodies), most_modes), dtype=np.int64), np.zeros((size, 3, most_modes))
-    G, axes, offset = np.zeros((size, most, 3, 3)), np.zeros((size, 3, 3)), np.zeros((size, 3))
-    friction, contact = np.zeros(size), np.zeros(size, dtype=np.int64)
-    planes = [plane for body in bodies for plane in body.planes]
-    number = 0
-    for k, (body, own) in enumerate(zip(bodies, modes, strict=True)):
-        points, at = body.points, slice(first[k], first[k + 1])
-        mode[k, : len(own)] = own
-        shapes[at, :, : len(own)] = points.shapes
-        G[at, : counts[k]] = points.G.transpose(0, 2, 1, 3)
-        for plane in body.planes:
-            mine = first[k] + plane.points
-            axes[mine], offset[mine] = plane.axes, plane.axes @ plane.position
-            friction[mine], contact[mine] = plane.friction, number
-            number += 1
-    sums = np.zeros((len(planes), N_VALUES))
-    sums[:, [BEGIN, END]] = np.nan
-    return ContactTable(
-        link=np.array(links, dtype=np.int64),
-        first=first.astype(np.int64),
-        n_modes=np.array([len(own) for own in modes], dtype=np.int64),
-        mode=mode,
-        shift=shift,
-        x=np.concatenate([body.points.x for body in bodies]),
-        shapes=shapes,
-        reach=np.sqrt((shapes**2).sum(axis=(1, 2))),
-        areas=np.concatenate([body.points.areas for body in bodies]),
-        G=G,
-        axes=axes,
-        offset=offset,
-        friction=friction,
-        contact=contact,
-        positions=np.array([plane.position for plane in planes]),
-        **{name: np.zeros((size, 3)) for name in ("free", "force", "known", "tip", "before", "own", "moved")},
-        noise=np.zeros(len(bodies)),
-        height=np.full((len(bodies), 2), np.inf),
-        near=np.zeros((len(bodies), 2)),
-        turned=np.zeros((size, 3, 3)),
-        active=np.zeros(size, dtype=np.int64),
-        A=np.zeros((most, most)),
-        b=np.zeros(most),
-        push=np.zeros((n_links, 6)),
-        modal=np.zeros(n),
-        now=np.zeros((len(planes), N_VALUES)),
-        sums=sums,
-        clock=np.array([np.nan, 0.0]),
-    )

@@ -1,10 +1,10 @@
-"""A flexible body with the points of its faces that may touch, and the planes that they may touch."""
+"""A flexible body with the points of its faces that may touch, and the planes and faces that they may touch."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,31 +24,41 @@ class ContactPoints:
     ----------
     x : ndarray, shape (n, 3)
         Undeformed positions in the body's frame [m].
-    areas : ndarray, shape (n,)
-        Force on each point by a pressure of 1 on its face [m²].
+    areas : mapping of str to ndarray
+        Force on each of a face's points by a pressure of 1 on it [m²].
     shapes : ndarray, shape (n, 3, n_modes)
         Displacements for unit modal coordinates [kg^-1/2].
     G : ndarray, shape (n, 3, n, 3)
         Residual flexibility [m/N], symmetric and positive definite.
     faces : mapping of str to ndarray
-        Numbers of the points on each face, by its marker's name.
+        Numbers of the points that carry pressure on each face, by its marker's name.
     raised : float
         Share of its directions in which modes left too little, and G has been raised.
+    surfaces : mapping of str to ndarray, shapes (n_triangles, 3)
+        Points at the corners of the triangles of each face that may touch one of another body, counter-clockwise seen
+        from outside.
     """
 
     x: Array
-    areas: Array
+    areas: Mapping[str, Array]
     shapes: Array
     G: Array
     faces: Mapping[str, IntArray]
     raised: float = 0.0
+    surfaces: Mapping[str, IntArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.x)
         require_shape("x", self.x, (None, 3))
-        require_shape("areas", self.areas, (n,))
+        for name, numbers in self.faces.items():
+            require_shape(f"areas of {name}", self.areas[name], (len(numbers),))
         require_shape("shapes", self.shapes, (n, 3, None))
         require_shape("G", self.G, (n, 3, n, 3))
+
+    @property
+    def softness(self) -> Array:
+        """Bound of each point's own residual flexibility in any direction [m/N], shape (n,)."""
+        return np.asarray(np.einsum("iaia->i", self.G))
 
 
 @dataclass(frozen=True)
@@ -65,15 +75,18 @@ class ContactPlane:
         Unit vector out of the ground.
     friction : float
         Coefficient of Coulomb's friction.
-    points : ndarray, shape (n,)
-        Numbers of the points.
+    face : str
+        The face whose points may touch it.
+    clearance : float
+        What is added to gaps [m].
     """
 
     name: str
     position: Array
     normal: Array
     friction: float
-    points: IntArray
+    face: str
+    clearance: float = 0.0
 
     @property
     def axes(self) -> Array:
@@ -85,8 +98,41 @@ class ContactPlane:
 
 
 @dataclass(frozen=True)
+class ContactPair:
+    """A face of a body whose points may touch the triangles of a face of another.
+
+    Corners and edges of the other's face are looked for on this one's triangles, since they may come between points.
+
+    Parameters
+    ----------
+    name : str
+        The contact's name.
+    face : str
+        The face with the points.
+    other : str
+        The other body's name.
+    other_face : str
+        Its face.
+    friction : float
+        Coefficient of Coulomb's friction.
+    clearance : float
+        What is added to gaps [m].
+    reported_on_other : bool
+        True if the contact's force is to be that on the other body.
+    """
+
+    name: str
+    face: str
+    other: str
+    other_face: str
+    friction: float = 0.0
+    clearance: float = 0.0
+    reported_on_other: bool = False
+
+
+@dataclass(frozen=True)
 class TouchingBody:
-    """A body of a mechanism that touches planes.
+    """A body of a mechanism that touches planes or other bodies.
 
     Parameters
     ----------
@@ -95,20 +141,24 @@ class TouchingBody:
     points : ContactPoints
         Its points.
     planes : tuple of ContactPlane
-        Each with points of its own.
+        Planes of the ground.
+    pairs : tuple of ContactPair
+        Contacts of its faces with those of other bodies, each in the list of one of the two.
     """
 
     body: str
     points: ContactPoints
-    planes: tuple[ContactPlane, ...]
+    planes: tuple[ContactPlane, ...] = ()
+    pairs: tuple[ContactPair, ...] = ()
 
     @property
     def digest(self) -> str:
         """Digest of all numbers."""
-        own = [*(getattr(self.points, name) for name in ("x", "areas", "shapes", "G"))]
-        own += [x for plane in self.planes for x in (plane.position, plane.normal, plane.friction, plane.points)]
+        own = [*(getattr(self.points, name) for name in ("x", "shapes", "G")), *self.points.areas.values()]
+        own += [x for plane in self.planes for x in (plane.position, plane.normal)]
+        own += [*self.points.faces.values(), *self.points.surfaces.values()]
         content = b"".join(np.ascontiguousarray(x).tobytes() for x in own)
-        names = repr([self.body, *(plane.name for plane in self.planes)])
+        names = repr([self.body, self.pairs, *((at.name, at.face, at.friction, at.clearance) for at in self.planes)])
         return hashlib.blake2b(content + names.encode(), digest_size=16).hexdigest()
 
     def stiffness(self, J: Array) -> Array:
@@ -121,5 +171,10 @@ class TouchingBody:
         return np.asarray(rows.T @ np.linalg.solve(self.points.G.reshape(n, n), rows))
 
     def histories(self, values: Array) -> dict[str, ContactHistory]:
-        """Return the histories of its contacts by name, of values (n_times, n_planes, N_VALUES)."""
-        return {plane.name: read_history(values[:, k]) for k, plane in enumerate(self.planes)}
+        """Return the histories of its contacts by name, of values (n_times, n_contacts, N_VALUES)."""
+        return {name: read_history(values[:, k]) for k, name in enumerate(self.names)}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its contacts, in the order of their values."""
+        return (*(plane.name for plane in self.planes), *(pair.name for pair in self.pairs))

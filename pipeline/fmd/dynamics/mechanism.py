@@ -97,7 +97,7 @@ class Mechanism:
     controllers : sequence of SampledController
         Controllers that measure now and then, each after those whose outputs it takes.
     contacts : sequence of TouchingBody
-        Bodies that touch planes, each once.
+        Bodies that touch planes or one another, each once.
 
     Raises
     ------

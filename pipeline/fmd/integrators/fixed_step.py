@@ -308,11 +308,8 @@ class FixedMarch:
             spent = time.perf_counter() - tick
             seconds += spent
             state = replace(state, step=state.step + done, time=(state.step + done) * self.step)
-            if touching is not None and touching.is_lost:
-                raise StabilityError(
-                    f"no forces of contact were found at t = {state.time:.6g} s: their iterations don't settle; a "
-                    "shorter step or less friction helps"
-                )
+            if touching is not None and touching.lost:
+                raise StabilityError(f"no forces of contact were found at t = {state.time:.6g} s: {touching.lost}")
             if done < wanted or not np.isfinite(state.q).all():
                 raise _divergence(state)
             check.add()

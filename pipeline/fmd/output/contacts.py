@@ -47,8 +47,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                     f"{100 * error / max(kinetic, 1e-300):.2g} % of the largest kinetic energy; shorter steps lose less"
                 )
                 found.append({"code": "contact-energy", "text": text})
-    for name, contact in run.scene.contact.items():
-        body, _, face = contact.between[1].partition(".")
+    for name, body, face in run.scene.touching_faces:
         if raised := run.parts[body].contact_points.raised:
             text = (
                 f"contact.{name}: the modes of {body} have nearly all of its mesh's flexibility at the face; in "
@@ -56,7 +55,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                 "elements help"
             )
             found.append({"code": "contact-flexibility", "text": text})
-        if (depth := _unseen_depth(run, name, body, face)) > 0.0:
+        if run.scene.contact[name].on_ground and (depth := _unseen_depth(run, name, body, face)) > 0.0:
             text = (
                 f"contact.{name}: nodes of {body}.{face} that carry no pressure go up to {depth:.3g} m deeper than "
                 "those that do, for it tilts onto a corner; smaller elements there, or linear hexahedra, help"
@@ -78,7 +77,8 @@ def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> float:
         gaps = np.einsum("ta,tna->tn", along, x + np.einsum("nam,tm->tna", shapes, q))
         return np.asarray(gaps.min(axis=1) + (frame.origin - plane.position) @ plane.normal)
 
-    points = lowest(touching.points.x[plane.points], touching.points.shapes[plane.points])
+    own = touching.points.faces[face]
+    points = lowest(touching.points.x[own], touching.points.shapes[own])
     deeper = (np.minimum(points, 0.0) - lowest(reduced.x[nodes], reduced.shapes[nodes])).max()
     extent = float(np.ptp(reduced.x[nodes], axis=0).max())
     return float(deeper) if deeper > UNSEEN_DEPTH * extent else 0.0

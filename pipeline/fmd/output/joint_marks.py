@@ -82,6 +82,8 @@ class Marks:
 
         found = []
         for name, contact in self.run.scene.contact.items():
+            if not contact.on_ground:
+                continue
             place = contact.between[0]
             axes = axes_along(place_axes(self.run.scene, place) @ np.array(contact.normal))
             thick = _PLATE * self.radius

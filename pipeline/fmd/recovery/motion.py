@@ -122,7 +122,7 @@ class Motion:
         """Contacts at the output times, by name; none where nothing may touch."""
         found: dict[str, ContactHistory] = {}
         first = 0
-        counts = [len(body.planes) for body in self.mechanism.contacts]
+        counts = [len(body.names) for body in self.mechanism.contacts]
         for body, count in zip(self.mechanism.contacts, counts, strict=True):
             values = self.trajectory.contacts.reshape(len(self.times), sum(counts), -1)
             found |= body.histories(values[:, first : first + count])

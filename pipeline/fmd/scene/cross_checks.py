@@ -156,23 +156,27 @@ class CrossCheck:
                     yield FaultError("must be two places that can move against each other", table, name, "between")
 
     def _check_contacts(self) -> Iterator[FaultError]:
-        faces: dict[str, str] = {}
+        taken: dict[tuple[str, ...], str] = {}
         for name, contact in self.scene.contact.items():
-            ground, face = contact.between
+            first, second = contact.between
             for number, place in enumerate(contact.between):
                 yield from self._check_place(place, "contact", name, "between", number)
-            body = face.partition(".")[0]
-            if ground.partition(".")[0] != "ground" or body == "ground":
+            if contact.on_ground and (first.partition(".")[0] != "ground" or second.partition(".")[0] == "ground"):
                 mend = "'ground' or a place on it first, where a plane is, and a face of a flexible body second"
                 yield FaultError(f"must be {mend}", "contact", name, "between")
-            elif body in self.scene.body and (body not in self.scene.flexible or body in self.scene.pieces):
+            elif first.partition(".")[0] == second.partition(".")[0]:
+                mend = "two bodies, or a plane of the ground, can touch; divide the body, and join its parts"
+                yield FaultError(f"are faces of one body, which can't touch itself; {mend}", "contact", name, "between")
+            faces = tuple(sorted(end for end in contact.between if end.partition(".")[0] != "ground"))
+            if faces in taken:
+                mend = "a face touches one plane, and two faces make one contact; join them, or name parts of faces"
+                yield FaultError(f"has the face of contact.{taken[faces]}; {mend}", "contact", name, "between")
+            taken[faces] = name
+        for name, body, _ in self.scene.touching_faces:
+            if body in self.scene.body and (body not in self.scene.flexible or body in self.scene.pieces):
                 what = "in pieces" if body in self.scene.pieces else "rigid, and nothing says how stiff its surface is"
                 mend = "pieces = 1 works" if body in self.scene.pieces else "a flexible body with few modes works"
                 yield FaultError(f"touches with {body}, which is {what}; {mend}", "contact", name, "between")
-            if face in faces:
-                mend = "a face touches one plane; give other faces, or markers on parts of it"
-                yield FaultError(f"has the face of contact.{faces[face]}; {mend}", "contact", name, "between")
-            faces[face] = name
         if self.scene.contact and self.scene.sampled:
             fault = f"can't be in a scene with a sampled controller, {self.scene.sampled[0]}"
             yield FaultError(fault, "contact", next(iter(self.scene.contact)))

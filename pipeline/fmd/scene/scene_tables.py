@@ -42,10 +42,16 @@ class SceneTables(SceneTable):
         """The force elements by table and name."""
         return {"spring": dict(self.spring), "bushing": dict(self.bushing), "bearing": dict(self.bearing)}
 
-    def faces_in_contact(self, body: str) -> tuple[str, ...]:
-        """Return the markers on the faces of a body that may touch something."""
-        faces = (contact.between[1].partition(".") for contact in self.contact.values())
-        return tuple(face for own, _, face in faces if own == body)
+    @property
+    def touching_faces(self) -> tuple[tuple[str, str, str], ...]:
+        """Contact, body and marker of each face that may touch something."""
+        both = ((name, *end.partition(".")[::2]) for name, own in self.contact.items() for end in own.between)
+        return tuple((name, body, face) for name, body, face in both if body != "ground")
+
+    def faces_in_contact(self, body: str, with_bodies: bool) -> tuple[str, ...]:
+        """Return the markers on the faces of a body that may touch something, or other bodies alone."""
+        faces = (at for at in self.touching_faces if not (with_bodies and self.contact[at[0]].on_ground))
+        return tuple(dict.fromkeys(face for _, own, face in faces if own == body))
 
     @property
     def flexible(self) -> dict[str, Flexible]:

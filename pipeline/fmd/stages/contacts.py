@@ -1,4 +1,4 @@
-"""From a scene's contacts to bodies that touch planes, with their points and their flexibility."""
+"""From a scene's contacts to bodies that touch planes or one another, with their points and their flexibility."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from fmd.contact.flexibility import contact_points
-from fmd.contact.touching_body import ContactPlane, ContactPoints, TouchingBody
+from fmd.contact.touching_body import ContactPair, ContactPlane, ContactPoints, TouchingBody
 from fmd.core.errors import InputError
 from fmd.dynamics.mechanism import Mechanism
+from fmd.fem.surface import surface_facets, surface_topology
+from fmd.stages.markers import find_marker_facets
 from fmd.stages.parent_joint import ground_place
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from fmd.core.arrays import IntArray
+    from fmd.scene.contacts import Contact
     from fmd.scene.scene import Scene
     from fmd.stages.part import FlexiblePart
 
@@ -44,20 +48,51 @@ def find_contact_points(part: FlexiblePart) -> ContactPoints:
         )
     faces = {name: part.markers[name] for name in part.contact_faces}
     try:
-        return contact_points(part.fe, part.model.solver, part.body, faces)
+        return contact_points(part.fe, part.model.solver, part.body, faces, _find_triangles(part))
     except ValueError as error:
         raise InputError(part.file, f"body.{part.name}.marker", None, str(error)) from error
 
 
+def _find_triangles(part: FlexiblePart) -> dict[str, IntArray]:
+    """Return the nodes at the corners of the triangles of each face that may touch another body."""
+    if not part.paired_faces:
+        return {}
+    surface, of_facet = surface_topology(part.space), surface_facets(part.space)
+    on_faces = find_marker_facets(part.shape, part.space, part.file, part.name)
+    found = {}
+    for name in part.paired_faces:
+        if name not in on_faces:
+            raise ValueError(f"{name} is no face that can deform; an averaged marker on a face works")
+        found[name] = surface.nodes[surface.triangles[np.isin(of_facet, on_faces[name])]]
+    return found
+
+
 def add_contacts(run: ScenesParts, mechanism: Mechanism) -> Mechanism:
     """Give a mechanism the contacts of its scene."""
-    planes: dict[str, list[ContactPlane]] = {}
+    bodies = {body: TouchingBody(body, run.parts[body].contact_points) for _, body, _ in run.scene.touching_faces}
     for name, contact in run.scene.contact.items():
-        place, (body, _, face) = contact.between[0], contact.between[1].partition(".")
-        position, axes = ground_place(run.scene, place)
-        normal = axes @ np.array(contact.normal, dtype=float)
-        numbers = run.parts[body].contact_points.faces[face]
-        plane = ContactPlane(name, position, normal / np.linalg.norm(normal), contact.friction, numbers)
-        planes.setdefault(body, []).append(plane)
-    bodies = [TouchingBody(body, run.parts[body].contact_points, tuple(own)) for body, own in planes.items()]
-    return replace(mechanism, contacts=bodies)
+        if contact.on_ground:
+            plane = _plane(run.scene, name, contact)
+            body = contact.between[1].partition(".")[0]
+            bodies[body] = replace(bodies[body], planes=(*bodies[body].planes, plane))
+        else:
+            body, pair = _pair(name, contact, bodies)
+            bodies[body] = replace(bodies[body], pairs=(*bodies[body].pairs, pair))
+    return replace(mechanism, contacts=list(bodies.values()))
+
+
+def _plane(scene: Scene, name: str, contact: Contact) -> ContactPlane:
+    place, (_, _, face) = contact.between[0], contact.between[1].partition(".")
+    position, axes = ground_place(scene, place)
+    normal = axes @ np.array(contact.normal, dtype=float)
+    return ContactPlane(
+        name, position, normal / np.linalg.norm(normal), contact.friction, face, clearance=contact.clearance
+    )
+
+
+def _pair(name: str, contact: Contact, bodies: Mapping[str, TouchingBody]) -> tuple[str, ContactPair]:
+    """Return the body whose points are looked for on the other's triangles, that with smaller ones, and the pair."""
+    (one, face), (body, own) = (end.partition(".")[::2] for end in contact.between)
+    if bodies[one].points.areas[face].mean() < bodies[body].points.areas[own].mean():
+        return one, ContactPair(name, face, body, own, contact.friction, contact.clearance, reported_on_other=True)
+    return body, ContactPair(name, own, one, face, contact.friction, contact.clearance)

@@ -260,7 +260,8 @@ class FlexiblePart:
         self.shape: Flexible = scene.flexible[name]
         self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
         self.joint = read_parent_joint(scene, name)
-        self.contact_faces = scene.faces_in_contact(name)
+        self.contact_faces = scene.faces_in_contact(name, with_bodies=False)
+        self.paired_faces = scene.faces_in_contact(name, with_bodies=True)
         self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
         self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
         self.results: dict[str, Any] = {} if piece is None else {"mesh": piece.mesh}

@@ -20,6 +20,7 @@ class KeyedPart(Protocol):
     frame: str
     stiffening: str
     contact_faces: tuple[str, ...]
+    paired_faces: tuple[str, ...]
 
     @property
     def is_reduced(self) -> bool:
@@ -92,7 +93,7 @@ def digest_of_body(part: KeyedPart) -> Any:
 
 def contact_inputs(part: KeyedPart) -> Any:
     """Return what the points that may touch something depend on, and their flexibility."""
-    return {"body": part.key("body"), "faces": part.contact_faces}
+    return {"body": part.key("body"), "faces": part.contact_faces, "paired": part.paired_faces}
 
 
 def element_inputs(part: KeyedPart) -> Any:

@@ -259,21 +259,19 @@ def _limit_contact_step(built: BuiltScene, plan: Plan, limit: float, free: bool)
 
 
 def _require_free_start(built: BuiltScene, plan: Plan) -> None:
-    """Raise ``InputError`` if a body begins below a plane: what presses it there isn't known."""
+    """Raise ``InputError`` if a body begins in what it touches: what presses it there isn't known."""
     parameters, (q0, v0) = plan.system.parameters, plan.start
     evaluate(parameters, 0.0, q0, v0, np.zeros(plan.system.n))
-    gaps, first = parameters.contact.free[:, 0], 0
+    table, number = parameters.contact, 0
     for body in plan.mechanism.contacts:
-        for plane in body.planes:
-            depth = -float(gaps[first + plane.points].min())
+        for name in body.names:
+            depth = table.deepest(number)
             if depth > DEEP_START * float(np.ptp(body.points.x, axis=0).max()):
-                raise InputError(
-                    built.scene.file,
-                    f"contact.{plane.name}",
-                    None,
-                    f"begins {depth:.4g} m deep: {body.body} has to start above the plane, or on it",
-                )
-        first += len(body.points.x)
+                mend = f"{body.body} has to start above what it touches, or on it"
+                raise InputError(built.scene.file, f"contact.{name}", None, f"begins {depth:.4g} m deep: {mend}")
+            number += 1
+    if table.lost:
+        raise InputError(built.scene.file, "contact", None, f"has no forces at the start: {table.lost}")
 
 
 def _describe_growth(method: Integrator, folds: float, longest: float) -> str:

@@ -25,3 +25,18 @@ STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from wh
 DEEP_START = 1e-6  # of the body's size: how deep it may be in the ground at the start
 LOST_ENERGY = 0.01  # of the largest kinetic energy: more that contact's steps make or lose is warned of
 UNSEEN_DEPTH = 0.01  # of the largest extent of the points: how much deeper nodes may go that carry no pressure
+
+# Contact of two bodies.
+SHARP_EDGE = 30.0  # [degrees]: corners of triangles whose normals differ by more are looked for on the other face
+EDGE_SOFTNESS = 0.1  # of the own flexibility of a point on an edge: more for such a contact, beside the face's points
+BEYOND_RIM = 0.02  # of a triangle's size: how far beyond a face's rim a point still touches it
+FACING = 0.2  # cosine of the angle between outward normals, above which surfaces don't face each other
+DEEP_ENTRY = 0.1  # of a triangle's size: how deep a point may be in a body where it is first seen there
+NEAR_TRIANGLES = 32  # that are kept for a point
+NEAR_RADIUS = 1.5  # of the largest triangle: distance up to which triangles are kept
+MOVED_PART = 0.5  # of that distance: when surfaces have moved on by it, triangles near points are found again
+SMALLEST_RADIUS = 1e-3  # of the same, down to which it is shortened where a point has too many triangles
+WIDER_BAND = 2.0  # times the largest displacement by the forces: gaps that are kept among those that may close
+BANDS = 20  # times that the points that may close are chosen again in a step before it is given up
+TURNED_BLOCKS = 1e-3  # change of rotations and weights from which on flexibilities between points are found again
+TURNED_NORMALS = 1e-4  # change of normals from which on those along normals are

@@ -1,4 +1,4 @@
-"""A mechanism whose bodies touch planes, as a system: contact acts in each evaluation of its accelerations.
+"""A mechanism whose bodies touch planes or one another, as a system: contact acts wherever accelerations are evaluated.
 
 The forces follow from positions and, with friction, from where points stood at the last step, so a method that
 evaluates them once a step takes them as it takes a spring's. This module is loaded for mechanisms with contacts alone.
@@ -6,14 +6,17 @@ evaluates them once a step takes them as it takes a spring's. This module is loa
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 
+from fmd.contact.assemble import contact_table
 from fmd.contact.histories import N_VALUES
-from fmd.contact.patch import evaluate_contacts, remember, touch
-from fmd.contact.tables import ContactTable, contact_table
+from fmd.contact.patch import touch
+from fmd.contact.sums import evaluate_contacts, remember
+from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import Leapfrog, TreeParameters
@@ -26,7 +29,7 @@ from fmd.kernels.library import call_native
 
 @dataclass(frozen=True)
 class TouchingParameters(TreeParameters):
-    """Parameters of a mechanism without loops whose bodies touch planes."""
+    """Parameters of a mechanism without loops whose bodies touch planes or one another."""
 
     pushed: int  # addresses of the compiled functions
     frames: int
@@ -42,7 +45,7 @@ class TouchingSystem(CompiledSystem):
     @property
     def n_contact_values(self) -> int:
         """How many values `note_contacts` fills."""
-        return N_VALUES * sum(len(body.planes) for body in self.mechanism.contacts)
+        return N_VALUES * sum(len(body.names) for body in self.mechanism.contacts)
 
     @cached_property
     def _parameters(self) -> TouchingParameters:
@@ -109,16 +112,18 @@ def _leapfrog_step(p: TouchingParameters, leapfrog: Leapfrog, t: float, h: float
     for i in range(v.size):
         leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
     accelerations(p, t, q, leapfrog.v_now, a)
-    remember(p.contact, t)
+    remember(p.contact, t, p.origins, p.rotations)
     for i in range(v.size):
-        v[i] += h * a[i] / (1.0 - p.contact.clock[1])  # infinite where no forces were found: the march ends there
+        v[i] += h * a[i]
+    if p.contact.clock[1] != 0.0:  # no forces were found: the march ends here
+        v[0] = math.inf
     advance(p, q, v, h, 0, v.size)
 
 
 @note_contacts.register(TouchingParameters)
 def _note_contacts(p: TouchingParameters, t: float, q: Array, v: Array, values: Array) -> None:
     _find_contacts(p, t, q, v)
-    evaluate_contacts(p.contact, t)
+    evaluate_contacts(p.contact, t, p.origins, p.rotations)
     n = p.contact.now.shape[1]
     for k in range(p.contact.now.shape[0]):
         for j in range(n):

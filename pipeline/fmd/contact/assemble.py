@@ -1,0 +1,225 @@
+"""The table of a mechanism's contacts, from its bodies that touch something."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from fmd.contact.histories import BEGIN, END, N_VALUES
+from fmd.contact.surfaces import ContactSurface, find_surfaces
+from fmd.contact.tables import ContactTable
+from fmd.contact.touching_body import ContactPlane
+from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.code import DOUBLES_IN_LINE
+from fmd.core.limits.contact import NEAR_RADIUS, NEAR_TRIANGLES
+
+if TYPE_CHECKING:
+    from fmd.contact.touching_body import TouchingBody
+
+
+def contact_table(
+    bodies: Sequence[TouchingBody], links: Sequence[int], modes: Sequence[IntArray], n_links: int, n: int, shift: int
+) -> ContactTable:
+    """Make the table of bodies that touch planes or one another.
+
+    Parameters
+    ----------
+    links : sequence of int
+        Number of each body in the mechanism.
+    modes : sequence of ndarray, shapes (n_modes,)
+        Rates of each body's modal coordinates.
+    n_links, n : int
+        Numbers of bodies and of rates of the mechanism.
+    shift : int
+        From a mode's rate to its position.
+    """
+    first = np.concatenate([[0], np.cumsum([len(body.points.x) for body in bodies])]).astype(np.int64)
+    numbered = find_surfaces(bodies)
+    groups = _groups(len(bodies), [surface for _, surface in numbered])
+    order = np.argsort(groups, kind="stable")
+    surfaces = [numbered[k][1] for k in order]
+    counts = np.array([len(own.points) for own in surfaces])
+    point = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    group = np.append(point[np.searchsorted(groups[order], np.arange(groups.max() + 1))], point[-1])
+    contact = np.array([numbered[k][0] for k in order], dtype=np.int64)
+    return ContactTable(
+        **_bodies(bodies, links, modes, first, shift),
+        **_surfaces(surfaces, contact, point, bodies),
+        **_triangles(surfaces, first),
+        **_points(surfaces, counts, first, bodies),
+        **_rooms(group),
+        **_results(bodies, links, n_links, n),
+    )
+
+
+def _groups(n_bodies: int, surfaces: Sequence[ContactSurface]) -> IntArray:
+    """Return the number of each surface's group; those with a body in common, but the ground, are in one."""
+    ends = np.array([(own.slave, own.slave if own.master < 0 else own.master) for own in surfaces])
+    graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n_bodies, n_bodies))
+    _, of_body = connected_components(graph, directed=False)
+    _, group = np.unique(of_body[ends[:, 0]], return_inverse=True)
+    return np.asarray(group, dtype=np.int64)
+
+
+def _bodies(
+    bodies: Sequence[TouchingBody], links: Sequence[int], modes: Sequence[IntArray], first: IntArray, shift: int
+) -> dict[str, Any]:
+    size, most = int(first[-1]), int(np.diff(first).max())
+    most_modes = max(1, *(len(own) for own in modes))
+    mode, shapes = np.zeros((len(bodies), most_modes), dtype=np.int64), np.zeros((size, 3, most_modes))
+    G = np.zeros((size, most, 3, 3))
+    for k, (body, own) in enumerate(zip(bodies, modes, strict=True)):
+        at = slice(first[k], first[k + 1])
+        mode[k, : len(own)] = own
+        shapes[at, :, : len(own)] = body.points.shapes
+        G[at, : len(body.points.x)] = body.points.G.transpose(0, 2, 1, 3)
+    return {
+        "link": np.array(links, dtype=np.int64),
+        "first": first,
+        "n_modes": np.array([len(own) for own in modes], dtype=np.int64),
+        "mode": mode,
+        "shift": shift,
+        "x": np.concatenate([body.points.x for body in bodies]),
+        "shapes": shapes,
+        "G": G,
+        "place": np.zeros((size, 3)),
+        "placed": np.full(size, -1, dtype=np.int64),
+    }
+
+
+def _surfaces(
+    surfaces: Sequence[ContactSurface], contact: IntArray, point: IntArray, bodies: Sequence[TouchingBody]
+) -> dict[str, Any]:
+    n, most_modes = len(surfaces), max(1, *(body.points.shapes.shape[2] for body in bodies))
+    plane, position, box = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 8, 3))
+    reach, radius = np.zeros((n, 2)), np.zeros(n)
+    for k, own in enumerate(surfaces):
+        if isinstance(own.of, ContactPlane):
+            plane[k], position[k] = own.of.axes, own.of.position
+        x, shapes = bodies[own.slave].points.x[own.points], bodies[own.slave].points.shapes[own.points]
+        ends = np.stack([x.min(axis=0), x.max(axis=0)])
+        box[k] = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
+        reach[k, 0] = _reach(shapes)
+        if own.master >= 0:
+            theirs = bodies[own.master].points
+            reach[k, 1] = _reach(theirs.shapes[own.triangles])
+            corners = theirs.x[own.triangles]
+            sizes = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max()
+            radius[k] = NEAR_RADIUS * sizes
+    counts = [len(own.triangles) for own in surfaces]
+    return {
+        "slave": np.array([own.slave for own in surfaces], dtype=np.int64),
+        "master": np.array([own.master for own in surfaces], dtype=np.int64),
+        "point": point,
+        "triangle": np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        "contact": contact,
+        "sign": np.array([float(own.sign) for own in surfaces]),
+        "softness": np.array([own.softness for own in surfaces]),
+        "clearance": np.array([own.of.clearance for own in surfaces]),
+        "friction": np.array([own.of.friction for own in surfaces]),
+        "plane": plane,
+        "position": position,
+        "reach": reach,
+        "height": np.full((n, 2), np.inf),
+        "box": box,
+        "radius": radius,
+        "room": np.full(n, -1.0),
+        "corners": np.zeros((n, 8, 3)),
+        "modal_then": np.zeros((n, 2, most_modes)),
+    }
+
+
+def _reach(shapes: Array) -> float:
+    return float(np.sqrt((shapes**2).sum(axis=(-2, -1))).max(initial=0.0))
+
+
+def _triangles(surfaces: Sequence[ContactSurface], first: IntArray) -> dict[str, Any]:
+    corner = np.concatenate([first[max(own.master, 0)] + own.triangles for own in surfaces])
+    return {
+        "corner": corner,
+        "rim": np.concatenate([own.rim for own in surfaces]),
+        "ball": np.zeros((len(corner), 4)),
+    }
+
+
+def _points(
+    surfaces: Sequence[ContactSurface], counts: IntArray, first: IntArray, bodies: Sequence[TouchingBody]
+) -> dict[str, Any]:
+    n, supple = int(counts.sum()), list[Array]()
+    for own in surfaces:
+        soft = (1.0 + own.softness) * bodies[own.slave].points.softness[own.points]
+        if own.master >= 0:
+            soft = soft + (1.0 + own.softness) * bodies[own.master].points.softness[own.triangles].max()
+        supple.append(soft)
+    vectors = ("weights", "spot", "free", "force", "own", "moved", "at", "known", "tip", "before")
+    return {
+        "node": np.concatenate([first[own.slave] + own.points for own in surfaces]),
+        "surface": np.repeat(np.arange(len(surfaces)), counts),
+        "areas": np.concatenate([own.areas for own in surfaces]),
+        "outward": np.concatenate([own.outward for own in surfaces]),
+        "near": np.zeros((n, NEAR_TRIANGLES), dtype=np.int64),
+        "n_near": np.zeros(n, dtype=np.int64),
+        "foot": np.zeros((n, 3), dtype=np.int64),
+        "supple": np.concatenate(supple),
+        "active": np.zeros(n, dtype=np.int64),
+        "seen": np.zeros((n, 2), dtype=np.int64),
+        **{name: np.zeros((n, 3, 3)) for name in ("axes", "turned", "Q", "Q_then")},
+        **{name: np.zeros((n, 3)) for name in (*vectors, "weights_then", "normal_then")},
+        "foot_then": np.zeros((n, 3), dtype=np.int64),
+        "chosen": np.zeros(n, dtype=np.int64),
+        "slot": np.full(n, -1, dtype=np.int64),
+        "factored": np.zeros(n, dtype=np.int64),
+    }
+
+
+def _rooms(group: IntArray) -> dict[str, Any]:
+    counts = np.diff(group)
+    stride = DOUBLES_IN_LINE * -(-3 * counts // DOUBLES_IN_LINE)
+    ends = np.stack([np.cumsum(3 * counts * stride), np.cumsum(counts**2)], axis=1)
+    first = np.concatenate([np.zeros((1, 2), dtype=np.int64), ends[:-1]])
+    most = int(stride.max())
+    return {
+        "group": group,
+        "noise": np.zeros(len(counts)),
+        "band": np.zeros(len(counts)),
+        "n_chosen": np.zeros(len(counts), dtype=np.int64),
+        "first_entry": np.ascontiguousarray(first),
+        "stride": stride,
+        "D": np.zeros(ends[-1, 0]),
+        "N": np.zeros(ends[-1, 1]),
+        "L": np.zeros(ends[-1, 1]),
+        "n_factored": np.full(len(counts), -1, dtype=np.int64),
+        "answer": np.zeros(most),
+        "b": np.zeros(int(counts.max())),
+        "block": np.zeros((3, 3)),
+        "product": np.zeros((3, 3)),
+    }
+
+
+def _results(bodies: Sequence[TouchingBody], links: Sequence[int], n_links: int, n: int) -> dict[str, Any]:
+    centre, carrier = list[Array](), list[int]()
+    names = [body.body for body in bodies]
+    for k, body in enumerate(bodies):
+        centre += [plane.position for plane in body.planes]
+        carrier += [-1] * len(body.planes)
+        for pair in body.pairs:
+            on, face = (names.index(pair.other), pair.other_face) if pair.reported_on_other else (k, pair.face)
+            points = bodies[on].points
+            centre.append(np.average(points.x[points.faces[face]], axis=0, weights=points.areas[face]))
+            carrier.append(links[on])
+    sums = np.zeros((len(carrier), N_VALUES))
+    sums[:, [BEGIN, END]] = np.nan
+    return {
+        "push": np.zeros((n_links, 6)),
+        "modal": np.zeros(n),
+        "centre": np.array(centre, dtype=float),
+        "carrier": np.array(carrier, dtype=np.int64),
+        "now": np.zeros((len(carrier), N_VALUES)),
+        "sums": sums,
+        "clock": np.array([np.nan, 0.0]),
+        "state": np.zeros(1, dtype=np.int64),
+    }

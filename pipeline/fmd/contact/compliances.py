@@ -1,0 +1,197 @@
+"""Flexibility between the points of a group that may close: ``D = Σ ± w w' Q G Qᵀ`` over the nodes they move.
+
+A force on a point moves its node, and the nodes below it the other way by their weights. Blocks stay as long as points
+stay over their triangles and bodies keep their attitude to each other; those of planes are G's own.
+"""
+
+from __future__ import annotations
+
+from fmd.contact.tables import ContactTable
+from fmd.core.limits.code import DOUBLES_IN_LINE
+from fmd.core.limits.contact import TURNED_BLOCKS, TURNED_NORMALS, WIDER_BAND
+from fmd.kernels.kernel import inner
+from fmd.kernels.library import fill_vector, read_vector, write_vector
+
+
+@inner
+def choose_points(c: ContactTable, g: int) -> None:
+    """Choose the points of a group that may close, and bring the flexibilities between them up to date."""
+    first, last, band, changed = c.group[g], c.group[g + 1], c.band[g], False
+    for i in range(first, last):
+        if c.seen[i, 0] == 0:
+            changed = changed or c.slot[i] >= 0
+        elif c.slot[i] < 0:
+            changed = changed or c.free[i, 0] < band or _was_pressed(c, i)
+    count = c.n_chosen[g]
+    if changed:
+        count = 0
+        for i in range(first, last):
+            c.slot[i] = -1
+            if c.seen[i, 0] == 1 and (c.free[i, 0] < WIDER_BAND * band or _was_pressed(c, i)):
+                c.chosen[first + count], c.slot[i] = i, count
+                count += 1
+        c.n_chosen[g] = count
+        for own in range(count):
+            _note_pose(c, c.chosen[first + own])
+            for other in range(own + 1):
+                _set_block(c, g, own, other)
+    else:
+        for own in range(count):
+            i = c.chosen[first + own]
+            if _is_stale(c, i):
+                _note_pose(c, i)
+                changed = True
+                for other in range(count):
+                    _set_block(c, g, own, other)
+    for own in range(count):
+        i = c.chosen[first + own]
+        for k in range(3):
+            changed = changed or abs(c.turned[i, 0, k] - c.normal_then[i, k]) > TURNED_NORMALS
+    if changed:
+        _set_along_normals(c, g)
+
+
+@inner
+def _was_pressed(c: ContactTable, i: int) -> bool:
+    return bool(c.known[i, 0] != 0.0 or c.known[i, 1] != 0.0 or c.known[i, 2] != 0.0)
+
+
+@inner
+def _is_stale(c: ContactTable, i: int) -> bool:
+    """Return true if a point has gone on over the other body, or turned against it, since its blocks were found."""
+    if c.master[c.surface[i]] < 0:
+        return False
+    for a in range(3):
+        if c.foot[i, a] != c.foot_then[i, a] or abs(c.weights[i, a] - c.weights_then[i, a]) > TURNED_BLOCKS:
+            return True
+        for b in range(3):
+            if abs(c.Q[i, a, b] - c.Q_then[i, a, b]) > TURNED_BLOCKS:
+                return True
+    return False
+
+
+@inner
+def _note_pose(c: ContactTable, i: int) -> None:
+    for a in range(3):
+        c.foot_then[i, a], c.weights_then[i, a] = c.foot[i, a], c.weights[i, a]
+        for b in range(3):
+            c.Q_then[i, a, b] = c.Q[i, a, b]
+
+
+@inner
+def _set_block(c: ContactTable, g: int, own: int, other: int) -> None:
+    """Fill the block of D by which a force on one chosen point moves another, and its transpose."""
+    first = c.group[g]
+    i, j = c.chosen[first + own], c.chosen[first + other]
+    s, r = c.surface[i], c.surface[j]
+    _clear(c)
+    if c.slave[s] == c.slave[r]:
+        start = c.first[c.slave[s]]
+        for a in range(3):
+            for b in range(3):
+                c.block[a, b] = c.G[c.node[i], c.node[j] - start, a, b]
+    if c.master[r] == c.slave[s]:
+        start = c.first[c.slave[s]]
+        for e in range(3):
+            _add_product(c, c.node[i], c.foot_then[j, e] - start, c.weights_then[j, e])
+        _add_turned(c, i, j, False, True, -1.0)
+    if c.master[s] == c.slave[r]:
+        start = c.first[c.slave[r]]
+        for e in range(3):
+            _add_product(c, c.foot_then[i, e], c.node[j] - start, c.weights_then[i, e])
+        _add_turned(c, i, j, True, False, -1.0)
+    if c.master[s] == c.master[r] and c.master[s] >= 0:
+        start = c.first[c.master[s]]
+        for e in range(3):
+            for d in range(3):
+                _add_product(
+                    c, c.foot_then[i, e], c.foot_then[j, d] - start, c.weights_then[i, e] * c.weights_then[j, d]
+                )
+        _add_turned(c, i, j, True, True, 1.0)
+    more = 1.0 + c.softness[s] if own == other else 1.0
+    stride = c.stride[g]
+    row, column = c.first_entry[g, 0] + 3 * own * stride + 3 * other, c.first_entry[g, 0] + 3 * other * stride + 3 * own
+    for a in range(3):
+        for b in range(3):
+            c.D[row + a * stride + b] = more * c.block[a, b]
+            c.D[column + b * stride + a] = more * c.block[a, b]
+
+
+@inner
+def _clear(c: ContactTable) -> None:
+    for a in range(3):
+        for b in range(3):
+            c.block[a, b], c.product[a, b] = 0.0, 0.0
+
+
+@inner
+def _add_product(c: ContactTable, k: int, m: int, weight: float) -> None:
+    """Add a weighted block of G, of a node and of one counted in its body, to what is to be turned."""
+    if weight != 0.0:
+        for a in range(3):
+            for b in range(3):
+                c.product[a, b] += weight * c.G[k, m, a, b]
+
+
+@inner
+def _add_turned(c: ContactTable, i: int, j: int, left: bool, right: bool, sign: float) -> None:
+    """Add ``sign Q_i product Q_jᵀ`` to the block, Q_i or Q_j where it is asked for, and clear the product."""
+    for a in range(3):
+        p0, p1, p2 = c.product[a, 0], c.product[a, 1], c.product[a, 2]
+        if right:
+            for b in range(3):
+                c.product[a, b] = p0 * c.Q_then[j, b, 0] + p1 * c.Q_then[j, b, 1] + p2 * c.Q_then[j, b, 2]
+    for b in range(3):
+        p0, p1, p2 = c.product[0, b], c.product[1, b], c.product[2, b]
+        for a in range(3):
+            if left:
+                c.block[a, b] += sign * (c.Q_then[i, a, 0] * p0 + c.Q_then[i, a, 1] * p1 + c.Q_then[i, a, 2] * p2)
+            else:
+                c.block[a, b] += sign * c.product[a, b]
+    for a in range(3):
+        for b in range(3):
+            c.product[a, b] = 0.0
+
+
+@inner
+def _set_along_normals(c: ContactTable, g: int) -> None:
+    """Fill N, the flexibilities along normals; what has been factored of them is no more to be used."""
+    first, count, stride = c.group[g], c.n_chosen[g], c.stride[g]
+    size, d, n = c.group[g + 1] - first, c.first_entry[g, 0], c.first_entry[g, 1]
+    c.n_factored[g] = -1
+    for own in range(count):
+        i = c.chosen[first + own]
+        for k in range(3):
+            c.normal_then[i, k] = c.turned[i, 0, k]
+    for own in range(count):
+        i = c.chosen[first + own]
+        n0, n1, n2 = c.normal_then[i, 0], c.normal_then[i, 1], c.normal_then[i, 2]
+        row = d + 3 * own * stride
+        for other in range(own + 1):
+            j, total = c.chosen[first + other], 0.0
+            for b in range(3):
+                at = row + 3 * other + b
+                total += (n0 * c.D[at] + n1 * c.D[at + stride] + n2 * c.D[at + 2 * stride]) * c.normal_then[j, b]
+            c.N[n + own * size + other] = total
+            c.N[n + other * size + own] = total
+
+
+@inner
+def move_points(c: ContactTable, g: int, own: int, f0: float, f1: float, f2: float) -> None:
+    """Add the displacements of chosen points by a force on one of them, in its own axes."""
+    row = c.first_entry[g, 0] + 3 * own * c.stride[g]
+    second, third, at = row + c.stride[g], row + 2 * c.stride[g], 0
+    one, two, three = (
+        fill_vector(f0, DOUBLES_IN_LINE),
+        fill_vector(f1, DOUBLES_IN_LINE),
+        fill_vector(f2, DOUBLES_IN_LINE),
+    )
+    while at < 3 * c.n_chosen[g]:
+        moved = read_vector(c.answer, at, DOUBLES_IN_LINE) + one * read_vector(c.D, row + at, DOUBLES_IN_LINE)
+        moved = (
+            moved
+            + two * read_vector(c.D, second + at, DOUBLES_IN_LINE)
+            + three * read_vector(c.D, third + at, DOUBLES_IN_LINE)
+        )
+        write_vector(c.answer, at, moved)
+        at += DOUBLES_IN_LINE

@@ -1,0 +1,36 @@
+"""Nodes of bodies that touch something, as they move with their body's frame and modes."""
+
+from __future__ import annotations
+
+import math
+
+from fmd.contact.tables import ContactTable
+from fmd.core.arrays import Array
+from fmd.kernels.kernel import inner
+
+
+@inner
+def place_node(c: ContactTable, k: int, body: int, q: Array, origins: Array, rotations: Array) -> None:
+    """Find a node's place in space at positions q, once a state."""
+    if c.placed[k] == c.state[0]:
+        return
+    c.placed[k] = c.state[0]
+    link = c.link[body]
+    x0, x1, x2 = c.x[k, 0], c.x[k, 1], c.x[k, 2]
+    for m in range(c.n_modes[body]):
+        size = q[c.mode[body, m] + c.shift]
+        x0 += c.shapes[k, 0, m] * size
+        x1 += c.shapes[k, 1, m] * size
+        x2 += c.shapes[k, 2, m] * size
+    for a in range(3):
+        R0, R1, R2 = rotations[link, a, 0], rotations[link, a, 1], rotations[link, a, 2]
+        c.place[k, a] = origins[link, a] + (R0 * x0 + R1 * x1 + R2 * x2)
+
+
+@inner
+def modal_size(c: ContactTable, body: int, q: Array) -> float:
+    """Return the length of a body's modal coordinates."""
+    size = 0.0
+    for m in range(c.n_modes[body]):
+        size += q[c.mode[body, m] + c.shift] ** 2
+    return math.sqrt(size)

@@ -1,0 +1,101 @@
+"""Where points of contact stand at a state, and how far above a plane or a triangle."""
+
+from __future__ import annotations
+
+import math
+
+from fmd.contact.near_triangles import keep_near_triangles
+from fmd.contact.nodes import modal_size, place_node
+from fmd.contact.tables import ContactTable
+from fmd.contact.triangles import stand_on_triangles
+from fmd.core.arrays import Array
+from fmd.core.limits.contact import STEPS_ABOVE
+from fmd.kernels.kernel import inner
+
+
+@inner
+def place_surface(c: ContactTable, s: int, q: Array, origins: Array, rotations: Array) -> None:
+    """Find where a surface's points stand without forces, those that have something below them."""
+    link = c.link[c.slave[s]]
+    for i in range(c.point[s], c.point[s + 1]):
+        c.seen[i, 0] = 0
+    if c.master[s] < 0:
+        if not _may_touch_plane(c, s, q, origins[link], rotations[link]):
+            return
+        for i in range(c.point[s], c.point[s + 1]):
+            place_node(c, c.node[i], c.slave[s], q, origins, rotations)
+            _stand_on_plane(c, s, i)
+            _turn(c, s, i, rotations)
+        return
+    if not keep_near_triangles(c, s, q, origins, rotations):
+        c.clock[1] = 1.0
+        return
+    master = c.link[c.master[s]]
+    for i in range(c.point[s], c.point[s + 1]):
+        if c.n_near[i] == 0:
+            continue
+        place_node(c, c.node[i], c.slave[s], q, origins, rotations)
+        for k in range(c.n_near[i]):
+            for e in range(3):
+                place_node(c, c.corner[c.near[i, k], e], c.master[s], q, origins, rotations)
+        if stand_on_triangles(c, s, i, rotations[link], rotations[master]):
+            _turn(c, s, i, rotations)
+
+
+@inner
+def _may_touch_plane(c: ContactTable, s: int, q: Array, origin: Array, R: Array) -> bool:
+    """Return false if all points stay above their plane for some steps, as fast as they now come down."""
+    deformed, low = c.reach[s, 0] * modal_size(c, c.slave[s], q), math.inf
+    for k in range(8):
+        gap = c.clearance[s] - deformed
+        for a in range(3):
+            place = origin[a] - c.position[s, a]
+            for b in range(3):
+                place += R[a, b] * c.box[s, k, b]
+            gap += c.plane[s, 0, a] * place
+        low = min(low, gap)
+    c.height[s, 0] = low
+    down = c.height[s, 1] - low
+    if not (low > 0.0 and math.isfinite(down) and low > STEPS_ABOVE * down):
+        return True
+    for i in range(c.point[s], c.point[s + 1]):
+        if c.seen[i, 1] == 1 and c.known[i, 0] ** 2 + c.known[i, 1] ** 2 + c.known[i, 2] ** 2 > 0.0:
+            return True
+    return False
+
+
+@inner
+def _stand_on_plane(c: ContactTable, s: int, i: int) -> None:
+    gap = c.clearance[s]
+    for a in range(3):
+        c.spot[i, a] = c.place[c.node[i], a]
+        gap += c.plane[s, 0, a] * (c.spot[i, a] - c.position[s, a])
+        for b in range(3):
+            c.axes[i, a, b] = c.plane[s, a, b]
+    c.free[i, 0] = gap
+    c.seen[i, 0] = 1
+
+
+@inner
+def _turn(c: ContactTable, s: int, i: int, rotations: Array) -> None:
+    """Turn a point's axes into those of its body, and find its slip since the last step; of one new there is none."""
+    link = c.link[c.slave[s]]
+    if c.seen[i, 1] == 0:
+        for a in range(3):
+            c.tip[i, a], c.before[i, a], c.known[i, a] = c.spot[i, a], c.spot[i, a], 0.0
+    for a in range(3):
+        for b in range(3):
+            c.turned[i, a, b] = 0.0
+            for k in range(3):
+                c.turned[i, a, b] += c.axes[i, a, k] * rotations[link, k, b]
+            if c.master[s] < 0:
+                c.Q[i, a, b] = rotations[link, b, a]
+            else:
+                c.Q[i, a, b] = 0.0
+                for k in range(3):
+                    c.Q[i, a, b] += rotations[link, k, a] * rotations[c.link[c.master[s]], k, b]
+    for a in range(1, 3):
+        c.free[i, a] = 0.0
+        for k in range(3):
+            for b in range(3):
+                c.free[i, a] += c.turned[i, a, k] * c.Q[i, k, b] * (c.spot[i, b] - c.tip[i, b])

@@ -1,0 +1,68 @@
+"""What the forces on points do to the frames and modes of their bodies: equal and opposite, at one place in space."""
+
+from __future__ import annotations
+
+from fmd.contact.tables import ContactTable
+from fmd.core.arrays import Array
+from fmd.kernels.kernel import inner
+
+
+@inner
+def push_bodies(c: ContactTable, g: int, q: Array, origins: Array, rotations: Array) -> None:
+    """Gather what the forces on a group's points do to the frames and modes of the bodies.
+
+    They act on points where these are with their displacement by the forces, as the potential's derivative says, and at
+    the same places on the other body, so that the momentum of both doesn't change.
+    """
+    first = c.group[g]
+    for own in range(c.n_chosen[g]):
+        i = c.chosen[first + own]
+        if c.force[i, 0] == 0.0:
+            continue
+        s = c.surface[i]
+        body, other = c.slave[s], c.master[s]
+        link, moving = c.link[body], 1.0
+        if other >= 0:
+            at = c.first_entry[g, 0] + 3 * own * (c.stride[g] + 1)
+            whole = c.D[at] + c.D[at + c.stride[g] + 1] + c.D[at + 2 * c.stride[g] + 2]
+            k, m = c.node[i], c.node[i] - c.first[body]
+            moving = (c.G[k, m, 0, 0] + c.G[k, m, 1, 1] + c.G[k, m, 2, 2]) / whole
+        for a in range(3):
+            c.at[i, a] = c.place[c.node[i], a]
+            for k in range(3):
+                c.at[i, a] += moving * rotations[link, a, k] * c.moved[i, k]
+        _push_frame(c, i, link, c.own[i, 0], c.own[i, 1], c.own[i, 2], origins, rotations)
+        _push_modes(c, c.node[i], body, c.own[i, 0], c.own[i, 1], c.own[i, 2])
+        if other >= 0:
+            f0 = -(c.Q[i, 0, 0] * c.own[i, 0] + c.Q[i, 1, 0] * c.own[i, 1] + c.Q[i, 2, 0] * c.own[i, 2])
+            f1 = -(c.Q[i, 0, 1] * c.own[i, 0] + c.Q[i, 1, 1] * c.own[i, 1] + c.Q[i, 2, 1] * c.own[i, 2])
+            f2 = -(c.Q[i, 0, 2] * c.own[i, 0] + c.Q[i, 1, 2] * c.own[i, 1] + c.Q[i, 2, 2] * c.own[i, 2])
+            _push_frame(c, i, c.link[other], f0, f1, f2, origins, rotations)
+            for e in range(3):
+                w = c.weights[i, e]
+                _push_modes(c, c.foot[i, e], other, w * f0, w * f1, w * f2)
+
+
+@inner
+def _push_frame(
+    c: ContactTable, i: int, link: int, f0: float, f1: float, f2: float, origins: Array, rotations: Array
+) -> None:
+    """Add a force in a body's axes, at the place of a point, to what acts on the body's frame."""
+    d0, d1, d2 = c.at[i, 0] - origins[link, 0], c.at[i, 1] - origins[link, 1], c.at[i, 2] - origins[link, 2]
+    x0 = rotations[link, 0, 0] * d0 + rotations[link, 1, 0] * d1 + rotations[link, 2, 0] * d2
+    x1 = rotations[link, 0, 1] * d0 + rotations[link, 1, 1] * d1 + rotations[link, 2, 1] * d2
+    x2 = rotations[link, 0, 2] * d0 + rotations[link, 1, 2] * d1 + rotations[link, 2, 2] * d2
+    c.push[link, 0] += f0
+    c.push[link, 1] += f1
+    c.push[link, 2] += f2
+    c.push[link, 3] += x1 * f2 - x2 * f1
+    c.push[link, 4] += x2 * f0 - x0 * f2
+    c.push[link, 5] += x0 * f1 - x1 * f0
+
+
+@inner
+def _push_modes(c: ContactTable, k: int, body: int, f0: float, f1: float, f2: float) -> None:
+    """Add a force on a node, in its body's axes, to what acts on the body's modes."""
+    for m in range(c.n_modes[body]):
+        work = c.shapes[k, 0, m] * f0 + c.shapes[k, 1, m] * f1 + c.shapes[k, 2, m] * f2
+        c.modal[c.mode[body, m]] += work

@@ -1,0 +1,119 @@
+"""Values of contacts at a state, and what of them adds up from step to step."""
+
+from __future__ import annotations
+
+import math
+
+from fmd.contact.histories import (
+    AREA,
+    BEGIN,
+    END,
+    ENERGY,
+    ERROR,
+    FORCE,
+    FRICTION,
+    IMPULSE,
+    MOMENT,
+    N_VALUES,
+    PRESSURE,
+)
+from fmd.contact.tables import ContactTable
+from fmd.core.arrays import Array
+from fmd.kernels.kernel import inner
+
+
+@inner
+def evaluate_contacts(c: ContactTable, t: float, origins: Array, rotations: Array) -> None:
+    """Fill the values of all contacts at the state that `touch` has seen, a time t after the last step's or its own."""
+    later = 0.0 if math.isnan(c.clock[0]) else t - c.clock[0]
+    for k in range(c.now.shape[0]):
+        for j in range(c.now.shape[1]):
+            c.now[k, j] = 0.0
+        for j in range(FRICTION, N_VALUES):
+            c.now[k, j] = c.sums[k, j]
+        for a in range(3):
+            c.now[k, IMPULSE + a] = c.sums[k, IMPULSE + a] + later * c.sums[k, FORCE + a]
+    for i in range(c.force.shape[0]):
+        if c.force[i, 0] != 0.0:
+            _add_values(c, i, origins, rotations)
+
+
+@inner
+def _add_values(c: ContactTable, i: int, origins: Array, rotations: Array) -> None:
+    """Add what the force on a point has in the values of its contact."""
+    s = c.surface[i]
+    k = c.contact[s]
+    v, link = c.now[k], c.carrier[k]
+    n, t1, t2 = c.sign[s] * c.force[i, 0], c.sign[s] * c.force[i, 1], c.sign[s] * c.force[i, 2]
+    f0 = c.axes[i, 0, 0] * n + c.axes[i, 1, 0] * t1 + c.axes[i, 2, 0] * t2
+    f1 = c.axes[i, 0, 1] * n + c.axes[i, 1, 1] * t1 + c.axes[i, 2, 1] * t2
+    f2 = c.axes[i, 0, 2] * n + c.axes[i, 1, 2] * t1 + c.axes[i, 2, 2] * t2
+    x0, x1, x2 = c.at[i, 0], c.at[i, 1], c.at[i, 2]
+    if link < 0:
+        x0, x1, x2 = x0 - c.centre[k, 0], x1 - c.centre[k, 1], x2 - c.centre[k, 2]
+    else:
+        m0, m1, m2, R = c.centre[k, 0], c.centre[k, 1], c.centre[k, 2], rotations[link]
+        x0 -= origins[link, 0] + R[0, 0] * m0 + R[0, 1] * m1 + R[0, 2] * m2
+        x1 -= origins[link, 1] + R[1, 0] * m0 + R[1, 1] * m1 + R[1, 2] * m2
+        x2 -= origins[link, 2] + R[2, 0] * m0 + R[2, 1] * m1 + R[2, 2] * m2
+    v[FORCE] += f0
+    v[FORCE + 1] += f1
+    v[FORCE + 2] += f2
+    v[MOMENT] += x1 * f2 - x2 * f1
+    v[MOMENT + 1] += x2 * f0 - x0 * f2
+    v[MOMENT + 2] += x0 * f1 - x1 * f0
+    if c.areas[i] > 0.0:
+        v[AREA] += c.areas[i]
+        v[PRESSURE] = max(v[PRESSURE], c.force[i, 0] / c.areas[i])
+    for a in range(3):
+        v[ENERGY] += 0.5 * c.own[i, a] * c.moved[i, a]
+
+
+@inner
+def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> None:
+    """Take the forces that `touch` has found as those of a step at time t, and add up what they did since the last.
+
+    A leapfrog step changes the kinetic energy by the trapezoids of ``λ`` over ``y``, exactly; that and the changes of
+    the potential and of friction's heat should cancel. What is left is energy that the steps have made.
+    """
+    begins = math.isnan(c.clock[0])
+    later = 0.0 if begins else t - c.clock[0]
+    for k in range(c.now.shape[0]):
+        c.sums[k, ERROR] -= c.sums[k, ENERGY]
+    evaluate_contacts(c, t, origins, rotations)
+    for k in range(c.now.shape[0]):
+        v, s = c.now[k], c.sums[k]
+        for a in range(3):
+            s[IMPULSE + a] += 0.5 * later * (s[FORCE + a] + v[FORCE + a])
+            s[FORCE + a] = v[FORCE + a]
+        if v[FORCE] != 0.0 or v[FORCE + 1] != 0.0 or v[FORCE + 2] != 0.0:
+            s[BEGIN] = t if math.isnan(s[BEGIN]) else s[BEGIN]
+            s[END] = t
+        s[ENERGY] = v[ENERGY]
+        s[ERROR] = 0.0 if begins else s[ERROR] + v[ENERGY]
+    for number in range(c.slave.size):
+        c.height[number, 1] = c.height[number, 0]
+    for i in range(c.node.size):
+        if c.seen[i, 0] == 1:
+            _add_work(c, i, begins)
+        c.seen[i, 1] = c.seen[i, 0]
+    c.clock[0] = t
+
+
+@inner
+def _add_work(c: ContactTable, i: int, begins: bool) -> None:
+    """Add the work of the force on a point since the last step, and remember it; vectors are in the other's frame."""
+    s, work, heat = c.sums[c.contact[c.surface[i]]], 0.0, 0.0
+    goes_on = c.seen[i, 1] == 1 and not begins
+    for b in range(3):
+        force, across, tip = 0.0, 0.0, c.spot[i, b]
+        for k in range(3):
+            tip += c.Q[i, k, b] * c.moved[i, k]
+            force += c.Q[i, k, b] * c.own[i, k]
+            across += c.Q[i, k, b] * (c.own[i, k] - c.force[i, 0] * c.turned[i, 0, k])
+        heat -= across * (tip - c.tip[i, b])
+        work += 0.5 * (force + c.known[i, b]) * (c.spot[i, b] - c.before[i, b])
+        c.tip[i, b], c.before[i, b], c.known[i, b] = tip, c.spot[i, b], force
+    if goes_on:
+        s[FRICTION] += heat
+        s[ERROR] += work + heat
