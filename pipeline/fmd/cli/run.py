@@ -16,6 +16,7 @@ from fmd.core.limits.shown import BRIEF, LINE_POLES
 from fmd.core.limits.stability import COUPLED, GROWING
 from fmd.output.explain import Forecast, forecast_run
 from fmd.output.key_figures import largest_deflection, largest_stress, run_time
+from fmd.output.periodic import describe_periodic
 from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, with_plain_error, worst_details
 from fmd.output.summary import UNMET, UNMOVED
 from fmd.output.write import write_results
@@ -202,6 +203,8 @@ def _answers(summary: dict[str, Any]) -> list[str]:
         if "peak_tip_deflection_m" in summary:
             line += f"; largest tip deflection {largest_deflection(summary)}"
         lines.append(line)
+    if "periodic" in summary:
+        lines.append(describe_periodic(summary["periodic"]))
     for response in summary.get("responses", ()):
         poles = ", ".join(f"{pole:.4g}" for pole in response["poles_hz"][:LINE_POLES])
         lines.append(f"{response['files'][0]}: linear about {response['about']}, poles at {poles} … Hz")

@@ -23,6 +23,7 @@ from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_wa
 from fmd.output.loops import loop_figures, loop_warnings
 from fmd.output.output_kinds import kind_of
 from fmd.output.output_times import output_time_warnings
+from fmd.output.periodic import periodic_figures, periodic_warnings
 from fmd.output.spot_stress import limitless_warnings, spot_stress_warnings
 from fmd.recovery.motion import Motion
 from fmd.stages.division import part_of
@@ -74,12 +75,13 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         *deflection_warnings(run),
         *stretching_warnings(run, TOO_LARGE),
         *loop_warnings(run),
+        *periodic_warnings(run),
         *coupling_warnings(run),
         *_sampling_warnings(run),
         *contact_warnings(run),
     ]
     first, fine = run.motion, run.fine_motion
-    summary |= loop_figures(run) | contact_figures(run)
+    summary |= loop_figures(run) | periodic_figures(run) | contact_figures(run)
     summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
     summary["integrations"] = _integrations(run)
     summary["final"] = first.final() | _former_names(first)

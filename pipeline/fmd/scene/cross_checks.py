@@ -227,12 +227,12 @@ class CrossCheck:
             for name, joint in self.scene.joint.items():
                 for key in RATE_KEYS:
                     if np.any(getattr(joint, key, 0.0)):
-                        yield FaultError(
-                            "has no effect: simulation.start is 'equilibrium', at rest", "joint", name, key
-                        )
+                        fault = "has no effect: simulation.start is 'equilibrium', at rest"
+                        yield FaultError(fault, "joint", name, key)
         remembering = [name for name, one in self.scene.controller.items() if one.has_states]
-        if remembering and self.scene.simulation_table.start != "undeformed":
-            fault = f"holds no controller with a memory, such as {remembering[0]}; 'undeformed' works"
+        starts = ("undeformed",) if self.scene.sampled else ("undeformed", "periodic")
+        if remembering and self.scene.simulation_table.start not in starts:
+            fault = f"holds no controller with a memory, such as {remembering[0]}; {starts[-1]!r} works"
             yield FaultError(fault, "simulation", "start")
         if self.scene.contact:
             yield from self._check_contact_runs()

@@ -154,6 +154,11 @@ class Scene(SceneTables):
         return self.simulation_table is not None
 
     @property
+    def repeats(self) -> bool:
+        """True if the scene starts on a motion that repeats."""
+        return self.simulation_table is not None and self.simulation_table.start == "periodic"
+
+    @property
     def simulation(self) -> Simulation:
         """The integration over time, of a scene that has one.
 

@@ -38,7 +38,10 @@ class Simulation(SceneTable):
         (``"auto"``), always or never.
     start : str
         State at the start: bodies undeformed (``"undeformed"``), deformed as in a steady motion at the rates of the
-        start (``"steady"``), or everything at rest where the loads of time 0 hold it (``"equilibrium"``).
+        start (``"steady"``), everything at rest where the loads of time 0 hold it (``"equilibrium"``), or on the motion
+        that repeats after each ``period`` (``"periodic"``), which a march would only settle at.
+    period : float, optional
+        Period of the loads and motions [s], of two turns of the crank in a four-stroke engine; for a periodic start.
     fast : tuple of str
         Revolute and prismatic joints whose coordinates take the fast steps in sub-cycling.
     run : tuple of Run
@@ -67,7 +70,8 @@ class Simulation(SceneTable):
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
     frame: Literal["joint-conforming", "free"] = "joint-conforming"
     stiffening: Literal["auto", "on", "off"] = "auto"
-    start: Literal["undeformed", "steady", "equilibrium"] = "undeformed"
+    start: Literal["undeformed", "steady", "equilibrium", "periodic"] = "undeformed"
+    period: PositiveTime | None = None
     fast: tuple[JointName, ...] = ()
     run: Annotated[tuple[Run, ...], Field(min_length=1)]
 
@@ -78,6 +82,13 @@ class Simulation(SceneTable):
         for path, step in steps.items():
             if isinstance(step, float) and step > self.duration:
                 raise FaultError(f"must not be longer than the duration, {self.duration:g} s", *path)
+        if (self.period is not None) != (self.start == "periodic"):
+            message = (
+                "is missing: a periodic start needs it" if self.period is None else "is for start = 'periodic' alone"
+            )
+            raise FaultError(message, "period")
+        if self.period is not None and self.period > self.duration:
+            raise FaultError(f"must not be longer than the duration, {self.duration:g} s", "period")
         if self.step is None:
             for run in self.run:
                 if not run.chooses_steps and run.step is None:

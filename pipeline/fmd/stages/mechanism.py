@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -120,6 +121,10 @@ def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
     if scene.simulation.start == "equilibrium":
         q0, v0 = find_equilibrium(system, q0), np.zeros(system.n)
         return (q0, close_start(scene, system, q0, v0)[1]) if system.mechanism.closures else (q0, v0)
+    if scene.simulation.start == "periodic":
+        periodic: Any = import_module("fmd.stages.periodic")
+        found = periodic.find_periodic_start(scene, system)
+        return found.q, found.v
     if scene.simulation.start == "steady" and system.mechanism.closures:
         return find_closed_steady_state(system, q0, v0, following_joints(scene, system.mechanism))
     return (find_steady_state(system, q0, v0), v0) if scene.simulation.start == "steady" else (q0, v0)

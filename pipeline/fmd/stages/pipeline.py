@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.modes import Modes
+    from fmd.stability.periodic_motion import PeriodicMotion
     from fmd.stages.buckling import StiffnessChange
     from fmd.stages.plan import Growth, Plan
     from fmd.stages.stiffening_check import StiffeningLoads
@@ -77,7 +78,15 @@ def _make_system(run: Pipeline) -> CompiledSystem:
 def _find_start(run: Pipeline) -> tuple[Array, Array]:
     from fmd.stages.mechanism import find_start
 
+    if run.scene.repeats:
+        return run.periodic.q, run.periodic.v
     return find_start(run.divided_scene, run.system)
+
+
+def _find_periodic_motion(run: Pipeline) -> PeriodicMotion:
+    from fmd.stages.periodic import find_periodic_start
+
+    return find_periodic_start(run.divided_scene, run.system)
 
 
 def _measure_deformations(run: Pipeline) -> Mapping[str, Deformation]:
@@ -145,7 +154,10 @@ class Pipeline:
         "stiffness", "runs:find_stiffness_changes", ("mechanism", "loads")
     )
     system: Stage[CompiledSystem] = Stage("equations", _make_system, ("mechanism",))
-    start: Stage[tuple[Array, Array]] = Stage("start", _find_start, ("equations",))
+    periodic: Stage[PeriodicMotion] = Stage(
+        "periodic motion", _find_periodic_motion, ("equations",), applies=lambda run: run.scene.repeats
+    )
+    start: Stage[tuple[Array, Array]] = Stage("start", _find_start, ("equations", "periodic motion"))
     drafts: Stage[tuple[Plan, ...]] = Stage("steps", "runs:draft_plans", ("equations", "start"))
     growths: Stage[tuple[Growth, ...]] = Stage(
         "stability", "runs:measure_growths", ("steps",), _own_inputs, ALL_SOURCES, ALL_PACKAGES
