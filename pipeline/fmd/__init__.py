@@ -12,6 +12,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.version import __version__
 
 if TYPE_CHECKING:
+    from fmd.fitting.result_function import ResultFunction
     from fmd.fitting.sensitivities import jacobian
     from fmd.output.result import Result, load, solve
     from fmd.output.stepped import SteppedScene
@@ -23,6 +24,7 @@ __all__ = [
     "InputError",
     "Pipeline",
     "Result",
+    "ResultFunction",
     "Scene",
     "SteppedScene",
     "__version__",
@@ -47,6 +49,10 @@ def __getattr__(name: str) -> Any:
         from fmd.output.stepped import SteppedScene
 
         return SteppedScene
+    if name == "ResultFunction":
+        from fmd.fitting.result_function import ResultFunction
+
+        return ResultFunction
     if name == "jacobian":
         from fmd.fitting.sensitivities import jacobian
 

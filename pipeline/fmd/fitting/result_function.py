@@ -1,0 +1,112 @@
+"""Results of a scene as a function of some of its numbers, with its derivatives, for optimisers of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from fmd.accuracy.solved_scene import SolvedScene
+from fmd.core.arrays import Array, require_finite, require_shape
+from fmd.fitting.channels import ResultChannel, find_channels
+from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
+from fmd.fitting.parameters import Parameter, find_parameter
+from fmd.fitting.sensitivities import change_of
+from fmd.stages.pipeline import Pipeline
+
+
+@dataclass
+class ResultFunction:
+    """Results of a scene as a function of some of its numbers: NumPy in, NumPy out.
+
+    The first run's method and steps are frozen, and so are place and time of a largest value. What has been computed
+    for the last numbers is kept, so a value, `jvp` and `vjp` at the same ones cost no more than one Jacobian.
+
+    Parameters
+    ----------
+    result : SolvedScene
+        What `fmd.load` or `fmd.solve` returns.
+    of : sequence of str
+        Names of results, as `fmd.fitting.channels.find_channels` lists them.
+    to : sequence of str
+        Keys of numbers, as for ``--set``.
+
+    Attributes
+    ----------
+    names : dict of str to slice
+        Where each result is in the function's value; histories take a place for each output time.
+    start : ndarray, shape (n_numbers,)
+        The scene's own numbers, in SI units; 1 for a load by a formula or a table, of which it is a factor.
+
+    Raises
+    ------
+    InputError
+        There is no such result or number.
+    """
+
+    result: SolvedScene
+    of: Sequence[str]
+    to: Sequence[str]
+    _last: dict[bytes, FrozenMotion] = field(default_factory=dict, init=False, repr=False)
+    _jacobians: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        run = self.result.run
+        self._parameters: list[Parameter] = [find_parameter(run.scene, key) for key in dict.fromkeys(self.to)]
+        self._channels: list[ResultChannel] = [x for name in dict.fromkeys(self.of) for x in find_channels(run, name)]
+        self._moves = any(channel.moves for channel in self._channels)
+        self._frozen = FrozenRun(run)
+        self.start = np.array([parameter.value for parameter in self._parameters])
+
+    @cached_property
+    def names(self) -> dict[str, slice]:
+        """Where each result is in the function's value."""
+        sizes = [np.size(channel.read(self._frozen.run)) for channel in self._channels]
+        ends = np.cumsum(sizes).tolist()
+        pairs = zip(self._channels, sizes, ends, strict=True)
+        return {channel.name: slice(end - size, end) for channel, size, end in pairs}
+
+    def __call__(self, x: Array) -> Array:
+        """Return the results, shape (n_results,), at numbers x, shape (n_numbers,), all in SI units."""
+        return self._read(self._motion(x).run)
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the derivatives of the results by the numbers, shape (n_results, n_numbers)."""
+        motion, key = self._motion(x), np.asarray(x, dtype=float).tobytes()
+        if key not in self._jacobians:
+            self._jacobians = {key: np.column_stack([self._column(motion, each) for each in self._parameters])}
+        return self._jacobians[key]
+
+    def jvp(self, x: Array, dx: Array) -> Array:
+        """Return how the results change, (n_results,), as the numbers change by dx, (n_numbers,): ``J dx``."""
+        dx = np.asarray(dx, dtype=float)
+        require_shape("dx", dx, self.start.shape)
+        return np.asarray(self.jacobian(x) @ dx)
+
+    def vjp(self, x: Array, weights: Array) -> Array:
+        """Return the gradient, (n_numbers,), of the results' weighted sum, weights (n_results,): ``Jᵀ weights``."""
+        J, weights = self.jacobian(x), np.asarray(weights, dtype=float)
+        require_shape("weights", weights, J.shape[:1])
+        return np.asarray(weights @ J)
+
+    def _motion(self, x: Array) -> FrozenMotion:
+        x = np.asarray(x, dtype=float)
+        require_shape("x", x, self.start.shape)
+        require_finite("x", x)
+        key = x.tobytes()
+        if key not in self._last:
+            pairs = zip(self._parameters, x.tolist(), strict=True)
+            values = {parameter: value for parameter, value in pairs if value != parameter.value}
+            self._last = {key: self._frozen.at(values, self._moves, self._parameters)}
+        return self._last[key]
+
+    def _column(self, motion: FrozenMotion, parameter: Parameter) -> Array:
+        both = self._frozen.beside(motion, parameter, moves=self._moves)
+        changes = [change_of(channel, motion.run, both.low, both.high) for channel in self._channels]
+        own = [each[:1] if channel.part else each for channel, each in zip(self._channels, changes, strict=True)]
+        return np.concatenate([np.atleast_1d(each) for each in own]) / (2.0 * both.step)
+
+    def _read(self, run: Pipeline) -> Array:
+        return np.concatenate([np.atleast_1d(channel.read(run)) for channel in self._channels])
