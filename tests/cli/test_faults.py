@@ -239,7 +239,7 @@ def test_runs_killed_at_random_times_one_after_another_poison_nothing(runs: Runs
     runs.results(runs.new_folder())
     typical = time.perf_counter() - tick
     killed = 0
-    while killed < 24:
+    while killed < 12:
         cache, out = runs.new_folder(), runs.new_folder()
         for _ in range(8):  # in one cache, further each time
             end = runs.start(cache, out)

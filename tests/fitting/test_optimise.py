@@ -112,7 +112,7 @@ def test_no_design_of_a_grid_around_is_lighter_and_within_the_limit(limit: str) 
     assert found.active.all()
     assert found.multipliers[2] < 0.02
     (bound,), lighter = (each.bound for each in read_limits(found.space.run, [limit])), 0
-    grid = [0.94, 0.97, 1.0, 1.03, 1.06]
+    grid = [0.95, 1.0, 1.05]
     for by_depth in grid:
         for by_width in grid:
             settings = [f"body.bar.depth={by_depth * depth!r} m", f"body.bar.width={by_width * width!r} m"]
@@ -123,7 +123,7 @@ def test_no_design_of_a_grid_around_is_lighter_and_within_the_limit(limit: str) 
             if mass_there < mass * (1.0 - 1e-4):
                 lighter += 1
                 assert (value_there < bound) == (">" in limit), settings
-    assert lighter >= 8
+    assert lighter >= 3
 
 
 @pytest.mark.slow

@@ -22,10 +22,10 @@ pytestmark = pytest.mark.slow
 FMD = [str(Path(sys.executable).with_name("fmd"))]
 RUNS = "simulation.run=[{integrator='central-difference'}, {integrator='sub-cycling', substeps=5}]"
 COARSE = ["--set", RUNS, "--set", "body.beam.mesh.divisions=[12, 2, 1]", "--set", "simulation.duration=20 ms"]
-# Fifty million steps, more than half a second, so that something is always under way.
+# Five million steps, about half a second with the error budget's, so that something is always under way.
 LONG = ["--set", "simulation.run=[{integrator='central-difference'}]", "--set", "body.beam.mesh.divisions=[12, 2, 1]"]
-LONG += ["--set", "simulation.duration=1 s", "--set", "simulation.step=0.02us"]
-SPEEDS = ",".join(f"{speed} rad/s" for speed in range(5, 13))
+LONG += ["--set", "simulation.duration=1 s", "--set", "simulation.step=0.2us"]
+SPEEDS = ",".join(f"{speed} rad/s" for speed in range(5, 11))
 TRACE = """
 from pathlib import Path
 from distributed import WorkerPlugin
@@ -161,24 +161,24 @@ def has_ended(group: int) -> bool:
 @pytest.mark.slow
 @pytest.mark.usefixtures("grid")
 def test_a_killed_sweep_goes_on_where_it_was_and_a_killed_worker_costs_no_point(environment, tmp_path):
-    arguments = [*FMD, "sweep", "beam", *LONG, "--vary", f"drive.spin_up.speed={SPEEDS}", "--out", str(tmp_path)]
+    arguments = [*FMD, "sweep", "beam-paper", *LONG, "--vary", f"drive.spin_up.speed={SPEEDS}", "--out", str(tmp_path)]
     sweep = subprocess.Popen([*arguments, "--workers", "2"], env=environment, start_new_session=True)
     wait_for(lambda: len(points_in(tmp_path)) >= 3)
     sweep.send_signal(signal.SIGKILL)
     sweep.wait()
     wait_for(lambda: has_ended(sweep.pid), 20.0)  # its workers don't outlive it
     done = points_in(tmp_path)
-    assert 3 <= len(done) < 8
+    assert 3 <= len(done) < 6
     rest = subprocess.Popen([*arguments, "--workers", "1", "--json"], env=environment, stdout=subprocess.PIPE)
     wait_for(lambda: len(points_in(tmp_path)) > len(done))
     children = Path(f"/proc/{rest.pid}/task/{rest.pid}/children").read_text().split()
     worker = next(int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes())
     os.kill(worker, signal.SIGKILL)
     found = json.loads(rest.communicate(timeout=120)[0])
-    assert (found["ok"], found["computed"]) == (8, 8 - len(done))
+    assert (found["ok"], found["computed"]) == (6, 6 - len(done))
     assert done.items() <= points_in(tmp_path).items()  # to the last digit of the run times: not computed again
     assert sorted(path.name for path in (tmp_path / "points").iterdir()) == sorted(points_in(tmp_path))
-    assert len(points_in(tmp_path)) == 8
+    assert len(points_in(tmp_path)) == 6
 
 
 @pytest.mark.slow
@@ -198,7 +198,7 @@ def test_a_cluster_that_loses_a_worker_loses_no_point_and_records_none_twice(env
             worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
             worker += ["--no-dashboard", "--name", name, "--preload", str(tmp_path / "trace.py")]
             processes.append(subprocess.Popen(worker, **options))
-        arguments = ["beam", *LONG, "--vary", f"drive.spin_up.speed={SPEEDS}", "--out", str(tmp_path)]
+        arguments = ["beam-paper", *LONG, "--vary", f"drive.spin_up.speed={SPEEDS}", "--out", str(tmp_path)]
         command = [*FMD, "sweep", *arguments, "--scheduler", address, "--json"]
         sweep = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
         log = tmp_path / "log" / "two"
@@ -212,8 +212,8 @@ def test_a_cluster_that_loses_a_worker_loses_no_point_and_records_none_twice(env
         for process in processes:
             process.kill()
             process.wait()
-    assert (found["ok"], found["computed"]) == (8, 8)
-    assert len(points_in(tmp_path)) == 8
+    assert (found["ok"], found["computed"]) == (6, 6)
+    assert len(points_in(tmp_path)) == 6
     events = [line.split() for path in log.parent.iterdir() for line in path.read_text().splitlines()]
     started = [key for event, key in events if event == "executing"]
     again = {key for key in started if started.count(key) > 1}

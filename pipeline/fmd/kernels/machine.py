@@ -88,6 +88,7 @@ class LoadedObject:
     def __init__(self, content: bytes, constants: Array | None = None) -> None:
         self._constants = _aligned(np.zeros(0) if constants is None else constants)
         self.n_bytes = len(content) + self._constants.nbytes
+        self._addresses: dict[str, int] = {}
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(content))
         with _linking:  # each object is linked to constants of its own, all under one name
@@ -96,9 +97,11 @@ class LoadedObject:
 
     def address(self, function: str) -> int:
         """Return a function's address."""
-        if not (address := self._engine.get_function_address(function)):
-            raise ValueError(f"the object has no function {function}")
-        return int(address)
+        if function not in self._addresses:  # asked once: the engine takes longer than a short function runs
+            if not (address := self._engine.get_function_address(function)):
+                raise ValueError(f"the object has no function {function}")
+            self._addresses[function] = int(address)
+        return self._addresses[function]
 
     def variable(self, name: str) -> int:
         """Return a global variable's address."""

@@ -40,6 +40,8 @@ class Evaluation:
             if argument not in outputs:
                 dropped.setdefault(number, []).append(place[argument])
         self._outputs = [place[number] for number in outputs]
+        nodes = [graph.nodes[number] for number in outputs]
+        self._shapes = [(node.size,) if node.size or node.operation == "array" else () for node in nodes]
         self._steps = [
             (_step(graph, number), [place[k] for k in graph.nodes[number].arguments], dropped.get(number, ()))
             for number in live
@@ -62,6 +64,22 @@ class Evaluation:
                     values[k] = None
         return [values[k] for k in self._outputs]
 
+    def at(self, arguments: Mapping[str, Array]) -> list[Any]:
+        """Return the values at one state, or with an entry for each lane in a last axis.
+
+        Parameters
+        ----------
+        arguments : mapping of str to ndarray, shapes (n_places,) or (n_places, n_lanes)
+            What inputs read.
+        """
+        given = {name: np.asarray(entries) for name, entries in arguments.items()}
+        lanes = {entries.shape[1] for entries in given.values() if entries.ndim == 2}
+        whole = {name: entries if entries.ndim == 2 else entries[:, None] for name, entries in given.items()}
+        pairs = zip(self._shapes, self(whole), strict=True)
+        if not lanes:
+            return [np.reshape(value, shape) for shape, value in pairs]
+        return [np.broadcast_to(value, (*shape, *lanes)) for shape, value in pairs]
+
     def over(self, arguments: Mapping[str, Array], n_states: int) -> Array:
         """Return the values of scalars at many states, shape (n_states, n_outputs)."""
         out = np.empty((n_states, len(self._outputs)))
@@ -79,24 +97,8 @@ def evaluate_scalars(values: Sequence[Scalar]) -> Evaluation:
 
 
 def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Array]) -> list[Any]:
-    """Return the values of nodes at one state, or with an entry for each lane in a last axis.
-
-    Parameters
-    ----------
-    outputs : sequence of int
-        Numbers of the nodes.
-    arguments : mapping of str to ndarray, shapes (n_places,) or (n_places, n_lanes)
-        What inputs read.
-    """
-    given = {name: np.asarray(entries) for name, entries in arguments.items()}
-    lanes = {entries.shape[1] for entries in given.values() if entries.ndim == 2}
-    whole = {name: entries if entries.ndim == 2 else entries[:, None] for name, entries in given.items()}
-    found = []
-    for number, value in zip(outputs, Evaluation(graph, outputs)(whole), strict=True):
-        node = graph.nodes[number]
-        shape = (node.size,) if node.size or node.operation == "array" else ()
-        found.append(np.broadcast_to(value, (*shape, *(lanes or {1}))) if lanes else np.reshape(value, shape))
-    return found
+    """Return the values of nodes at one state, or with an entry for each lane, as `Evaluation.at` does."""
+    return Evaluation(graph, outputs).at(arguments)
 
 
 def _step(graph: Graph, number: int) -> Callable[..., Any]:

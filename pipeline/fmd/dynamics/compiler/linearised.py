@@ -20,7 +20,7 @@ from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.forces import ActingForces
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
-from fmd.dynamics.compiler.interpret import interpret
+from fmd.dynamics.compiler.interpret import Evaluation
 from fmd.dynamics.compiler.recursion import BodyValues
 from fmd.dynamics.compiler.residual import trace_motion, trace_residual
 from fmd.dynamics.compiler.tangents import direction_inputs
@@ -61,10 +61,13 @@ class LinearisedMechanism:
         frames = trace_frames(inputs)
         rows = trace_rows(inputs, frames) if mechanism.closures else []
         acting = ConstrainedForces(inputs, frames, rows) if rows else ActingForces(inputs, frames)
-        self.n_rows, self.signals, self._graph = len(rows), inputs.signals, inputs.graph
+        self.n_rows, self.signals = len(rows), inputs.signals
         self._numbers = np.array(list(inputs.numbers.values()))
-        self._values, self._places = _trace(inputs, frames, acting, rows)
-        self._slopes = differentiate(inputs.graph, self._values, direction_inputs(inputs.graph, _ARGUMENTS))
+        values, self._places = _trace(inputs, frames, acting, rows)
+        slopes = differentiate(inputs.graph, values, direction_inputs(inputs.graph, _ARGUMENTS))
+        self._values, self._slopes = (
+            Evaluation(inputs.graph, [value.node for value in several]) for several in (values, slopes)
+        )
 
     def tangents(
         self, q: Array, v: Array, signals: Mapping[Signal, Sequence[float]], given: Array, frozen: Array | None = None
@@ -131,11 +134,10 @@ class LinearisedMechanism:
         by_all = self._evaluate(self._slopes, arguments, (sum(sizes),))
         return dict(zip(_ARGUMENTS, np.split(by_all, np.cumsum(sizes)[:-1], axis=1), strict=True))
 
-    def _evaluate(self, values: list[Scalar | Vector], arguments: Mapping[str, Array], lanes: tuple[int, ...]) -> Array:
+    def _evaluate(self, values: Evaluation, arguments: Mapping[str, Array], lanes: tuple[int, ...]) -> Array:
         """Return values in the order of rates, rates of residuals, accelerations of residuals."""
         out = np.zeros((self.mechanism.n + 2 * self.n_rows, *lanes))
-        found = interpret(self._graph, [value.node for value in values], arguments)
-        for place, value in zip(self._places, found, strict=True):
+        for place, value in zip(self._places, values.at(arguments), strict=True):
             out[place] = value
         return out
 
