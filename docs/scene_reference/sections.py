@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmd.scene.bar import Bar, BarMesh
+from fmd.scene.beams import BeamMesh, Box, ISection, Profile, Rectangle, Shaft, ShaftSegment
 from fmd.scene.bodies import Solid
 from fmd.scene.constraints import Gear, Rack
 from fmd.scene.contacts import Contact
@@ -225,6 +226,13 @@ SECTIONS = (
     Section("### Plate", Plate),
     Section("### Tube", Tube),
     Section("### Mesh of a plate or tube", ShellMesh),
+    Section("### Shaft", Shaft),
+    Section("### Segment of a shaft", ShaftSegment),
+    Section("### Profile", Profile),
+    Section("### Rectangular section", Rectangle),
+    Section("### Box section", Box),
+    Section("### I section", ISection),
+    Section("### Mesh of a shaft or profile", BeamMesh),
     Section("### Propeller", Propeller),
     Section("### Mesh of a propeller", PropellerMesh),
     Section("### Every body from a file", Imported),

@@ -13,10 +13,10 @@ from fmd.core.errors import InputError
 from fmd.fem import assembly
 from fmd.fem.assembly import assemble
 from fmd.fem.cells.table import CELLS
-from fmd.fem.deck_links import find_deck_links, weighted_marker
+from fmd.fem.deck_links import find_deck_links
 from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.links import Linked, LinkedFace, LinkedModel, LumpedMass, link_points
-from fmd.fem.markers import face_marker
+from fmd.fem.markers import face_marker, weighted_marker
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel

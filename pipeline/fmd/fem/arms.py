@@ -59,6 +59,18 @@ class Arms:
         return -np.asarray(np.einsum("labk,laj,lbm->kjm", moments, turns, turns, optimize=True))
 
 
+def join_arms(one: Arms | None, other: Arms | None) -> Arms | None:
+    """Return the arms of both, whose points are numbered alike; ``None`` if there are none."""
+    if one is None or other is None:
+        return one or other
+    return Arms(
+        np.concatenate([one.points, other.points]),
+        np.concatenate([one.link, one.turn.shape[0] // 3 + other.link]),
+        sp.csr_array(sp.vstack([one.turn, other.turn])),
+        np.concatenate([one.second, other.second]),
+    )
+
+
 def second_of_rigid(r: Array) -> Array:
     """Return ``second`` of `Arms` for arms r (k, 3) of a rigid link: ``θ × (θ × r)``, shape (k, 3, 3, 3)."""
     unit = np.eye(3)

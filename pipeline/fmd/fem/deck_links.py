@@ -10,13 +10,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fmd.core.arrays import EPSILON, Array, IntArray
+from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import ON_A_LINE, RIGID_RESIDUAL
 from fmd.core.rotations import rigid_motions
 from fmd.fem.connections import Connections, Equation, MassOnPoint, MeanConnection, RigidConnection, SpringBetween
 from fmd.fem.links import Linked, LinkedFace, LumpedMass, Relation
 from fmd.fem.local_markers import single_node_marker
-from fmd.fem.markers import Marker, face_marker
+from fmd.fem.markers import Marker, face_marker, weighted_marker
 from fmd.fem.selection import body_nodes, points_of_nodes
 from fmd.fem.space import Discretisation
 
@@ -30,22 +30,6 @@ def find_deck_links(deck: Connections, space: Discretisation) -> Linked:
         A connection is of a form that links don't have; the message names it.
     """
     return _Finder(deck, space).linked()
-
-
-def weighted_marker(points: IntArray, x: Array, weights: Array, rigid: bool = False) -> Marker:
-    """Return the marker of the weighted mean motion of points at x (n, 3), least squares of what is left of each.
-
-    About an axis that all points lie on they have no mean rotation, and neither has the marker.
-    """
-    if not len(points):
-        return Marker(np.zeros(3), points, weights, np.zeros((3, 0, 3)), rigid)
-    share = weights / weights.sum()
-    centre = share @ x
-    r = x - centre
-    second = np.einsum("i,ia,ib->ab", share, r, r)
-    inertia = np.trace(second) * np.eye(3) - second
-    turn = np.einsum("ad,i,dcb,ic->aib", np.linalg.pinv(inertia, rcond=ON_A_LINE), share, EPSILON, r)
-    return Marker(centre, points, share, turn, rigid)
 
 
 class _Finder:

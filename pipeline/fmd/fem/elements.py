@@ -45,6 +45,9 @@ class ElementKind:
     strain_matrix : callable, optional
         Strains in place of those of its displacement's gradients: a function of the space, a material, reference points
         and elements, with what `fmd.fem.strain.enhanced_matrix` returns.
+    stressed : callable, optional
+        What is left of strains (n_elements, n_q, 3, 3) where others follow without stress, as through a shell: a
+        function of strains, Jacobians and a material.
     """
 
     name: str
@@ -59,6 +62,7 @@ class ElementKind:
     is_affine: bool = False
     can_be_enhanced: bool = False
     strain_matrix: Callable[..., tuple[Array, Array]] | None = None
+    stressed: Callable[..., Array] | None = None
 
     @cached_property
     def element(self) -> Any:

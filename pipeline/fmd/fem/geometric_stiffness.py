@@ -18,7 +18,6 @@ import scipy.sparse as sp
 from fmd.core.arrays import Array
 from fmd.core.limits.memory import STRESSED_AT_ONCE
 from fmd.fem.model import FEModel
-from fmd.fem.shell_strain import plane_stress
 from fmd.fem.strain import stresses
 
 _TENSOR = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # places of the components in a vector of six
@@ -84,9 +83,8 @@ def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
         E = 0.5 * slopes @ slopes.swapaxes(2, 3)
         stress = np.empty_like(E)
         for own, mine in fe.material.over(part):
-            if space.mesh.midsurface is not None:  # directors don't stretch: their second-order motion takes it up
-                director = space.jacobians(X, part[mine])[..., 2]
-                E[mine] = plane_stress(E[mine], director / np.linalg.norm(director, axis=2, keepdims=True), 0.0, own)
+            if space.kind.stressed is not None:  # directors don't stretch: their second-order motion takes it up
+                E[mine] = space.kind.stressed(E[mine], space.jacobians(X, part[mine]), own)
             lam, mu = own.lame
             stress[mine] = 2 * mu * E[mine]
             stress[mine] += lam * np.trace(E[mine], axis1=2, axis2=3)[..., None, None] * np.eye(3)

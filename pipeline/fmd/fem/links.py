@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.mesh import RIGID_RESIDUAL
 from fmd.core.rotations import rigid_motions
-from fmd.fem.arms import Arms, second_of_mean, second_of_rigid
+from fmd.fem.arms import Arms, join_arms, second_of_mean, second_of_rigid
 from fmd.fem.constraints import Constraints
 from fmd.fem.idle_motions import without_idle_motions
 from fmd.fem.markers import Marker
@@ -257,8 +257,8 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
         {place: starts[names[link]] + 7 * number + np.arange(7) for place, (link, number) in shown_at.items()},
         T=points_T,
         link_unknowns=n_linked,
-        arms=_arms(x, list(links.values()), starts, carried) if links else None,
-        directors=None if fe.directors is None else _free_directors(fe, x, list(links.values()), carried),
+        arms=join_arms(_own_arms(fe.arms, x, links, carried), _arms(x, list(links.values()), starts, carried)),
+        directors=_own_arms(fe.directors, x, links, carried),
     )
 
 
@@ -307,8 +307,12 @@ def _mean_motion(marker: Marker, at: Array) -> Array:
     return np.concatenate([move + np.cross(turn, at - marker.position, axis=0), turn])
 
 
-def _arms(x: Array, links: Sequence[LinkedFace], starts: IntArray, carried: Sequence[tuple[IntArray, Array]]) -> Arms:
+def _arms(
+    x: Array, links: Sequence[LinkedFace], starts: IntArray, carried: Sequence[tuple[IntArray, Array]]
+) -> Arms | None:
     """Return the arms of all links: their points, from ``starts`` on, and what the rigid ones carry."""
+    if not links:
+        return None
     points, number, second, turns = [], [], [], []
     for k, (link, (moved, r)) in enumerate(zip(links, carried, strict=True)):
         marker, own = link.marker, np.arange(starts[k], starts[k + 1])
@@ -327,16 +331,16 @@ def _arms(x: Array, links: Sequence[LinkedFace], starts: IntArray, carried: Sequ
     return Arms(np.concatenate(points), np.concatenate(number), sp.csr_array(sp.vstack(turns)), np.concatenate(second))
 
 
-def _free_directors(
-    fe: FEModel, x: Array, links: Sequence[LinkedFace], carried: Sequence[tuple[IntArray, Array]]
-) -> Arms:
-    """Return a shell's directors without those that turn with a rigid link, whose arms they are."""
-    assert fe.directors is not None
+def _own_arms(
+    own: Arms | None, x: Array, links: Mapping[str, LinkedFace], carried: Sequence[tuple[IntArray, Array]]
+) -> Arms | None:
+    """Return the arms of a shell's or a beam's own nodes without those that turn with a rigid link."""
+    if own is None:
+        return None
     turned = np.zeros(len(x), dtype=bool)
-    for link, (points, r) in zip(links, carried, strict=True):
+    for link, (points, r) in zip(links.values(), carried, strict=True):
         turned[points] = np.abs(x[points] - link.at - r).max(axis=1, initial=0.0) < RIGID_RESIDUAL * np.ptp(x)
-    free = ~turned[fe.directors.points]
-    turn = sp.csr_array(fe.directors.turn, copy=True)
+    free = ~turned[own.points]
+    turn = sp.csr_array(own.turn, copy=True)
     turn.resize((turn.shape[0], 3 * len(x)))
-    own = fe.directors
     return Arms(own.points[free], own.link[free], turn, own.second[free])

@@ -15,7 +15,7 @@ import numpy as np
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.mesh import OFF_EDGE, OUTSIDE, STRAIGHT_EDGE
 from fmd.fem.elements import shape_functions
-from fmd.fem.markers import Marker
+from fmd.fem.markers import Marker, weighted_marker
 from fmd.fem.selection import locate_points, points_of_nodes
 from fmd.fem.space import Discretisation
 
@@ -55,6 +55,8 @@ def single_node_marker(space: Discretisation, node: int) -> Marker:
     A node of a shell's midsurface is between the points at both faces, and is numbered behind them.
     """
     own = points_of_nodes(space, np.array([node]))
+    if space.mesh.midsurface is not None and space.mesh.midsurface.has_sections:
+        return weighted_marker(own, space.x[own], np.ones(len(own)))
     elements, local = np.nonzero(np.isin(space.element_nodes, own))
     X = space.kind.element.doflocs[local][:, None]
     if space.mesh.midsurface is not None:

@@ -11,7 +11,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad, RefTri
 
 from fmd.core.arrays import EPSILON, Array, IntArray
-from fmd.core.limits.mesh import OFF_FACE
+from fmd.core.limits.mesh import OFF_FACE, ON_A_LINE
 from fmd.core.limits.rank import WORST_RESULTANTS
 from fmd.fem.elements import shape_functions
 from fmd.fem.mesh import rows_among
@@ -102,6 +102,9 @@ def face_marker(
     faces = [face] if isinstance(face, np.ndarray) else face
     chosen = np.unique(np.concatenate([facets_on_face(space, one) for one in faces]))
     elements, local = (numbers[chosen] for numbers in space.boundary_facets)
+    if elements.size == 0 and space.mesh.midsurface is not None and space.mesh.midsurface.has_sections:
+        own = np.unique(np.concatenate([one.ravel() for one in faces]))  # a section between the ends
+        return weighted_marker(own, space.x[own], np.ones(len(own)), rigid)
     if elements.size == 0:
         raise ValueError("no boundary facet of the mesh lies on the face")
     nodes, A = _integrate_products(space, elements, local)
@@ -120,6 +123,22 @@ def face_marker(
     turned = np.einsum("acd,cib,d->aib", EPSILON, weights, centre - centroid)  # ψ × (centre − centroid)
     translation = np.eye(3)[:, None] * (w / area)[:, None] + turned
     return Marker(centre, nodes, translation, weights, rigid, float(area))
+
+
+def weighted_marker(points: IntArray, x: Array, weights: Array, rigid: bool = False) -> Marker:
+    """Return the marker of the weighted mean motion of points at x (n, 3), least squares of what is left of each.
+
+    About an axis that all points lie on they have no mean rotation, and neither has the marker.
+    """
+    if not len(points):
+        return Marker(np.zeros(3), points, weights, np.zeros((3, 0, 3)), rigid)
+    share = weights / weights.sum()
+    centre = share @ x
+    r = x - centre
+    second = np.einsum("i,ia,ib->ab", share, r, r)
+    inertia = np.trace(second) * np.eye(3) - second
+    turn = np.einsum("ad,i,dcb,ic->aib", np.linalg.pinv(inertia, rcond=ON_A_LINE), share, EPSILON, r)
+    return Marker(centre, points, share, turn, rigid)
 
 
 def traction_marker(position: Array, nodes: IntArray, x: Array, forces: Array) -> Marker:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_shape, short_repr
 from fmd.core.errors import AccuracyError
 from fmd.fem.cells.cell import SolidCell
-from fmd.fem.cells.table import shell_cell, solid_cell
+from fmd.fem.cells.table import solid_cell
 from fmd.fem.connections import Connections
 from fmd.fem.elements import jacobians, match_nodes
 from fmd.fem.midsurface import Midsurface
@@ -41,7 +41,7 @@ class SolidMesh:
     centres : mapping of str to ndarray, shape (4,)
         Area [m²] and centre [m] of faces by their geometry, which CAD files have beside the mesh.
     midsurface : Midsurface, optional
-        That of a shell, whose cells are one layer between both faces.
+        That of a shell, whose cells are one layer between both faces, or the line of beams.
 
     Raises
     ------
@@ -77,7 +77,7 @@ class SolidMesh:
     @property
     def cell(self) -> SolidCell:
         """The type of the cells."""
-        return solid_cell(self.cell_type) if self.midsurface is None else shell_cell(self.cell_type)
+        return solid_cell(self.cell_type) if self.midsurface is None else self.midsurface.cell(self.cell_type)
 
     @property
     def corners(self) -> IntArray:

@@ -1,4 +1,4 @@
-"""The finite element model of a shell: points at both faces, moved by displacement and rotation of its nodes.
+"""The finite element model of a shell or of beams: points that move by displacement and rotation of nodes.
 
 A point at r from its node moves by ``u + θ × r``. Where all points of a node lie on one line, its rotation about that
 line moves none of them and is no unknown: smooth shells have five unknowns a node, and no stiffness against drilling is
@@ -14,7 +14,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.mesh import ALIKE_DIRECTORS
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, second_of_rigid
 from fmd.fem.midsurface import Midsurface
@@ -23,7 +22,7 @@ from fmd.fem.model import FEModel
 
 @dataclass(frozen=True)
 class ShellModel(FEModel):
-    """A finite element model of a shell, whose points are those of both faces and then its nodes.
+    """A finite element model of a shell or of beams: points of both faces, or of sections, and then the nodes.
 
     Attributes
     ----------
@@ -40,11 +39,11 @@ class ShellModel(FEModel):
 
 
 def hang_on_nodes(layer: FEModel, midsurface: Midsurface) -> ShellModel:
-    """Return the model of a shell from that of the layer between its faces, whose points move freely."""
+    """Return the model of a shell or of beams from that of its layer of cells, whose points move freely."""
     nodes, owner = midsurface.nodes, midsurface.owner
     n_points, n_nodes = len(owner), len(nodes)
     arms = layer.x - nodes[owner]
-    size, turns, node = _rotations(arms, owner, n_nodes)
+    size, turns, node = _rotations(arms, owner, n_nodes, midsurface.alike)
     # u = 1 at the tip of an arm of mean length, for rotations as for displacements
     unit = turns / size[node, None]
     by_node = sp.csr_array((np.ones(len(node)), (node, np.arange(len(node)))), shape=(n_nodes, len(node)))
@@ -56,6 +55,7 @@ def hang_on_nodes(layer: FEModel, midsurface: Midsurface) -> ShellModel:
     moved = sp.kron(carried, sp.eye_array(3), format="csr")
     T = sp.block_array([[moved, turned], [sp.eye_array(3 * n_nodes), None]], format="csr")
     none = sp.csr_array((n_nodes, n_nodes))
+    around = _directors(arms, owner, n_nodes, midsurface.alike)
     return ShellModel(
         layer.discretisation,
         layer.material,
@@ -63,29 +63,30 @@ def hang_on_nodes(layer: FEModel, midsurface: Midsurface) -> ShellModel:
         sp.csr_array(sp.block_diag([layer.m, none])),
         np.concatenate([layer.x, nodes]),
         T=sp.csr_array(T),
-        directors=_directors(arms, owner, n_nodes),
+        arms=around if midsurface.has_sections else None,
+        directors=None if midsurface.has_sections else around,
     )
 
 
-def _rotations(arms: Array, owner: IntArray, n_nodes: int) -> tuple[Array, Array, IntArray]:
+def _rotations(arms: Array, owner: IntArray, n_nodes: int, alike: float) -> tuple[Array, Array, IntArray]:
     """Return arms' mean lengths (n_nodes,), and axes (n, 3) and nodes (n,) of all rotations that move a point."""
     second = np.zeros((n_nodes, 3, 3))
     np.add.at(second, owner, arms[:, :, None] * arms[:, None, :])
     moments, axes = np.linalg.eigh(second)
     size = np.sqrt(moments.sum(axis=1) / np.bincount(owner, minlength=n_nodes))
-    folded = moments[:, 1] > ALIKE_DIRECTORS * moments[:, 2]
+    folded = moments[:, 1] > alike * moments[:, 2]
     free = np.stack([np.ones_like(folded), np.ones_like(folded), folded], axis=1)
     node, which = np.nonzero(free)
     return size, axes[node, :, which], node
 
 
-def _directors(arms: Array, owner: IntArray, n_nodes: int) -> Arms:
+def _directors(arms: Array, owner: IntArray, n_nodes: int, alike: float) -> Arms:
     """Return the arms of all points, which turn with their nodes as far as they show it."""
     n_points = len(owner)
     square = (arms**2).sum(axis=1)[:, None, None] * np.eye(3) - arms[:, :, None] * arms[:, None, :]
     inertia = np.zeros((n_nodes, 3, 3))
     np.add.at(inertia, owner, square)
-    inverse = np.linalg.pinv(inertia, rcond=ALIKE_DIRECTORS, hermitian=True)
+    inverse = np.linalg.pinv(inertia, rcond=alike, hermitian=True)
     across = rigid_motions(arms)[:, :, 3:].swapaxes(1, 2)  # r × u
     weights = inverse[owner] @ across
     points = np.arange(n_points)

@@ -164,6 +164,11 @@ def plane_stress(A: Array, normal: Array, shear: Array | float, material: Materi
     return np.asarray(A + changed - (stretch + nu * plane) * (n @ n.swapaxes(2, 3)))
 
 
+def across_plane_stress(A: Array, J: Array, material: Material) -> Array:
+    """Return what is left of strains A (n_elements, n_q, 3, 3) in a shell without stress through its thickness."""
+    return plane_stress(A, _unit(J[..., 2]), 0.0, material)
+
+
 def _voigt(A: Array) -> Array:
     """Return symmetric tensors (…, 3, 3) as xx, yy, zz, 2yz, 2xz, 2xy, shape (…, 6)."""
     return np.stack([*(A[..., k, k] for k in range(3)), 2 * A[..., 1, 2], 2 * A[..., 0, 2], 2 * A[..., 0, 1]], axis=-1)

@@ -124,9 +124,10 @@ class FreeBodySolver:
             Phi = np.concatenate([Z, Phi], axis=1)
         else:  # a mesh of a few elements
             N = null_space(B.T) if B.shape[1] else np.eye(n)
-            last = count + Z.shape[1] - 1
-            eigenvalues, Phi = eigh(N.T @ (self._K @ N), N.T @ (self._M @ N), subset_by_index=(0, last))
-            Phi = N @ Phi
+            mass, last = N.T @ (self._M @ N), N.shape[1] - 1
+            shifted = N.T @ (self._K @ N) - self.shift * mass  # definite, which light parts may leave no mass matrix
+            theta, Phi = eigh(mass, shifted, subset_by_index=(last + 1 - count - Z.shape[1], last))
+            eigenvalues, Phi = 1.0 / theta + self.shift, N @ Phi / np.sqrt(theta)
         order = np.argsort(eigenvalues)
         return self._verified_pairs(eigenvalues[order], Phi[:, order], Z.shape[1], inverse)
 

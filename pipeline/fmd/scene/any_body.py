@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from fmd.scene.bar import Bar
+from fmd.scene.beams import Profile, Shaft
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
 from fmd.scene.propeller import Propeller
 from fmd.scene.rigid_bodies import PointMass, RigidBody, Rod
@@ -28,9 +29,21 @@ def _with_shape(body: object) -> object:
     return body
 
 
-Flexible = Bar | Plate | Tube | Propeller | MeshedPart | CadPart | MatrixPart | ReducedPart
+Flexible = Bar | Plate | Tube | Shaft | Profile | Propeller | MeshedPart | CadPart | MatrixPart | ReducedPart
 Body = Annotated[
-    Bar | Plate | Tube | Propeller | Rod | PointMass | RigidBody | MeshedPart | CadPart | MatrixPart | ReducedPart,
+    Bar
+    | Plate
+    | Tube
+    | Shaft
+    | Profile
+    | Propeller
+    | Rod
+    | PointMass
+    | RigidBody
+    | MeshedPart
+    | CadPart
+    | MatrixPart
+    | ReducedPart,
     Field(discriminator="shape"),
     BeforeValidator(_with_shape),
 ]

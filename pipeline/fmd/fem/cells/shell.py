@@ -12,7 +12,7 @@ from fmd.fem.cells.hexahedron import Hexahedron
 from fmd.fem.cells.shape import OwnElement, skfem_quadrature
 from fmd.fem.cells.wedge import Wedge, WedgeElement
 from fmd.fem.elements import ElementKind
-from fmd.fem.shell_strain import quadrilateral_strain, triangle_strain
+from fmd.fem.shell_strain import across_plane_stress, quadrilateral_strain, triangle_strain
 
 
 def _layered(cell: str, order: int) -> tuple[Array, Array]:
@@ -70,8 +70,22 @@ class QuadrilateralElement(OwnElement):
 
 
 _QUAD, _TRI = partial(QuadrilateralElement, 1), partial(WedgeElement, 1)
-_MITC4 = ElementKind("mitc4", 12, ShellQuadrilateral, 1, _QUAD, _QUAD, 3, 3, 3, strain_matrix=quadrilateral_strain)
-_MITC3 = ElementKind("mitc3+", 13, ShellTriangle, 1, _TRI, _TRI, 4, 3, 2, strain_matrix=triangle_strain)
+_MITC4 = ElementKind(
+    "mitc4",
+    12,
+    ShellQuadrilateral,
+    1,
+    _QUAD,
+    _QUAD,
+    3,
+    3,
+    3,
+    strain_matrix=quadrilateral_strain,
+    stressed=across_plane_stress,
+)
+_MITC3 = ElementKind(
+    "mitc3+", 13, ShellTriangle, 1, _TRI, _TRI, 4, 3, 2, strain_matrix=triangle_strain, stressed=across_plane_stress
+)
 
 SHELLS = {
     cell.name: cell

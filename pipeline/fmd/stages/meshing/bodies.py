@@ -13,6 +13,7 @@ from fmd.core.errors import InputError
 from fmd.core.units import unit_ratio
 from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
+from fmd.scene.beams import MeshedBeam
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
 from fmd.scene.reading import suggest_name
 from fmd.scene.shells import Plate, Tube
@@ -41,6 +42,10 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
         assert source is not None
         return mesh_cad_file(source.path, shape.mesh.size, shape.mesh.order)
     assert not isinstance(shape, MatrixPart | ReducedPart)
+    if isinstance(shape, MeshedBeam):
+        from fmd.stages.meshing.beams import mesh_beams
+
+        return mesh_beams(shape)
     module = import_module(f"fmd.meshes.{shape.shape}")
     if not isinstance(shape, Plate | Tube):
         return SolidMesh(*module.mesh(shape))

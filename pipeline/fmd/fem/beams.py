@@ -1,0 +1,117 @@
+"""Beams as layers of solid cells between drawn sections, which hang on the nodes of a line as rigid pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray, read_only
+from fmd.core.limits.mesh import FACE_IN_PLANE, ON_A_LINE
+from fmd.fem.cells.beam import BEAM
+from fmd.fem.cells.cell import SolidCell
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.midsurface import Midsurface
+from fmd.fem.sections import Section
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Beams between nodes.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n_nodes, 3)
+        Positions of the nodes [m].
+    ends : ndarray, shape (n_beams, 2)
+        Nodes at the ends of each.
+    axes : ndarray, shape (n_beams, 3, 3)
+        Unit vectors along each beam and along y and z of its section, as rows.
+    sections : tuple of Section
+    of : ndarray, shape (n_beams,)
+        Number of each beam's section.
+    parts : mapping of str to ndarray
+        Beams of each part.
+    faces : mapping of str to ndarray
+        Nodes of each face, which is all of the sections there.
+    """
+
+    x: Array
+    ends: IntArray
+    axes: Array
+    sections: tuple[Section, ...]
+    of: IntArray
+    parts: Mapping[str, IntArray]
+    faces: Mapping[str, IntArray]
+
+
+@dataclass(frozen=True)
+class BeamLine(Midsurface):
+    """Nodes of beams, each with the points of the sections that turn with it.
+
+    Parameters
+    ----------
+    axes : ndarray, shape (n_cells, 3, 3)
+        Unit vectors along each cell's beam and along y and z of its section, as rows.
+    start : ndarray, shape (n_cells, 3)
+        Centroid of the section at which each begins [m].
+    length : ndarray, shape (n_cells,)
+        [m]
+    sections : tuple of Section
+    of : ndarray, shape (n_cells,)
+        Number of each cell's section.
+    """
+
+    axes: Array
+    start: Array
+    length: Array
+    sections: tuple[Section, ...]
+    of: IntArray
+
+    alike = ON_A_LINE
+    has_sections = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for each in (self.axes, self.start, self.length, self.of):
+            read_only(each)
+
+    def cell(self, name: str) -> SolidCell:
+        """Return the layer between two sections."""
+        return BEAM
+
+
+def extrude(beams: Beams) -> SolidMesh:
+    """Return the mesh of solid cells between the sections of beams, with the line that they hang on."""
+    along = beams.x[beams.ends[:, 1]] - beams.x[beams.ends[:, 0]]
+    points, owners, cells, beam, count = [], [], [], [], 0
+    for k, (ends, axes) in enumerate(zip(beams.ends, beams.axes, strict=True)):
+        section = beams.sections[beams.of[k]]
+        n, drawn = len(section.points), section.points @ axes[1:]
+        points += [beams.x[end] + drawn for end in ends]
+        owners += [np.full(n, end) for end in ends]
+        cells.append(np.concatenate([section.quads, section.quads + n], axis=1) + count)
+        beam.append(np.full(len(section.quads), k))
+        count += 2 * n
+    x, owner, of_beam = np.concatenate(points), np.concatenate(owners), np.concatenate(beam)
+    size = FACE_IN_PLANE * float(np.ptp(x, axis=0).max())
+    keys = np.column_stack([owner, np.round(x / size)])  # beams in line have their points in common
+    _, first, same = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    line = BeamLine(
+        beams.x,
+        owner[first],
+        beams.axes[of_beam],
+        beams.x[beams.ends[of_beam, 0]],
+        np.linalg.norm(along, axis=1)[of_beam],
+        beams.sections,
+        beams.of[of_beam],
+    )
+    return SolidMesh(
+        x[first],
+        same.ravel()[np.concatenate(cells)],
+        "hexahedron",
+        {name: np.flatnonzero(np.isin(of_beam, own)) for name, own in beams.parts.items()},
+        {name: np.flatnonzero(np.isin(owner[first], nodes)) for name, nodes in beams.faces.items()},
+        midsurface=line,
+    )

@@ -1,0 +1,262 @@
+"""Beams in a scene file: stepped round shafts, and bars of a standard section."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from fmd.core.units import PositiveLength
+from fmd.scene.bodies import Solid
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import Name
+
+_ENDS = ("x-", "x+")
+
+
+class BeamMesh(SceneTable):
+    """Division of a shaft or profile into beams.
+
+    Parameters
+    ----------
+    size : float
+        Largest length of a beam [m].
+
+    Examples
+    --------
+    ::
+
+        [body.rotor.mesh]
+        size = "20 mm"
+    """
+
+    order: ClassVar[int] = 1
+
+    size: PositiveLength
+
+
+class MeshedBeam(Solid):
+    """Keys of bodies that are beams in a line.
+
+    Parameters
+    ----------
+    mesh : BeamMesh
+        Division into elements.
+    station : dict of str to float
+        Distances from the start [m] at which there is a section that markers and links may name as their ``face``.
+    """
+
+    mesh: BeamMesh
+    station: dict[Name, PositiveLength] = Field(default_factory=dict)
+
+    @property
+    def whole_length(self) -> float:
+        """Length of all beams [m]."""
+        raise NotImplementedError
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of both ends and of the stations."""
+        return (*_ENDS, *self.station)
+
+    def resized(self, factor: float) -> dict[str, Any]:
+        """Return the changes for a mesh with about ``factor`` times the elements."""
+        return {"mesh": self.mesh.model_copy(update={"size": self.mesh.size / factor})}
+
+    @property
+    def divided_directions(self) -> int:
+        """Number of directions with more than one element."""
+        return 1
+
+    @model_validator(mode="after")
+    def _of_beams(self) -> MeshedBeam:
+        for name, at in self.station.items():
+            if name in _ENDS:
+                raise FaultError("is the name of an end; give the station another", "station", name)
+            if not at < self.whole_length:
+                raise FaultError(f"must be below the length, {self.whole_length:.6g} m", "station", name)
+        if self.pieces != 1:
+            raise FaultError("is of solids: beams aren't cut yet; join several bodies by fixed joints", "pieces")
+        return self
+
+
+class ShaftSegment(SceneTable):
+    """A piece of a shaft of one diameter.
+
+    Parameters
+    ----------
+    length : float
+        [m]
+    diameter : float
+        [m]
+    bore : float, optional
+        Diameter of the hole along it [m].
+    """
+
+    length: PositiveLength
+    diameter: PositiveLength
+    bore: PositiveLength | None = None
+
+    @model_validator(mode="after")
+    def _with_a_wall(self) -> ShaftSegment:
+        if self.bore is not None and not self.bore < self.diameter:
+            raise FaultError("must be below the diameter", "bore")
+        return self
+
+
+class Shaft(MeshedBeam):
+    """A stepped round shaft of Timoshenko beams, along x from 0.
+
+    Its faces are ``x-`` (where x is least), ``x+`` and its stations; its parts are ``segment-1``, ``segment-2`` …
+
+    Parameters
+    ----------
+    segment : tuple of ShaftSegment
+        Its pieces, one behind the other.
+
+    Examples
+    --------
+    ::
+
+        [body.rotor]
+        shape = "shaft"
+        segment = [
+            { length = "200 mm", diameter = "30 mm" },
+            { length = "100 mm", diameter = "50 mm", bore = "20 mm" },
+        ]
+        station = { disc = "250 mm" }
+        E = "210 GPa"
+        nu = 0.3
+        rho = "7850 kg/m^3"
+        mesh = { size = "10 mm" }
+        modes = { count = 8 }
+        link.disc = { face = "disc", type = "rigid" }
+        mass.disc = { at = "disc", mass = "5 kg", inertia = ["0.04 kg m^2", "0.02 kg m^2", "0.02 kg m^2"] }
+        marker = { left = { face = "x-" }, right = { face = "x+" } }
+    """
+
+    shape: Literal["shaft"]
+    segment: Annotated[tuple[ShaftSegment, ...], Field(min_length=1, max_length=1000)]
+
+    @property
+    def whole_length(self) -> float:
+        """Length of all segments [m]."""
+        return sum(segment.length for segment in self.segment)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the segments."""
+        return tuple(f"segment-{k}" for k in range(1, 1 + len(self.segment)))
+
+
+class Rectangle(SceneTable):
+    """A rectangular section.
+
+    Parameters
+    ----------
+    type : str
+        ``"rectangle"``
+    width, height : float
+        Extents along y and z [m].
+    """
+
+    type: Literal["rectangle"]
+    width: PositiveLength
+    height: PositiveLength
+
+
+class Box(SceneTable):
+    """A rectangular tube as a section.
+
+    Parameters
+    ----------
+    type : str
+        ``"box"``
+    width, height : float
+        Outer extents along y and z [m].
+    wall : float
+        Thickness of the walls [m].
+    """
+
+    type: Literal["box"]
+    width: PositiveLength
+    height: PositiveLength
+    wall: PositiveLength
+
+    @model_validator(mode="after")
+    def _hollow(self) -> Box:
+        if not 2 * self.wall < min(self.width, self.height):
+            raise FaultError("must be below half of width and height", "wall")
+        return self
+
+
+class ISection(SceneTable):
+    """An I-section, its web along z.
+
+    Parameters
+    ----------
+    type : str
+        ``"I"``
+    width, height : float
+        Extents along y and z [m].
+    web, flange : float
+        Thicknesses [m].
+    """
+
+    type: Literal["I"]
+    width: PositiveLength
+    height: PositiveLength
+    web: PositiveLength
+    flange: PositiveLength
+
+    @model_validator(mode="after")
+    def _with_flanges(self) -> ISection:
+        if not self.web < self.width:
+            raise FaultError("must be below the width", "web")
+        if not 2 * self.flange < self.height:
+            raise FaultError("must be below half of the height", "flange")
+        return self
+
+
+class Profile(MeshedBeam):
+    """A straight bar of one section of Timoshenko beams, along x from 0.
+
+    Its faces are ``x-`` (where x is least), ``x+`` and its stations; its one part is ``profile``. Warping of the
+    section is free: an I or a box that is clamped where it is twisted is stiffer.
+
+    Parameters
+    ----------
+    length : float
+        Extent along x [m].
+    section : Rectangle or Box or ISection
+        Its section, by ``type``.
+
+    Examples
+    --------
+    ::
+
+        [body.rail]
+        shape = "profile"
+        length = "2 m"
+        section = { type = "I", width = "60 mm", height = "80 mm", web = "4 mm", flange = "5 mm" }
+        E = "70 GPa"
+        nu = 0.33
+        rho = "2700 kg/m^3"
+        mesh = { size = "50 mm" }
+        modes = { count = 8 }
+        marker = { root = { face = "x-" }, tip = { face = "x+" } }
+    """
+
+    shape: Literal["profile"]
+    length: PositiveLength
+    section: Annotated[Rectangle | Box | ISection, Field(discriminator="type")]
+
+    @property
+    def whole_length(self) -> float:
+        """Extent along x [m]."""
+        return self.length
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Name of the one part."""
+        return ("profile",)
