@@ -72,7 +72,10 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ("output.-1=3", "there is no '-1'; did you mean '1'?"),
         # kinds and types
         ("body.beam={}", "--set: body.beam.shape: is missing"),
-        ("body.beam.shape=baar", "body.beam.shape = 'baar': must be one of 'bar', 'plate', 'tube', 'shaft', 'profile', 'propeller'"),
+        (
+            "body.beam.shape=baar",
+            "body.beam.shape = 'baar': must be one of 'bar', 'plate', 'tube', 'shaft', 'profile', 'propeller'",
+        ),
         ("output.0.type=3", "output.0.type = 3: must be one of 'chart', 'orbit', 'frf', 'mesh', 'modes', 'mode sheet'"),
         ("simulation.run.0.integrator=[]", "simulation.run.0.integrator = []: must be one of"),
         ("body.beam.mesh={}", "body.beam.mesh.divisions: is missing: hexahedra along x, y and z"),

@@ -35,6 +35,8 @@ class Beams:
         Beams of each part.
     faces : mapping of str to ndarray
         Nodes of each face, which is all of the sections there.
+    offsets : ndarray, shape (n_beams, 2, 3), optional
+        Of the centroids at both ends from their nodes [m].
     """
 
     x: Array
@@ -44,6 +46,7 @@ class Beams:
     of: IntArray
     parts: Mapping[str, IntArray]
     faces: Mapping[str, IntArray]
+    offsets: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -84,12 +87,12 @@ class BeamLine(Midsurface):
 
 def extrude(beams: Beams) -> SolidMesh:
     """Return the mesh of solid cells between the sections of beams, with the line that they hang on."""
-    along = beams.x[beams.ends[:, 1]] - beams.x[beams.ends[:, 0]]
+    middles = beams.x[beams.ends] + (0.0 if beams.offsets is None else beams.offsets)
     points, owners, cells, beam, count = [], [], [], [], 0
     for k, (ends, axes) in enumerate(zip(beams.ends, beams.axes, strict=True)):
         section = beams.sections[beams.of[k]]
         n, drawn = len(section.points), section.points @ axes[1:]
-        points += [beams.x[end] + drawn for end in ends]
+        points += [middle + drawn for middle in middles[k]]
         owners += [np.full(n, end) for end in ends]
         cells.append(np.concatenate([section.quads, section.quads + n], axis=1) + count)
         beam.append(np.full(len(section.quads), k))
@@ -102,8 +105,8 @@ def extrude(beams: Beams) -> SolidMesh:
         beams.x,
         owner[first],
         beams.axes[of_beam],
-        beams.x[beams.ends[of_beam, 0]],
-        np.linalg.norm(along, axis=1)[of_beam],
+        middles[of_beam, 0],
+        np.linalg.norm(middles[:, 1] - middles[:, 0], axis=1)[of_beam],
         beams.sections,
         beams.of[of_beam],
     )

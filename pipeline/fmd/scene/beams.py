@@ -55,6 +55,11 @@ class MeshedBeam(Solid):
         raise NotImplementedError
 
     @property
+    def is_shell(self) -> bool:
+        """A line of beams."""
+        return True
+
+    @property
     def faces(self) -> tuple[str, ...]:
         """Names of both ends and of the stations."""
         return (*_ENDS, *self.station)
@@ -75,8 +80,6 @@ class MeshedBeam(Solid):
                 raise FaultError("is the name of an end; give the station another", "station", name)
             if not at < self.whole_length:
                 raise FaultError(f"must be below the length, {self.whole_length:.6g} m", "station", name)
-        if self.pieces != 1:
-            raise FaultError("is of solids: beams aren't cut yet; join several bodies by fixed joints", "pieces")
         return self
 
 
@@ -86,11 +89,20 @@ class ShaftSegment(SceneTable):
     Parameters
     ----------
     length : float
-        [m]
+        Extent along x [m].
     diameter : float
-        [m]
+        Outer diameter [m].
     bore : float, optional
         Diameter of the hole along it [m].
+
+    Examples
+    --------
+    ::
+
+        [[body.rotor.segment]]
+        length = "100 mm"
+        diameter = "50 mm"
+        bore = "20 mm"
     """
 
     length: PositiveLength
@@ -155,9 +167,18 @@ class Rectangle(SceneTable):
     Parameters
     ----------
     type : str
-        ``"rectangle"``
+        Kind of section.
     width, height : float
         Extents along y and z [m].
+
+    Examples
+    --------
+    ::
+
+        [body.rail.section]
+        type = "rectangle"
+        width = "20 mm"
+        height = "30 mm"
     """
 
     type: Literal["rectangle"]
@@ -171,11 +192,21 @@ class Box(SceneTable):
     Parameters
     ----------
     type : str
-        ``"box"``
+        Kind of section.
     width, height : float
         Outer extents along y and z [m].
     wall : float
         Thickness of the walls [m].
+
+    Examples
+    --------
+    ::
+
+        [body.rail.section]
+        type = "box"
+        width = "40 mm"
+        height = "60 mm"
+        wall = "4 mm"
     """
 
     type: Literal["box"]
@@ -196,11 +227,22 @@ class ISection(SceneTable):
     Parameters
     ----------
     type : str
-        ``"I"``
+        Kind of section.
     width, height : float
         Extents along y and z [m].
     web, flange : float
         Thicknesses [m].
+
+    Examples
+    --------
+    ::
+
+        [body.rail.section]
+        type = "I"
+        width = "60 mm"
+        height = "80 mm"
+        web = "4 mm"
+        flange = "5 mm"
     """
 
     type: Literal["I"]

@@ -123,7 +123,7 @@ class Solid(Deformable):
 
     @property
     def is_shell(self) -> bool:
-        """True if it is a midsurface with a thickness."""
+        """True if it is a midsurface with a thickness, or a line of beams."""
         return False
 
     @property
@@ -176,7 +176,9 @@ class Solid(Deformable):
     @model_validator(mode="after")
     def _of_shells(self) -> Solid:
         if self.is_shell and self.pieces != 1:
-            raise FaultError("is of solids: shells aren't cut yet; join several bodies by fixed joints", "pieces")
+            raise FaultError(
+                "is of solids: shells and beams aren't cut yet; join several bodies by fixed joints", "pieces"
+            )
         return self
 
     @model_validator(mode="after")

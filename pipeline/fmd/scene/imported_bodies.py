@@ -37,6 +37,9 @@ class MeshFile(DividedMesh):
     shell : float or str, optional
         Thickness [m]: the file's triangles and quadrilaterals are shells. ``"deck"`` takes it from the deck's sections.
 
+    beam : str, optional
+        ``"deck"``: the lines of a deck of Nastran or Abaqus are beams, with the deck's sections.
+
     Examples
     --------
     ::
@@ -53,11 +56,14 @@ class MeshFile(DividedMesh):
     mass_unit: MassUnit | None = None
     force_unit: ForceUnit | None = None
     shell: PositiveLength | Literal["deck"] | None = None
+    beam: Literal["deck"] | None = None
 
     @model_validator(mode="after")
     def _shells_are_linear(self) -> MeshFile:
-        if self.shell is not None and self.order == 2:
-            raise FaultError("is of solids: shells have three or four nodes", "order")
+        if self.shell is not None and self.beam is not None:
+            raise FaultError("can't stand beside shell: a body is of one kind of elements", "beam")
+        if (self.shell is not None or self.beam is not None) and self.order == 2:
+            raise FaultError("is of solids: shells have three or four nodes, beams two", "order")
         return self
 
 
@@ -167,8 +173,8 @@ class MeshedPart(Imported):
 
     @property
     def is_shell(self) -> bool:
-        """True if the file's surface elements are shells."""
-        return self.mesh.shell is not None
+        """True if the file's surface elements are shells, or its lines beams."""
+        return self.mesh.shell is not None or self.mesh.beam is not None
 
 
 class CadPart(Imported):

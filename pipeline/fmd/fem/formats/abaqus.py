@@ -18,6 +18,7 @@ from fmd.core.arrays import IntArray
 from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.abaqus_links import POINT_ELEMENTS, AbaqusLinks, DeckPoints
+from fmd.fem.formats.beam_sections import BeamElement, DeckBeams, take_abaqus_section
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh, ShellSection
 from fmd.fem.formats.shell_sections import abaqus_section, of_sets
 from fmd.fem.mesh import rows_among
@@ -112,6 +113,8 @@ class _Deck:
         self.others: dict[str, int] = defaultdict(int)
         self.links = AbaqusLinks()
         self.shells: dict[str, ShellSection] = {}
+        self.beams = DeckBeams()
+        self.beam_sections: dict[str, tuple[dict[str, str], list[list[str]]]] = {}
         self.names: dict[str, str] = {}
         self.parts = self.instances = 0
 
@@ -141,6 +144,10 @@ class _Deck:
                 self.parts += 1
             case "SHELL SECTION":
                 self.shells[self._named(options.get("ELSET", ""))] = abaqus_section(options, data)
+            case "BEAM SECTION":
+                self.beam_sections[self._named(options.get("ELSET", ""))] = options, data
+            case "BEAM GENERAL SECTION":
+                self.beams.faults.append(f"*{keyword}; *BEAM SECTION is read")
             case "SHELL GENERAL SECTION":
                 self.shells[self._named(options.get("ELSET", ""))] = ShellSection(float("nan"), fault=f"*{keyword}")
             case _ if keyword in _LINKS:
@@ -255,8 +262,26 @@ class _Deck:
         if self.shells:
             raw.shells = of_sets(self.shells, cell_sets, [len(cells) for _, cells in blocks])
             raw.shell_faults = [section.fault for section in self.shells.values() if section.fault]
+        raw.beams = self._beams(raw)
         self._add_links(raw, place, linked)
         return raw
+
+    def _beams(self, raw: RawMesh) -> DeckBeams:
+        """Return the beams of the deck's lines, each with the section of a set that holds it."""
+        lines = [b for b, (kind, cells) in enumerate(raw.blocks) if kind == "line" and len(cells)]
+        numbers = [block.numbers for block in self.blocks if block.numbers]
+        found = {
+            (b, k): BeamElement(f"element {numbers[b][k]}", "", np.zeros(0), np.zeros((2, 3)))
+            for b in lines
+            for k in range(len(raw.blocks[b][1]))
+        }
+        for name, (options, data) in self.beam_sections.items():
+            towards = take_abaqus_section(self.beams, name, options, data)
+            for b in lines:
+                for k in raw.cell_sets.get(name, [np.zeros(0, int)] * (b + 1))[b].tolist():
+                    found[b, k] = found[b, k]._replace(section=name, towards=towards)
+        self.beams.elements = list(found.values())
+        return self.beams
 
     def _add_links(self, raw: RawMesh, place: dict[int, int], element_sets: dict[str, list[_Item]]) -> None:
         """Add the deck's connections, with names of their points."""

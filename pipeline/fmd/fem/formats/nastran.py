@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fmd.fem.cells.table import CELLS
+from fmd.fem.formats.beam_sections import NastranBeams
 from fmd.fem.formats.nastran_links import NastranLinks
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.formats.shell_sections import NastranShells
@@ -49,7 +50,7 @@ def read_nastran(text: str) -> RawMesh:
     properties: dict[str, list[str]] = defaultdict(list)
     others: dict[str, int] = defaultdict(int)
     seen: set[int] = set()
-    links, shells = NastranLinks(_real), NastranShells(_real)
+    links, shells, beams = NastranLinks(_real), NastranShells(_real), NastranBeams(_real)
     for line, name, fields in _cards(text):
         try:
             if name == "GRID":
@@ -66,7 +67,9 @@ def read_nastran(text: str) -> RawMesh:
                 properties[kind].append(fields[1])
                 if kind in ("triangle", "quad"):
                     shells.add(kind, len(nodes), fields)
-            elif shells.takes(name, fields) or links.takes(name, fields):
+                elif kind == "line":
+                    beams.add(name, fields)
+            elif shells.takes(name, fields) or beams.takes(name, fields) or links.takes(name, fields):
                 pass
             elif name in _OTHERS or _OTHER.fullmatch(name):
                 others[name] += 1
@@ -87,6 +90,7 @@ def read_nastran(text: str) -> RawMesh:
     except ValueError as error:
         raise MeshFileError(str(error)) from None
     raw = RawMesh(np.array(list(points.values())), others=dict(others), connections=connections)
+    raw.beams = beams.finished(points)
     raw.shells, raw.shell_faults = shells.of_blocks({kind: properties[kind] for kind in cells}), shells.faults
     for kind, rows in cells.items():
         try:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from fmd.core.arrays import Array, IntArray
 from fmd.fem.connections import Connections
+from fmd.fem.formats.beam_sections import DeckBeams
 
 
 class MeshFileError(ValueError):
@@ -56,6 +57,8 @@ class RawMesh:
         without sections.
     shell_faults : list of str
         What of the sections of shells isn't read.
+    beams : DeckBeams
+        Sections and orientation of beams of two nodes.
     """
 
     points: Array
@@ -67,3 +70,4 @@ class RawMesh:
     connections: Connections = field(default_factory=Connections)
     shells: list[tuple[Array, Array]] = field(default_factory=list)
     shell_faults: list[str] = field(default_factory=list)
+    beams: DeckBeams = field(default_factory=DeckBeams)

@@ -18,6 +18,7 @@ from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPa
 from fmd.scene.reading import suggest_name
 from fmd.scene.shells import Plate, Tube
 from fmd.scene.source_files import SourceFiles
+from fmd.stages.meshing.beams import mesh_beams
 from fmd.stages.meshing.cad_files import mesh_cad_file
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     """Mesh a body, or read its mesh from the file that it comes from."""
     if shape.shape == "mesh":
+        from fmd.fem.formats.import_beam import read_beams
         from fmd.fem.formats.import_mesh import read_mesh
         from fmd.fem.formats.import_shell import read_shell
 
@@ -35,6 +37,8 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
         given, unit = shape.mesh, unit_ratio(shape.mesh.unit, "m")
         mass = None if given.mass_unit is None else unit_ratio(given.mass_unit, "kg")
         force = None if given.force_unit is None else unit_ratio(given.force_unit, "N")
+        if given.beam is not None:
+            return read_beams(source.path, unit, mass, force)
         if given.shell is not None:
             return read_shell(source.path, unit, None if given.shell == "deck" else given.shell, mass, force)
         return read_mesh(source.path, unit, given.repair, mass, force)
@@ -43,8 +47,6 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
         return mesh_cad_file(source.path, shape.mesh.size, shape.mesh.order)
     assert not isinstance(shape, MatrixPart | ReducedPart)
     if isinstance(shape, MeshedBeam):
-        from fmd.stages.meshing.beams import mesh_beams
-
         return mesh_beams(shape)
     module = import_module(f"fmd.meshes.{shape.shape}")
     if not isinstance(shape, Plate | Tube):

@@ -1,0 +1,122 @@
+"""Import of beams from the lines of a deck of Nastran or Abaqus."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import AccuracyError, InputError
+from fmd.core.limits.mesh import ON_A_LINE
+from fmd.fem.beams import Beams, extrude
+from fmd.fem.formats.beam_sections import BeamElement, DrawnSection
+from fmd.fem.formats.import_mesh import connection_notes, connections_in_si, read_raw, require_sound
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.formats.repair import count_pieces
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.sections import RoundSection, Section
+
+
+def read_beams(path: Path, scale: float, mass_unit: float | None = None, force_unit: float | None = None) -> SolidMesh:
+    """Read the lines of a deck as beams, with the deck's sections, orientations and offsets.
+
+    Parameters
+    ----------
+    path : Path
+        The file. Element sets become parts; node sets become faces: all of the sections at their nodes.
+    scale : float
+        The file's unit of length [m].
+    mass_unit, force_unit : float, optional
+        The file's units [kg], [N]. Without, lumped masses and springs are refused, but for a file in metres.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, or its beams can't be used; the message says what is wrong.
+    """
+    try:
+        raw = read_raw(path)
+        beams, place = _beams(raw, scale)
+        links = connections_in_si(raw.connections, raw.points * scale, place, scale, mass_unit, force_unit)
+        return replace(extrude(beams), connections=links, notes=connection_notes(links))
+    except (MeshFileError, ValueError, AccuracyError) as error:
+        raise InputError(str(path), "", None, str(error)) from error
+
+
+def _beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
+    """Check a raw mesh and take its beams; return the number that each point of the file has, too, -1 of no beam."""
+    require_sound(raw)
+    count: dict[str, int] = dict(raw.others)
+    for kind, cells in raw.blocks:
+        count[kind] = count.get(kind, 0) + len(cells)
+    listed = ", ".join(f"{n} {kind}" for kind, n in count.items() if n) or "none"
+    if not raw.beams.elements or any(n for kind, n in count.items() if kind not in ("line", "vertex")):
+        raise MeshFileError(f"mesh.beam is of beams of two nodes alone; the elements: {listed}")
+    if raw.beams.faults:
+        more = "" if len(raw.beams.faults) == 1 else f", and {len(raw.beams.faults) - 1} more"
+        raise MeshFileError(f"beams that aren't read: {raw.beams.faults[0]}{more}")
+    blocks = [(b, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind == "line" and len(cells)]
+    cells = np.concatenate([cells for _, cells in blocks])
+    n_pieces = count_pieces(cells, len(raw.points), raw.connections.point_groups)
+    if n_pieces > 1:
+        raise MeshFileError(f"its beams are in {n_pieces} unconnected pieces; join them at common nodes, or by links")
+    used = np.unique(cells)
+    place = np.full(len(raw.points), -1)
+    place[used] = np.arange(len(used))
+    names = list(dict.fromkeys(element.section for element in raw.beams.elements))
+    missing = next((element for element in raw.beams.elements if element.section not in raw.beams.sections), None)
+    if missing is not None:
+        raise MeshFileError(f"{missing.label} has no section")
+    drawn = [raw.beams.sections[name] for name in names]
+    sections = tuple(each.make(*(scale * one for one in each.measures)) for each in drawn)
+    of = np.array([names.index(element.section) for element in raw.beams.elements])
+    offsets = scale * np.array([element.offsets for element in raw.beams.elements])
+    x = raw.points * scale
+    along = x[cells] + offsets
+    axes = np.stack(
+        [
+            _axes(element, ends[1] - ends[0], drawn[k], sections[k])
+            for element, ends, k in zip(raw.beams.elements, along, of, strict=True)
+        ]
+    )
+    starts = np.cumsum([0, *(len(own) for _, own in blocks)])
+    parts = {
+        name: np.concatenate([starts[k] + chosen[b] for k, (b, _) in enumerate(blocks)])
+        for name, chosen in raw.cell_sets.items()
+    }
+    parts = {name: own for name, own in parts.items() if len(own)} or {"all": np.arange(len(cells))}
+    rest = np.setdiff1d(np.arange(len(cells)), np.concatenate(list(parts.values())))
+    faces = {name: place[nodes][place[nodes] >= 0] for name, nodes in raw.point_sets.items()}
+    whole = Beams(
+        x[used],
+        place[cells],
+        axes,
+        sections,
+        of,
+        parts | ({"rest": rest} if len(rest) else {}),
+        {name: nodes for name, nodes in faces.items() if len(nodes)},
+        offsets,
+    )
+    return whole, place
+
+
+def _axes(element: BeamElement, along: Array, drawn: DrawnSection, section: Section) -> Array:
+    """Return unit vectors along a beam, and along y and z of its section as it is drawn, as rows (3, 3)."""
+    length = float(np.linalg.norm(along))
+    if not length > 0:
+        raise MeshFileError(f"{element.label} has no length")
+    x, towards = along / length, element.towards
+    if not towards.size and isinstance(section, RoundSection):
+        towards = np.eye(3)[np.abs(x).argmin()]
+    if not towards.size:
+        raise MeshFileError(f"{element.label} has no orientation vector")
+    y = towards - (towards @ x) * x
+    if np.linalg.norm(y) ** 2 <= ON_A_LINE * (towards @ towards):
+        if not isinstance(section, RoundSection):
+            raise MeshFileError(f"{element.label} has an orientation vector along itself")
+        y = np.cross(x, np.eye(3)[np.abs(x).argmin()])
+    y /= np.linalg.norm(y)
+    z = np.cross(x, y)
+    return np.stack([x, -z, y] if drawn.turned else [x, y, z])

@@ -1,0 +1,147 @@
+"""Beams of decks: the same frame from Nastran and Abaqus, orientation, offsets, links, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.fem.assembly import assemble
+from fmd.fem.beams import Beams, extrude
+from fmd.fem.deck_links import find_deck_links
+from fmd.fem.formats.import_beam import read_beams
+from fmd.fem.links import link_points
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
+from fmd.fem.sections import Section, box_section, i_section, rectangular_section, round_section
+from fmd.reduction.eigen import FreeBodySolver
+
+STEEL = Material(210e9, 0.3, 7850.0)
+X = np.array([(0.0, 0, 0), (300, 0, 0), (300, 400, 50), (0, 400, 0), (600, 0, 100)])  # mm
+ENDS = np.array([(0, 1), (1, 2), (2, 3), (1, 4)])
+TOWARDS = np.array([(0.0, 1, 0.2), (0, 0, 1), (0.1, 0, 1), (0, 1, 0)])
+# What a deck calls it in Nastran and in Abaqus [mm], and what it is [m]; first axes are alike.
+SECTIONS = {
+    "rectangle": (("BAR", "30.", "20."), ("RECT", "20, 30"), rectangular_section(0.02, 0.03)),
+    "round": (("ROD", "12."), ("CIRC", "12"), round_section(0.024)),
+    "tube": (("TUBE", "12.", "9."), ("PIPE", "12, 3"), round_section(0.024, 0.018)),
+    "box": (("BOX", "30.", "20.", "2.", "2."), ("BOX", "20, 30, 2, 2, 2, 2"), box_section(0.02, 0.03, 0.002)),
+}
+
+
+def frequencies(mesh: SolidMesh) -> Array:
+    fe = assemble(mesh, 1, STEEL)
+    if mesh.connections is not None:
+        fe = link_points(fe, find_deck_links(mesh.connections, fe.discretisation))
+    return FreeBodySolver(fe).modes(8).omega
+
+
+def frame(section: Section, turned: bool = False, offsets: Array | None = None) -> SolidMesh:
+    axes = []
+    for k, (a, b) in enumerate(X[ENDS] + (0.0 if offsets is None else offsets)):
+        x = (b - a) / np.linalg.norm(b - a)
+        z = np.cross(x, TOWARDS[k])
+        z /= np.linalg.norm(z)
+        y = np.cross(z, x)
+        axes.append([x, -z, y] if turned else [x, y, z])
+    of = np.zeros(len(ENDS), dtype=int)
+    moved = None if offsets is None else offsets / 1e3
+    return extrude(Beams(X / 1e3, ENDS, np.array(axes), (section,), of, {}, {}, moved))
+
+
+def nastran(path: Path, section: tuple[str, ...], *more: str, tail: str = "") -> Path:
+    lines = ["BEGIN BULK", *(f"GRID,{k},,{a},{b},{c}" for k, (a, b, c) in enumerate(X, start=1))]
+    for k, ((a, b), v) in enumerate(zip(ENDS + 1, TOWARDS, strict=True), start=1):
+        lines.append(f"CBAR,{k},7,{a},{b},{v[0]},{v[1]},{v[2]}" + tail)
+    lines.append(f"PBARL,7,1,,{section[0]}\n+,{','.join(section[1:])}")
+    path.write_text("\n".join([*lines, *more, "ENDDATA"]))
+    return path
+
+
+def abaqus(path: Path, section: tuple[str, str]) -> Path:
+    lines = ["*NODE", *(f"{k}, {a}, {b}, {c}" for k, (a, b, c) in enumerate(X, start=1))]
+    for k, ((a, b), v) in enumerate(zip(ENDS + 1, TOWARDS, strict=True), start=1):
+        lines += [f"*ELEMENT, TYPE=B31, ELSET=E{k}", f"{k}, {a}, {b}"]
+        lines += [f"*BEAM SECTION, ELSET=E{k}, MATERIAL=M, SECTION={section[0]}", section[1], "{}, {}, {}".format(*v)]
+    path.write_text("\n".join([*lines, "*NSET, NSET=ROOT", "1"]))
+    return path
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_a_frame_is_the_same_from_nastran_and_abaqus(tmp_path: Path, name: str) -> None:
+    of_nastran, of_abaqus, section = SECTIONS[name]
+    exact = frequencies(frame(section))
+    assert frequencies(read_beams(nastran(tmp_path / "a.bdf", of_nastran), 1e-3)) == pytest.approx(exact, rel=1e-8)
+    found = read_beams(abaqus(tmp_path / "a.inp", of_abaqus), 1e-3)
+    assert frequencies(found) == pytest.approx(exact, rel=1e-8)
+    assert sorted(found.parts) == ["E1", "E2", "E3", "E4"]
+    assert found.points[found.faces["ROOT"]].mean(axis=0) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_an_i_has_its_web_along_nastrans_first_axis_and_abaqus_second(tmp_path: Path) -> None:
+    section = i_section(0.02, 0.04, 0.002, 0.003)
+    path = nastran(tmp_path / "a.bdf", ("I", "40.", "20.", "20.", "2.", "3.", "3."))
+    assert frequencies(read_beams(path, 1e-3)) == pytest.approx(frequencies(frame(section, turned=True)), rel=1e-8)
+    path = abaqus(tmp_path / "a.inp", ("I", "20, 40, 20, 20, 3, 3, 2"))
+    assert frequencies(read_beams(path, 1e-3)) == pytest.approx(frequencies(frame(section)), rel=1e-8)
+
+
+def test_offsets_and_vectors_towards_points_are_those_of_the_cards(tmp_path: Path) -> None:
+    offsets = np.tile(np.array([(0.0, 3, 5), (0, 3, 8)]), (4, 1, 1))
+    path = nastran(tmp_path / "a.bdf", SECTIONS["rectangle"][0], tail=",\n+,,,0.,3.,5.,0.,3.,8.")
+    exact = frequencies(frame(SECTIONS["rectangle"][2], offsets=offsets))
+    assert frequencies(read_beams(path, 1e-3)) == pytest.approx(exact, rel=1e-8)
+    text = nastran(path, SECTIONS["rectangle"][0], "GRID,90,,0.,100.,20.").read_text()
+    path.write_text(text.replace("CBAR,1,7,1,2,0.0,1.0,0.2", "CBAR,1,7,1,2,90"))
+    exact = frequencies(frame(SECTIONS["rectangle"][2]))
+    assert frequencies(read_beams(path, 1e-3)) == pytest.approx(exact, rel=1e-8)
+
+
+def test_a_mass_beside_a_beams_node_turns_with_its_section(tmp_path: Path) -> None:
+    """CONM2 with an offset on the node is one at the end of an RBE2's arm."""
+    own = nastran(tmp_path / "a.bdf", SECTIONS["tube"][0], "CONM2,90,5,0,0.5,0.,40.,0.")
+    one = frequencies(read_beams(own, 1e-3, mass_unit=1.0))
+    arm = nastran(
+        tmp_path / "b.bdf", SECTIONS["tube"][0], "GRID,80,,600.,40.,100.", "RBE2,81,5,123456,80", "CONM2,90,80,0,0.5"
+    )
+    assert frequencies(read_beams(arm, 1e-3, mass_unit=1.0)) == pytest.approx(one, rel=1e-8)
+    assert one[0] < 0.9 * frequencies(read_beams(nastran(own, SECTIONS["tube"][0]), 1e-3))[0]
+
+
+@pytest.mark.parametrize(
+    ("section", "more", "message"),
+    [
+        (("HAT", "1.", "2.", "3.", "4."), (), "PBARL 7 of type HAT; ROD, TUBE"),
+        (("BOX", "30.", "20.", "2.", "3."), (), "PBARL 7 has walls that differ"),
+        (("BAR", "30."), (), "PBARL 7 has fewer measures"),
+        (("BAR", "30.", "20.", "1."), (), "PBARL 7 has fewer measures than its type, a mass"),
+        (("BAR", "30.", "20."), ("PBAR,8,1,1.,2.,3.,4.",), "PBAR 8 has no drawing; PBARL and PBEAML are read"),
+        (("BAR", "30.", "20."), ("CROD,90,7,1,3",), "CROD 90; CBAR and CBEAM are read"),
+        (("BAR", "30.", "20."), ("CBAR,90,8,1,3,0.,0.,1.",), "CBAR 90 has no section"),
+        (("BAR", "30.", "20."), ("CBAR,90,7,1,3",), "CBAR 90 has no orientation vector"),
+        (("BAR", "30.", "20."), ("CBAR,90,7,1,2,1.,0.,0.",), "CBAR 90 has an orientation vector along itself"),
+        (("BAR", "30.", "20."), ("CBAR,90,7,1,3,0.,0.,1.,GGO",), "CBAR 90 has OFFT other than GGG"),
+        (("BAR", "30.", "20."), ("CTRIA3,90,9,1,2,3",), "is of beams of two nodes alone; the elements: .*1 triangle"),
+    ],
+)
+def test_beams_that_are_not_read_are_refused_by_name(
+    tmp_path: Path, section: tuple[str, ...], more: tuple[str, ...], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        read_beams(nastran(tmp_path / "a.bdf", section, *more), 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        (("TRAPEZOID", "1, 2, 3, 4"), "with SECTION = TRAPEZOID; CIRC, PIPE"),
+        (("RECT", "20"), r"\*BEAM SECTION of E1 has not the 2 measures"),
+        (("I", "20, 40, 20, 30, 3, 3, 2"), "walls that differ from side to side"),
+    ],
+)
+def test_sections_of_abaqus_that_are_not_read_are_refused_by_name(
+    tmp_path: Path, section: tuple[str, str], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        read_beams(abaqus(tmp_path / "a.inp", section), 1e-3)
