@@ -75,6 +75,9 @@ charts, pictures and files that are wanted. `fmd new my-part.toml` writes a comm
 - **Quantities** are text with a unit: `"340 mm"`, `"8000 rpm"`, `"2.7 g/cm^3"`. Any unit will do that converts to the
   SI unit of the key. A bare number is refused, and so is a unit of another dimension. Values without a dimension, like
   `nu`, are plain numbers.
+- **Tolerances** may follow a number: `mass = "0.4 kg ± 2 %"`, `depth = "12 mm +/- 0.1 mm"`, `nu = "0.33 ± 3 %"`: the
+  half-width of the interval that holds 95 % of all pieces. A run takes the number alone; `fmd sensitivities` tells what
+  the tolerances make of its [results](fitting.md).
 - **Names** of bodies, markers, elements, joints and drives are yours: a letter and up to 39 letters, digits, `_` or
   `-`. A marker is named with its body, `"beam.tip"`. `"ground"` stands still.
 - **On the command line** `--set` replaces values of the file: `--set body.beam.length=300mm`,

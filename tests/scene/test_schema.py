@@ -33,6 +33,14 @@ def test_each_ready_scene_is_valid(name: str, validator: jsonschema.Draft202012V
     assert [f"{error.json_path}: {error.message}" for error in validator.iter_errors(READY[name])] == []
 
 
+def test_numbers_may_have_tolerances(validator: jsonschema.Draft202012Validator) -> None:
+    for mass, valid in (("0.4 kg ± 2 %", True), ("0.4 kg +/- 8 g", True), ("0.4 kg ±", False), ("0.4 kg ± x", False)):
+        scene = READY["arm"] | {
+            "body": READY["arm"]["body"] | {"gripper": READY["arm"]["body"]["gripper"] | {"mass": mass}}
+        }
+        assert validator.is_valid(scene) == valid, mass
+
+
 def test_the_examples_of_the_reference_are_valid(validator: jsonschema.Draft202012Validator) -> None:
     """They are pieces of scenes, which may lack what others hold."""
     for name, table in list_tables().items():

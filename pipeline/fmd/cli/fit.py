@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from fmd.cli.inputs import DEFAULTS, Options, settle
-from fmd.cli.options import Folder, Names, SceneName, print_json
+from fmd.cli.options import Folder, Names, SceneName, Several, print_json
 from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
@@ -21,8 +19,6 @@ from fmd.core.units import parse_percentage, parse_quantity
 if TYPE_CHECKING:
     from fmd.fitting.fit import Fit
     from fmd.stages.pipeline import Pipeline
-
-Several = Annotated[list[str] | None, Parameter(negative=())]
 
 
 def fit(

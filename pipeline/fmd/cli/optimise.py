@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fmd.cli.fit import Several
 from fmd.cli.inputs import DEFAULTS, Options, settle
-from fmd.cli.options import Folder, Names, SceneName, print_json
+from fmd.cli.options import Folder, Names, SceneName, Several, print_json
 from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError

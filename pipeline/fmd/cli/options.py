@@ -13,6 +13,7 @@ from fmd.core.files import require_finite
 SceneName = Annotated[str, Parameter(help="Name of a ready scene, or path of a TOML file.")]
 Folder = Annotated[Path | None, Parameter(help="Folder for the results; out/SCENE by default.")]
 Names = Annotated[list[str], Parameter(negative=())]
+Several = Annotated[list[str] | None, Parameter(negative=())]
 Set = Annotated[
     list[str] | None,
     Parameter(name="--set", negative=(), help="Override a value: key=value, e.g. body.beam.length=300mm."),

@@ -55,14 +55,19 @@ class Sensitivity:
         """What `relative` may be off by."""
         return abs(self._share(self.error))
 
+    @property
+    def change(self) -> float:
+        """Change of the result in its unit as the number doubles, if it went on as it begins."""
+        return self.parameter.value * mean_change(self.slope)
+
     def _share(self, slope: Array) -> float:
-        size = _rms(self.value) if self.value.ndim else float(self.value)
-        change = abs(self.parameter.value) * _rms(slope) if self.value.ndim else self.parameter.value * float(slope)
+        size = mean_change(self.value)
+        change = (abs(self.parameter.value) if self.value.ndim else self.parameter.value) * mean_change(slope)
         return change / size + 0.0 if size else (0.0 if not change else float(np.copysign(np.inf, change)))
 
     def row(self) -> dict[str, Any]:
         """Return the figures by name; a history's value, derivative and error are root mean squares over time."""
-        size, slope, error = (float(x) if not x.ndim else _rms(x) for x in (self.value, self.slope, self.error))
+        size, slope, error = (mean_change(x) for x in (self.value, self.slope, self.error))
         share, off = self.relative, self.relative_error
         known = np.isfinite(share)
         return {
@@ -151,5 +156,6 @@ def _jumps(channel: ResultChannel, *variants: Pipeline, share: float) -> bool:
     return False
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
+def mean_change(values: Array) -> float:
+    """Return a number itself, or of a history the root mean square over time."""
+    return float(values) if not values.ndim else float(np.sqrt(np.mean(np.square(values))))

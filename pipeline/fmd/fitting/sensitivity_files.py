@@ -9,6 +9,7 @@ from fmd.core.arrays import Array
 from fmd.core.files import write_table
 from fmd.core.limits.shown import DIGITS
 from fmd.fitting.sensitivities import Sensitivity
+from fmd.fitting.uncertainty import Uncertainty
 
 
 def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folder: Path, title: str) -> list[str]:
@@ -50,9 +51,38 @@ def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folde
     if bars:
         from fmd.render.tornado_chart import draw_tornado
 
-        draw_tornado(bars, folder / "sensitivities.png", title=title)
+        label = "change of the result [%] by a change of the number of 1 %"
+        draw_tornado(bars, folder / "sensitivities.png", title=title, label=label)
         files.append("sensitivities.png")
     return files
+
+
+def write_uncertainties(found: Sequence[Uncertainty], folder: Path, title: str) -> list[str]:
+    """Write what tolerances make of results as a table and a chart into a folder, and return the files' names.
+
+    Raises
+    ------
+    OSError
+        The folder can't be written.
+    """
+    from fmd.render.tornado_chart import draw_tornado
+
+    cells: list[list[object]] = []
+    bars: dict[str, list[tuple[str, float, float]]] = {}
+    for each in found:
+        row = each.row()
+        for key, change in each.shares.items():
+            parts = [each.channel.name, each.value, each.channel.unit, row["half_width"], key, change]
+            cells.append([*parts, row["contributions"][key]])
+            if each.value:
+                bars.setdefault(each.channel.name, []).append((key, 100.0 * change / abs(each.value), 0.0))
+    header = ["of", "value", "unit", "half_width", "number", "change_by_tolerance", "part_of_variance"]
+    _write(folder / "uncertainties.csv", header, cells)
+    if not bars:
+        return ["uncertainties.csv"]
+    label = "change of the result [%] by the number's tolerance"
+    draw_tornado(bars, folder / "uncertainties.png", title=title, label=label)
+    return ["uncertainties.csv", "uncertainties.png"]
 
 
 def _bounds(interval: list[float] | None) -> dict[str, float | None]:

@@ -16,17 +16,19 @@ _FRAME_INCHES = 1.0
 _DOTS_PER_INCH = 130
 
 
-def draw_tornado(bars: Mapping[str, Sequence[tuple[str, float, float]]], path: Path, *, title: str) -> None:
-    """Draw the sensitivities of results, each in a frame of its own.
+def draw_tornado(bars: Mapping[str, Sequence[tuple[str, float, float]]], path: Path, *, title: str, label: str) -> None:
+    """Draw what numbers do to results, each in a frame of its own.
 
     Parameters
     ----------
     bars : mapping of str to sequence of tuple
-        Key, sensitivity [% per %] and its error for each number that a result depends on, by the results' names.
+        Key, length of the bar and its error for each number that a result depends on, by the results' names.
     path : Path
         PNG, PDF or SVG.
     title : str
         Heading.
+    label : str
+        What the bars' length is.
     """
     heights = [_FRAME_INCHES + _BAR_INCHES * len(rows) for rows in bars.values()]
     with open_figure(path, (_WIDTH, sum(heights) + 0.5), _DOTS_PER_INCH, padding=0.08) as figure:
@@ -47,4 +49,4 @@ def draw_tornado(bars: Mapping[str, Sequence[tuple[str, float, float]]], path: P
             axes.set_yticks(places, [key for key, _, _ in rows])
             style_axes(axes, "", "", name)
             axes.set_axisbelow(True)
-        frames[-1].set_xlabel("change of the result [%] by a change of the number of 1 %", fontsize=12)
+        frames[-1].set_xlabel(label, fontsize=12)

@@ -20,6 +20,7 @@ from fmd.scene.reading import Fault, FaultError, SceneTable, list_faults, raise_
 from fmd.scene.scene_files import read_source
 from fmd.scene.scene_tables import SceneTables
 from fmd.scene.simulation import Simulation
+from fmd.scene.tolerances import split_tolerances
 
 _NAMED = (
     "body",
@@ -137,11 +138,17 @@ class Scene(SceneTables):
     accuracy: Share | None = None
     reference: PublishedResults | None = None
     _file: str = PrivateAttr("")
+    _tolerances: dict[str, float] = PrivateAttr(default_factory=dict)
 
     @property
     def file(self) -> str:
         """Path of the file that the scene was read from; empty if it was made in Python."""
         return self._file
+
+    @property
+    def tolerances(self) -> Mapping[str, float]:
+        """Half-widths of numbers' 95 % intervals, relative to these, by dotted keys; ``"0.4 kg ± 2 %"`` has 0.02."""
+        return self._tolerances
 
     @property
     def name(self) -> str:
@@ -225,13 +232,16 @@ def load_scene(
         work.
     """
     read = read_source(source, overrides)
-    tables = {key: table for key, table in read.data.items() if key not in without}
+    chosen = {key: table for key, table in read.data.items() if key not in without}
+    tables, tolerances, faults = split_tolerances(chosen)
+    if faults:
+        raise read.make_error(faults)
     context = {"folder": read.folder, "units": bool(read.file)}
     try:
         scene = Scene.model_validate(tables, context=context)
     except ValidationError as error:
         raise read.make_error(Scene._list_faults(error, tables, context)) from None
-    scene._file = read.file
+    scene._file, scene._tolerances = read.file, tolerances
     return scene
 
 

@@ -107,10 +107,11 @@ def _describe_quantities() -> Iterator[tuple[str, dict[str, Any]]]:
     factor = f"{any_unit}{power}?"
     product = rf"({any_unit}{power}|{factor}((\s*[*/·]\s*|\s+){factor})+)"
     yield "unit", {"type": "string", "pattern": f"^({factor}|{product})$"}
-    yield "product", {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*{product}\s*$"}
+    beside = rf"(\s*(±|\+/-|\+-)\s*{_NUMBER}\s*(%|{factor}|{product}))?"
+    yield "product", {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*{product}{beside}\s*$"}
     for kind, names in units.items():
         if kind:
-            own = {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*{_name_pattern(names)}\s*$"}
+            own = {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*{_name_pattern(names)}{beside}\s*$"}
             alternatives = [own, {"$ref": "#/$defs/product"}] if names else [{"$ref": "#/$defs/product"}]
             yield kind, {"anyOf": alternatives, "examples": [example_of(kind)]}
 

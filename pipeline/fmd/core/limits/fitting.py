@@ -6,6 +6,7 @@ NEAR_DIFFERENCE = 2e-4  # of a number, between motions that a tangent moves or t
 SAME_SHAPE = 0.02  # of a shape's size: what it may change by where motions are drawn back
 PARTS = 200  # of a motion
 TRIED_TIMES = 8  # at which loads are compared, to see if they change in proportion to a number
+FEWEST_SAMPLES = 40  # scenes within tolerances, of whose results an interval of 95 % is told
 JUMP = 0.05  # per cent per per cent that a largest value gains elsewhere, from which on it is said to jump
 
 # Designs.
