@@ -1,5 +1,6 @@
 """Stated errors of frequency responses, held against a much finer mesh with many more modes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,11 @@ import pytest
 import xarray
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.response_errors import BandErrors, estimate_band_errors
 from fmd.core.cache import Cache
-from fmd.output.responses import FrequencyResponse, compute_response, write_response
+from fmd.output.responses import FrequencyResponse, compute_response, write_model, write_response
+from fmd.responses.model_reduction import ModelReduction
+from fmd.stages.linear_model import linearise_scene
 
 SCENE = """
 title = 'a bar under noise'
@@ -95,3 +99,37 @@ def test_files_hold_the_errors_or_say_why_there_are_none(files: Path) -> None:
 def test_a_model_holds_up_to_half_of_what_its_modes_reach(files: Path) -> None:
     run, found = respond(files)
     assert found.linear.holds_to_hz == pytest.approx(0.5 * run.parts["bar"].modes.frequencies_hz.max())
+
+
+def test_a_models_errors_by_frequency_hold_those_against_a_finer_mesh(files: Path) -> None:
+    """In each range, at frequencies of its own; a model of fewer states is off by what it leaves out, too."""
+    run, _ = respond(files)
+    request = (INPUTS, OUTPUTS, "start")
+    linear = linearise_scene(run, *request)
+    whole = estimate_band_errors(run, linear, request)
+    finer = load_scene(files / "bar.toml", ["body.bar.mesh={order=2, divisions=[24, 2, 2]}", "body.bar.modes.count=16"])
+    reference = linearise_scene(Pipeline(finer, Cache(None)), *request)
+    frequencies = np.geomspace(whole.edges_hz[0], whole.edges_hz[-1], 3000)[:-1]
+    own = linear.frequency_response(frequencies)
+    true = np.abs(own - reference.frequency_response(frequencies))
+    band = np.searchsorted(whole.edges_hz, frequencies, side="right") - 1
+    worst = np.array([true[band == k].max(axis=0) for k in range(len(whole.values))])
+    assert np.mean(worst <= whole.values) > 0.97
+    assert np.median(whole.values / worst) < 6.0
+    few = replace(linear, model=ModelReduction(linear.model).to_order(4).model)
+    reduced = estimate_band_errors(run, linear, request, few)
+    apart = np.abs(few.frequency_response(frequencies) - own)
+    assert (reduced.values >= 0.99 * np.array([apart[band == k].max(axis=0) for k in range(len(worst))])).all()
+
+
+def test_a_model_in_a_file_has_its_errors_or_says_why_not(files: Path) -> None:
+    run, _ = respond(files)
+    linear = linearise_scene(run, INPUTS, OUTPUTS)
+    write_model(linear, files, [".npz"])
+    with np.load(files / "model.npz") as data:
+        assert str(data["error"]) == "not stated: no errors were estimated"
+    errors = BandErrors(np.array([1.0, 2.0]), np.full((1, 2, 1), 3.0), np.ones(1))
+    write_model(linear, files, [".npz", ".mat"], errors)
+    with np.load(files / "model.npz") as data:
+        assert data["error"] == pytest.approx(errors.values)
+        assert data["error_edges_hz"] == pytest.approx(errors.edges_hz)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.error_budget import state_errors
 from fmd.core.errors import InputError
-from fmd.output.curves import Curves, _moving, curves_of
+from fmd.output.curves import Curves, _moving, curves_of, errors_of_curve
 from fmd.output.summary import summarise
 from fmd.render.chart_data import Curve
 from fmd.render.charts import draw_chart
@@ -40,6 +41,22 @@ def test_every_quantity_of_a_chart_has_a_meaning_in_the_scenes_reference() -> No
     allowed = next(each for each in Chart.model_fields["quantity"].metadata if hasattr(each, "words"))
     assert set(allowed.words) == set(CHART_QUANTITIES)
     assert set(JOINT_QUANTITIES) < set(CHART_QUANTITIES)
+
+
+def test_the_first_curve_has_the_error_of_the_budget_in_the_charts_unit(slider: Pipeline) -> None:
+    def stated(quantity: str, **settings: str) -> tuple[float, ...]:
+        return errors_of_curve(slider, Chart(type="chart", file="chart.png", quantity=quantity, **settings))
+
+    assert stated("energy") == ()  # without a budget nothing is computed for it
+    details = {row.name: row for row in state_errors(slider).details}
+    joint = next(iter(slider.motion.joints))
+    size = details[f"{joint}.position"].size
+    assert size > 0.0
+    assert stated("joint_position", joint=joint) == pytest.approx([size])
+    wanted = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}[slider.motion.joint_unit(joint)]
+    assert stated("joint_position", joint=joint, unit=wanted[0]) == pytest.approx([wanted[1] * size])
+    rows = {row.name: row for row in state_errors(slider).rows}
+    assert stated("energy") == pytest.approx([rows["kinetic energy"].size, rows["potential energy"].size])
 
 
 @pytest.mark.parametrize("quantity", [name for name in CHART_QUANTITIES if name != "element_stress"])

@@ -60,7 +60,8 @@ def make(run, folder):
 
 @pytest.mark.parametrize("run", [("csv", "0.2 s")], indirect=True)
 def test_the_table_of_a_crank_has_its_circle_from_the_start_that_is_asked_for(run, tmp_path):
-    assert make(run, tmp_path) == ["orbit.csv"]
+    assert make(run, tmp_path) == ["orbit.csv", "orbit-errors.csv"]
+    assert "--no-budget" in (tmp_path / "orbit-errors.csv").read_text()
     header, *rows = csv.reader((tmp_path / "orbit.csv").read_text().splitlines())
     assert header == ["time [s]", "y [m]", "x [m]"]
     times, y, x = np.array(rows, dtype=float).T

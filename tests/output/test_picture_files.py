@@ -101,3 +101,24 @@ def test_a_damaged_picture_is_drawn_anew(first):
     assert fate_of(plan) == "run"
     assert {"pictures"} <= set(run.log.run) & set(run.log.cached)
     assert pictures_in(folder).keys() == pictures.keys()
+
+
+def test_charts_with_stated_errors_are_drawn_once_and_again_without_a_budget(tmp_path, monkeypatch):
+    """A chart of a budget's errors is kept under these, and read back once the kept budget tells them."""
+    counts, drawn = [], []
+
+    def note(_, output, out, draw):
+        drawn.append(output.file)
+        (out / output.file).write_bytes(b"")
+        return [output.file]
+
+    monkeypatch.setattr("fmd.output.picture_files.kind_of", lambda output: replace(kind_of(output), draw=note))
+    scene = load_scene(
+        "rod-slider", ["simulation.duration=0.1 s", "simulation.run=[{integrator='central-difference'}]"]
+    )
+    for budget in (True, True, False):
+        run = Result(scene, Cache(tmp_path / "cache"))
+        plan = forecast_run(run, True, budget)
+        write_results(run, tmp_path / "out", pictures=True, budget=budget)
+        counts.append((len(drawn), fate_of(plan)))
+    assert counts == [(2, "run"), (2, "cached"), (4, "run")]

@@ -18,7 +18,7 @@ import rainflow
 from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
 from fmd.output.output_times import output_time_warnings
-from fmd.output.stress_fields import draw_envelope, draw_fatigue, find_fatigue, life_interval
+from fmd.output.stress_fields import draw_envelope, draw_fatigue, find_fatigue, life_intervals
 from fmd.output.summary import summarise
 from fmd.recovery.stress import stress_measure
 from tests.output.test_histories import SCENE
@@ -142,13 +142,37 @@ def test_the_summary_has_the_worst_node_of_each(out: Path) -> None:
 def test_a_life_lies_between_those_of_less_and_of_more_stress(run: Pipeline) -> None:
     """Lives go with stress to the power of a slope between 5 and 9."""
     for output in (output for output in run.scene.output if output.type == "fatigue" and output.mean_stress is None):
-        repeats = find_fatigue(run, output).repeats.min()
-        low, high = life_interval(run, output, 0.1)
-        assert low is not None
-        assert high is not None
-        assert 0.9**9.01 < low / repeats < 0.9**4.99
-        assert 1.1**4.99 < high / repeats < 1.1**9.01
-        assert life_interval(run, output, 1.2)[0] == 0.0
+        found = find_fatigue(run, output)
+        worst = found.worst(4)[[2, 0, 3, 1]]  # in an order that isn't the surface's
+        intervals = life_intervals(run, output, worst, 0.1)
+        for (low, high), repeats in zip(intervals, found.repeats[worst], strict=True):
+            assert 0.9**9.01 < low / repeats < 0.9**4.99
+            assert 1.1**4.99 < high / repeats < 1.1**9.01
+        assert not life_intervals(run, output, worst, 1.2)[:, 0].any()
+
+
+def test_extremes_and_lives_of_a_finer_model_lie_within_the_errors(scene: Path, fmd: Callable[..., int]) -> None:
+    """Against 60 elements in place of 8, and 20 modes in place of 3, which no variant of the budget has."""
+    own, finer = scene.parent / "own", scene.parent / "finer"
+    assert fmd("run", scene, "--out", own, "--no-pictures", "--budget-seconds", "100") == 0
+    finely = ("--set", "body.bar.mesh.divisions=[30, 2, 1]", "--set", "body.bar.modes.count=20")
+    assert fmd("run", scene, "--out", finer, "--no-pictures", "--no-budget", *finely) == 0
+    errors = {row["column"]: row for row in read_rows(own / "envelope-errors.csv")}
+    true = json.loads((finer / "summary.json").read_text())["envelope"]["bar"]
+    ours = json.loads((own / "summary.json").read_text())["envelope"]["bar"]
+    columns = {"von Mises": "largest_von_mises_pa", "principal 1": "largest_principal_pa"}
+    columns["principal 3"] = "smallest_principal_pa"
+    for name, column in columns.items():
+        apart = abs(true[name]["value_pa"] - ours[name]["value_pa"])
+        assert apart <= float(errors[column]["error"]) <= max(20 * apart, 0.2 * abs(true[name]["value_pa"])), name
+    assert errors["largest_von_mises_at_s"]["why not"].startswith("not stated: ")
+    life = read_rows(finer / "life.csv")[0]
+    first = read_rows(own / "life.csv")[0]
+    assert float(first["repeats_at_least"]) <= float(life["repeats_to_failure"]) <= float(first["repeats_at_most"])
+    assert json.loads((own / "summary.json").read_text())["fatigue"]["life.csv"]["repeats_interval"] == pytest.approx(
+        [float(first["repeats_at_least"]), float(first["repeats_at_most"])]
+    )
+    assert "table (.csv)" in read_rows(own / "life.vtu-errors.csv")[0]["why not"]
 
 
 def test_pictures_show_the_worst_of_all_times(run: Pipeline, tmp_path: Path) -> None:

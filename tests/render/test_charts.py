@@ -38,6 +38,20 @@ def test_curves_that_coincide_are_all_seen(tmp_path: Path) -> None:
     assert min(count(upper, colour) for colour in (pale, RGB[1], RGB[2])) > 300
 
 
+def test_a_stated_error_is_a_band_about_the_first_curve_where_it_is_broader_than_a_line(tmp_path: Path) -> None:
+    """The band is 0.2 of the curve's colour over white; its area is twice the error times the duration."""
+    plain = iio.imread(draw(tmp_path / "plain.png", Curve("run", WAVE)))
+    narrow = iio.imread(draw(tmp_path / "narrow.png", Curve("run", WAVE, (1e-3,))))
+    assert np.array_equal(plain, narrow)
+    colour = 0.2 * RGB[0] + 0.8
+    areas = [
+        count(iio.imread(draw(tmp_path / f"{error}.png", Curve("run", WAVE, (error,)))), colour) for error in (0.2, 0.4)
+    ]
+    assert count(plain, colour) < 0.01 * areas[0]
+    scale = [1.0 / (2.0 + 2.0 * error) for error in (0.2, 0.4)]  # of the axis, which spans the band, too
+    assert areas[1] / areas[0] == pytest.approx(2 * scale[1] / scale[0], rel=0.15)
+
+
 def test_components_differ_in_colour(tmp_path: Path) -> None:
     curves = [Curve(name, np.stack([WAVE, WAVE - 1], axis=1)) for name in ("first", "second")]
     picture = iio.imread(draw(tmp_path / "chart.png", *curves, labels=("x", "y")))

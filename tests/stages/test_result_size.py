@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.cli.app import main
 from fmd.core.errors import InputError
+from fmd.output.explain import forecast_run
 
 
 def test_too_many_output_times_are_wrong_input_and_no_memory_error(
@@ -18,6 +20,24 @@ def test_too_many_output_times_are_wrong_input_and_no_memory_error(
     assert stop.value.code == 2
     said = capsys.readouterr().err
     assert re.search(r"simulation\.output_step = '1e-18 s': makes 1e\+19 output times, .* GB are free: ", said)
+
+
+def test_results_that_do_not_fit_are_refused_before_a_mesh_is_made(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And the forecast tells how much they take: of one body on a hinge with five modes, in three runs."""
+    monkeypatch.setattr("fmd.stages.run_checks.available_memory", lambda: 1e8)
+    given = ["beam-paper", "--set", "simulation.output_step=0.5 us", "--set", "simulation.run=[{integrator='auto'}]"]
+    with pytest.raises(SystemExit) as stop:
+        main(["run", *given, "--out", str(tmp_path), "--no-cache"])
+    assert stop.value.code == 2
+    assert "GB are free" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    forecast = forecast_run(SolvedScene(load_scene("beam-paper", given[2::2])), pictures=False, budget=False)
+    scene = load_scene("beam-paper")
+    n_times = scene.simulation.duration / 0.5e-6
+    assert forecast.memory == pytest.approx(3 * 8 * (60 + 4 * 2 * (1 + 5)) * n_times)
+    assert f"results take about {forecast.memory / 1e9:.2g} GB" in forecast.line
 
 
 def test_the_step_in_the_message_fits(monkeypatch: pytest.MonkeyPatch) -> None:

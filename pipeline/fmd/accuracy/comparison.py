@@ -10,6 +10,7 @@ import numpy as np
 from fmd.accuracy.coarse_mesh import Pair
 from fmd.accuracy.details import detail_quantities, leave_out_nothing
 from fmd.accuracy.quantities import Quantities, mesh_quantities, motion_quantities, stress_quantities
+from fmd.accuracy.requested_stress import RequestedStress
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
@@ -61,7 +62,9 @@ class Comparison:
         if run.parts:
             self._choose_stress_samples()
             self.of_motion |= stress_quantities(run, self.motion, self.frames)
-        self.details = leave_out_nothing(detail_quantities(run.scene, self.motion))
+        self._requested = RequestedStress(run)
+        requested = self._requested.quantities(run, self.motion, self.frames)
+        self.details = leave_out_nothing(detail_quantities(run.scene, self.motion) | requested)
         self.of_motion |= self.details
         self.quantities = self.of_mesh | self.of_motion
 
@@ -102,6 +105,7 @@ class Comparison:
         if run.parts:
             quantities |= stress_quantities(run, motion, self.frames, nodes, places, as_if)
         details = detail_quantities(run.scene, motion)
+        details |= self._requested.quantities(run, motion, self.frames, as_if)
         return quantities | {name: details[name] for name in self.details}
 
     def _choose_stress_samples(self) -> None:

@@ -12,6 +12,7 @@ from fmd.accuracy.details import detail_quantities
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_PART, SOURCES, Row
 from fmd.accuracy.model_errors import ModelError, summarise_causes
 from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
+from fmd.accuracy.requested_stress import request_key
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
 from fmd.stages.division import part_of
@@ -92,6 +93,12 @@ def state_errors(run: Pipeline, seconds: float = math.inf) -> Budget:
     return ERROR_BUDGET.of(run, lambda run: _estimate(run, seconds))
 
 
+def read_kept_errors(run: Pipeline) -> None:
+    """Read the budget of a scene's first run from the cache if it is kept, and compute nothing."""
+    if ERROR_BUDGET.applies(run) and run.store.cache.holds(ERROR_BUDGET.key(run)):
+        state_errors(run)
+
+
 def allowed_seconds(run: Pipeline) -> float:
     """Return the time that a budget may take by default [s]: three times that of the run.
 
@@ -157,7 +164,7 @@ ERROR_BUDGET: Stage[Budget] = Stage(
     "error budget",
     _estimate,
     ("mesh", "assembly", "modes", "body", "surface", "stress", "inertia"),  # of each part; the rest: own stages
-    lambda run: run.inputs,
+    lambda run: run.inputs | request_key(run.scene),
     ALL_SOURCES,
     ALL_PACKAGES,
     # Matrices tell nothing of their own error, and motions are sensitive after a shock.

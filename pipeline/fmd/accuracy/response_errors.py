@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,7 @@ from fmd.accuracy.estimators import energy_excess, root_mean_square
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import SAFETY
-from fmd.core.limits.responses import FINE_RATIO
+from fmd.core.limits.responses import ERROR_BANDS, ERROR_DECADES, FINE_RATIO, POINTS_OF_BAND
 from fmd.responses.frequencies import choose_frequencies
 from fmd.responses.random_vibration import random_response
 from fmd.scene.variants import change_modes
@@ -50,6 +51,28 @@ class ResponseErrors:
 
     values: Array
     rms: Array
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class BandErrors:
+    """Stated errors of a linear model's responses by ranges of frequency.
+
+    Attributes
+    ----------
+    edges_hz : ndarray, shape (n_bands + 1,)
+        Ends of the ranges [Hz].
+    values : ndarray, shape (n_bands, n_outputs, n_inputs)
+        Largest size of a response's error in each range; empty where none is stated.
+    shares : ndarray, shape (n_bands,)
+        Largest of these over the largest response of its pair in the range.
+    why : str
+        Why none is stated; empty if they are.
+    """
+
+    edges_hz: Array
+    values: Array
+    shares: Array
     why: str = ""
 
 
@@ -107,6 +130,38 @@ def estimate_response_errors(
     if density is None:
         return ResponseErrors(values, np.zeros(0))
     return ResponseErrors(values, _errors_of_rms(found, frequencies_hz, density))
+
+
+def estimate_band_errors(
+    run: Pipeline, linear: LinearModel, request: Request, reduced: LinearModel | None = None
+) -> BandErrors:
+    """Estimate the errors of a linear model by ranges of frequency, up to that which its modes hold to.
+
+    Parameters
+    ----------
+    run, linear, request
+        As for `estimate_response_errors`.
+    reduced : LinearModel, optional
+        The model with fewer states; its distance from the whole one comes on top.
+    """
+    highest = float(linear.model.poles_hz.max(initial=1.0)) if linear.holds_to_hz is None else linear.holds_to_hz
+    edges = np.geomspace(highest / 10.0**ERROR_DECADES, highest, ERROR_BANDS + 1)
+    even = np.unique(np.concatenate([np.geomspace(*ends, POINTS_OF_BAND) for ends in pairwise(edges)]))
+    near = choose_frequencies(linear.model, float(edges[0]), highest, 2)
+    frequencies = np.union1d(even, near)
+    own = linear.frequency_response(frequencies)
+    kept = np.isfinite(own).all(axis=(1, 2))
+    frequencies, own = frequencies[kept], own[kept]
+    found = estimate_response_errors(run, linear, request, frequencies)
+    if found.why:
+        return BandErrors(np.zeros(0), np.zeros(0), np.zeros(0), found.why)
+    errors = found.values
+    if reduced is not None:
+        errors = errors + np.abs(reduced.frequency_response(frequencies) - own)
+    starts = np.searchsorted(frequencies, edges[:-1])
+    values, largest = (np.maximum.reduceat(each, starts, axis=0) for each in (errors, np.abs(own)))
+    shares = np.divide(values, largest, out=np.zeros_like(values), where=largest > 0.0).max(axis=(1, 2), initial=0.0)
+    return BandErrors(edges, values, shares)
 
 
 def _change_by_shift(found: _Variants, frequencies_hz: Array, response: Array, times: float) -> Array:

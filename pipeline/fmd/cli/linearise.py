@@ -6,15 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
+from fmd.accuracy.error_estimates import percent
 from fmd.cli.inputs import DEFAULTS, Options, settle
-from fmd.cli.options import Folder, Names, SceneName, print_json
+from fmd.cli.options import Flag, Folder, Names, SceneName, print_json
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
+from fmd.core.limits.responses import LITTLE_OFF
 from fmd.core.units import parse_percentage
 
 if TYPE_CHECKING:
+    from fmd.accuracy.response_errors import BandErrors
     from fmd.responses.model_reduction import ReducedModel
     from fmd.responses.state_space import StateSpace
 
@@ -30,6 +34,7 @@ def linearise(
     order: int | None = None,
     error: str | None = None,
     format_: Annotated[Literal["npz", "mat"] | None, Parameter(name="--format")] = None,
+    no_budget: Flag = False,
     folder: Folder = None,
     options: Options = DEFAULTS,
 ) -> None:
@@ -49,18 +54,23 @@ def linearise(
         Reduce the model to as few states as this error allows, e.g. "1 %".
     format_
         Write this format alone.
+    no_budget
+        Don't estimate errors.
     """
+    from fmd.accuracy.response_errors import estimate_band_errors
     from fmd.output.responses import write_model
     from fmd.stages.linear_model import default_inputs, default_outputs, linearise_scene
 
     run = settle(options.open(scene, linear=True))
     inputs, outputs = in_ or default_inputs(run.scene), out or default_outputs(run.scene)
     linear = linearise_scene(run, inputs, outputs, about)
-    reduced = reduce_states(linear.model, order, error)
+    whole, reduced = linear, reduce_states(linear.model, order, error)
     if reduced is not None:
         n_states, linear = len(linear.model.states), replace(linear, model=reduced.model)
+    request = (inputs, outputs, about)
+    errors = None if no_budget else estimate_band_errors(run, whole, request, None if reduced is None else linear)
     where = folder or Path("out") / run.scene.name
-    files = write_model(linear, where, _FORMATS if format_ is None else (f".{format_}",))
+    files = write_model(linear, where, _FORMATS if format_ is None else (f".{format_}",), errors)
     model = linear.model
     if options.json:
         channels: dict[str, Any] = {
@@ -70,7 +80,10 @@ def linearise(
         poles = {"poles_hz": model.poles_hz.tolist(), "damping": model.damping.tolist()}
         if reduced is not None:
             channels["reduction"] = {"states_of_whole": n_states, "error": reduced.error, "bound": reduced.bound}
-        held = {"holds_to_hz": linear.holds_to_hz, "warnings": linear.warnings, "files": files}
+        held: dict[str, Any] = {"holds_to_hz": linear.holds_to_hz, "warnings": linear.warnings, "files": files}
+        if errors is not None:
+            stated = {"edges_hz": errors.edges_hz.tolist(), "of_largest": errors.shares.tolist()}
+            held["errors"] = {"why": errors.why} if errors.why else stated
         print_json({**channels, "about": linear.about, **poles, **held})
         return
     for kind in ("inputs", "outputs", "states"):
@@ -85,8 +98,20 @@ def linearise(
         open_console().print(
             f"holds up to {linear.holds_to_hz:.4g} Hz, half of what the modes reach; more modes reach further"
         )
+    if errors is not None:
+        open_console().print(_describe_errors(errors))
     print_warnings(linear.warnings)
     print_files(where, files)
+
+
+def _describe_errors(errors: BandErrors) -> str:
+    """Say how far responses are off at low frequencies, and up to the highest that the model holds to."""
+    if errors.why:
+        return f"errors not stated: {errors.why}"
+    edges, shares = errors.edges_hz, np.maximum.accumulate(errors.shares)
+    within = int(np.searchsorted(shares, LITTLE_OFF, side="right"))
+    low = f"within {100 * LITTLE_OFF:g} % of a range's largest response up to {edges[within]:.4g} Hz, "
+    return f"{low if 0 < within < len(shares) else ''}within {percent(float(shares[-1]))} % up to {edges[-1]:.4g} Hz"
 
 
 def reduce_states(model: StateSpace, order: int | None, error: str | None) -> ReducedModel | None:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.options import Json, SceneName, Set, print_json
+from fmd.cli.options import Flag, Json, SceneName, Set, print_json
 from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
@@ -53,6 +53,7 @@ def sweep(
     design: Design | None = None,
     points: int | None = None,
     seed: int = 0,
+    budget: Flag = False,
     json: Json = False,
 ) -> None:
     """Run a scene at every combination of values, on all cores or a cluster; a sweep that was stopped goes on.
@@ -71,6 +72,8 @@ def sweep(
         Number of points of the design.
     seed
         Of the design's random numbers.
+    budget
+        State errors: each point gets its error budget, which takes up to three times as long as its run.
     """
     from joblib import cpu_count
 
@@ -82,12 +85,12 @@ def sweep(
     name = Path(scene).stem
     folder = out or Path("out") / f"{name}-sweep"
     compute = (
-        partial(compute_locally, workers=workers or cpu_count())
+        partial(compute_locally, workers=workers or cpu_count(), budget=budget)
         if scheduler is None
-        else partial(compute_on_cluster, address=scheduler)
+        else partial(compute_on_cluster, address=scheduler, budget=budget)
     )
     with refusing("--out", folder):
-        result = run_sweep(variations, chosen, folder / "points", compute, bars)
+        result = run_sweep(variations, chosen, folder / "points", compute, bars, budget)
         files, rows = write_tables(result, folder)
         files += draw_sweep(result, rows, folder, f"{name}: {len(rows)} points")
     seconds = time.perf_counter() - tick

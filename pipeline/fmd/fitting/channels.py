@@ -14,7 +14,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import SAME_MODE
 from fmd.core.limits.round_off import SUMMED
 from fmd.output.histories import history_variables, number_columns
-from fmd.output.stress_fields import find_fatigue, life_at
+from fmd.output.stress_fields import find_fatigue, lives_at
 from fmd.recovery.stress import von_mises
 from fmd.scene.histories import Quantities
 from fmd.scene.reading import suggest_name
@@ -184,9 +184,7 @@ def _life(run: Pipeline, body: str, origin: str) -> ResultChannel:
         damage = float(find_fatigue(other, outputs[0]).damage.max())
         return 1.0 / damage if damage > 0.0 else np.inf
 
-    return ResultChannel(
-        f"{body}.life", "", lambda other: np.asarray(life_at(other, outputs[0], place)), shortest=shortest
-    )
+    return ResultChannel(f"{body}.life", "", lambda other: lives_at(other, outputs[0], place)[0], shortest=shortest)
 
 
 def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:

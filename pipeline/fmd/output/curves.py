@@ -11,6 +11,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import HARDLY_MOVES
 from fmd.core.units import convert_values
+from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion import Motion
 from fmd.scene.outputs import Chart
 
@@ -52,6 +53,14 @@ _QUANTITIES: Mapping[str, Drawn] = {
         "energy [J]", lambda motion: np.stack(motion.energies, axis=1), components=("kinetic", "potential")
     ),
 }
+# Names under which the error budget has a chart's quantities.
+_STATED = {
+    "centre_of_mass": "centre_of_mass",
+    "momentum": "momentum",
+    "angular_momentum": "angular_momentum",
+    "tip_position": "tip.position",
+    "tip_deflection": "tip.deflection",
+}
 _FORMER = {"com_position": "centre_of_mass", "joint_angle": "joint_position"}
 
 
@@ -80,6 +89,35 @@ def curves_of(run: Pipeline, output: Chart) -> Curves:
     drawn = _QUANTITIES[quantity]
     curves = {name: drawn.values(motion) for name, motion in run.motions.items()}
     return _moving(drawn.label, curves, drawn.components) if drawn.components == _XYZ else (drawn[0], curves, drawn[2])
+
+
+def errors_of_curve(run: Pipeline, output: Chart) -> tuple[float, ...]:
+    """Return the stated error of each component of a chart's first curve in its unit; empty where none is stated.
+
+    Of a vector every component may be off by the size of the difference.
+    """
+    stated, quantity = VariableErrors(run), _FORMER.get(output.quantity, output.quantity)
+    if not stated.has_budget:  # nothing is computed for it
+        return ()
+    if quantity == "energy":
+        names, units = ["kinetic_energy", "potential_energy"], None
+    elif quantity == "element_stress":
+        name = f"{output.element}, von Mises stress"
+        names = [name if output.component == "von Mises" else f"{output.element}.{output.component}"]
+        units = "Pa", output.unit or "MPa"
+    elif quantity in ("joint_position", "joint_rate"):
+        joint = output.joint or next(iter(run.motion.joints))
+        rate = quantity == "joint_rate"
+        unit = run.motion.joint_unit(joint) + ("/s" if rate else "")
+        names, units = [f"{joint}.{'rate' if rate else 'position'}"], (unit, output.unit or unit)
+    else:
+        name = f"{output.marker}.position" if quantity == "marker_position" else _STATED.get(quantity, "")
+        names, units = [name] * 3, None
+    sizes = [stated.of_quantity(name) if name else "" for name in names]
+    if any(isinstance(size, str) for size in sizes):
+        return ()
+    errors = np.array(sizes, dtype=float)
+    return tuple(float(x) for x in (errors if units is None else convert_values(errors, *units)))
 
 
 def _moving(label: str, curves: dict[str, Array], components: tuple[str, ...]) -> Curves:

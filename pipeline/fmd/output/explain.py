@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.accuracy.error_budget import ERROR_BUDGET, read_kept_errors
 from fmd.accuracy.solved_scene import SETTINGS, SolvedScene
 from fmd.core.cache import stage_key
+from fmd.core.limits.memory import ALWAYS_FIT
 from fmd.core.paths import KERNEL_SOURCES, source_digest
 from fmd.output.output_kinds import kind_of, outputs_of
 from fmd.output.picture_files import picture_key
 from fmd.stages.part import PART_STAGES, FlexiblePart
 from fmd.stages.pipeline import RUN_STAGES, Pipeline
+from fmd.stages.run_checks import expected_bytes
 from fmd.stages.runs import MACHINE_CODE
 from fmd.stages.stage import Stage
 
@@ -53,9 +55,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Forecast:
-    """Forecast of a run, stage by stage."""
+    """Forecast of a run, stage by stage, and of the memory that its results take [bytes]."""
 
     steps: tuple[Step, ...]
+    memory: float = 0.0
 
     @property
     def seconds(self) -> float:
@@ -64,7 +67,12 @@ class Forecast:
 
     @property
     def line(self) -> str:
-        """Stages that will run and the time of all, in one line."""
+        """Stages that will run and the time of all, and the memory of large results, in one line."""
+        memory = f"; results take about {self.memory / 1e9:.2g} GB of memory" if self.memory > ALWAYS_FIT else ""
+        return self._line_of_time + memory
+
+    @property
+    def _line_of_time(self) -> str:
         to_do = {step.stage: step for step in self.steps if step.fate == "run"}
         known = [f"{name} {_rounded(step.seconds)}" for name, step in to_do.items() if step.seconds is not None]
         unknown = [name for name, step in to_do.items() if step.seconds is None]
@@ -76,7 +84,8 @@ class Forecast:
 
     def summary(self) -> dict[str, Any]:
         """Return the forecast as plain numbers and texts."""
-        return {"stages": [asdict(step) for step in self.steps], "seconds": self.seconds, "forecast": self.line}
+        stages = [asdict(step) for step in self.steps]
+        return {"stages": stages, "seconds": self.seconds, "memory_bytes": self.memory, "forecast": self.line}
 
 
 def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
@@ -84,6 +93,8 @@ def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
     if not solved.is_settled:
         return _forecast_rounds(solved, pictures)
     run = solved.run
+    if budget:
+        read_kept_errors(run)  # pictures show them
     planner = _Planner(run)
     if solved.is_open:
         planner.note(SETTINGS.name, "cached", _SAME)
@@ -254,7 +265,8 @@ class _Planner:
 
     def forecast(self) -> Forecast:
         """Return all stages in their order."""
-        return Forecast(tuple(sorted(self._steps.values(), key=lambda step: STAGES.index(step.stage))))
+        steps = sorted(self._steps.values(), key=lambda step: STAGES.index(step.stage))
+        return Forecast(tuple(steps), expected_bytes(self._run.scene) if self._run.scene.moves else 0.0)
 
 
 def _rounded(seconds: float | None) -> str:

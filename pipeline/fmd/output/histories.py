@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmd.accuracy.details import named_markers
+from fmd.accuracy.requested_stress import StressPlace, stress_at_elements, stress_at_nodes
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, whole_file, write_table
@@ -25,7 +26,7 @@ from fmd.recovery.quantities import (
     marker_variables,
     reaction_variables,
 )
-from fmd.recovery.stress import modal_stress, stress_measure
+from fmd.recovery.stress import stress_measure
 from fmd.scene.histories import ExtremesTable, History, Quantities
 from fmd.stages.pipeline import Pipeline
 
@@ -46,9 +47,8 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
     header = ["time [s]", *(f"{name} [{variable.units}]" for variable, name, _ in columns)]
     table = np.column_stack([run.motion.times, *(values for *_, values in columns)])
     write_table(folder / output.file, header, number_texts(table))
-    beside = f"{output.file.removesuffix('.csv')}-errors.csv"
-    write_errors([(name, variable.units, errors(variable)) for variable, name, _ in columns], folder / beside)
-    return [output.file, beside]
+    stated = [(name, variable.units, errors(variable)) for variable, name, _ in columns]
+    return [output.file, write_errors(stated, folder / output.file)]
 
 
 def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[str]:
@@ -108,9 +108,9 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
         elif quantity == "energy":
             found += energy_variables(motion)
         elif quantity == "element_stress":
-            found += _stresses(output, _modal_stress_of_elements(run, output.elements), motion)
+            found += _stresses(output, stress_at_elements(run, output.elements), motion)
         elif quantity == "node_stress":
-            found += _stresses(output, _modal_stress_of_nodes(run, output.nodes), motion)
+            found += _stresses(output, stress_at_nodes(run, output.nodes), motion)
         else:
             found += marker_variables(motion, quantity, output.markers or named_markers(motion), in_body)
     if not found:
@@ -119,40 +119,13 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
     return found
 
 
-def _stresses(output: Quantities, modal: dict[str, tuple[str, Array]], motion: Motion) -> Iterator[Variable]:
-    """Components of stress over a motion, for bodies and the stress of each mode (6, n_modes) at named places."""
-    for name, (body, stress) in modal.items():
-        tensors = (stress @ motion.modal(body).T)[None]
+def _stresses(output: Quantities, places: dict[str, StressPlace], motion: Motion) -> Iterator[Variable]:
+    """Yield components of stress over a motion at named places."""
+    for name, place in places.items():
+        tensors = (place.modal @ motion.modal(place.part).T)[None]
         for component in output.components:
             text = f"{component} stress in {name}"
             yield Variable(f"{name}.{component}", stress_measure(component)(tensors)[0], (), "Pa", text)
-
-
-def _modal_stress_of_elements(run: Pipeline, names: Sequence[str]) -> dict[str, tuple[str, Array]]:
-    known = {
-        f"{body}.{element}": (part, number)
-        for body in run.wholes
-        for part in run.pieces_of(body)
-        if part.has_mesh
-        for number, element in enumerate(part.elements)
-    }
-    chosen = {name: known[name] for name in names or known}
-    return {name: (part.name, part.element_stress[number]) for name, (part, number) in chosen.items()}
-
-
-def _modal_stress_of_nodes(run: Pipeline, names: Sequence[str]) -> dict[str, tuple[str, Array]]:
-    found = {}
-    for name in names:
-        body, _, number = name.partition(".")
-        part, node = run.wholes[body], int(number)
-        if node >= (n_nodes := len(part.space.x)):
-            problem = f"{body} has the nodes 0 to {n_nodes - 1}"
-            raise InputError(run.scene.file, "output.nodes", name, problem)
-        if body in run.division.divided:
-            part, node = run.division.divided[body].find_node(node)
-        shapes = run.bodies[part.name].shapes
-        found[name] = part.name, modal_stress(part.space, part.material, shapes, np.array([node]))[0]
-    return found
 
 
 def _text(value: float | str | None) -> str:

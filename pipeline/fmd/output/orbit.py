@@ -11,6 +11,7 @@ from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, write_table
 from fmd.output.output_kinds import OutputKind
+from fmd.output.variable_errors import VariableErrors, write_errors
 from fmd.render.calls import Drawer, draw_here
 
 if TYPE_CHECKING:
@@ -33,11 +34,12 @@ def draw_orbit(run: Pipeline, output: Orbit, folder: Path, draw: Drawer = draw_h
 
 
 def write_orbit(run: Pipeline, output: Orbit, folder: Path) -> list[str]:
-    """Write the path of a marker by the first run as a table over time."""
+    """Write the path of a marker by the first run as a table over time, and its error beside it."""
     shown = _shown_times(run, output)
     table = np.column_stack([run.motion.times, _path(run, output, run.motion)])[shown]
     write_table(folder / output.file, ["time [s]", *(f"{axis} [m]" for axis in output.plane)], number_texts(table))
-    return [output.file]
+    error = VariableErrors(run).of_quantity(f"{output.marker}.position")
+    return [output.file, write_errors([(axis, "m", error) for axis in output.plane], folder / output.file)]
 
 
 def _shown_times(run: Pipeline, output: Orbit) -> BoolArray:

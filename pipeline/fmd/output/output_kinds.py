@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from fmd.scene.outputs import OUTPUT_MODELS
 
 if TYPE_CHECKING:
-    from fmd.accuracy.error_budget import Budget
     from fmd.scene.scene import Scene
     from fmd.stages.pipeline import Pipeline
 
@@ -82,8 +81,8 @@ class OutputKind:
         It shows a part, and nothing of its motion.
     summarise : callable, optional
         Returns what the summary has of a run's output: under a key, values by the file or the body.
-    state : callable, optional
-        States the errors of an output in the summary, by the error budget.
+    shown_errors : callable, optional
+        Returns the stated errors that a picture shows, as plain numbers; it is drawn when they are known.
     section : str
         Section of the report that has it; the view in motion has what films show.
     gives_view : tuple of str
@@ -96,7 +95,7 @@ class OutputKind:
     reads: Reads = read_nothing
     still: bool = False
     summarise: Callable[[Pipeline, Any], dict[str, dict[str, Any]]] | None = None
-    state: Callable[[Pipeline, Any, dict[str, Any], Budget], None] | None = None
+    shown_errors: Callable[[Pipeline, Any], Any] | None = None
     section: Literal["outputs", "charts", "modes", "motion"] = "outputs"
     gives_view: tuple[str, ...] = ()
 

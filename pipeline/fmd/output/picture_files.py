@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
@@ -11,7 +11,7 @@ from typing import Any
 from fmd.core.cache import stage_key
 from fmd.core.files import whole_file
 from fmd.output.drawing_process import DrawingProcess
-from fmd.output.output_kinds import kind_of
+from fmd.output.output_kinds import OutputKind, kind_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.visual_files import find_visual_files
 
@@ -22,7 +22,10 @@ _PACKAGES = ("numpy", "pyvista", "vtk", "matplotlib", "imageio-ffmpeg")
 def picture_key(run: Pipeline, output: Any) -> str:
     """Return the key that an output's files are kept under, from everything that it shows and is drawn by."""
     shown = {"output": output.model_dump(mode="json"), "title": run.scene.title}
-    if kind_of(output).still:
+    kind = kind_of(output)
+    if kind.shown_errors is not None:
+        shown["errors"] = kind.shown_errors(run, output)
+    if kind.still:
         sources = ("fmd/render", "fmd/output/pictures.py")
         return stage_key(_STAGE, shown | {"part": run.wholes[output.body].key("body")}, sources, _PACKAGES)
     shapes = {name: body.model_dump(mode="json", include={"visual"}) for name, body in run.scene.body.items()}
@@ -71,13 +74,19 @@ class Pictures:
 
     def begin(self, run: Pipeline, still: bool) -> None:
         """Begin to draw the outputs that show a part alone, or those that show its motion."""
-        for output in self._outputs:
-            if kind_of(output).still is still:
-                kept = run.store.cache.load(picture_key(run, output), "dict[str, bytes]")
-                if kept is None:
-                    self._draw(run, output)
-                else:
-                    self._kept[output.file] = kept
+        self._begin(run, lambda kind: kind.still is still and kind.shown_errors is None)
+
+    def begin_stated(self, run: Pipeline) -> None:
+        """Begin to draw the outputs that show a motion with its stated errors."""
+        self._begin(run, lambda kind: kind.shown_errors is not None)
+
+    def _begin(self, run: Pipeline, chosen: Callable[[OutputKind], bool]) -> None:
+        for output in (output for output in self._outputs if chosen(kind_of(output))):
+            kept = run.store.cache.load(picture_key(run, output), "dict[str, bytes]")
+            if kept is None:
+                self._draw(run, output)
+            else:
+                self._kept[output.file] = kept
 
     def _draw(self, run: Pipeline, output: Any) -> None:
         draw, folder = kind_of(output).draw, self._process.folder

@@ -11,7 +11,7 @@ import numpy as np
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError
 from fmd.core.units import unit_ratio
-from fmd.output.curves import curves_of
+from fmd.output.curves import curves_of, errors_of_curve
 from fmd.output.mechanism_view import body_surface, view_mechanism
 from fmd.output.output_kinds import OutputKind, Reads, read_body
 from fmd.output.views import camera_of
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw a quantity over time."""
     label, curves, components = curves_of(run, output)
+    stated = errors_of_curve(run, output)
     band = None
     if output.band is not None:
         low, high = (unit_ratio("Pa", output.unit or "MPa") * value for value in output.band)
@@ -48,7 +49,7 @@ def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_h
     draw(
         "charts.draw_chart",
         run.motion.times,
-        [Curve(name, values) for name, values in curves.items()],
+        [Curve(name, values, () if k else stated) for k, (name, values) in enumerate(curves.items())],
         folder / output.file,
         title=output.title or chart_title(output),
         ylabel=label,
@@ -234,7 +235,7 @@ _SEEN = _read_view("mesh", "surface", "stress", "body")
 _MODES = read_body("modes", "surface", "body")
 
 KINDS = {
-    "chart": OutputKind(draw_chart, section="charts"),
+    "chart": OutputKind(draw_chart, shown_errors=errors_of_curve, section="charts"),
     "mesh": OutputKind(draw_mesh, reads=read_body("mesh", "surface", "body"), still=True),
     "modes": OutputKind(draw_modes, reads=_MODES, still=True, section="modes"),
     "mode sheet": OutputKind(draw_mode_sheet, reads=_MODES, still=True, section="modes"),

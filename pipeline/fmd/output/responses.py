@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmd.accuracy.error_budget import ERROR_BUDGET
-from fmd.accuracy.response_errors import Request, ResponseErrors, estimate_response_errors
+from fmd.accuracy.response_errors import BandErrors, Request, ResponseErrors, estimate_response_errors
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import whole_file, write_table
@@ -23,6 +23,8 @@ from fmd.scene.outputs import FrequencyResponseChart
 from fmd.stages.linear_model import LinearModel, linearise_scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.spectral_density import read_density
+
+NO_ERRORS = "no errors were estimated"
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class FrequencyResponse:
     @property
     def why(self) -> str:
         """Why no errors are stated; empty if they are."""
-        return "no errors were estimated" if self.errors is None else self.errors.why
+        return NO_ERRORS if self.errors is None else self.errors.why
 
     @property
     def inputs(self) -> list[tuple[str, str]]:
@@ -234,11 +236,17 @@ def compute_scene_response(run: Pipeline, output: FrequencyResponseChart) -> Fre
         raise InputError(scene.file, f"{key}.{keys[error.file]}", error.value, error.mend) from None
 
 
-def write_model(linear: LinearModel, folder: Path, formats: Sequence[str]) -> list[str]:
+def write_model(
+    linear: LinearModel, folder: Path, formats: Sequence[str], errors: BandErrors | None = None
+) -> list[str]:
     """Write a linear model as ``model.npz`` and ``model.mat``, those whose suffixes are given; return their names."""
-    holds = {} if linear.holds_to_hz is None else {"holds_to_hz": linear.holds_to_hz}
+    more: dict[str, Any] = {} if linear.holds_to_hz is None else {"holds_to_hz": linear.holds_to_hz}
+    if errors is None or errors.why:
+        more["error"] = f"not stated: {NO_ERRORS if errors is None else errors.why}"
+    else:
+        more |= {"error": errors.values, "error_edges_hz": errors.edges_hz}
     for suffix in formats:
-        linear.model.save(folder / f"model{suffix}", holds)
+        linear.model.save(folder / f"model{suffix}", more)
     return [f"model{suffix}" for suffix in formats]
 
 

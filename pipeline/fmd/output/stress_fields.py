@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from fmd.accuracy.requested_stress import LARGEST_PRINCIPAL, SMALLEST_PRINCIPAL
 from fmd.core.arrays import Array, IntArray
 from fmd.core.files import number_texts, write_table
 from fmd.core.limits.shown import DECADES
 from fmd.fem.surface import surface_normals
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind, read_body
+from fmd.output.variable_errors import NOT_STATED, VariableErrors, write_errors
 from fmd.output.views import camera_of
 from fmd.recovery.fatigue import (
     FatigueLaw,
@@ -27,29 +29,40 @@ from fmd.render.calls import Drawer, draw_here
 from fmd.render.colours import stress_limits
 
 if TYPE_CHECKING:
-    from fmd.accuracy.error_budget import Budget
     from fmd.scene.stress_outputs import Envelope, Fatigue, SurfaceField
     from fmd.stages.pipeline import Pipeline
 
 AnyField = TypeVar("AnyField", bound="SurfaceField")
 
+# Names of an envelope's columns, and of what the error budget has of them.
+_EXTREMES = {
+    "largest_von_mises": "largest von Mises stress",
+    "largest_principal": LARGEST_PRINCIPAL,
+    "smallest_principal": SMALLEST_PRINCIPAL,
+}
+_OF_TIMES = f"{NOT_STATED}times of extremes aren't compared, their sizes are"
+_OF_LIVES = f"{NOT_STATED}a table (.csv) has an interval for each of the worst nodes"
+_BY_INTERVAL = "columns repeats_at_least and repeats_at_most hold it"
+
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def write_envelope(run: Pipeline, output: Envelope, folder: Path) -> list[str]:
-    """Write an envelope as a surface for ParaView, or as a table of the worst nodes, and return the file's name."""
-    found = run.envelope_of(output.body)
-    columns = {
-        "largest_von_mises_pa": found.von_mises,
-        "largest_von_mises_at_s": found.times[:, 0],
-        "largest_principal_pa": found.principal_1,
-        "largest_principal_at_s": found.times[:, 1],
-        "smallest_principal_pa": found.principal_3,
-        "smallest_principal_at_s": found.times[:, 2],
-    }
+    """Write an envelope as a surface for ParaView, or as a table of the worst nodes, and its errors beside it.
+
+    The error of an extreme is that of the largest, or smallest, on the body.
+    """
+    found, stated = run.envelope_of(output.body), VariableErrors(run)
+    columns, errors = dict[str, Array](), list[tuple[str, str, float | str]]()
+    extremes = (found.von_mises, found.principal_1, found.principal_3)
+    for (name, quantity), values, times in zip(_EXTREMES.items(), extremes, found.times.T, strict=True):
+        columns |= {f"{name}_pa": values, f"{name}_at_s": times}
+        errors.append((f"{name}_pa", "Pa", stated.of_quantity(f"{output.body}, {quantity}")))
+        errors.append((f"{name}_at_s", "s", _OF_TIMES))
     values, _ = found.measure(output.component)
     order = np.argsort(values if output.component == "principal 3" else -values, kind="stable")
-    return _write_field(run, output, folder, columns, order[: output.count])
+    files = _write_field(run, output, folder, columns, order[: output.count])
+    return [*files, write_errors(errors, folder / output.file)]
 
 
 def draw_envelope(run: Pipeline, output: Envelope, folder: Path, draw: Drawer = draw_here) -> list[str]:
@@ -88,25 +101,37 @@ def find_fatigue(run: Pipeline, output: Fatigue) -> FatigueLife:
     return found
 
 
-def life_interval(run: Pipeline, output: Fatigue, error: float) -> list[float | None]:
-    """Return the repeats to failure of the worst node, at least and at most, if stress is off by a share of itself.
+def life_intervals(run: Pipeline, output: Fatigue, nodes: IntArray, error: float) -> Array:
+    """Return the repeats to failure of nodes, at least and at most, if stress is off by a share of itself.
 
     A stress that is off by less than a share e of the true one lies between ``1 − e`` and ``1 + e`` times that.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n,)
+        Places among those of the surface.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Infinite without damage.
     """
-    worst = find_fatigue(run, output).worst(1)
-    lives = [life_at(run, output, worst, share) if share > 0.0 else 0.0 for share in (1.0 - error, 1.0 + error)]
-    return [life if math.isfinite(life) else None for life in lives]
+    shares = (1.0 - error, 1.0 + error)
+    lives = [lives_at(run, output, nodes, share) if share > 0.0 else np.zeros(len(nodes)) for share in shares]
+    return np.column_stack(lives)
 
 
-def life_at(run: Pipeline, output: Fatigue, place: IntArray, stronger: float = 1.0) -> float:
-    """Return the repeats to failure of one node, shape (1,) among the surface's; infinite without damage.
+def lives_at(run: Pipeline, output: Fatigue, nodes: IntArray, stronger: float = 1.0) -> Array:
+    """Return the repeats to failure of nodes by their places among those of the surface; infinite without damage.
 
     ``stronger`` is how many times as large a stress the material bears.
     """
-    stress = run.stress_of(output.body)
-    alone = StressHistory(stress.nodes[place], stress.modal[place], stress.times, stress.q)
-    damage = float(_assess(run, output, alone, fatigue_law(output).stronger(stronger)).damage[0])
-    return 1.0 / damage if damage > 0.0 else math.inf
+    stress, order = run.stress_of(output.body), np.argsort(nodes)
+    places = nodes[order]
+    alone = StressHistory(stress.nodes[places], stress.modal[places], stress.times, stress.q)
+    damage = np.empty(len(nodes))
+    damage[order] = _assess(run, output, alone, fatigue_law(output).stronger(stronger)).damage
+    return np.asarray(np.divide(1.0, damage, out=np.full(len(nodes), math.inf), where=damage > 0.0))
 
 
 def _assess(run: Pipeline, output: Fatigue, stress: StressHistory, law: FatigueLaw) -> FatigueLife:
@@ -136,16 +161,31 @@ def fatigue_law(output: Fatigue) -> FatigueLaw:
 
 
 def write_fatigue(run: Pipeline, output: Fatigue, folder: Path) -> list[str]:
-    """Write lives as a surface for ParaView, or as a table of the worst nodes, and return the file's name."""
+    """Write lives as a surface for ParaView, or as a table of the worst nodes, and their errors beside it.
+
+    The table has the lives' intervals, which follow from the error of the largest stress.
+    """
     found, duration = find_fatigue(run, output), float(np.ptp(run.motion.times))
-    repeats = found.repeats
+    repeats, worst = found.repeats, found.worst(output.count)
     columns = {"damage": np.maximum(found.damage, found.floor), "repeats_to_failure": repeats}
+    stated, largest = VariableErrors(run), f"{output.body}, {_EXTREMES['largest_von_mises']}"
+    share, of_life = stated.share_of_quantity(largest), _OF_LIVES
+    if isinstance(share, str):
+        of_life = share
+    elif output.file.endswith(".csv"):
+        ends = np.full((len(repeats), 2), np.nan)
+        ends[worst] = life_intervals(run, output, worst, share)
+        columns |= {"repeats_at_least": ends[:, 0], "repeats_at_most": ends[:, 1]}
+        of_life = _BY_INTERVAL
     columns |= {"life_s": repeats * duration, "largest_von_mises_pa": run.envelope_of(output.body).von_mises}
+    units = {"damage": "1", "repeats_to_failure": "1", "life_s": "s"}
+    errors: list[tuple[str, str, float | str]] = [(name, unit, of_life) for name, unit in units.items()]
+    errors.append(("largest_von_mises_pa", "Pa", stated.of_quantity(largest)))
     if output.file.endswith(".vtu"):
         columns["log10_repeats_to_failure"] = np.log10(repeats)
     if len(found.normals):
         columns |= {f"plane_normal_{axis}": values for axis, values in zip("xyz", found.normals.T, strict=True)}
-    return _write_field(run, output, folder, columns, found.worst(output.count))
+    return [*_write_field(run, output, folder, columns, worst), write_errors(errors, folder / output.file)]
 
 
 def draw_fatigue(run: Pipeline, output: Fatigue, folder: Path, draw: Drawer = draw_here) -> list[str]:
@@ -192,29 +232,20 @@ def summarise_fatigue(run: Pipeline, output: Fatigue) -> dict[str, dict[str, Any
     life = find_fatigue(run, output)
     k = int(life.damage.argmax())
     repeats = 1.0 / float(life.damage[k]) if life.damage[k] > 0.0 else None
+    share = VariableErrors(run).share_of_quantity(f"{output.body}, {_EXTREMES['largest_von_mises']}")
+    interval = None if isinstance(share, str) else life_intervals(run, output, np.array([k]), share)[0].tolist()
     worst = {
         "body": output.body,
         "damage": float(life.damage[k]),
         "repeats_to_failure": repeats,
-        "repeats_interval": None,
-        "why": "no error budget states the stress",
+        "repeats_interval": interval and [life if math.isfinite(life) else None for life in interval],
+        **({"why": f"error of the largest stress {share}"} if isinstance(share, str) else {}),
         "life_s": None if repeats is None else repeats * float(np.ptp(run.motion.times)),
         "nodes": len(life.nodes),
         "assessed_nodes": int(life.assessed.sum()),
         **_place(run, output.body, k),
     }
     return {"fatigue": {output.file: worst}}
-
-
-def state_life(run: Pipeline, output: Fatigue, summary: dict[str, Any], budget: Budget) -> None:
-    """State between what a life in a summary lies, by the error of the largest stress."""
-    row = next((row for row in budget.rows if row.name == f"{output.body}, largest von Mises stress"), None)
-    life = summary["fatigue"][output.file]
-    if row is None or row.is_lower_bound:
-        life["why"] = "the error of the largest stress is not whole"
-        return
-    life["repeats_interval"] = life_interval(run, output, row.total)
-    del life["why"]
 
 
 def _place(run: Pipeline, body: str, k: int) -> dict[str, Any]:
@@ -258,5 +289,5 @@ _READS = read_body("surface", "stress", "body")
 
 KINDS = {
     "envelope": OutputKind(draw_envelope, write_envelope, reads=_READS, summarise=summarise_envelope),
-    "fatigue": OutputKind(draw_fatigue, write_fatigue, reads=_READS, summarise=summarise_fatigue, state=state_life),
+    "fatigue": OutputKind(draw_fatigue, write_fatigue, reads=_READS, summarise=summarise_fatigue),
 }

@@ -19,6 +19,7 @@ from fmd.core.version import __version__
 from fmd.output.contacts import contact_figures, contact_warnings
 from fmd.output.coupling import coupling_warnings
 from fmd.output.explain import STAGES
+from fmd.output.figure_errors import figure_errors
 from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
 from fmd.output.loops import loop_figures, loop_warnings
 from fmd.output.output_kinds import kind_of
@@ -108,20 +109,17 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         summary["worst_stress"] = largest | {key: worst[where][key] for key in ("time_s", "position_m")} | worst
         summary["warnings"] += limitless_warnings(run, found)
         summary["warnings"] += output_time_warnings(run, {name: node for name, (_, node, _) in found.items()})
-    outputs = [(output, kind_of(output)) for output in run.scene.output]
-    for output, kind in outputs:
-        for key, values in kind.summarise(run, output).items() if kind.summarise else ():
-            summary.setdefault(key, {}).update(values)
-    _state_figures(summary, None)
-    if budget and ERROR_BUDGET.applies(run):
-        stated = state_errors(run, budget_seconds)
+    stated = state_errors(run, budget_seconds) if budget and ERROR_BUDGET.applies(run) else None
+    for output in run.scene.output:
+        if summarise_output := kind_of(output).summarise:
+            for key, values in summarise_output(run, output).items():
+                summary.setdefault(key, {}).update(values)
+    _state_figures(summary, stated)
+    summary["stated_errors"] = figure_errors(run, summary)
+    if stated is not None:
         summary["error_budget"] = stated.summary()
-        _state_figures(summary, stated)
         if stated.integration is not None:  # what a third march tells, and not what the method's own two did
             summary["integrations"][0]["error"] = stated.integration
-        for output, kind in outputs:
-            if kind.state:
-                kind.state(run, output, summary, stated)
         summary["warnings"] += [*uncertain_warnings(run.scene, stated), *_budget_warnings(run, stated, budget_seconds)]
     return summary | {
         "files": files,

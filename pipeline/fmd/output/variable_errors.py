@@ -11,15 +11,17 @@ from fmd.accuracy.error_estimates import Row
 from fmd.core.files import write_table
 from fmd.core.limits.shown import DIGITS
 from fmd.recovery.motion_file import Variable
+from fmd.recovery.stress import STRESS_COMPONENTS
 from fmd.stages.pipeline import Pipeline
 
 NOT_STATED = "not stated: "
-_NO_BUDGET = "the run has no error budget; without --no-budget it has one"
+NO_BUDGET = "no error budget was made; fmd run makes one without --no-budget, fmd sweep with --budget"
 _NO_MESH = "a body without a mesh tells nothing of its own error"
+_CONTACT = "after a contact two runs part, whatever their error; contacts have no error budget"
 _NOT_COMPARED = "the error budget doesn't compare it"
 _ROUND_OFF = "it is nothing but round-off"
 _OF_JOINTS = ("force", "moment", "position", "rate", "orientation", "angular_velocity", "displacement", "velocity")
-_COMPARED = (*_OF_JOINTS, "origin", "deflection", "acceleration")
+_COMPARED = (*_OF_JOINTS, "origin", "deflection", "acceleration", *STRESS_COMPONENTS)
 _WHOLE = ("centre_of_mass", "momentum", "angular_momentum", "kinetic_energy", "potential_energy")
 
 
@@ -38,6 +40,11 @@ class VariableErrors:
         rows: tuple[Row, ...] = () if self._budget is None else (*self._budget.rows, *self._budget.details)
         self._rows = {row.name: row for row in rows}
 
+    @property
+    def has_budget(self) -> bool:
+        """True if the run has its error budget."""
+        return self._budget is not None
+
     def of(self, variable: Variable, in_body: bool = False) -> float | str:
         """Return a variable's largest error over time in its unit, or a text that begins with ``not stated``.
 
@@ -47,7 +54,7 @@ class VariableErrors:
             A vector is in the axes of its body, whose own turn has an error, too.
         """
         if self._budget is None:
-            return NOT_STATED + (_NO_BUDGET if ERROR_BUDGET.applies(self._run) else _NO_MESH)
+            return self.of_quantity(variable.name)
         name, owner, kind = variable.name, *variable.name.rpartition(".")[::2]
         if f"joint.{name}" in self._rows and f"joint {owner}" in variable.long_name:  # a body has this name, too
             name = f"joint.{name}"
@@ -56,9 +63,10 @@ class VariableErrors:
         if kind == "displacement" and "." in owner:
             if in_body:
                 return NOT_STATED + f"{owner}.deflection of motion.nc has an error"
-            size = self._size(f"{owner}.position")
+            size = self.of_quantity(f"{owner}.position")
             return size if isinstance(size, str) else 2.0 * size  # of the place now, and of that at the start
-        size = self._size(name if kind != "von Mises" else f"{owner}, von Mises stress")
+        of_element = f"{owner}, von Mises stress"
+        size = self.of_quantity(of_element if kind == "von Mises" and of_element in self._rows else name)
         if isinstance(size, str):
             return size
         if variable.dims == ("quaternion",):
@@ -66,12 +74,25 @@ class VariableErrors:
         of_marker = kind in ("velocity", "acceleration") and "." in owner
         return self._with_turn(name, size) if in_body and (of_marker or kind in ("force", "moment")) else size
 
-    def _size(self, name: str) -> float | str:
+    def of_quantity(self, name: str) -> float | str:
+        """Return the error of one of the budget's quantities in its unit, or why it is not stated."""
+        row = self._row(name)
+        return row if isinstance(row, str) else row.size
+
+    def share_of_quantity(self, name: str) -> float | str:
+        """Return the error of one of the budget's quantities over its value, or why it is not stated."""
+        row = self._row(name)
+        return row if isinstance(row, str) else row.total
+
+    def _row(self, name: str) -> Row | str:
+        if self._budget is None:
+            why = _CONTACT if self._run.scene.contact else _NO_MESH
+            return NOT_STATED + (NO_BUDGET if ERROR_BUDGET.applies(self._run) else why)
         row = self._rows.get(row_name(name))
         if row is None:
             known = name.rpartition(".")[2] in _COMPARED or name in _WHOLE
             return NOT_STATED + (_ROUND_OFF if known else _NOT_COMPARED)
-        return NOT_STATED + row.why.removeprefix("not estimated: ") if row.why else row.size
+        return NOT_STATED + row.why.removeprefix("not estimated: ") if row.why else row
 
     def _with_turn(self, name: str, size: float) -> float | str:
         """Add what the error of a body's orientation makes of a vector in its axes; a frame that rests has none."""
@@ -88,10 +109,12 @@ class VariableErrors:
         return size + turn.size * max(row.value, row.better)
 
 
-def write_errors(errors: Sequence[tuple[str, str, float | str]], path: Path) -> None:
-    """Write names, units and errors of a table's columns as a table beside it."""
+def write_errors(errors: Sequence[tuple[str, str, float | str]], file: Path) -> str:
+    """Write names, units and errors of a file's columns as a table beside it, and return the table's name."""
+    beside = file.with_name(f"{file.name.removesuffix('.csv')}-errors.csv")
     rows = ([name, unit, *error_cells(error)] for name, unit, error in errors)
-    write_table(path, ["column", "unit", "error", "why not"], rows)
+    write_table(beside, ["column", "unit", "error", "why not"], rows)
+    return beside.name
 
 
 def error_cells(error: float | str) -> list[str]:

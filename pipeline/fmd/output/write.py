@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
+from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, read_kept_errors, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import InputError
 from fmd.core.files import refusing, whole_file, write_json
@@ -16,6 +16,7 @@ from fmd.output.summary import summarise_solved
 from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion_file import write_motions
 from fmd.stages.pipeline import Pipeline
+from fmd.stages.run_checks import require_room
 
 
 def write_results(
@@ -46,7 +47,11 @@ def write_results(
     scene = solved.scene
     if scene.accuracy is not None and not budget:
         raise InputError("--no-budget", "", None, "can't be: the scene wants an accuracy, which the budget proves")
+    if scene.moves:
+        require_room(scene)
     with Pictures(outputs_of(scene, "pictures") if pictures else [], scene.file) as drawing:
+        if budget and solved.is_settled:
+            read_kept_errors(solved.run)
         drawing.start(solved.run if solved.is_settled else solved.given)
         if not solved.is_settled:
             drawing.require_ready()
@@ -77,6 +82,7 @@ def _write(
     seconds = allowed_seconds(run) if budget_seconds is None else budget_seconds
     if budget and ERROR_BUDGET.applies(run):
         state_errors(run, seconds)  # files state them
+    drawing.begin_stated(run)
     files = [_write_motion(run, folder)]
     if asked:
         files += run.store.compute("files", lambda: [name for o in asked for name in kind_of(o).make(run, o, folder)])

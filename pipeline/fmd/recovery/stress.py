@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fmd.fem.space import Discretisation
 
 _ORDER = ("xx", "yy", "zz", "yz", "xz", "xy")
+STRESS_COMPONENTS = ("von Mises", *_ORDER, "principal 1", "principal 2", "principal 3")
 
 
 def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
@@ -98,6 +99,19 @@ def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, po
     elements, X = locate_points(space, points)
     each = zip(elements, X, strict=True)
     return np.stack([stresses(space, material, shapes, x[:, None], np.array([element]))[0, 0] for element, x in each])
+
+
+def smooth_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
+    """Stress of each shape at points (n, 3) [m] between the averages at nodes, shape (n, 6, n_shapes) [Pa per unit]."""
+    from fmd.fem.elements import shape_functions
+    from fmd.fem.selection import locate_points
+
+    found = []
+    for element, x in zip(*locate_points(space, points), strict=True):
+        weights = shape_functions(space.kind.element, x[:, None])[0][:, 0]
+        nodes = space.element_nodes[element]
+        found.append(np.tensordot(weights, modal_stress(space, material, shapes, nodes), 1))
+    return np.stack(found)
 
 
 def von_mises(stress: Array) -> Array:

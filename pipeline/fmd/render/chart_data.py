@@ -17,10 +17,13 @@ class Curve:
         The run's name in the legend.
     values : ndarray, shape (n_times,) or (n_times, n_components)
         The quantity in the unit of the chart's ``ylabel``.
+    errors : tuple of float
+        Stated error of each component, not a number where there is none; empty without any.
     """
 
     label: str
     values: Array
+    errors: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if self.values.ndim not in (1, 2) or self.values.size == 0:

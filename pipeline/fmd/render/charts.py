@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from fmd.core.arrays import Array
+from fmd.core.limits.shown import SEEN_ERROR
 from fmd.render.chart_data import Band, Curve
 from fmd.render.figure import open_figure, style_axes
 
@@ -78,6 +79,7 @@ def draw_chart(
         below = _add_differences(lower, time, differences, ylabel) if lower is not upper else label
         for number, curve in enumerate(curves):
             _add_lines(upper, time, factor * curve.columns, number, alone=len(curves) == 1)
+        stated = _add_errors(upper, time, curves[0], factor)
         if band is not None:
             upper.axhspan(factor * band.low, factor * band.high, color=SHADE, linewidth=0, zorder=0)
         for axes, text in ((upper, label), (lower, below)):
@@ -88,7 +90,7 @@ def draw_chart(
             if len(text) > _LONG and axes is upper:
                 axes.yaxis.label.set_fontsize(10)
         figure.align_ylabels()
-        _add_legends(figure, curves, component_labels, band)
+        _add_legends(figure, curves, component_labels, band, stated)
 
 
 def _add_frames(figure: Figure, *, two: bool) -> tuple[Axes, Axes]:
@@ -148,6 +150,17 @@ def _add_lines(axes: Axes, time: Array, columns: Array, number: int, *, alone: b
         axes.add_line(_line(time, values, number, colour, alone=alone))
 
 
+def _add_errors(axes: Axes, time: Array, curve: Curve, factor: float) -> bool:
+    """Shade what the truth of a curve lies within, where that is broader than a line; return whether it is."""
+    seen = False
+    for component, (values, error) in enumerate(zip(curve.columns.T, curve.errors, strict=False)):
+        if error > SEEN_ERROR * np.ptp(curve.columns[np.isfinite(curve.columns)]):
+            low, high = factor * (values - error), factor * (values + error)
+            axes.fill_between(time, low, high, color=COLOURS[component % len(COLOURS)], alpha=0.2, linewidth=0)
+            seen = True
+    return seen
+
+
 def _add_differences(axes: Axes, time: Array, differences: Sequence[Array], ylabel: str) -> str:
     """Add each further curve's difference from the first, in a power of a thousand of the unit; return the label."""
     scale, ylabel = fit_length(ylabel, _largest(differences))
@@ -162,7 +175,7 @@ def _add_differences(axes: Axes, time: Array, differences: Sequence[Array], ylab
 
 
 def _add_legends(
-    figure: Figure, curves: Sequence[Curve], component_labels: Sequence[str], band: Band | None = None
+    figure: Figure, curves: Sequence[Curve], component_labels: Sequence[str], band: Band | None, stated: bool
 ) -> None:
     """Add the curves' names below the frames and the components' names beside them."""
     none = np.empty(0)
@@ -173,6 +186,9 @@ def _add_legends(
     ]
     if band is not None:
         runs.append(Patch(color=SHADE, linewidth=0, label=band.label))
+    if stated:
+        first = f"stated error of {curves[0].label}" if len(curves) > 1 else "stated error"
+        runs.append(Patch(color=COLOURS[0], alpha=0.2, linewidth=0, label=first))
     n_columns = max(1, 100 // (8 + max(len(curve.label) for curve in curves)))
     if runs:
         figure.legend(

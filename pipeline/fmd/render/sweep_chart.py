@@ -54,11 +54,14 @@ class SweepPanel:
         Lines over the one key, or a map over the two; not a number where a point has none.
     names : tuple of str
         Names of the lines, if there are several.
+    errors : ndarray, shape (n_lines, n_points), optional
+        Errors of the lines' values; not a number where none is stated.
     """
 
     label: str
     values: Array
     names: tuple[str, ...] = ()
+    errors: Array | None = None
 
 
 def draw_sweep_lines(
@@ -87,6 +90,9 @@ def draw_sweep_lines(
                 colour = COLOURS[number % len(COLOURS)]
                 name = panel.names[number] if panel.names else ""
                 axes.plot(x[order], line[order], marker="o", markersize=4.5, linewidth=width, color=colour, label=name)
+                if panel.errors is not None:
+                    ends = np.clip(panel.errors[number][order], 0.0, None)
+                    axes.errorbar(x[order], line[order], yerr=ends, fmt="none", ecolor=colour, capsize=3.0)
             style_axes(axes, axis.label, panel.label)
             _set_ticks(axes, axis, x)
             if len(panel.names) > 1:

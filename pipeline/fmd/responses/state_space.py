@@ -151,8 +151,8 @@ class StateSpace:
                 x[k] = known / (omega - T[k, k])[:, None]
             return np.asarray(np.einsum("ok,kfi->foi", left, x) + direct)
 
-    def save(self, path: Path, more: Mapping[str, float] | None = None) -> None:
-        """Write the matrices, names and units as ``.npz`` (NumPy) or ``.mat`` (MATLAB, Octave), and ``more`` numbers.
+    def save(self, path: Path, more: Mapping[str, Any] | None = None) -> None:
+        """Write matrices, names and units as ``.npz`` (NumPy) or ``.mat`` (MATLAB, Octave), and ``more`` values.
 
         Raises
         ------

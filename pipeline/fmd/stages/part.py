@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.fem.surface import SurfaceTopology, surface_elements, surface_topology
 from fmd.recovery.deformation import DeformationShapes, deformation_shapes, node_deformation_shapes
-from fmd.recovery.stress import element_stress, modal_stress, point_stress
+from fmd.recovery.stress import element_stress, modal_stress, point_stress, smooth_stress
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals, add_normal_blocks, normal_blocks
 from fmd.scene.any_body import Flexible
@@ -69,8 +69,13 @@ _DEFORMATION = ("fmd/fem", "fmd/recovery/deformation.py")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
-SecondOrder = tuple[InertiaIntegrals, Mapping[str, MarkerShapes]]
-"""Inertia and markers of a stiffened body."""
+
+
+class SecondOrder(NamedTuple):
+    """Inertia and markers of a stiffened body."""
+
+    integrals: InertiaIntegrals
+    markers: Mapping[str, MarkerShapes]
 
 
 def _has_mesh(part: FlexiblePart) -> bool:
@@ -125,13 +130,13 @@ def _stiffen(part: FlexiblePart) -> SecondOrder:
     from fmd.stages.basis import stiffen_reduced
 
     if part.is_reduced and part.body.integrals.stiffening.size:  # by its file
-        return part.body.integrals, part.body.markers
+        return SecondOrder(part.body.integrals, part.body.markers)
     if not part.has_mesh:
         given = NO_MESH.format("file" if part.is_reduced else "matrices")
         mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
     body = stiffen_reduced(part.model, part.body)
-    return body.integrals, body.markers
+    return SecondOrder(body.integrals, body.markers)
 
 
 def _integrate_along_normal(part: FlexiblePart) -> Array:
@@ -409,6 +414,10 @@ class FlexiblePart:
     def stress_at(self, points: Array) -> Array:
         """Return the stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
         return point_stress(self.space, self.material, self.body.shapes, points)
+
+    def smooth_stress_at(self, points: Array) -> Array:
+        """Return the stress of each coordinate at points (n, 3) [m], averaged as at nodes, (n, 6, n_modes) [Pa]."""
+        return smooth_stress(self.space, self.material, self.body.shapes, points)
 
     @cached_property
     def surface_elements(self) -> IntArray:

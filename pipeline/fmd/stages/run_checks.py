@@ -153,15 +153,28 @@ def _describe_rate(mechanism: Mechanism, vector: Array) -> tuple[str, str]:
     return link.joint_name, f"{'rotation about' if turns else 'displacement along'} [{text}] in the child's axes"
 
 
-def result_bytes(mechanism: Mechanism, n_runs: int) -> float:
-    """Return the memory that each output time of a scene's motions takes [bytes]."""
-    numbers = NUMBERS_OF_BODY * len(mechanism.links) + NUMBERS_OF_COORDINATE * (mechanism.n_positions + mechanism.n)
-    fine = FINE_RUNS if any(len(link.omega) for link in mechanism.links) else 0
-    return 8.0 * numbers * (n_runs + fine)
+def expected_bytes(scene: Scene) -> float:
+    """Return the memory that the results of a scene's runs take, by its bodies, joints and modes alone [bytes]."""
+    kinds = [joint.kind for joint in scene.joint.values()]
+    modes = sum(body.modes.count for body in scene.flexible.values() if body.shape != "reduced")
+    numbers = sum(kind.n_positions + kind.n_rates for kind in kinds) + 2 * modes
+    simulation = scene.simulation
+    each = _bytes_of_time(len(scene.body), numbers, len(simulation.run), bool(scene.flexible))
+    return each * simulation.duration / simulation.output_step
 
 
-def require_room(scene: Scene, mechanism: Mechanism) -> None:
+def _bytes_of_time(n_bodies: int, n_coordinates: int, n_runs: int, flexible: bool) -> float:
+    """Return the memory of each output time; coordinates are positions and rates [bytes]."""
+    return 8.0 * (NUMBERS_OF_BODY * n_bodies + NUMBERS_OF_COORDINATE * n_coordinates) * (n_runs + FINE_RUNS * flexible)
+
+
+def require_room(scene: Scene, mechanism: Mechanism | None = None) -> None:
     """Check that the results of a scene's runs at all output times fit into the memory.
+
+    Parameters
+    ----------
+    mechanism : Mechanism, optional
+        The scene's; without it, before anything is computed, sizes are those that the scene tells.
 
     Raises
     ------
@@ -169,15 +182,20 @@ def require_room(scene: Scene, mechanism: Mechanism) -> None:
         They don't; the message has the shortest output step that fits.
     """
     simulation = scene.simulation
-    assert simulation is not None
-    n_outputs, each = simulation.duration / simulation.output_step, result_bytes(mechanism, len(simulation.run))
-    if n_outputs * each <= ALWAYS_FIT or n_outputs * each <= (free := available_memory()):
+    n_outputs = simulation.duration / simulation.output_step
+    if mechanism is None:
+        needed = expected_bytes(scene)
+    else:
+        flexible = any(len(link.omega) for link in mechanism.links)
+        sizes = len(mechanism.links), mechanism.n_positions + mechanism.n
+        needed = n_outputs * _bytes_of_time(*sizes, len(simulation.run), flexible)
+    if needed <= ALWAYS_FIT or needed <= (free := available_memory()):
         return
-    shortest = simulation.duration * each / free
+    shortest = simulation.output_step * needed / free
     raise InputError(
         scene.file,
         "simulation.output_step",
         f"{simulation.output_step:.6g} s",
-        f"makes {n_outputs:.3g} output times, whose results take about {n_outputs * each / 1e9:.3g} GB of memory; "
+        f"makes {n_outputs:.3g} output times, whose results take about {needed / 1e9:.3g} GB of memory; "
         f"{free / 1e9:.3g} GB are free: {1.1 * shortest:.2g} s or longer fits",
     )

@@ -42,7 +42,7 @@ class _Worker:
         self.connection.close()
 
 
-def compute_locally(scenes: Mapping[str, Scene], workers: int) -> Iterator[tuple[str, Record]]:
+def compute_locally(scenes: Mapping[str, Scene], workers: int, budget: bool = False) -> Iterator[tuple[str, Record]]:
     """Compute scenes in processes of one thread each; yield key and record of each as it is done.
 
     A scene whose process dies is tried once more. If this process dies, its workers die too.
@@ -59,7 +59,7 @@ def compute_locally(scenes: Mapping[str, Scene], workers: int) -> Iterator[tuple
                     worker = _Worker()
                 tries[key] += 1
                 with suppress(OSError):  # it died just now, which recv below notices
-                    worker.connection.send((key, scenes[key]))
+                    worker.connection.send((key, scenes[key], budget))
                 busy[worker.connection] = worker, key
             for connection in wait(list(busy)):
                 assert isinstance(connection, Connection)
@@ -88,12 +88,12 @@ def _serve(connection: Connection) -> None:
     threading.Thread(target=_die_with_parent, daemon=True).start()
     while True:
         try:
-            key, scene = connection.recv()
+            key, scene, budget = connection.recv()
         except EOFError:
             return
         from fmd.sweep.work import compute_point
 
-        connection.send(compute_point(key, scene))
+        connection.send(compute_point(key, scene, budget))
 
 
 def _die_with_parent() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -62,8 +62,7 @@ def draw_sweep(sweep: Sweep, rows: Sequence[dict[str, Any]], folder: Path, title
     from fmd.render.sweep_chart import draw_sweep_lines, draw_sweep_maps
 
     axes = [_axis(variation) for variation in shown]
-    panels = [_panel(label, unit, [(name, values.reshape(shape)) for name, values in lines], len(shape))
-              for label, unit, lines in figures[:SWEPT_PANELS]]  # fmt: skip
+    panels = [_panel(rows, figure, shape) for figure in figures[:SWEPT_PANELS]]
     path = folder / FILE
     if len(axes) == 1:
         draw_sweep_lines(axes[0], panels, path, title=title, joined=sweep.is_grid)
@@ -72,20 +71,30 @@ def draw_sweep(sweep: Sweep, rows: Sequence[dict[str, Any]], folder: Path, title
     return [FILE]
 
 
-def _figures(rows: Sequence[dict[str, Any]]) -> list[tuple[str, str, list[tuple[str, Array]]]]:
-    """List label, unit and lines by name of each figure that some point has."""
-    modes = [(f"mode {k + 1}", _column(rows, f"frequencies_hz.{k}")) for k in range(SWEPT_MODES)]
-    found = [("frequency", "Hz", [(name, values) for name, values in modes if np.isfinite(values).any()])]
+class _Figure(NamedTuple):
+    """A figure of merit: label, unit, and the columns of its lines by their names."""
+
+    label: str
+    unit: str
+    lines: dict[str, str]
+
+
+def _figures(rows: Sequence[dict[str, Any]]) -> list[_Figure]:
+    """List the figures that some point has."""
+
+    def has(column: str) -> bool:
+        return bool(np.isfinite(_column(rows, column)).any())
+
+    modes = {f"mode {k + 1}": f"frequencies_hz.{k}" for k in range(SWEPT_MODES)}
+    found = [_Figure("frequency", "Hz", {name: column for name, column in modes.items() if has(column)})]
     named = dict(_FIGURES)
     for name in rows[0]:
         if name.startswith(_JOINT):
             joint = name.removeprefix(_JOINT)
             unit = next((str(row[key]) for row in rows if row.get(key := f"joint_units.{joint}")), "")
             named[name] = (f"{joint} at the end", unit)
-    found += [(label, unit, [("", _column(rows, name))]) for name, (label, unit) in named.items()]
-    return [
-        (label, unit, lines) for label, unit, lines in found if any(np.isfinite(values).any() for _, values in lines)
-    ]
+    found += [_Figure(label, unit, {"": name}) for name, (label, unit) in named.items()]
+    return [figure for figure in found if any(map(has, figure.lines.values()))]
 
 
 def _column(rows: Sequence[dict[str, Any]], name: str) -> Array:
@@ -93,17 +102,22 @@ def _column(rows: Sequence[dict[str, Any]], name: str) -> Array:
     return np.array([value if isinstance(value, int | float) else np.nan for value in values], dtype=np.float64)
 
 
-def _panel(label: str, unit: str, lines: list[tuple[str, Array]], n_keys: int) -> SweepPanel:
-    """Make a panel with values in a prefixed unit; a map shows the first line alone."""
+def _panel(rows: Sequence[dict[str, Any]], figure: _Figure, shape: tuple[int, ...]) -> SweepPanel:
+    """Make a panel with values in a prefixed unit, of lines with their errors; a map shows the first line alone."""
     from fmd.render.sweep_chart import SweepPanel
 
-    if n_keys == 2 and len(lines) > 1:
-        label, lines = f"{label} of {lines[0][0]}", lines[:1]
-    largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for _, values in lines)
-    factor, prefix = prefix_for(largest, unit)
+    label, unit, lines = figure
+    is_map = len(shape) == 2
+    if is_map and len(lines) > 1:
+        first = next(iter(lines))
+        label, lines = f"{label} of {first}", {first: lines[first]}
+    values = np.stack([_column(rows, column).reshape(shape) for column in lines.values()])
+    errors = np.stack([_column(rows, f"{column}.error").reshape(shape) for column in lines.values()])
+    factor, prefix = prefix_for(float(np.nanmax(np.abs(values), initial=0.0)), unit)
     named = f"{label} [{prefix}{unit}]" if unit else label
-    values = [values / factor for _, values in lines]
-    return SweepPanel(named, values[0] if n_keys == 2 else np.stack(values), tuple(name for name, _ in lines if name))
+    if is_map:
+        return SweepPanel(named, values[0] / factor)
+    return SweepPanel(named, values / factor, tuple(name for name in lines if name), errors / factor)
 
 
 def _axis(variation: Variation) -> SweepAxis:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fmd.core.files import write_json
+from fmd.output.variable_errors import NO_BUDGET
 
 STATUSES = ("ok", "refused", "failed")
 
@@ -32,6 +33,12 @@ class Record:
     message: str = ""
     summary: dict[str, Any] = field(default_factory=dict)
     lasting: bool = True
+
+    @property
+    def lacks_budget(self) -> bool:
+        """True for the summary of a motion whose errors nobody has estimated."""
+        errors = self.summary.get("stated_errors", {})
+        return any(isinstance(error, str) and NO_BUDGET in error for error in errors.values())
 
 
 def interrupted_record(message: str) -> Record:

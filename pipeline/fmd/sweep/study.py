@@ -53,7 +53,12 @@ class Sweep:
 
 
 def run_sweep(
-    variations: Sequence[Variation], points: Sequence[Point], folder: Path, compute: Compute, monitor: Monitor = silent
+    variations: Sequence[Variation],
+    points: Sequence[Point],
+    folder: Path,
+    compute: Compute,
+    monitor: Monitor = silent,
+    budget: bool = False,
 ) -> Sweep:
     """Compute all points that have no record yet, and keep the record of each as soon as it is done.
 
@@ -65,6 +70,8 @@ def run_sweep(
         Folder of the records, one file a scene; made if it is missing.
     compute : callable
         `fmd.sweep.local.compute_locally` or `fmd.sweep.cluster.compute_on_cluster`, with its workers bound.
+    budget : bool
+        A record without an error budget is computed anew.
 
     Raises
     ------
@@ -72,7 +79,8 @@ def run_sweep(
         The folder can't be written.
     """
     scenes = {point.key: point.scene for point in points if point.scene is not None}
-    known = {key: record for key in scenes if (record := read_record(folder / f"{key}.json")) is not None}
+    kept = {key: read_record(folder / f"{key}.json") for key in scenes}
+    known = {key: own for key, own in kept.items() if own is not None and not (budget and own.lacks_budget)}
     wanted = {key: scene for key, scene in scenes.items() if key not in known}
     with monitor(f"{len(wanted)} points") as advance:
         for number, (key, record) in enumerate(compute(wanted) if wanted else (), start=1):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from fmd.core.files import whole_file, write_table
 from fmd.core.units import parse_quantity
+from fmd.output.variable_errors import NOT_STATED, write_errors
 from fmd.scene.toml_files import parse_value
 from fmd.sweep.points import Variation
 from fmd.sweep.study import Sweep
@@ -23,7 +24,9 @@ Place = tuple[str | int, ...]
 
 # Of a summary: equal at all points, names of files, and figures that the first run repeats.
 _LEFT_OUT = {"scene", "version", "files", "stages_run", "stages_cached", "stages_skipped", "reference_hz"}
-_LEFT_OUT |= {"mode_numbers", "final", "tip"}
+_LEFT_OUT |= {"mode_numbers", "final", "tip", "stated_errors", "error_budget"}
+_ERROR = "error"  # last step of the place of a figure's error
+_NOT_COMPARED = f"{NOT_STATED}the error budget doesn't compare it"
 _NAMES = {"integrations": "run"}  # as in the scene: simulation.run.0
 _DIMENSIONS = {
     "run_number": "run", "frequencies_hz_number": "mode", "relative_error_number": "mode",
@@ -46,14 +49,24 @@ class SweepTable:
 
     def __init__(self, sweep: Sweep) -> None:
         self.sweep = sweep
-        self._figures = [
-            {
-                place: value
-                for place, value in _leaves(record.summary)
-                if place[0] not in _LEFT_OUT and "rounds" not in place
-            }
-            for record in sweep.records
-        ]
+        self._why: dict[Place, str] = {}  # of figures without an error
+        self._figures = [dict(self._figures_of(record.summary)) for record in sweep.records]
+
+    def _figures_of(self, summary: dict[str, Any]) -> Iterator[tuple[Place, Leaf]]:
+        """Yield a summary's figures by their places, each with its error behind it if one is stated."""
+        stated = summary.get("stated_errors", {})
+        for place, value in _leaves(summary):
+            if place[0] in _LEFT_OUT or "rounds" in place:
+                continue
+            yield place, value
+            if isinstance(value, str | bool | None):
+                continue
+            name = _dotted(place).replace("run.0.final.", "final.")  # the end of the first run has its errors once
+            error = stated.get(name, stated.get(name.rpartition(".")[0], _NOT_COMPARED))
+            if isinstance(error, str):
+                self._why.setdefault(place, error)
+            else:
+                yield (*place, _ERROR), error
 
     @cached_property
     def places(self) -> list[Place]:
@@ -104,10 +117,30 @@ class SweepTable:
                 for place in places:
                     if (value := figures.get(place)) is not None:
                         array[(number, *(step for step in place if isinstance(step, int)))] = value
-            data[name] = ((*axes, *dimensions), array.reshape(*shape, *full[1:]), _attributes(name))
+            data[name] = ((*axes, *dimensions), array.reshape(*shape, *full[1:]), self._attributes(name, places))
         along = {key: key if self.sweep.is_grid else "point" for key in values}
         coordinates = {key: (along[key], list(numbers), {"units": unit}) for key, (numbers, unit) in values.items()}
         return xarray.Dataset(data, coordinates)
+
+    @property
+    def errors(self) -> list[tuple[str, str, str]]:
+        """Name and unit of each figure, and which column has its error, or why none is stated."""
+        found = []
+        for place in (place for place in self.places if place[-1] != _ERROR):
+            name = _dotted(place)
+            if place in self._why or (*place, _ERROR) in self.places:
+                found.append((name, _unit(name), self._error_of([place], name)))
+        return found
+
+    def _error_of(self, places: Sequence[Place], name: str) -> str:
+        """Return where the errors of some figures are, or why none is stated."""
+        if any((*place, _ERROR) in self.places for place in places):
+            return f"{name}.{_ERROR} has it"
+        return next((self._why[place] for place in places if place in self._why), "")
+
+    def _attributes(self, name: str, places: Sequence[Place]) -> dict[str, str]:
+        unit, error = _unit(name.removesuffix(f".{_ERROR}")), self._error_of(places, name)
+        return ({"units": unit} if unit else {}) | ({"error": error} if error else {})
 
     def write_netcdf(self, path: Path) -> None:
         """Write the data set as NetCDF."""
@@ -131,11 +164,12 @@ class SweepTable:
 
 
 def write_tables(sweep: Sweep, folder: Path) -> tuple[list[str], list[dict[str, Leaf]]]:
-    """Write ``sweep.csv`` and ``sweep.nc`` into ``folder``; return their names and the rows."""
+    """Write ``sweep.csv``, ``sweep.nc`` and ``sweep-errors.csv`` into ``folder``; return their names and the rows."""
     table = SweepTable(sweep)
     table.write_csv(folder / "sweep.csv")
     table.write_netcdf(folder / "sweep.nc")
-    return ["sweep.csv", "sweep.nc"], table.rows
+    beside = write_errors(table.errors, folder / "sweep.csv")
+    return ["sweep.csv", "sweep.nc", beside], table.rows
 
 
 def axis_values(variation: Variation) -> tuple[tuple[Leaf, ...], str]:
@@ -179,5 +213,5 @@ def _inner_dimensions(place: Place) -> tuple[str, ...]:
     return tuple(_DIMENSIONS.get(name, name) for name in lists)
 
 
-def _attributes(name: str) -> dict[str, str]:
-    return next(({"units": unit} for suffix, unit in _UNITS.items() if name.endswith(suffix)), {})
+def _unit(name: str) -> str:
+    return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix)), "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 
+from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import AccuracyError, InputError
 from fmd.output.summary import summarise_solved
@@ -15,8 +16,8 @@ from fmd.sweep.record import Record, interrupted_record
 _alone = threading.Lock()
 
 
-def compute_point(key: str, scene: Scene) -> Record:
-    """Run a scene without pictures and error budget; its record holds the summary or the error.
+def compute_point(key: str, scene: Scene, budget: bool = False) -> Record:
+    """Run a scene without pictures, with or without its error budget; its record holds the summary or the error.
 
     Gmsh keeps one model a process, so a worker with several threads computes one point after the other.
     """
@@ -31,7 +32,10 @@ def compute_point(key: str, scene: Scene) -> Record:
         try:
             solved = SolvedScene(scene)
             solved.given.compares_times = False  # other points run beside this one
-            summary, unmet = summarise_solved(solved), solved.settings.unmet
+            if budget and scene.moves:
+                solved.run.motions  # noqa: B018 - what it takes is what its budget may take
+            summary = summarise_solved(solved, (), budget, allowed_seconds(solved.run))
+            unmet = solved.settings.unmet
             json.dumps(summary, allow_nan=False)
         except InputError as error:
             return Record("refused", str(error))

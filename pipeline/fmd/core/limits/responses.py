@@ -35,6 +35,10 @@ UNSTABLE_EDGE = 1e-4  # of the highest rate: how near the edges of unstable rang
 INTERPOLATED = 1e-8  # of a pole: what interpolation may move it by
 NARROWEST_PANEL = 1e-3  # of the highest rate: where narrower ones are needed, every model is computed
 
+# Errors of a linear model by ranges of frequency.
+ERROR_BANDS, ERROR_DECADES, POINTS_OF_BAND = 30, 3, 12
+LITTLE_OFF = 0.01  # of a range's largest response: up to where it is within that, is said
+
 # Models with fewer states.
 RESPONSE_POINTS = 400  # evenly spaced frequencies at which an error is looked for, beside those about resonances
 BEYOND_POLES = 1.5  # of the fastest pole: up to there a response is looked at

@@ -18,6 +18,7 @@ COINCIDENT = 1e-6  # metres between markers that have one label
 # Charts.
 SWEPT_MODES = 6  # in the chart of a sweep
 SWEPT_PANELS = 6  # in the chart of a sweep
+SEEN_ERROR = 0.003  # of what a chart's curve spans: a narrower band of stated error is hidden by the line
 HARDLY_MOVES = 1e-3  # of the largest movement of a component: what moves less isn't drawn
 
 # Warnings.

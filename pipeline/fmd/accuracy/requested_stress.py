@@ -1,0 +1,173 @@
+"""Stress that the files of a scene hold beside the largest of each body: components at named elements and nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.accuracy.error_estimates import Quantity
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import InputError
+from fmd.recovery.envelope import stress_envelope
+from fmd.recovery.stress import StressHistory, modal_stress, stress_measure
+from fmd.scene import histories
+from fmd.scene.outputs import Chart
+from fmd.scene.stress_outputs import Envelope
+
+if TYPE_CHECKING:
+    from fmd.accuracy.quantities import Quantities
+    from fmd.recovery.motion import Motion
+    from fmd.scene.scene import Scene
+    from fmd.stages.part import FlexiblePart
+    from fmd.stages.pipeline import Pipeline
+
+LARGEST_PRINCIPAL, SMALLEST_PRINCIPAL = "largest principal stress", "smallest principal stress"
+LARGEST_STRESS = ("largest von Mises stress", LARGEST_PRINCIPAL, SMALLEST_PRINCIPAL)
+_EXTREMES = {"principal 1": LARGEST_PRINCIPAL, "principal 3": SMALLEST_PRINCIPAL}
+
+
+@dataclass(frozen=True)
+class StressPlace:
+    """A place of a body whose stress a file holds: the middle of a named element, or a node.
+
+    Attributes
+    ----------
+    part : str
+        Body, or the piece of one, that has it.
+    point : ndarray, shape (3,)
+        Place in the part's mesh [m].
+    modal : ndarray, shape (6, n)
+        Stress of each modal coordinate there [Pa].
+    at_node : bool
+        It is an average at a node, and not of one element.
+    """
+
+    part: str
+    point: Array
+    modal: Array
+    at_node: bool
+
+    def modal_on(self, other: FlexiblePart) -> Array:
+        """Return the stress of each modal coordinate at the same place of a part of other shapes, (6, n) [Pa]."""
+        stress = other.smooth_stress_at if self.at_node else other.stress_at
+        return np.asarray(stress(self.point[None])[0])
+
+
+def stress_at_elements(run: Pipeline, names: Sequence[str]) -> dict[str, StressPlace]:
+    """Return the middles of named elements, ``"body.element"`` each; of all of them without names."""
+    known = {
+        f"{body}.{element}": (part, number)
+        for body in run.wholes
+        for part in run.pieces_of(body)
+        if part.has_mesh
+        for number, element in enumerate(part.elements)
+    }
+    chosen = {name: known[name] for name in names or known}
+    return {
+        name: StressPlace(part.name, part.element_places[k], part.element_stress[k], at_node=False)
+        for name, (part, k) in chosen.items()
+    }
+
+
+def stress_at_nodes(run: Pipeline, names: Sequence[str]) -> dict[str, StressPlace]:
+    """Return nodes by their bodies and numbers, ``"body.112"`` each.
+
+    Raises
+    ------
+    InputError
+        A node's number is beyond those of its body.
+    """
+    found = {}
+    for name in names:
+        body, _, number = name.partition(".")
+        part, node = run.wholes[body], int(number)
+        if node >= (n_nodes := len(part.space.x)):
+            problem = f"{body} has the nodes 0 to {n_nodes - 1}"
+            raise InputError(run.scene.file, "output.nodes", name, problem)
+        if body in run.division.divided:
+            part, node = run.division.divided[body].find_node(node)
+        shapes = run.bodies[part.name].shapes
+        modal = modal_stress(part.space, part.material, shapes, np.array([node]))[0]
+        found[name] = StressPlace(part.name, part.space.x[node], modal, at_node=True)
+    return found
+
+
+class RequestedStress:
+    """Stress that the files of a run hold, as quantities of the error budget.
+
+    Parameters
+    ----------
+    run : Pipeline
+        The run.
+    """
+
+    def __init__(self, run: Pipeline) -> None:
+        self._run = run
+        self._places: dict[tuple[str, str], StressPlace] = {}  # by name and component
+        for names, components, at_node in _requests(run.scene):
+            places = stress_at_nodes(run, names) if at_node else stress_at_elements(run, names)
+            self._places |= {(name, each): place for name, place in places.items() for each in components}
+        self._bodies = [name for name in enveloped_bodies(run.scene) if name in run.parts]
+
+    def quantities(
+        self, run: Pipeline, motion: Motion, frames: IntArray, as_if: Mapping[str, Array] | None = None
+    ) -> Quantities:
+        """Compute the stress of a motion of the run, or of a variant of it.
+
+        Parameters
+        ----------
+        frames : ndarray, shape (n_frames,)
+            Numbers of the output times at which all nodes are searched for the largest and smallest.
+        as_if : mapping of str to ndarray, optional
+            From each body's modal coordinates to those that its stress is made of, (n, n).
+        """
+        q = {name: motion.modal(name) for name in run.parts}
+        if as_if is not None:
+            q = {name: values @ as_if[name].T for name, values in q.items()}
+        found: Quantities = {}
+        for (name, component), place in self._places.items():
+            part = run.parts[place.part]
+            modal = place.modal if part is self._run.parts[place.part] else place.modal_on(part)
+            values = stress_measure(component)((modal @ q[place.part].T)[None])[0]
+            label = f"{name}.{component}"
+            found[label] = Quantity(label, "Pa", values, kind="stress" if place.at_node else "spot stress")
+        for name in self._bodies:
+            free = ~run.limitless_of(name)
+            part = run.parts[name]
+            stress = StressHistory(
+                part.surface.nodes[free], part.surface_stress[free], motion.times[frames], q[name][frames]
+            )
+            extremes = stress_envelope(stress)
+            for component, words in _EXTREMES.items():
+                values, _ = extremes.measure(component)
+                worst = values.max() if component == "principal 1" else values.min()
+                label = f"{name}, {words}"
+                found[label] = Quantity(label, "Pa", np.array([worst]), largest=True, kind="stress")
+        return found
+
+
+def request_key(scene: Scene) -> dict[str, list[str]]:
+    """Return what a budget depends on beside the scene's results: the stress that files hold; empty without any."""
+    asked = [f"{[*names]} {[*components]} {at_node}" for names, components, at_node in _requests(scene)]
+    asked += enveloped_bodies(scene)
+    return {"stress in files": asked} if asked else {}
+
+
+def enveloped_bodies(scene: Scene) -> list[str]:
+    """Return the bodies that an envelope is asked of."""
+    return list(dict.fromkeys(output.body for output in scene.output if isinstance(output, Envelope)))
+
+
+def _requests(scene: Scene) -> Iterator[tuple[Sequence[str], Sequence[str], bool]]:
+    """Yield names, components, and whether they are of nodes, of each output that holds stress at places."""
+    for output in scene.output:
+        if isinstance(output, histories.Quantities):
+            if "element_stress" in output.quantities:
+                yield output.elements, output.components, False
+            if "node_stress" in output.quantities:
+                yield output.nodes, output.components, True
+        elif isinstance(output, Chart) and output.element is not None:
+            yield [output.element], [output.component], False

@@ -1,0 +1,60 @@
+"""Stated errors of a summary's figures, each by its place in the summary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from fmd.accuracy.requested_stress import LARGEST_PRINCIPAL, SMALLEST_PRINCIPAL
+from fmd.output.variable_errors import VariableErrors
+from fmd.stages.pipeline import Pipeline
+
+_ENVELOPE = {
+    "von Mises": "largest von Mises stress",
+    "principal 1": LARGEST_PRINCIPAL,
+    "principal 3": SMALLEST_PRINCIPAL,
+}
+
+
+def figure_errors(run: Pipeline, summary: Mapping[str, Any]) -> dict[str, float | str]:
+    """Return the error of each figure of a run's summary in its unit, or why it is not stated.
+
+    Keys are places in the summary: ``frequencies_hz.0``, ``final.joint_rates.hub``. Where the motion ends, the largest
+    error over time counts.
+    """
+    stated = VariableErrors(run)
+    return {place: stated.of_quantity(name) for place, name in _quantities(run, summary)}
+
+
+def _quantities(run: Pipeline, summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the place of each figure, and the name of the error budget's quantity that it is a value of."""
+    first = next(iter(run.wholes), "")
+    for k in range(len(summary.get("frequencies_hz", ()))):
+        yield f"frequencies_hz.{k}", f"{first}, frequency {k + 1}"
+    for body, own in summary.get("bodies", {}).items():
+        for k in range(len(own["frequencies_hz"])):
+            yield f"bodies.{body}.frequencies_hz.{k}", f"{body}, frequency {k + 1}"
+        yield f"bodies.{body}.mass_kg", f"{body}, mass"
+    for joint in summary["final"]["joint_positions"]:
+        yield f"final.joint_positions.{joint}", f"{joint}.position"
+        yield f"final.joint_rates.{joint}", f"{joint}.rate"
+    yield "final.kinetic_energy_j", "kinetic_energy"
+    yield "final.potential_energy_j", "potential_energy"
+    yield "final.tip.position_m", "tip.position"
+    if "peak_tip_deflection_m" in summary:
+        yield "final.tip.deflection_m", "tip.deflection"
+        yield "peak_tip_deflection_m", "tip, largest deflection"
+    worst = summary.get("worst_stress", {})
+    if worst:
+        yield "worst_stress.von_mises_pa", f"{worst['body']}, largest von Mises stress"
+    for body in (body for body, own in worst.items() if isinstance(own, dict)):
+        yield f"worst_stress.{body}.value_pa", f"{body}, largest von Mises stress"
+    for element in summary.get("element_stress", {}):
+        yield f"element_stress.{element}.largest_pa", f"{element}, von Mises stress, largest"
+        yield f"element_stress.{element}.at_the_end_pa", f"{element}, von Mises stress"
+    for body, own in summary.get("envelope", {}).items():
+        for measure in own:
+            yield f"envelope.{body}.{measure}.value_pa", f"{body}, {_ENVELOPE[measure]}"
+    for contact, figures in summary.get("contacts", {}).items():
+        for figure in figures:
+            yield f"contacts.{contact}.{figure}", f"{contact}.{figure}"
