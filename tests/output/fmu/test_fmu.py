@@ -1,5 +1,6 @@
 """An FMU does what the scene's own run does, by both versions of the interface, beside references of another kind."""
 
+import faulthandler
 import re
 import subprocess
 import sys
@@ -210,6 +211,20 @@ def test_values_that_are_not_finite_are_refused(exported, tmp_path, value, capfd
         instance.setReal([refs["hinge.torque"]], [value])
     with pytest.raises(fmpy.fmi1.FMICallException):
         instance.setReal([10_000], [1.0])
+    capfd.readouterr()
+
+
+def test_a_spring_that_no_step_can_follow_ends_in_an_error(exported, tmp_path, capfd):
+    """Its vibration takes 1e150 steps a second; the process ends if the call doesn't return."""
+    instance, refs = open_instance(exported.fmi2, tmp_path, fmpy.fmi2.FMU2Slave)
+    instance.setReal([refs["hinge.spring"]], [1e300])
+    faulthandler.dump_traceback_later(60.0, exit=True)
+    try:
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            instance.doStep(0.0, 0.01)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+    assert instance.getRealStatus(fmpy.fmi2.fmi2LastSuccessfulTime) < 1e-9
     capfd.readouterr()
 
 

@@ -96,11 +96,13 @@ const char *instance_step(Instance *instance, double time, double step)
     if (!(step >= 0.0) || !isfinite(target) || fabs(time - m->time) > 1e-9 * (1.0 + fabs(time)))
         return "the communication point isn't where the last step ended, or the step isn't a finite length above 0";
     instance_changed(instance);
-    if (target > m->time && !model_advance(m, target)) {
-        instance->mode = FAILED;
-        return "the integrator's step became too small: the motion or a load isn't finite, or diverges";
-    }
-    return NULL;
+    const Advance advance = target > m->time ? model_advance(m, target) : ADVANCED;
+    if (advance == ADVANCED)
+        return NULL;
+    instance->mode = FAILED;
+    return advance == STEP_TOO_SMALL
+               ? "the integrator's step became too small: the motion or a load isn't finite, or diverges"
+               : "the next communication point takes more than ten million steps: a spring or a load is far too fast";
 }
 
 const char *instance_derivative(Instance *instance, const unsigned *unknowns, size_t n_unknowns,

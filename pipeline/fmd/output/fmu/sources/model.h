@@ -66,8 +66,10 @@ int model_set(Model *m, unsigned reference, double value);
 /* Count the breakpoints up to the present time; returns the next one, infinity if there is none. */
 double model_pass_breakpoints(Model *m);
 
-/* Advance to a time; returns 0 if the step became too small, at `reached`. */
-int model_advance(Model *m, double target);
+typedef enum { ADVANCED, STEP_TOO_SMALL, TOO_MANY_STEPS } Advance;
+
+/* Advance to a time; where that fails, the state is that at `reached`. */
+Advance model_advance(Model *m, double target);
 
 double just_after(double t);
 double just_before(double t);

@@ -11,6 +11,8 @@
 #include "model.h"
 
 #define FLOOR 1e-12 /* a group that has not moved yet */
+#define SEEN_STEPS 1000.0 /* from which on their mean length tells how many more it takes */
+#define MOST_STEPS 1e7 /* between two communication points */
 #define LEAST 1e-6  /* of the largest value of its kind: a group that hardly moves */
 
 #if HAS_WIDE
@@ -169,7 +171,14 @@ static void interpolate(Model *m, double time, double *x)
     settle(x);
 }
 
-int model_advance(Model *m, double target)
+static void stop_there(Model *m)
+{
+    m->time = m->reached;
+    memcpy(m->x, m->end, sizeof m->x);
+    m->restart = 1;
+}
+
+Advance model_advance(Model *m, double target)
 {
     const int restarted = m->restart;
     if (restarted) {
@@ -182,7 +191,13 @@ int model_advance(Model *m, double target)
         m->fresh = 1;
         m->restart = 0;
     }
+    const double begun = m->reached, counted = m->n_steps;
     while (m->reached < target) {
+        const double taken = m->n_steps - counted;
+        if (taken >= SEEN_STEPS && (target - m->reached) * taken > (MOST_STEPS - taken) * (m->reached - begun)) {
+            stop_there(m);
+            return TOO_MANY_STEPS;
+        }
         double stop = breakpoints[m->done];
         int is_break = 1;
         if (restarted && !m->steady && target < stop) { /* something is set at each call: to go beyond would be lost */
@@ -190,10 +205,8 @@ int model_advance(Model *m, double target)
             is_break = 0;
         }
         if (!take_step(m, stop, is_break)) {
-            m->time = m->reached;
-            memcpy(m->x, m->end, sizeof m->x);
-            m->restart = 1;
-            return 0;
+            stop_there(m);
+            return STEP_TOO_SMALL;
         }
     }
     m->steady = !restarted;
@@ -203,5 +216,5 @@ int model_advance(Model *m, double target)
         memcpy(m->x, m->end, sizeof m->x);
     m->time = target;
     model_pass_breakpoints(m);
-    return 1;
+    return ADVANCED;
 }
