@@ -63,6 +63,22 @@ def test_the_load_of_a_quadratic_strain_is_that_of_the_elements_alone(tmp_path: 
     assert found == pytest.approx(energy, rel=1e-12)
 
 
+@pytest.mark.parametrize("end", ["rigid link", "rigid face"])
+def test_a_rigid_end_that_turns_stretches_nothing(tmp_path: Path, end: str) -> None:
+    """As the same strip with an averaged end, which is free to contract as the strip behind it turns."""
+    ratios = {}
+    for kind, more in (("free", ""), ("held", MOTOR.format(kind="rigid") if end == "rigid link" else "")):
+        text = STRIP.format(more=more)
+        if kind == "held" and end == "rigid face":
+            text = text.replace('tip = { face = "x+" }', 'tip = { face = "x+", attachment = "rigid" }')
+        file = tmp_path / f"{kind}.toml"
+        file.write_text(text)
+        run = Pipeline(load_scene(file), Cache(None))
+        assert run.deformations["strip"].rotation > 0.02
+        ratios[kind] = stiffening_by_stretch(run, "strip")
+    assert ratios["held"] < ratios["free"] + 1e-3
+
+
 def test_a_strip_that_is_free_to_shorten_is_not_stretched_by_what_bends_it(tmp_path: Path) -> None:
     file = tmp_path / "strip.toml"
     file.write_text(STRIP.format(more=MOTOR.format(kind="average")))

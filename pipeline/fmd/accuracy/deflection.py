@@ -131,7 +131,7 @@ def error_in_frame(run: Pipeline, part: str) -> float:
     return (OF_FOURTH * theta**4 if second else OF_SQUARE * theta**2) + OF_LARGEST_STRAIN * deformation.strain
 
 
-_SOURCES, _PACKAGES = ("fmd/fem", "fmd/reduction"), ("numpy", "scipy")
+_SOURCES, _PACKAGES = ("fmd/fem", "fmd/reduction", "fmd/accuracy/deflection.py"), ("numpy", "scipy")
 TEXT = (
     "a body that can't shorten as it deflects, between supports or as a plate that twists, stretches, and is stiffer "
     "than linear bending has it; smaller deflections are right, and so is a bar whose far end a fixed joint on the "
@@ -164,8 +164,25 @@ def _ratio(part: FlexiblePart, u: Array) -> float:
     from fmd.fem.geometric_stiffness import membrane_ratio, quadratic_strain_load
 
     f, energy = quadratic_strain_load(part.fe, u)
+    turned = _second_order_of_rigid_faces(part, u)
+    relief = (part.fe.K @ turned.ravel()).reshape(u.shape)
+    energy += float((turned * (f + 0.5 * relief)).sum())
+    f += relief
     v = part.model.solver.static_response(-f[:, :, None])[:, :, 0]
     return membrane_ratio(part.fe, u, v, f, energy)
+
+
+def _second_order_of_rigid_faces(part: FlexiblePart, u: Array) -> Array:
+    """Return the displacement of second order of rigid faces and links that a displacement turns, (n_nodes, 3) [m].
+
+    A face that turns by θ comes nearer to its axis by ``½ θ × (θ × r)``. The linear motion of its nodes can't, and the
+    elements behind would count as stretched.
+    """
+    moved = np.zeros_like(u) if part.fe.arms is None else part.fe.arms.second_order(u)
+    for marker in (marker for marker in part.markers.values() if marker.rigid):
+        theta, r = marker.rotation(u), part.fe.x[marker.nodes] - marker.position
+        moved[marker.nodes] += 0.5 * np.cross(theta, np.cross(theta, r))
+    return moved
 
 
 def excess_deflection(ratio: float) -> float:

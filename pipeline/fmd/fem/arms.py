@@ -37,6 +37,13 @@ class Arms:
     turn: sp.csr_array
     second: Array
 
+    def second_order(self, u: Array) -> Array:
+        """Return the points' displacement of second order at a displacement of all points, both (n_points, 3) [m]."""
+        theta = (self.turn @ u.ravel()).reshape(-1, 3)[self.link]
+        moved = np.zeros_like(u)
+        np.add.at(moved, self.points, 0.5 * np.einsum("pcab,pa,pb->pc", self.second, theta, theta))
+        return moved
+
     def stiffness(self, forces: Array, shapes: Array) -> Array:
         """Return the geometric stiffness of shapes by forces on the arms' ends.
 
