@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 import xarray
 
+from fmd.core.cache import Cache
 from fmd.stages.pipeline import RUN_STAGES
 
 pytestmark = [
@@ -288,6 +289,30 @@ def test_a_disk_too_full_for_the_cache_alone_costs_only_time(runs: Runs, whole: 
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False, timeout=300)
     assert done.returncode == 0, done.stderr
     assert read(out) == whole
+
+
+def test_a_cache_of_another_version_costs_only_time(runs: Runs, whole: dict[str, Any]) -> None:
+    """Undamaged entries under the right names that hold something else, as classes that have changed since do."""
+    cache = runs.new_folder()
+    assert runs.run(cache, runs.new_folder()) == 0
+    entries = [path for path in cache.rglob("*-*") if path.is_file() and not path.name.startswith(".")]
+    assert len(entries) > 3
+    for k, entry in enumerate(entries):
+        value = [{"Modes": [1.0, 2.0]}, np.zeros((2, 3)), "a text", 7][k % 4]
+        Cache(entry.parent).save(entry.name, "a text" if entry.name.startswith(("stress-", "inertia-")) else value)
+    assert_sound(runs, cache, runs.new_folder(), whole)
+
+
+def test_a_read_only_place_for_results_is_one_message(runs: Runs) -> None:
+    if os.geteuid() or subprocess.run(["unshare", "-m", "true"], check=False).returncode:
+        pytest.skip("needs a file system of its own")
+    out = runs.new_folder()
+    script = f'mount -t tmpfs -o ro tmpfs {out} && exec "$0" "$@"'
+    command = ["unshare", "-m", "sh", "-c", script, *FMD, *runs.command, "--out", str(out / "results")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"fmd: --out = '{out}/results': can't be written")
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("place", ["a file", "read-only"])
