@@ -12,7 +12,7 @@ from fmd.accuracy.error_estimates import Quantity
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.recovery.envelope import stress_envelope
-from fmd.recovery.stress import StressHistory, modal_stress, stress_measure
+from fmd.recovery.stress import StressHistory, modal_stress, smooth_stress, stress_measure
 from fmd.scene import histories
 from fmd.scene.outputs import Chart
 from fmd.scene.stress_outputs import Envelope
@@ -52,8 +52,9 @@ class StressPlace:
 
     def modal_on(self, other: FlexiblePart) -> Array:
         """Return the stress of each modal coordinate at the same place of a part of other shapes, (6, n) [Pa]."""
-        stress = other.smooth_stress_at if self.at_node else other.stress_at
-        return np.asarray(stress(self.point[None])[0])
+        if self.at_node:
+            return np.asarray(smooth_stress(other.space, other.material, other.body.shapes, self.point[None])[0])
+        return np.asarray(other.stress_at(self.point[None])[0])
 
 
 def stress_at_elements(run: Pipeline, names: Sequence[str]) -> dict[str, StressPlace]:

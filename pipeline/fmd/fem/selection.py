@@ -147,6 +147,13 @@ def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array
     return elements, X
 
 
+def interpolate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array]:
+    """Return the nodes of the element at each of some points (n, 3) [m], and their shape functions there."""
+    elements, X = locate_points(space, points)
+    weights = [shape_functions(space.kind.element, x[:, None])[0][:, 0] for x in X]
+    return space.element_nodes[elements], np.stack(weights)
+
+
 def _keys(corners: IntArray) -> IntArray:
     """Return three corners of each facet, ascending: of a quadrilateral the lowest three."""
     triangle = corners[:, 2] == corners[:, 3]

@@ -103,15 +103,10 @@ def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, po
 
 def smooth_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
     """Stress of each shape at points (n, 3) [m] between the averages at nodes, shape (n, 6, n_shapes) [Pa per unit]."""
-    from fmd.fem.elements import shape_functions
-    from fmd.fem.selection import locate_points
+    from fmd.fem.selection import interpolate_points
 
-    found = []
-    for element, x in zip(*locate_points(space, points), strict=True):
-        weights = shape_functions(space.kind.element, x[:, None])[0][:, 0]
-        nodes = space.element_nodes[element]
-        found.append(np.tensordot(weights, modal_stress(space, material, shapes, nodes), 1))
-    return np.stack(found)
+    each = zip(*interpolate_points(space, points), strict=True)
+    return np.stack([np.tensordot(weights, modal_stress(space, material, shapes, nodes), 1) for nodes, weights in each])
 
 
 def von_mises(stress: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -46,6 +46,13 @@ class MarkerShapes:
         moved, turned = (parts[:, kept] if parts.size else parts for parts in (self.translation, self.rotation))
         forms = self.displacement2
         return MarkerShapes(self.position, moved, turned, forms[:, kept[:, None], kept] if forms.size else forms)
+
+
+class SecondOrder(NamedTuple):
+    """Inertia and markers of a stiffened body."""
+
+    integrals: InertiaIntegrals
+    markers: Mapping[str, MarkerShapes]
 
 
 @dataclass(frozen=True)

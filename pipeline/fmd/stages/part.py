@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,9 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.fem.surface import SurfaceTopology, surface_elements, surface_topology
 from fmd.recovery.deformation import DeformationShapes, deformation_shapes, node_deformation_shapes
-from fmd.recovery.stress import element_stress, modal_stress, point_stress, smooth_stress
-from fmd.reduction.body import MarkerShapes
-from fmd.reduction.inertia import InertiaIntegrals, add_normal_blocks, normal_blocks
+from fmd.recovery.stress import element_stress, modal_stress, point_stress
+from fmd.reduction.body import SecondOrder
+from fmd.reduction.inertia import add_normal_blocks, normal_blocks
 from fmd.scene.any_body import Flexible
 from fmd.scene.bar import Bar
 from fmd.scene.imported_bodies import MatrixPart, ReducedPart
@@ -69,13 +69,6 @@ _DEFORMATION = ("fmd/fem", "fmd/recovery/deformation.py")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
-
-
-class SecondOrder(NamedTuple):
-    """Inertia and markers of a stiffened body."""
-
-    integrals: InertiaIntegrals
-    markers: Mapping[str, MarkerShapes]
 
 
 def _has_mesh(part: FlexiblePart) -> bool:
@@ -414,10 +407,6 @@ class FlexiblePart:
     def stress_at(self, points: Array) -> Array:
         """Return the stress of each modal coordinate at points (n, 3) [m] of the mesh, shape (n, 6, n_modes) [Pa]."""
         return point_stress(self.space, self.material, self.body.shapes, points)
-
-    def smooth_stress_at(self, points: Array) -> Array:
-        """Return the stress of each coordinate at points (n, 3) [m], averaged as at nodes, (n, 6, n_modes) [Pa]."""
-        return smooth_stress(self.space, self.material, self.body.shapes, points)
 
     @cached_property
     def surface_elements(self) -> IntArray:
