@@ -13,6 +13,8 @@ from fmd.sweep.study import run_sweep
 from fmd.sweep.table import SweepTable, write_tables
 from fmd.sweep.work import compute_point
 
+pytestmark = pytest.mark.slow
+
 PENDULUM = """
 title = "pendulum"
 [body.rod]

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from fmd.accuracy.corner_stress import CornerStress
 from fmd.accuracy.details import detail_quantities
-from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_PART, SOURCES, Row
+from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_LIMIT, NO_PART, SOURCES, Row
 from fmd.accuracy.model_errors import ModelError, summarise_causes
 from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
-from fmd.accuracy.requested_stress import request_key
+from fmd.accuracy.requested_stress import LARGEST_STRESS, request_key
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
 from fmd.stages.division import part_of
@@ -37,6 +38,8 @@ class Budget:
         Estimates that the time limit left out, with the reason.
     seconds : float
         Time that the estimates took [s].
+    corners : tuple of CornerStress
+        Largest stresses that have no limit.
     integration : float, optional
         Stated error of the coordinates by time integration, by the measure of ``auto``; none without an estimate.
     """
@@ -48,6 +51,7 @@ class Budget:
     left_out: tuple[str, ...] = ()
     seconds: float = 0.0
     integration: float | None = None
+    corners: tuple[CornerStress, ...] = ()
 
     @property
     def worst(self) -> Row:
@@ -115,6 +119,11 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
     limit = TimeLimit(seconds)
     estimates = Estimates(run, limit)
     by_source = estimates.by_source()
+    limitless = {
+        f"{corner.body}, {what}": f"not estimated: {corner.text}"
+        for corner in estimates.corners
+        for what in LARGEST_STRESS
+    }
     rows: list[Row] = []
     details: list[Row] = []
     for name, quantity in estimates.quantities.items():
@@ -123,6 +132,8 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
             parts[MORE_OF_MODEL] = estimates.model.missing[name]
         if estimates.mesh_left_out and quantity.kind != "geometry":
             parts[MORE_OF_MESH] = estimates.mesh_left_out
+        if name in limitless:
+            parts[NO_LIMIT] = limitless[name]
         over_time = not (quantity.largest or name in estimates.of_mesh)
         correction = estimates.corrections.get(name, 0.0)
         kind = details if name in estimates.details else rows
@@ -135,6 +146,7 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
         left_out=left_out,
         seconds=limit.spent,
         integration=estimates.of_integration,
+        corners=tuple(estimates.corners),
     )
 
 

@@ -22,6 +22,8 @@ MORE_OF_MODEL = "model, left out"
 """Part of a row for causes of the model's error that were not estimated: what is stated is a lower bound then."""
 MORE_OF_MESH = "discretisation, left out"
 """The same for the mesh's error, where another mesh that gives a part of it was left out."""
+NO_LIMIT = "no limit"
+"""The same for stress that grows with each finer mesh."""
 NUMERICAL = ("discretisation", "truncation", "time", "recovery")  # sources that finer computations lower
 SOURCES = (*NUMERICAL, "model")
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.comparison import Comparison, change_fineness
+from fmd.accuracy.corner_stress import CornerStress, find_corner_stress
 from fmd.accuracy.error_estimates import NO_PART, shifted_frequencies, soften_body
 from fmd.accuracy.model_errors import ModelErrors
 from fmd.accuracy.quantities import Quantities, mesh_quantities
@@ -65,6 +66,8 @@ class Estimates(Comparison):
         Stated error of the coordinates by time integration, by the measure of ``auto``.
     model : ModelErrors
         Errors of what the model leaves out.
+    corners : list of CornerStress
+        Largest stresses that have no limit.
     mesh_left_out : str
         Why another mesh that gives a part of the mesh's error was left out; empty if none was.
     """
@@ -75,6 +78,7 @@ class Estimates(Comparison):
         self.of_integration: float | None = None
         self.mesh_left_out = ""
         self.model = ModelErrors(self)
+        self.corners: list[CornerStress] = []
         self._excess: dict[str, Array] = {}  # of each body's stiffness
         self._shifts: dict[str, float] = {}  # changes of the motion by shifted frequencies
         self._across: Pair | None = None  # the run and its scene with more elements from side to side
@@ -89,6 +93,7 @@ class Estimates(Comparison):
         if self.run.parts:
             found["recovery"] = self._recovery()
             self.pair, self._across = self._coarse_pair(), self._pair_across()
+            self._within_limit("stress at re-entrant edges", self._corner_stress)
         found["time"] = self._within_limit("time", self._time)
         if not self.run.parts:
             return found
@@ -112,6 +117,13 @@ class Estimates(Comparison):
             why = f"not estimated: {fault}"
         self.left_out.append(f"{source}: {why}")
         return dict.fromkeys(self.of_motion, why)
+
+    def _corner_stress(self) -> dict[str, float | str]:
+        """Find the bodies whose largest stress has no limit, by a third mesh."""
+        if isinstance(self.pair, Pair):
+            self.require_modes(COARSE_SHARE)
+            self.corners = find_corner_stress(self.pair)
+        return {}
 
     def _time(self) -> dict[str, float | str]:
         """Estimate the error of time integration by another step or a finer tolerance."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, short_repr
+from fmd.core.limits.mesh import REENTRANT_ANGLE
 
 if TYPE_CHECKING:
     from fmd.fem.space import Discretisation
@@ -69,6 +70,32 @@ def surface_normals(x: Array, surface: SurfaceTopology) -> Array:
         np.add.at(normals, surface.triangles[:, k], across)
     sizes = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.where(sizes > 0.0, normals / np.where(sizes > 0.0, sizes, 1.0), [0.0, 0.0, 1.0])
+
+
+def reentrant_angles(x: Array, surface: SurfaceTopology) -> Array:
+    """Return the largest angle of material at a re-entrant edge through each of a surface's nodes [rad], (n_surface,).
+
+    It is 0 where there is no such edge: those less sharp than `REENTRANT_ANGLE` are those of curved faces.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_nodes, 3)
+        Positions of all nodes.
+    """
+    points, triangles = x[surface.nodes], surface.triangles
+    corners = points[triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = across / np.linalg.norm(across, axis=1, keepdims=True)
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    order = np.lexsort(sides.T)
+    same = np.flatnonzero((sides[order[1:]] == sides[order[:-1]]).all(axis=1))
+    one, other = order[same] // 3, order[same + 1] // 3
+    turned = np.arccos(np.clip(np.einsum("ei,ei->e", normals[one], normals[other]), -1.0, 1.0))
+    above = np.einsum("ei,ei->e", normals[one], corners[other].mean(axis=1) - corners[one].mean(axis=1)) > 0.0
+    sharp = above & (turned > np.deg2rad(REENTRANT_ANGLE))
+    angles = np.zeros(len(points))
+    np.maximum.at(angles, sides[order[same][sharp]].ravel(), np.repeat(np.pi + turned[sharp], 2))
+    return angles
 
 
 def surface_facets(space: Discretisation) -> IntArray:

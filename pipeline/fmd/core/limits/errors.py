@@ -13,6 +13,10 @@ COMPARED_TIMES = 2000  # at which reactions, places and accelerations are compar
 HOTTEST_FRAMES = 20  # of them around the largest stress
 HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
 
+# Re-entrant edges.
+EDGE_RINGS = 2  # of triangles about an edge, within which the largest stress is the edge's
+OF_WEDGE = 0.5  # of a wedge's exponent: stress that grows by more with smaller elements is taken to have no limit
+
 # Large deflection.
 TOO_LARGE = 0.01  # relative error from which on a run warns of large deflection
 # Pieces of a part over the root of the error that they are to divide: a chain of n bodies leaves about 1/n² of it.

@@ -19,6 +19,7 @@ OFF_FACE = 1e-12  # integrals over a face of the shape functions of nodes off it
 FACE_IN_PLANE = 1e-5  # distance of a face's nodes from a plane, of the body's extent
 NODES_ON_EDGE = 1e-6  # distance of nodes from an edge, of the body's extent
 SHARP_ANGLE = 40.0  # between the normals of two facets, from which on their edge ends a face [degrees]
+REENTRANT_ANGLE = 50.0  # the same, from which on a re-entrant edge is no fillet, of two elements or more [degrees]
 NEAREST_ELEMENTS = 24  # elements to search for a point
 
 # Partition into pieces.
