@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from fmd import load
-from fmd.stages.poses import find_clips, run_at_poses
+from fmd.stages.poses import find_clips, run_at_poses, undeformed_start
 
 
 def clips_of(scene, *overrides):
     run = load(scene, *overrides).run
-    return run, {clip.name: clip for clip in find_clips(run, 0.5)}
+    return run, {clip.name: clip for clip in find_clips(run, undeformed_start(run), 0.5)}
 
 
 def test_a_hinge_makes_a_whole_turn_and_carries_what_is_on_it():

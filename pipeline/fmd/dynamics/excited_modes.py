@@ -56,7 +56,7 @@ def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited |
     kept = []
     for b, link in enumerate(mechanism.links):
         forces, couplings = _acting(mechanism, b)
-        start = q0[mechanism.modes_of(b) + mechanism.n_positions - mechanism.n]
+        start = q0[mechanism.modal_positions_of(b)]
         kept.append(np.flatnonzero(reached(link.omega, [*forces, start], couplings, tolerance)))
     left_out = {link.name: _others(k, len(link.omega)) for link, k in zip(mechanism.links, kept, strict=True)}
     if not any(left_out.values()):
@@ -168,9 +168,8 @@ def _numbers(mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray]) ->
         at, first = part.layout.rate[b], part.layout.position[b]
         rates[at : at + link.n_rates] = mechanism.layout.rate[b] + np.arange(link.n_rates)
         positions[first : first + link.n_positions] = mechanism.layout.position[b] + np.arange(link.n_positions)
-        modes, whole = part.modes_of(b), mechanism.modes_of(b)[kept[b]]
-        rates[modes] = whole
-        positions[modes + part.n_positions - part.n] = whole + mechanism.n_positions - mechanism.n
+        rates[part.modes_of(b)] = mechanism.modes_of(b)[kept[b]]
+        positions[part.modal_positions_of(b)] = mechanism.modal_positions_of(b)[kept[b]]
     return positions, rates
 
 

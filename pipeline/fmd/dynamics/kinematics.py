@@ -63,8 +63,7 @@ class Kinematics:
 
     def modal_coordinates(self, body: int) -> Array:
         """Modal coordinates of a body by its number [kg^1/2 m], shape (n_times, n_modes)."""
-        modes = self.mechanism.modes_of(body)
-        return np.asarray(self.q[:, modes + self.mechanism.n_positions - self.mechanism.n])
+        return np.asarray(self.q[:, self.mechanism.modal_positions_of(body)])
 
     def modal_rates(self, body: int) -> Array:
         """Rates of a body's modal coordinates [kg^1/2 m/s], shape (n_times, n_modes)."""

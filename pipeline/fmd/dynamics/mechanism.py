@@ -190,8 +190,7 @@ class Mechanism:
             joint = 0 if self.closures and link.state is None else k
             rates[at : at + link.n_rates], positions[first : first + link.n_positions] = 3 * joint, 3 * joint
             rates[at : at + moves], positions[first : first + moves] = 3 * joint + 1, 3 * joint + 1
-            modes = self.modes_of(k)
-            rates[modes], positions[modes + self.n_positions - self.n] = 3 * k + 2, 3 * k + 2
+            rates[self.modes_of(k)], positions[self.modal_positions_of(k)] = 3 * k + 2, 3 * k + 2
         return positions, rates
 
     @property
@@ -233,6 +232,15 @@ class Mechanism:
         """Rates of a body's modal coordinates, lowest mode first."""
         return np.asarray(self.layout.mode[body, : len(self.links[body].omega)])
 
+    @property
+    def position_shift(self) -> int:
+        """How much later modal coordinates stand among the positions than their rates do among the rates."""
+        return self.n_positions - self.n
+
+    def modal_positions_of(self, body: int) -> IntArray:
+        """Positions of a body's modal coordinates, lowest mode first."""
+        return self.modes_of(body) + self.position_shift
+
     @cached_property
     def position_of_rates(self) -> IntArray:
         """Position that each rate moves, shape (n,); -1 for a rotation in space."""
@@ -240,8 +248,7 @@ class Mechanism:
         for k, link in enumerate(self.links):
             rate, first, scalars = int(self.layout.rate[k]), int(self.layout.position[k]), link.n_scalars
             position[rate : rate + scalars] = np.arange(first, first + scalars)
-            modes = self.modes_of(k)
-            position[modes] = modes + self.n_positions - self.n
+            position[self.modes_of(k)] = self.modal_positions_of(k)
         return position
 
     @property

@@ -112,7 +112,7 @@ def _find_turns(plan: Plan, signs: Mapping[str, Array]) -> dict[str, Array]:
     for number, link in enumerate(mechanism.links):
         if link.name in signs:
             rates[mechanism.modes_of(number)] = signs[link.name]
-    joints = mechanism.n_positions - mechanism.n
+    joints = mechanism.position_shift
     positions = np.r_[np.ones(joints), rates]  # modes come last, and joints have no sign
     part = plan.excited
     if part is not None and plan.excited_system is not None:

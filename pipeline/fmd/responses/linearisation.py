@@ -129,9 +129,8 @@ class Linearisation:
         for k, link in enumerate(self.mechanism.links):
             q[own.position[k] : own.position[k] + link.n_positions] = other.position[k] + np.arange(link.n_positions)
             v[own.rate[k] : own.rate[k] + link.n_rates] = other.rate[k] + np.arange(link.n_rates)
-            mine, theirs = self.mechanism.modes_of(k), self._released.modes_of(k)
-            v[mine] = theirs
-            q[mine + own.n_positions - own.n] = theirs + other.n_positions - other.n
+            v[self.mechanism.modes_of(k)] = self._released.modes_of(k)
+            q[self.mechanism.modal_positions_of(k)] = self._released.modal_positions_of(k)
         return q, v
 
     def _released_state(self, state: OperatingPoint, motions: Motions | None) -> tuple[Array, Array, Array]:

@@ -22,8 +22,7 @@ def position_map(mechanism: Mechanism, q: Array) -> Array:
             turn = slice(first + scalars, first + scalars + 3)
             out[at + scalars : at + scalars + 3, turn] = 0.5 * (e[3] * np.eye(3) + _skew(e[:3]))
             out[at + scalars + 3, turn] = -0.5 * e[:3]
-        modes = mechanism.modes_of(k)
-        out[modes + mechanism.n_positions - mechanism.n, modes] = 1.0
+        out[mechanism.modal_positions_of(k), mechanism.modes_of(k)] = 1.0
     return out
 
 

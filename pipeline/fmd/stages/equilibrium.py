@@ -289,7 +289,7 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
         return np.asarray(-np.linalg.lstsq(slopes, left, rcond=limits.LOOPS_DEPENDENT)[0])
 
     def reached(state: State) -> float:
-        return largest(state[0][modes + mechanism.n_positions - n])
+        return largest(state[0][modes + mechanism.position_shift])
 
     start = q, np.zeros(len(joints) + len(pull))
     found = solve(start, residual, correction, move, _TOLERANCE, size=lambda change: largest(change[:k]), scale=reached)

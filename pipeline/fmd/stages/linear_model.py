@@ -184,7 +184,7 @@ def _find_warnings(
     omega = np.concatenate([link.omega for link in mechanism.links])
     joints = np.setdiff1d(np.arange(mechanism.n), modes)
     allowed = STILL * (1.0 + float((state.v**2).max(initial=0.0)))
-    deflections = state.q[modes + mechanism.n_positions - mechanism.n]
+    deflections = state.q[modes + mechanism.position_shift]
     shift = np.abs(a[modes]) / omega**2
     moves = np.abs(a[joints]).max(initial=0.0) > allowed
     if moves or shift.max(initial=0.0) > SETTLED_STATE * max(np.abs(deflections).max(initial=0.0), 1e-8):

@@ -51,16 +51,18 @@ def undeformed_start(run: Pipeline) -> Array:
     """Return the positions at the start with every body as it was meshed, shape (n_positions,)."""
     mechanism, q0 = run.mechanism, run.start[0].copy()
     for k in range(len(mechanism.links)):
-        q0[mechanism.modes_of(k) + mechanism.n_positions - mechanism.n] = 0.0
+        q0[mechanism.modal_positions_of(k)] = 0.0
     closed = close_pose(run.system, 0.0, q0)
     return run.start[0] if closed is None else closed
 
 
-def find_clips(run: Pipeline, reach: float) -> tuple[Clip, ...]:
+def find_clips(run: Pipeline, q0: Array, reach: float) -> tuple[Clip, ...]:
     """Find the poses along each coordinate that a hand could move, as far as loops stay closed.
 
     Parameters
     ----------
+    q0 : ndarray, shape (n_positions,)
+        Positions at the start, as `undeformed_start` gives them.
     reach : float
         How far slides without stops move to both sides [m]; hinges without stops make a whole turn.
 
@@ -69,7 +71,7 @@ def find_clips(run: Pipeline, reach: float) -> tuple[Clip, ...]:
     tuple of Clip
         The prescribed motions' if there are any, and one for each joint with a single free coordinate.
     """
-    poses, found = _Poses(run, reach), []
+    poses, found = _Poses(run, q0, reach), []
     if any(link.motion is not None for link in run.mechanism.links):
         found.append(poses.over_time())
     for number, link in enumerate(run.mechanism.links):
@@ -81,9 +83,8 @@ def find_clips(run: Pipeline, reach: float) -> tuple[Clip, ...]:
 class _Poses:
     """Poses of a run's mechanism, each found from the one before."""
 
-    def __init__(self, run: Pipeline, reach: float) -> None:
-        self.run, self.reach = run, reach
-        self.q0 = undeformed_start(run)
+    def __init__(self, run: Pipeline, q0: Array, reach: float) -> None:
+        self.run, self.q0, self.reach = run, q0, reach
 
     def over_time(self) -> Clip:
         """Find the poses over the prescribed motions."""
@@ -129,7 +130,7 @@ class _Poses:
         """Return the largest displacement by deformation [m]."""
         mechanism, largest = self.run.mechanism, 0.0
         for k, link in enumerate(mechanism.links):
-            modal = q[mechanism.modes_of(k) + mechanism.n_positions - mechanism.n]
+            modal = q[mechanism.modal_positions_of(k)]
             if modal.any():
                 largest = max(largest, float(np.abs(self.run.bodies[link.name].shapes @ modal).max()))
         return largest

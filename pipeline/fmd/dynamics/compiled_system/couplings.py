@@ -59,7 +59,7 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
         return Couplings(True, None, True, True, True, np.arange(3 * len(compiled.signals)))
     n_slow, states = compiled.mechanism.n_slow, _states(compiled)
     masses = [compiled.mass_matrix(inputs, q) for inputs, q, _, _ in states]
-    shift, fast = compiled.mechanism.n_positions - compiled.mechanism.n, slice(n_slow, None)
+    shift, fast = compiled.mechanism.position_shift, slice(n_slow, None)
     diagonals = [M.diagonal()[fast] for M in masses]
     constant = all(np.allclose(diagonal, diagonals[0], rtol=1e-12, atol=0.0) for diagonal in diagonals)
     single = not any(_exceed(M[fast, fast], SOLVED * _scale(M[fast, fast])) for M in masses)
@@ -100,8 +100,7 @@ def _states(compiled: CompiledMechanism) -> list[tuple[Array, Array, Array, Arra
     for _ in range(COUPLED_STATES):
         q = random.uniform(-1.0, 1.0, mechanism.n_positions)
         for number, link in enumerate(mechanism.links):
-            modes = mechanism.modes_of(number) + mechanism.n_positions - mechanism.n
-            q[modes] *= COUPLED_DEFLECTION
+            q[mechanism.modal_positions_of(number)] *= COUPLED_DEFLECTION
             if link.n_positions > link.n_rates:
                 last = mechanism.layout.position[number] + link.n_positions
                 q[last - 4 : last] /= np.linalg.norm(q[last - 4 : last])

@@ -37,9 +37,9 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
     mechanism = system.mechanism
     if not _stiffened(mechanism):
         return
-    modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     undeformed = q.copy()
-    undeformed[modes + mechanism.n_positions - mechanism.n] = 0.0
+    for k in range(len(mechanism.links)):
+        undeformed[mechanism.modal_positions_of(k)] = 0.0
     M, M0 = system.mass_matrix(q), system.mass_matrix(undeformed)
     try:
         half = np.linalg.inv(np.linalg.cholesky(M0))
@@ -69,7 +69,7 @@ def require_positive_over(system: ReferenceState, times: Array, q: Array) -> Non
     stiffened = _stiffened(mechanism)
     if not stiffened:
         return
-    modes = np.concatenate([mechanism.modes_of(k) for k in stiffened]) + mechanism.n_positions - mechanism.n
+    modes = np.concatenate([mechanism.modal_positions_of(k) for k in stiffened])
     omega = np.concatenate([mechanism.links[k].omega for k in stiffened])
     energies = ((q[:, modes] * omega) ** 2).sum(axis=1)
     for k in np.argsort(energies)[-LOOKED_AT:]:

@@ -26,7 +26,7 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
     mechanism, compiled = system.mechanism, system.compiled
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     joints = np.setdiff1d(np.arange(mechanism.n), modes)
-    at, inputs = modes + mechanism.n_positions - mechanism.n, compiled.signal_values(t)
+    at, inputs = modes + mechanism.position_shift, compiled.signal_values(t)
     State = tuple[Array, Array]  # positions, and accelerations, which are 0 in the modes
 
     # The forces that are left where the modes don't accelerate are smoother than accelerations: massless

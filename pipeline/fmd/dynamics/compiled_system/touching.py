@@ -52,7 +52,7 @@ class TouchingSystem(CompiledSystem):
         plain = CompiledSystem(self.mechanism).parameters
         mechanism, n_links = self.mechanism, len(self.mechanism.links)
         links = [mechanism.number_of(body.body) for body in mechanism.contacts]
-        modes, shift = [mechanism.modes_of(k) for k in links], mechanism.n_positions - mechanism.n
+        modes, shift = [mechanism.modes_of(k) for k in links], mechanism.position_shift
         return TouchingParameters(
             **{own.name: getattr(plain, own.name) for own in fields(TreeParameters)},
             pushed=self.compiled.address("pushed"),

@@ -54,8 +54,7 @@ class Coordinates:
 
     def modal_positions(self, body: int) -> Vector:
         """Modal coordinates of a body."""
-        shift = self.mechanism.n_positions - self.mechanism.n
-        return self.graph.vector_input("q", self.mechanism.modes_of(body) + shift)
+        return self.graph.vector_input("q", self.mechanism.modal_positions_of(body))
 
     def joint_rates(self, body: int) -> list[Scalar]:
         """Rates of the joint that carries a body."""

@@ -29,7 +29,7 @@ def trace_drift(
     each of these its unit is a row of the argument ``late``.
     """
     graph, mechanism = inputs.graph, inputs.mechanism
-    first = mechanism.n_slow + mechanism.n_positions - mechanism.n
+    first = mechanism.n_slow + mechanism.position_shift
     seeds = _slow_directions(graph, "q", moved, first) | _slow_directions(graph, "v", "a", mechanism.n_slow)
     own = {place: graph.scalar_input("v", place).node for place in late}
     seeds |= {node: graph.number(0.0) for node in own.values()}
@@ -51,8 +51,7 @@ def trace_single(
 ) -> list[Output]:
     """Trace what `trace_drift` does, and the fast rows' change with all fast positions, and with all fast rates."""
     mechanism = inputs.mechanism
-    shift = mechanism.n_positions - mechanism.n
-    positions = _fast_units(inputs.graph, "q", mechanism.n_slow + shift)
+    positions = _fast_units(inputs.graph, "q", mechanism.n_slow + mechanism.position_shift)
     rates = _fast_units(inputs.graph, "v", mechanism.n_slow)
     return [
         *trace_drift(inputs, residual, moved, late),
@@ -69,7 +68,7 @@ def trace_fast_step(inputs: Coordinates, damped: bool) -> list[Output]:
     graph, mechanism = inputs.graph, inputs.mechanism
     n_fast, n_slow = mechanism.n - mechanism.n_slow, mechanism.n_slow
     rates = np.arange(n_slow, mechanism.n)
-    positions = rates + mechanism.n_positions - mechanism.n
+    positions = rates + mechanism.position_shift
     tau, h = (graph.scalar_input("clock", k) for k in range(2))
     q, v, a = (graph.vector_input(*at) for at in (("q", positions), ("v", rates), ("a", rates)))
     constant, slope, load = (graph.vector_input(name, rates) for name in ("constant", "slope", "load"))

@@ -43,7 +43,7 @@ class Names:
         """Positions, then rates."""
         mechanism = self._mechanism
         positions, rates = [Entry("", "", "")] * mechanism.n_positions, [Entry("", "", "")] * mechanism.n
-        shift = mechanism.n_positions - mechanism.n
+        shift = mechanism.position_shift
         for body, link in enumerate(mechanism.links):
             joint, first, at = (
                 self._joints[body],

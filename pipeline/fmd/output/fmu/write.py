@@ -135,13 +135,12 @@ def _element_stresses(run: Pipeline) -> tuple[ElementStress, ...]:
 def _nominal_sizes(mechanism: Mechanism, q0: Array, v0: Array) -> Array:
     """Return the size of each state that a solver may scale errors by; modes by what moves a body by a micrometre."""
     positions, rates = np.ones(mechanism.n_positions), np.ones(mechanism.n)
-    shift = mechanism.n_positions - mechanism.n
     for body, link in enumerate(mechanism.links):
         if not len(link.omega):
             continue
         size = 1e-6 * np.sqrt(link.integrals.mass)
-        modes = mechanism.modes_of(body)
-        positions[modes + shift], rates[modes] = size, size * link.omega
+        positions[mechanism.modal_positions_of(body)] = size
+        rates[mechanism.modes_of(body)] = size * link.omega
     return np.concatenate([np.maximum(positions, 0.0), np.where(rates > 0.0, rates, 1.0)])
 
 

@@ -59,7 +59,7 @@ def collect_poses(run: Pipeline) -> dict[str, Any]:
     q0 = undeformed_start(run)
     still = run_at_poses(run, np.zeros(1), q0[None])
     extent = view_mechanism(still, np.zeros(1, dtype=np.int64), stressed=False).around()
-    clips = find_clips(run, float(np.linalg.norm(np.ptp(extent, axis=0))) / 2)
+    clips = find_clips(run, q0, float(np.linalg.norm(np.ptp(extent, axis=0))) / 2)
     times = np.concatenate([np.zeros(1), *(clip.times for clip in clips)])
     posed = run_at_poses(run, times, np.concatenate([q0[None], *(clip.q for clip in clips)]))
     frames = np.arange(len(times))
