@@ -102,22 +102,6 @@ def test_of_a_mass_on_a_spring_the_position_tells_but_the_ratio(tmp_path: Path) 
     assert fit.after.partners(0) == [1]
 
 
-def test_intervals_hold_the_truth_in_nineteen_of_twenty_cases(tmp_path: Path) -> None:
-    """Gauss–Newton's step from the truth for 1000 draws of noise; a fit's interval is that of its last step."""
-    true = package.load(OSCILLATOR)
-    sigmas = measure(true, ["slide.position"], tmp_path / "measured.csv", 0.05)
-    varied = read_varied(true.run, ["joint.slide.spring", "joint.slide.position"])
-    model = FitModel(read_experiments([(true.run, str(tmp_path / "measured.csv"))], sigmas), varied)
-    J = model.jacobian(np.zeros(2))
-    half = find_information(J).half_widths
-    noise = np.random.default_rng(1).standard_normal((len(J), 1000))
-    steps = np.linalg.lstsq(J, noise, rcond=None)[0]
-    inside = (np.abs(steps) < half[:, None]).mean(axis=1)
-    assert ((inside > 0.93) & (inside < 0.97)).all()
-    # The noise that is stated is that of the data: its residuals at the truth are of unit size.
-    assert np.std(model.residuals(np.zeros(2))) == pytest.approx(1.0, abs=0.25)
-
-
 def test_the_jacobian_is_that_of_the_closed_form(tmp_path: Path) -> None:
     true = package.load(OSCILLATOR)
     sigmas = measure(true, ["slide.position"], tmp_path / "measured.csv", 0.05)

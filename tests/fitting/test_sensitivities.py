@@ -294,7 +294,10 @@ def test_the_command_prints_rows_and_writes_table_chart_and_histories(
     assert header[3] == "d forearm.wrist.position.x / d ln joint.elbow.spring [m]"
     assert len(rows) == 101
     assert fmd("sensitivities", "arm", *given, *settings) == 0
-    assert "of histories: ratios of root mean squares" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "of histories: ratios of root mean squares" in text
+    assert "by tangents of the motion: joint.elbow.spring" in text
+    assert "by differences of motions: body.gripper.mass" in text
     assert fmd("sensitivities", "arm", "--of", "tip,", "--to", "joint.elbow.spring") == 2
     assert "has an empty name" in capsys.readouterr().err
 

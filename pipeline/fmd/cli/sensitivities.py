@@ -107,6 +107,11 @@ def _print(found: Sequence[Sensitivity], rows: Sequence[dict[str, Any]]) -> None
     console = open_console()
     if any(row["history"] for row in rows):
         console.print("of histories: ratios of root mean squares over time, without signs")
+    moving = [(each.parameter.key, each.by_tangents) for each in found if each.channel.moves]
+    for way, chosen in (("tangents of the motion", True), ("differences of motions", False)):
+        keys = [*dict.fromkeys(key for key, by_tangents in moving if by_tangents == chosen)]
+        if keys:
+            console.print(f"by {way}: {', '.join(keys)}")
     for row in rows:
         if row["jumps"]:
             console.print(

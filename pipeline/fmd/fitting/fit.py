@@ -52,9 +52,20 @@ class Fit:
         return self.model.values(self.shares)
 
     @property
+    def half_widths(self) -> Array:
+        """Half-widths of their 95 % intervals as the fit counts them, shape (n,).
+
+        Where the noise of all channels is estimated from them, the residuals tell it, too, and better: where they are
+        larger than it, the intervals are wider in proportion.
+        """
+        if self.n_free < 1 or any(channel.given for channel in self.model.channels):
+            return self.after.half_widths
+        return self.after.half_widths * max(1.0, float(np.sqrt(self.chi2 / self.n_free)))
+
+    @property
     def intervals(self) -> list[tuple[float, float]]:
         """Their 95 % intervals [SI]."""
-        half = self.after.half_widths
+        half = self.half_widths
         ends = zip(self.model.values(self.shares - half), self.model.values(self.shares + half), strict=True)
         return [(min(pair), max(pair)) for pair in ends]
 
@@ -147,7 +158,7 @@ class Fit:
                 self.values,
                 self.intervals,
                 self.at_bounds,
-                self.after.half_widths,
+                self.half_widths,
                 self.before.half_widths,
                 strict=True,
             )
