@@ -38,7 +38,7 @@ def write_cad_scene(cad: Path, target: Path) -> str:
     length = max(extents)
     weight = part.volume * STEEL * 9.81
     pulse = _round(length / SPEED)
-    name = _make_name(cad.stem) or "part"
+    name = make_name(cad.stem) or "part"
     thin = min(range(3), key=lambda a: extents[a])
     unitless = " (BREP has no unit: metres)" if cad.suffix.lower() == ".brep" else ""
     values = {
@@ -70,7 +70,7 @@ def _name_markers(part: PartOutline) -> dict[str, FaceOutline]:
         named = sorted(part.faces, key=lambda face: -face.area)[:MOST_MARKERS]
     markers: dict[str, FaceOutline] = {}
     for face in named[:MOST_MARKERS]:
-        name = base = _make_name(face.name) or "face"
+        name = base = make_name(face.name) or "face"
         number = 2
         while name in markers:
             name, number = f"{base[: LONGEST_NAME - 4]}-{number}", number + 1
@@ -124,7 +124,7 @@ def _write_millimetres(length: float) -> str:
     return f"{size:.0f}" if abs(size) >= 1e3 else f"{round(float(f'{size:.4g}'), 3) + 0.0:g}"
 
 
-def _make_name(text: str) -> str:
+def make_name(text: str) -> str:
     """Return a text as a name of a scene: a letter, then letters, digits, ``_`` and ``-``; empty if nothing is left."""
     name = re.sub(r"[^A-Za-z0-9_]+", "-", text).strip("-_")
     name = re.sub(r"^[^A-Za-z]+", "", name)[:LONGEST_NAME]

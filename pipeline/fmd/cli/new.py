@@ -15,7 +15,12 @@ from fmd.scene.reading import suggest_name
 from fmd.scene.toml_files import list_ready_scenes, read_tables
 
 
-def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = None) -> None:
+def new(
+    path: Path,
+    *,
+    from_: Annotated[str | None, Parameter(name="--from")] = None,
+    flexible: tuple[str, ...] = (),
+) -> None:
     """Write a commented scene to start from; a file that exists is left alone.
 
     Parameters
@@ -23,27 +28,41 @@ def new(path: Path, *, from_: Annotated[str | None, Parameter(name="--from")] = 
     path
         The file to write, e.g. part.toml.
     from_
-        Make it of this part, e.g. bracket.step, with its faces as markers; or copy this ready scene, e.g. beam.
+        Make it of this part, e.g. bracket.step, with its faces as markers, or of this robot, e.g. arm.urdf; or copy
+        this ready scene, e.g. beam.
+    flexible
+        Links of the robot that become flexible bars by their boxes; as often as needed.
     """
+    if flexible and not (from_ and from_.lower().endswith(".urdf")):
+        raise InputError("--flexible", "", flexible[0], "names a link of a robot: give one, --from arm.urdf")
     if from_ is None:
         _write_scene(path, (files("fmd.cli.templates") / "part.toml").read_text(encoding="utf-8"))
     elif from_ in list_ready_scenes():
         _copy_ready_scene(path, from_)
     else:
-        _write_scene(path, _make_scene(from_, path))
+        _write_scene(path, _make_scene(from_, path, flexible))
     open_console().print(f"{path} is written; fmd run {path} computes it", soft_wrap=True)
 
 
-def _make_scene(part: str, path: Path) -> str:
-    """Return the text of a scene for a part's file."""
+def _make_scene(part: str, path: Path, flexible: tuple[str, ...]) -> str:
+    """Return the text of a scene for the file of a part or a robot."""
     from fmd.cli.cad_scenes import write_cad_scene
     from fmd.stages.meshing.cad_files import cad_suffixes, is_cad_file
 
-    _require_free(path)  # before the CAD file is read
+    _require_free(path)  # before the file is read
+    if part.lower().endswith(".urdf"):
+        from fmd.cli.urdf_scenes import write_urdf_scene
+
+        text, notes = write_urdf_scene(Path(part), path, flexible)
+        for note in notes:
+            open_console().print(f"not in the scene: {note}", soft_wrap=True)
+        return text
     if is_cad_file(Path(part)):
         return write_cad_scene(Path(part), path)
     mend = suggest_name(part, list_ready_scenes(), "the ready scenes")
-    raise InputError("--from", "", part, f"is no CAD file ({' '.join(cad_suffixes())}) and no ready scene; {mend}")
+    raise InputError(
+        "--from", "", part, f"is no CAD file ({' '.join(cad_suffixes())}), no .urdf and no ready scene; {mend}"
+    )
 
 
 def _copy_ready_scene(path: Path, name: str) -> None:

@@ -1,0 +1,197 @@
+"""A robot as a URDF file describes it: links with inertia and shapes, joints, and what of it a scene can't hold.
+
+The file's conventions are those of its specification (wiki.ros.org/urdf/XML): SI units, a link's frame in the joint
+that carries it, rotations by roll, pitch and yaw about fixed axes, moments of inertia about the centre of mass.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+
+KNOWN = {"robot", "link", "joint", "material"}
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Place and axes in the frame of something else: position (3,) [m] and rotation (3, 3)."""
+
+    at: Array = field(default_factory=lambda: np.zeros(3))
+    axes: Array = field(default_factory=lambda: np.eye(3))
+
+    def then(self, other: Pose) -> Pose:
+        """Return a pose that is given in this one."""
+        return Pose(self.at + self.axes @ other.at, self.axes @ other.axes)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Shape of a link: ``box``, ``cylinder``, ``sphere`` or ``mesh``, with its sizes [m], or file and scale."""
+
+    kind: str
+    pose: Pose
+    size: tuple[float, ...] = ()
+    file: str = ""
+    scale: tuple[float, ...] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class RobotLink:
+    """A link: mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m²] in the link's axes, and shapes."""
+
+    name: str
+    mass: float
+    centre: Array
+    inertia: Array
+    visuals: tuple[Shape, ...]
+    collisions: tuple[Shape, ...]
+
+
+@dataclass(frozen=True)
+class RobotJoint:
+    """A joint: where it is on its parent, its axis there, and numbers of its table, by their keys."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    pose: Pose
+    axis: Array
+    limits: dict[str, float]
+    damping: float
+    friction: float
+    mimic: tuple[str, float, float] | None
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot: links and joints by name, the link that nothing carries, and what else the file holds."""
+
+    name: str
+    links: dict[str, RobotLink]
+    joints: dict[str, RobotJoint]
+    root: str
+    others: list[str]
+
+
+def read_robot(path: Path) -> Robot:
+    """Read a URDF file.
+
+    Raises
+    ------
+    InputError
+        It can't be read, is no URDF, or its joints are no tree of its links.
+    """
+    try:
+        top = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from None
+    except ElementTree.ParseError as error:
+        raise InputError(str(path), "", None, f"is no XML: {error}") from None
+    if top.tag != "robot":
+        raise InputError(str(path), top.tag, None, "is no URDF, whose first element is <robot>")
+    try:
+        links = {link.name: link for link in map(_read_link, top.findall("link"))}
+        joints = {joint.name: joint for joint in map(_read_joint, top.findall("joint"))}
+    except (KeyError, ValueError) as error:
+        raise InputError(str(path), "", None, f"has a link or joint that can't be read: {error}") from None
+    carried = [joint.child for joint in joints.values()]
+    for joint in joints.values():
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise InputError(str(path), f"joint {joint.name}", end, "is no link of the file")
+    roots = [name for name in links if name not in carried]
+    if len(roots) != 1 or len(set(carried)) != len(carried):
+        raise InputError(str(path), "joint", None, "a robot's joints have to carry every link but one, once each")
+    others = sorted({child.tag for child in top} - KNOWN)
+    return Robot(top.get("name", path.stem), links, joints, roots[0], others)
+
+
+def _numbers(text: str | None, default: str) -> Array:
+    values = [float(word) for word in (text or default).split()]
+    if len(values) != len(default.split()) or not all(map(math.isfinite, values)):
+        raise ValueError(f"{text!r} where {len(default.split())} numbers belong")
+    return np.array(values)
+
+
+def _read_pose(element: ElementTree.Element) -> Pose:
+    origin = element.find("origin")
+    if origin is None:
+        return Pose()
+    rpy = _numbers(origin.get("rpy"), "0 0 0")
+    return Pose(_numbers(origin.get("xyz"), "0 0 0"), Rotation.from_euler("xyz", rpy).as_matrix())
+
+
+def _read_link(element: ElementTree.Element) -> RobotLink:
+    mass, centre, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+    given = element.find("inertial")
+    if given is not None:
+        pose, at = _read_pose(given), given.find("inertia")
+        weight = given.find("mass")
+        mass = 0.0 if weight is None else float(weight.attrib["value"])
+        moments = (
+            {key: float(at.get(key, "0")) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
+            if at is not None
+            else {}
+        )
+        if moments:
+            own = np.diag([moments["ixx"], moments["iyy"], moments["izz"]])
+            own[0, 1] = own[1, 0] = moments["ixy"]
+            own[0, 2] = own[2, 0] = moments["ixz"]
+            own[1, 2] = own[2, 1] = moments["iyz"]
+            inertia = pose.axes @ own @ pose.axes.T
+        centre = pose.at
+    visuals, collisions = (tuple(map(_read_shape, element.findall(what))) for what in ("visual", "collision"))
+    return RobotLink(element.attrib["name"], mass, centre, inertia, visuals, collisions)
+
+
+def _read_shape(element: ElementTree.Element) -> Shape:
+    geometry = element.find("geometry")
+    given = None if geometry is None else next(iter(geometry), None)
+    if given is None:
+        raise ValueError("a shape without geometry")
+    pose = _read_pose(element)
+    if given.tag == "box":
+        return Shape("box", pose, tuple(_numbers(given.get("size"), "1 1 1")))
+    if given.tag == "cylinder":
+        return Shape("cylinder", pose, (float(given.attrib["radius"]), float(given.attrib["length"])))
+    if given.tag == "sphere":
+        return Shape("sphere", pose, (float(given.attrib["radius"]),))
+    scale = tuple(_numbers(given.get("scale"), "1 1 1"))
+    return Shape(given.tag, pose, file=given.get("filename", ""), scale=scale)
+
+
+def _read_end(joint: ElementTree.Element, end: str) -> str:
+    found = joint.find(end)
+    if found is None:
+        raise ValueError(f"joint {joint.get('name')} has no {end}")
+    return found.attrib["link"]
+
+
+def _read_joint(element: ElementTree.Element) -> RobotJoint:
+    parent, child = (_read_end(element, end) for end in ("parent", "child"))
+    axis, limit = element.find("axis"), element.find("limit")
+    dynamics, mimic = element.find("dynamics"), element.find("mimic")
+    follows = None
+    if mimic is not None:
+        follows = mimic.attrib["joint"], float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+    return RobotJoint(
+        element.attrib["name"],
+        element.attrib["type"],
+        parent,
+        child,
+        pose=_read_pose(element),
+        axis=_numbers(None if axis is None else axis.get("xyz"), "1 0 0"),
+        limits={} if limit is None else {key: float(value) for key, value in limit.attrib.items()},
+        damping=0.0 if dynamics is None else float(dynamics.get("damping", "0")),
+        friction=0.0 if dynamics is None else float(dynamics.get("friction", "0")),
+        mimic=follows,
+    )

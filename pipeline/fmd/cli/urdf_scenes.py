@@ -1,0 +1,327 @@
+"""Text of a scene for a robot from a URDF file, with what of the file it can't hold."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fmd.cli.cad_scenes import make_name
+from fmd.cli.urdf_robot import Pose, Robot, RobotJoint, RobotLink, Shape, read_robot
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.limits.scene import LIGHT_LINK, LIGHT_RADIUS, SKEW_INERTIA, STOP_ANGLE, STOP_LENGTH, STOP_LOADS
+
+_KINDS = {
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "fixed": "fixed",
+    "floating": "free",
+    "planar": "planar",
+}
+_ALUMINIUM = {"E": "70 GPa", "nu": 0.33}
+
+
+def write_urdf_scene(urdf: Path, target: Path, flexible: Sequence[str] = ()) -> tuple[str, list[str]]:
+    """Return the text of a scene for the robot in a URDF file, and what of the file isn't in it.
+
+    The link that nothing carries stands on the ground. Links without mass on fixed joints are markers of the link that
+    they are on. The frame of a body is its link's, turned to the principal axes of its inertia where the file gives
+    products of inertia.
+
+    Parameters
+    ----------
+    urdf : Path
+        The file.
+    target : Path
+        Where the scene will lie, which its files are relative to.
+    flexible : sequence of str
+        Links that become flexible bars, by the box of their collision or visual geometry.
+
+    Raises
+    ------
+    InputError
+        The file is no URDF, or a link that is to be flexible isn't there, or has no box.
+    """
+    writer = _Writer(read_robot(urdf), urdf, target, flexible)
+    return writer.text(), writer.notes
+
+
+class _Writer:
+    """Tables of a scene for a robot, gathered link by link."""
+
+    def __init__(self, robot: Robot, urdf: Path, target: Path, flexible: Sequence[str]) -> None:
+        self.robot, self.urdf, self.target = robot, urdf, target
+        self.notes: list[str] = []
+        for name in flexible:
+            if name not in robot.links or name == robot.root:
+                names = ", ".join(link for link in robot.links if link != robot.root)
+                raise InputError("--flexible", "", name, f"is no moving link of {urdf.name}; there are {names}")
+        self.flexible = set(flexible)
+        self.parents = {joint.child: joint for joint in robot.joints.values()}
+        self.frames = {name: self._frame(name) for name in robot.links if self._carrier(name) == name}
+        self.names = {name: make_name(name) or f"link-{k}" for k, name in enumerate(robot.links)}
+        self.markers: dict[str, dict[str, Pose]] = {name: {} for name in self.frames}
+
+    def _carrier(self, name: str) -> str:
+        """Return the link whose body has a link's frame: itself, or what a link without mass is fixed to."""
+        joint = self.parents.get(name)
+        if joint is not None and joint.kind == "fixed" and self.robot.links[name].mass == 0.0:
+            return self._carrier(joint.parent)
+        return name
+
+    def _within(self, name: str) -> Pose:
+        """Return a link's pose in the link that carries its frame."""
+        if self._carrier(name) == name:
+            return Pose()
+        joint = self.parents[name]
+        return self._within(joint.parent).then(joint.pose)
+
+    def _frame(self, name: str) -> Pose:
+        """Return the pose of a body's frame in its link's: a bar's, or turned to the principal axes of inertia."""
+        link = self.robot.links[name]
+        if name in self.flexible:
+            return _frame_of_bar(self._box_of(link))
+        skew = np.abs(link.inertia - np.diag(np.diag(link.inertia))).max(initial=0.0)
+        if skew <= SKEW_INERTIA * np.trace(link.inertia):
+            return Pose()
+        _, axes = np.linalg.eigh(link.inertia)
+        return Pose(axes=axes * np.sign(np.linalg.det(axes)))
+
+    def _box_of(self, link: RobotLink) -> Shape:
+        boxes = [shape for shape in (*link.collisions, *link.visuals) if shape.kind == "box"]
+        if not boxes:
+            kinds = ", ".join(sorted({shape.kind for shape in (*link.collisions, *link.visuals)})) or "none"
+            mend = f"has no box to make a flexible bar of (its shapes: {kinds}); its mesh can be a body's, by hand"
+            raise InputError("--flexible", "", link.name, mend)
+        return boxes[0]
+
+    def _in_body(self, link: str, pose: Pose) -> Pose:
+        """Return a pose of a link's frame in the frame of the body that has it."""
+        frame = self.frames[self._carrier(link)]
+        inside = self._within(link).then(pose)
+        return Pose(frame.axes.T @ (inside.at - frame.at), frame.axes.T @ inside.axes)
+
+    def text(self) -> str:
+        """Return the scene's text."""
+        robot, root = self.robot, self._carrier(self.robot.root)
+        if robot.links[root].mass:
+            self.notes.append(f"{root} stands on the ground: its mass of {robot.links[root].mass:g} kg has no effect")
+        self.notes += [f"<{tag}> isn't read" for tag in robot.others]
+        joints = [
+            self._joint(joint, root) for joint in robot.joints.values() if self._carrier(joint.child) == joint.child
+        ]
+        for name in robot.links:
+            if self._carrier(name) != name and self._carrier(name) != root:
+                self.markers[self._carrier(name)][self.names[name]] = self._in_body(name, Pose())
+        ground = [] if root not in self.markers else self._ground(root)
+        bodies = [self._body(robot.links[name]) for name in self.frames if name != root]
+        tip = self._tip(root)
+        notes = [f"# - {note}" for note in self.notes]
+        head = [
+            f"# The robot of {self.urdf.name}. It falls under its weight; docs/control.md has drives and controllers.",
+            *(["# What the file has and this scene hasn't:", *notes] if notes else []),
+            f"title = {json.dumps(robot.name)}",
+        ]
+        end = [
+            "[simulation]",
+            'duration = "1 s"',
+            'output_step = "10 ms"',
+            f'tip = "{tip}"',
+            'gravity = ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]',
+            "",
+            "[[simulation.run]]",
+            'integrator = "auto"',
+            "",
+            "[[output]]",
+            'type = "film"',
+            'file = "motion.mp4"',
+            "frames = 50",
+            "rate = 25.0",
+        ]
+        return "\n\n".join(["\n".join(head), *bodies, *ground, *joints, "\n".join(end)]) + "\n"
+
+    def _tip(self, root: str) -> str:
+        """Return the marker at the end of the longest chain of joints."""
+
+        def depth(name: str) -> int:
+            return 1 + depth(self.parents[name].parent) if name in self.parents else 0
+
+        far = max((name for name in self.robot.links if self._carrier(name) != root), key=depth)
+        body = self.names[self._carrier(far)]
+        return f"{body}.{self.names[far] if self._carrier(far) != far else 'origin'}"
+
+    def _ground(self, root: str) -> list[str]:
+        tables = []
+        for name, pose in self.markers[root].items():
+            tables.append(f"[ground.{name}]\n{_write({'at': _lengths(pose.at), **_turn(pose)})}")
+        return tables
+
+    def _body(self, link: RobotLink) -> str:
+        name, frame = self.names[link.name], self.frames[link.name]
+        markers = {"origin": self._in_body(link.name, Pose()), **self.markers[link.name]}
+        shapes = [self._shape(link, shape) for shape in link.visuals or link.collisions]
+        visuals = [f"[[body.{name}.visual]]\n{_write(shape)}" for shape in shapes if shape]
+        if link.name in self.flexible:
+            size = _sorted_size(self._box_of(link))
+            volume = float(np.prod(size))
+            divisions = [max(2, round(size[0] / max(size[1], size[2])) * 2), 2, 2]
+            table: dict[str, Any] = {
+                "shape": "bar",
+                **{key: f"{x:.9g} m" for key, x in zip(("length", "depth", "width"), size, strict=True)},
+                **_ALUMINIUM,
+                "rho": f"{link.mass / volume:.9g} kg/m^3",
+                "mesh": {"divisions": divisions},
+                "modes": {"count": 6, "boundary": "joint", "enrich": "inertia", "damping": 0.01},
+            }
+            self.notes.append(
+                f"{link.name} is a bar of aluminium of its box, with the file's mass: give E and nu of yours"
+            )
+            table["marker"] = {key: self._place_on_bar(name, key, pose, size) for key, pose in markers.items()}
+            return f"[body.{name}]\n{_write(table)}"
+        mass, inertia = link.mass, np.diag(frame.axes.T @ link.inertia @ frame.axes)
+        if not mass > 0.0:
+            mass, inertia = LIGHT_LINK, np.full(3, LIGHT_LINK * LIGHT_RADIUS**2)
+            self.notes.append(f"{link.name} has no mass, which a moving body needs: {mass:g} kg is taken")
+        table = {
+            "shape": "rigid",
+            "mass": f"{mass:.9g} kg",
+            "centre": _lengths(frame.axes.T @ (link.centre - frame.at)),
+            "inertia": [f"{x:.9g} kg m^2" for x in inertia],
+            "marker": {key: {"at": _lengths(pose.at), **_turn(pose)} for key, pose in markers.items()},
+        }
+        return "\n\n".join([f"[body.{name}]\n{_write(table)}", *visuals])
+
+    def _place_on_bar(self, name: str, marker: str, pose: Pose, size: Sequence[float]) -> dict[str, Any]:
+        """Return a marker of a bar: an end face where the place is near one, else the nearest point of the bar."""
+        low, high = np.array([0.0, -size[1] / 2, -size[2] / 2]), np.array([size[0], size[1] / 2, size[2] / 2])
+        at = np.clip(pose.at, low, high)
+        near = [abs(at[0] - x) <= 0.5 * max(size[1:]) for x in (0.0, size[0])]
+        where: dict[str, Any] = {"at": _lengths(at)}
+        if any(near):
+            where = {"face": "x-" if near[0] else "x+"}
+            at = np.array([0.0 if near[0] else size[0], 0.0, 0.0])
+        if (apart := float(np.linalg.norm(at - pose.at))) > 1e-6:
+            self.notes.append(f"{name}.{marker} is {1e3 * apart:.3g} mm from its place in the file, on the bar")
+        return {**where, **_turn(pose)}
+
+    def _joint(self, joint: RobotJoint, root: str) -> str:
+        name = make_name(joint.name) or "joint"
+        kind = _KINDS.get(joint.kind)
+        if kind is None:
+            raise InputError(str(self.urdf), f"joint {joint.name}", joint.kind, f"is none of {', '.join(_KINDS)}")
+        carrier = self._carrier(joint.parent)
+        self.markers[carrier][name] = self._in_body(joint.parent, joint.pose)
+        parent = f"ground.{name}" if carrier == root else f"{self.names[carrier]}.{name}"
+        table: dict[str, Any] = {"type": kind, "parent": parent, "child": f"{self.names[joint.child]}.origin"}
+        if kind in ("revolute", "prismatic", "planar"):
+            table["axis"] = [float(f"{x:.12g}") for x in joint.axis]
+        if kind in ("revolute", "prismatic"):
+            turns = kind == "revolute"
+            table |= {"damper": f"{joint.damping:.9g} {'N m s/rad' if turns else 'N s/m'}"} if joint.damping else {}
+            table |= {"friction": f"{joint.friction:.9g} {'N m' if turns else 'N'}"} if joint.friction else {}
+            table |= self._stops(joint, turns)
+        text = f"[joint.{name}]\n{_write(table)}"
+        if joint.mimic is None:
+            return text
+        driver, ratio, offset = joint.mimic
+        if kind == "revolute" == _KINDS.get(self.robot.joints[driver].kind):
+            gear = {
+                "type": "gear",
+                "joint": name,
+                "driver": make_name(driver),
+                "ratio": ratio,
+                "offset": f"{offset:.12g} rad",
+            }
+            return f"{text}\n\n[coupler.{name}]\n{_write(gear)}"
+        self.notes.append(f"{joint.name} doesn't follow {driver}: only hinges follow hinges, as gears")
+        return text
+
+    def _stops(self, joint: RobotJoint, turns: bool) -> dict[str, Any]:
+        """Return the joint's stops, and its start where 0 isn't between them."""
+        limits = joint.limits
+        motor = [f"{key} {limits[key]:g}" for key in ("effort", "velocity") if limits.get(key)]
+        if motor:
+            self.notes.append(f"{joint.name}: {', '.join(motor)} (limits of a motor: as in docs/control.md)")
+        low, high = limits.get("lower", 0.0), limits.get("upper", 0.0)
+        if joint.kind == "continuous" or not low < high:
+            return {}
+        unit, width = ("rad", STOP_ANGLE) if turns else ("m", STOP_LENGTH)
+        stiffness = STOP_LOADS * (limits.get("effort") or 1.0) / width
+        stop = {"low": f"{low:.12g} {unit}", "high": f"{high:.12g} {unit}"}
+        stop |= {"stiffness": f"{stiffness:.6g} {'N m/rad' if turns else 'N/m'}", "width": f"{width:g} {unit}"}
+        start = {} if low <= 0.0 <= high else {"angle" if turns else "position": f"{(low + high) / 2:.12g} {unit}"}
+        return {**start, "stop": stop}
+
+    def _shape(self, link: RobotLink, shape: Shape) -> dict[str, Any] | None:
+        """Return a shape in pictures; none, and a note, for one that pictures don't have."""
+        pose = self._in_body(link.name, shape.pose)
+        if shape.kind == "box":
+            return {"type": "box", "size": _lengths(np.array(shape.size)), "at": _lengths(pose.at), **_rotation(pose)}
+        if shape.kind in ("cylinder", "sphere"):
+            radius = shape.size[0]
+            half = 0.5 * shape.size[1] if shape.kind == "cylinder" else radius
+            ends = {key: _lengths(pose.at + sign * half * pose.axes[:, 2]) for key, sign in (("start", -1), ("end", 1))}
+            if shape.kind == "sphere":
+                self.notes.append(f"{link.name}: a sphere is drawn as a cylinder of its size")
+            return {"type": "cylinder", **ends, "radius": f"{radius:.9g} m"}
+        file = self._find(shape.file)
+        unit = {1.0: "m", 1e-3: "mm"}.get(shape.scale[0]) if len(set(shape.scale)) == 1 else None
+        if file is None or file.suffix.lower() != ".stl" or unit is None:
+            why = "isn't there" if file is None else "only STL in m or mm is drawn"
+            self.notes.append(f"{link.name}: the shape {shape.file or shape.kind} is left out ({why})")
+            return None
+        path = Path(os.path.relpath(file, self.target.parent)).as_posix()
+        return {"type": "file", "file": path, "unit": unit, "at": _lengths(pose.at), **_rotation(pose)}
+
+    def _find(self, name: str) -> Path | None:
+        """Return the file of a mesh; those of packages are looked for in the folders above the URDF file."""
+        inside = name.removeprefix("file://")
+        places = [self.urdf.parent / inside]
+        if name.startswith("package://"):
+            package, _, inside = name.removeprefix("package://").partition("/")
+            for folder in self.urdf.resolve().parents:
+                places += [folder / package / inside, folder / inside]
+        return next((place for place in places if place.is_file()), None)
+
+
+def _sorted_size(box: Shape) -> tuple[float, ...]:
+    return tuple(sorted(box.size, reverse=True))
+
+
+def _frame_of_bar(box: Shape) -> Pose:
+    """Return the pose of a bar's frame, at the end of its longest edge, in its link's."""
+    order = np.argsort(-np.array(box.size), kind="stable")
+    axes = np.eye(3)[:, order]
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    along = np.array([-0.5 * max(box.size), 0.0, 0.0])
+    return box.pose.then(Pose(axes @ along, axes))
+
+
+def _lengths(at: Array) -> list[str]:
+    return [f"{x + 0.0:.9g} m" for x in np.where(np.abs(at) < 1e-12, 0.0, at)]
+
+
+def _turn(pose: Pose) -> dict[str, Any]:
+    vector = Rotation.from_matrix(pose.axes).as_rotvec()
+    return {"rotate": [f"{x + 0.0:.15g} rad" for x in vector]} if np.abs(vector).max() > 1e-12 else {}
+
+
+def _rotation(pose: Pose) -> dict[str, Any]:
+    return {"rotation": turned["rotate"]} if (turned := _turn(pose)) else {}
+
+
+def _write(table: dict[str, Any]) -> str:
+    return "\n".join(f"{key} = {_value(value)}" for key, value in table.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_value(x)}" for key, x in value.items()) + " }"
+    return json.dumps(value, ensure_ascii=False)

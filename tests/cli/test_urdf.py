@@ -1,0 +1,141 @@
+"""Scenes from URDF files: mass matrix and weight against the file's own numbers, put together by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+from fmd.dynamics.kinematics import Kinematics
+
+ARM = """<?xml version="1.0"?>
+<robot name="arm">
+  <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
+  <link name="base_link"><inertial><mass value="4"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+  <link name="upper">
+    <inertial>
+      <origin xyz="0.2 0.01 0.03" rpy="0.3 -0.2 0.5"/><mass value="2.5"/>
+      <inertia ixx="0.01" iyy="0.05" izz="0.055" ixy="0.002" ixz="-0.001" iyz="0.003"/>
+    </inertial>
+    <visual><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.04 0.06"/></geometry></visual>
+    <collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.04 0.06"/></geometry></collision>
+  </link>
+  <link name="fore.arm">
+    <inertial><origin xyz="0.1 0 0.05"/><mass value="1.2"/><inertia ixx="0.002" iyy="0.01" izz="0.009"/></inertial>
+    <visual><geometry><cylinder radius="0.02" length="0.3"/></geometry></visual>
+    <visual><geometry><mesh filename="package://arm/meshes/fore.dae"/></geometry></visual>
+  </link>
+  <link name="tool0"/>
+  <joint name="shoulder" type="revolute">
+    <parent link="base_link"/><child link="upper"/>
+    <origin xyz="0.1 -0.2 0.5" rpy="0.2 0.4 -0.3"/><axis xyz="0 0.6 0.8"/>
+    <limit lower="-2" upper="2" effort="50" velocity="3"/><dynamics damping="0.7" friction="0.1"/>
+  </joint>
+  <joint name="slide" type="prismatic">
+    <parent link="upper"/><child link="fore.arm"/>
+    <origin xyz="0.4 0 0.02" rpy="-0.5 0.1 0.9"/><axis xyz="1 0 0"/>
+    <limit lower="-0.2" upper="0.3" effort="80" velocity="1"/>
+  </joint>
+  <joint name="flange" type="fixed">
+    <parent link="fore.arm"/><child link="tool0"/><origin xyz="0.25 0.01 0" rpy="0 1.2 0"/>
+  </joint>
+  <transmission name="t"/>
+</robot>
+"""
+
+
+def turn(*rpy: float) -> Array:
+    r, p, y = rpy
+    Rx, Ry, Rz = (
+        Rotation.from_rotvec(angle * axis).as_matrix() for angle, axis in zip((r, p, y), np.eye(3), strict=True)
+    )
+    return Rz @ Ry @ Rx
+
+
+def places(q: Array) -> tuple[list[tuple[Array, Array]], Array]:
+    """Return centre of mass and axes of both links, and the tool's place, by the file's numbers."""
+    axis = np.array([0.0, 0.6, 0.8])
+    at, R = np.array([0.1, -0.2, 0.5]), turn(0.2, 0.4, -0.3) @ Rotation.from_rotvec(q[0] * axis).as_matrix()
+    upper = at + R @ [0.2, 0.01, 0.03], R @ turn(0.3, -0.2, 0.5)
+    Rf = R @ turn(-0.5, 0.1, 0.9)
+    origin = at + R @ [0.4, 0.0, 0.02] + Rf @ [q[1], 0.0, 0.0]
+    return [upper, (origin + Rf @ [0.1, 0.0, 0.05], Rf)], origin + Rf @ [0.25, 0.01, 0.0]
+
+
+def tool_of(run: Pipeline) -> Array:
+    """Return where the tool is at the start."""
+    (q, v), mechanism = run.start, run.mechanism
+    motion = Kinematics(mechanism, np.zeros(1), q[None], v[None])
+    return motion.marker_position(mechanism.number_of("fore-arm"), "tool0")[0]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, fmd) -> Path:
+    folder = tmp_path_factory.mktemp("robot")
+    (folder / "arm.urdf").write_text(ARM)
+    assert fmd("new", folder / "robot.toml", "--from", folder / "arm.urdf") == 0
+    return folder
+
+
+def test_a_robot_has_the_mass_matrix_and_the_weight_of_its_file(folder: Path) -> None:
+    """Jacobians of the links by differences, at random positions."""
+    run = Pipeline(
+        load_scene(folder / "robot.toml", ["joint.shoulder.damper=0 N m s/rad", "joint.shoulder.friction=0 N m"])
+    )
+    I_upper = np.array([[0.01, 0.002, -0.001], [0.002, 0.05, 0.003], [-0.001, 0.003, 0.055]])
+    inertias, masses = (I_upper, np.diag([0.002, 0.01, 0.009])), (2.5, 1.2)
+    for q in np.random.default_rng(3).uniform([-1.5, -0.15], [1.5, 0.2], (4, 2)):
+        M, weight = np.zeros((2, 2)), np.zeros(2)
+        for k, (m, inertia) in enumerate(zip(masses, inertias, strict=True)):
+            R, J, W = places(q)[0][k][1], np.zeros((3, 2)), np.zeros((3, 2))
+            for j in range(2):
+                (x1, R1), (x0, R0) = (places(q + side * 1e-6 * np.eye(2)[j])[0][k] for side in (1, -1))
+                J[:, j] = (x1 - x0) / 2e-6
+                spin = (R1 - R0) / 2e-6 @ R.T
+                W[:, j] = [spin[2, 1], spin[0, 2], spin[1, 0]]
+            M += m * J.T @ J + W.T @ R @ inertia @ R.T @ W
+            weight += m * J.T @ [0.0, 0.0, -9.81]
+        np.testing.assert_allclose(run.system.mass_matrix(q), M, atol=1e-8)
+        np.testing.assert_allclose(M @ run.system.accelerations(0.0, q, np.zeros(2)), weight, atol=1e-6)
+
+
+def test_a_tool_without_mass_is_a_marker_and_what_is_left_out_is_named(folder: Path, fmd, capsys) -> None:
+    scene = load_scene(folder / "robot.toml", ["joint.shoulder.angle=0.4 rad", "joint.slide.position=0.1 m"])
+    assert scene.simulation.tip == "fore-arm.tool0"
+    np.testing.assert_allclose(tool_of(Pipeline(scene)), places(np.array([0.4, 0.1]))[1], atol=1e-9)
+    assert (scene.joint["shoulder"].stop.low, scene.joint["slide"].stop.high) == (-2.0, 0.3)
+    assert (scene.joint["shoulder"].damper, scene.joint["shoulder"].friction) == (0.7, 0.1)
+    assert fmd("new", folder / "again.toml", "--from", folder / "arm.urdf") == 0
+    said = capsys.readouterr().out
+    for named in ("<transmission>", "fore.dae", "shoulder: effort 50, velocity 3", "mass of 4 kg has no effect"):
+        assert named in said
+
+
+def test_a_link_becomes_a_flexible_bar_of_its_box(folder: Path, fmd) -> None:
+    assert fmd("new", folder / "bent.toml", "--from", folder / "arm.urdf", "--flexible", "upper") == 0
+    run = Pipeline(load_scene(folder / "bent.toml", ["body.upper.mesh.divisions=[4,1,1]"]))
+    assert run.wholes["upper"].mass == pytest.approx(2.5)
+    # The bar's ends are where the box has them; the slide's place, 20 mm beside the end's middle, went there.
+    moved = turn(0.2, 0.4, -0.3) @ [0.0, 0.0, 0.02]
+    np.testing.assert_allclose(tool_of(run), places(np.zeros(2))[1] - moved, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "said"),
+    [
+        ("<robot><link", [], "is no XML"),
+        ("<mujoco/>", [], "is no URDF"),
+        (ARM.replace('child link="tool0"', 'child link="tool"'), [], "is no link of the file"),
+        (ARM.replace('type="prismatic"', 'type="screw"'), [], "is none of revolute"),
+        (ARM.replace('value="2.5"', 'value="heavy"'), [], "can't be read"),
+        (ARM, ["--flexible", "elbow"], "is no moving link"),
+        (ARM, ["--flexible", "fore.arm"], "has no box to make a flexible bar of (its shapes: cylinder, mesh)"),
+    ],
+)
+def test_what_is_no_robot_is_refused(tmp_path: Path, fmd, capsys, text: str, arguments: list[str], said: str) -> None:
+    (tmp_path / "arm.urdf").write_text(text)
+    assert fmd("new", tmp_path / "robot.toml", "--from", tmp_path / "arm.urdf", *arguments) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "robot.toml").exists()
