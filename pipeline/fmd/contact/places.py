@@ -83,19 +83,24 @@ def _turn(c: ContactTable, s: int, i: int, rotations: Array) -> None:
     if c.seen[i, 1] == 0:
         for a in range(3):
             c.tip[i, a], c.before[i, a], c.known[i, a] = c.spot[i, a], c.spot[i, a], 0.0
-    for a in range(3):
-        for b in range(3):
-            c.turned[i, a, b] = 0.0
-            for k in range(3):
-                c.turned[i, a, b] += c.axes[i, a, k] * rotations[link, k, b]
-            if c.master[s] < 0:
-                c.Q[i, a, b] = rotations[link, b, a]
-            else:
-                c.Q[i, a, b] = 0.0
-                for k in range(3):
-                    c.Q[i, a, b] += rotations[link, k, a] * rotations[c.link[c.master[s]], k, b]
-    for a in range(1, 3):
-        c.free[i, a] = 0.0
-        for k in range(3):
+    first = c.point[s]
+    if i > first and c.master[s] < 0:  # the axes of one point are those of all
+        for a in range(3):
             for b in range(3):
-                c.free[i, a] += c.turned[i, a, k] * c.Q[i, k, b] * (c.spot[i, b] - c.tip[i, b])
+                c.turned[i, a, b], c.Q[i, a, b] = c.turned[first, a, b], c.Q[first, a, b]
+    else:
+        for a in range(3):
+            for b in range(3):
+                c.turned[i, a, b], c.Q[i, a, b] = 0.0, rotations[link, b, a]
+                for k in range(3):
+                    c.turned[i, a, b] += c.axes[i, a, k] * rotations[link, k, b]
+                if c.master[s] >= 0:
+                    c.Q[i, a, b] = 0.0
+                    for k in range(3):
+                        c.Q[i, a, b] += rotations[link, k, a] * rotations[c.link[c.master[s]], k, b]
+    d0, d1, d2 = c.spot[i, 0] - c.tip[i, 0], c.spot[i, 1] - c.tip[i, 1], c.spot[i, 2] - c.tip[i, 2]
+    c.free[i, 1], c.free[i, 2] = 0.0, 0.0
+    for k in range(3):
+        slip = c.Q[i, k, 0] * d0 + c.Q[i, k, 1] * d1 + c.Q[i, k, 2] * d2
+        c.free[i, 1] += c.turned[i, 1, k] * slip
+        c.free[i, 2] += c.turned[i, 2, k] * slip

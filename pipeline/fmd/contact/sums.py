@@ -105,9 +105,10 @@ def _add_work(c: ContactTable, i: int, begins: bool) -> None:
     """Add the work of the force on a point since the last step, and remember it; vectors are in the other's frame."""
     s, work, heat = c.sums[c.contact[c.surface[i]]], 0.0, 0.0
     goes_on = c.seen[i, 1] == 1 and not begins
+    moves = c.moved[i, 0] != 0.0 or c.moved[i, 1] != 0.0 or c.moved[i, 2] != 0.0 or c.force[i, 0] != 0.0
     for b in range(3):
         force, across, tip = 0.0, 0.0, c.spot[i, b]
-        for k in range(3):
+        for k in range(3 if moves else 0):
             tip += c.Q[i, k, b] * c.moved[i, k]
             force += c.Q[i, k, b] * c.own[i, k]
             across += c.Q[i, k, b] * (c.own[i, k] - c.force[i, 0] * c.turned[i, 0, k])
