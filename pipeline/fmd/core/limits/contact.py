@@ -28,7 +28,7 @@ UNSEEN_DEPTH = 0.01  # of the largest extent of the points: how much deeper node
 
 # Contact of two bodies.
 SHARP_EDGE = 30.0  # [degrees]: corners of triangles whose normals differ by more are looked for on the other face
-EDGE_SOFTNESS = 0.1  # of the own flexibility of a point on an edge: more for such a contact, beside the face's points
+EDGE_SOFTNESS = 1.0  # of the own flexibility of a point on an edge: more for such a contact, beside the face's points
 BEYOND_RIM = 0.02  # of a triangle's size: how far beyond a face's rim a point still touches it
 FACING = 0.2  # cosine of the angle between outward normals, above which surfaces don't face each other
 DEEP_ENTRY = 0.1  # of a triangle's size: how deep a point may be in a body where it is first seen there
