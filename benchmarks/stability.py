@@ -128,7 +128,7 @@ def _spinning(speed: float, stiffened: bool) -> Builder:
         )
         system = run.system
         rates = np.r_[speed * run.body.omega[0], np.zeros(system.n - 1)]
-        at = settle(system, OperatingPoint(0.0, np.zeros(system.n), rates), np.arange(1, system.n))
+        (at,) = settle(system, [OperatingPoint(0.0, np.zeros(system.n), rates)], np.arange(1, system.n))
         family = f"beam, 0 … 3 ω₁, {'stiffened' if stiffened else 'without geometric stiffening'}"
         name = f"beam at {speed:g} ω₁, {'stiffened' if stiffened else 'linear'}"
         return StressCase(family, name, system, at, *run.reference_matrices)
@@ -301,7 +301,7 @@ def _disturbed(case: StressCase) -> tuple[Array, Array]:
 def _march_adaptively(case: StressCase, method: Integrator, steps: int) -> StressTestRow:
     """March over many periods, within a number of explicit steps; predicted by the equations of motion."""
     duration = min(1e3 * 2 * np.pi / case.lowest, steps * 2 / case.system.highest_frequency)
-    folds = float(system_growth_rates(case.system, case.at)[0]) * duration
+    folds = float(system_growth_rates(case.system, [case.at])[0, 0]) * duration
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, 1, 0.0, 0, predicted)
     times = np.linspace(0.0, duration, _LOOKS)

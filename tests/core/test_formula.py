@@ -365,7 +365,7 @@ def test_a_parser_that_gives_up_is_a_fault(error: type[Exception], monkeypatch: 
     with monkeypatch.context() as patched:
         patched.setattr(ast, "parse", give_up)
         with pytest.raises(ValueError, match=r"^isn't a formula; it is made of t, pi"):
-            parse_formula("t")
+            parse_formula("t + 0.123")  # which nothing has parsed before
 
 
 def test_reading_a_formula_loads_nothing_heavy() -> None:

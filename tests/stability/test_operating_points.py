@@ -9,7 +9,7 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import cycle_growth
-from fmd.stability.operating_points import OperatingPoints, find_operating_points, find_steady_point, settle
+from fmd.stability.operating_points import OperatingPoints, find_operating_points, find_steady_points, settle
 from fmd.stability.tangent import OperatingPoint
 from tests.linear_system import LinearSystem
 
@@ -20,8 +20,9 @@ SLIDER = np.array([1])
 def test_the_slider_comes_to_rest_where_the_centrifugal_force_holds_its_spring(coasting: CompiledSystem) -> None:
     # k x = m Ω² (d + x), k = 1000 N/m, m = 5 kg, d = 1 m
     turning = OperatingPoint(0.0, np.zeros(2), np.array([2.0, 0.3]))
-    steady = find_steady_point(coasting, turning, SLIDER)
-    assert steady is not None
+    found = find_steady_points(coasting, [turning], SLIDER)
+    assert found is not None
+    (steady,) = found
     assert steady.q[1] == pytest.approx(20 / 980, rel=1e-9)
     assert np.array_equal(steady.v, [2.0, 0.0])
     assert np.array_equal(turning.v, [2.0, 0.3])  # untouched
@@ -31,13 +32,13 @@ def test_where_nothing_balances_coordinates_rest_where_they_are() -> None:
     # A load without a spring: ẍ = −C v alone, whose slopes by the position are 0, and Newton's correction stays put.
     system = LinearSystem(np.eye(2), np.zeros((2, 2)), 1, np.array([[0.0, 0.0], [1.0, 0.0]]))
     pushed = OperatingPoint(0.0, np.array([0.1, 0.2]), np.array([3.0, 0.5]))
-    settled = settle(system, pushed, SLIDER)
+    (settled,) = settle(system, [pushed], SLIDER)
     assert np.array_equal(settled.q, pushed.q)
     assert np.array_equal(settled.v, [3.0, 0.0])
 
 
 def test_no_coordinates_to_settle_leave_a_point_as_it_is(coasting: CompiledSystem) -> None:
-    assert find_steady_point(coasting, REST, np.array([], dtype=np.int64)) is REST
+    assert find_steady_points(coasting, [REST], np.array([], dtype=np.int64)) == [REST]
 
 
 def test_points_follow_the_rod_that_its_torque_turns() -> None:

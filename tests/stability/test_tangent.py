@@ -7,6 +7,7 @@ from fmd import Pipeline, load_scene
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.protocol import evaluate
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import amplification_matrix
 from fmd.stability.operating_points import find_operating_points, settle
@@ -14,8 +15,10 @@ from fmd.stability.tangent import (
     OperatingPoint,
     cycles_within,
     differentiate,
+    differentiate_states,
     scheme_growth_rates,
     scheme_tangents,
+    state_slopes,
     system_growth_rates,
 )
 from tests.linear_system import LinearSystem
@@ -30,7 +33,7 @@ def test_vibrations_grow_in_marches_as_the_tangent_says(
 ) -> None:
     """Against the energy of the difference of two marches, averaged over ten periods, over 20 s."""
     turning = OperatingPoint(0.0, np.zeros(2), np.array([rate, 0.0]))
-    at, method = settle(coasting, turning, np.array([1])), Subcycling(step, m)
+    (at,), method = settle(coasting, [turning], np.array([1])), Subcycling(step, m)
     by_tangent = scheme_growth_rates(method, coasting, [at], 0.01)[0, 0]
     times = np.arange(0.0, 20.0, m * step)
     one, other = (method.march(coasting, at.q + np.array([0.0, x]), at.v, times) for x in (0.0, 1e-7))
@@ -44,7 +47,7 @@ def test_vibrations_grow_in_marches_as_the_tangent_says(
 def test_the_growth_of_the_equations_is_that_of_their_eigenvalues() -> None:
     # A mass on a spring that pushes, −4 N/m on 1 kg, grows by 2 per second; one on a spring that pulls doesn't.
     system = LinearSystem(np.eye(2), np.diag([-4.0, 9.0]), 1)
-    assert system_growth_rates(system, REST) == pytest.approx([2, 0, 0, -2], abs=1e-6)
+    assert system_growth_rates(system, [REST])[0] == pytest.approx([2, 0, 0, -2], abs=1e-6)
 
 
 def test_the_tangent_of_a_linear_system_is_its_amplification_matrix() -> None:
@@ -69,8 +72,22 @@ def test_a_method_that_keeps_two_accelerations_has_a_tangent_of_both() -> None:
 def test_damping_shows_as_decay_in_both() -> None:
     # ẍ + 2 δ ẋ + x = 0 decays by δ; central difference follows it to second order.
     system = LinearSystem(np.eye(2), np.eye(2), 1, 0.2 * np.eye(2))
-    assert system_growth_rates(system, REST) == pytest.approx(np.full(4, -0.1), abs=1e-6)
+    assert system_growth_rates(system, [REST])[0] == pytest.approx(np.full(4, -0.1), abs=1e-6)
     assert scheme_growth_rates(CentralDifference(0.01), system, [REST], 1.0)[0, :4] == pytest.approx(-0.1, abs=1e-4)
+
+
+def test_slopes_at_many_states_are_those_of_each_by_itself(coasting: CompiledSystem) -> None:
+    random = np.random.default_rng(5)
+    times, states = random.uniform(0.0, 1.0, 6), random.normal(0.0, 0.1, (6, 4))
+    together = state_slopes(coasting, times, states)
+    for t, state, found in zip(times, states, together, strict=True):
+        q, v, a = state[:2].copy(), state[2:].copy(), np.zeros(2)
+        evaluate(coasting.parameters, t, q, v, a)
+        assert np.array_equal(found, np.concatenate([v, a]))
+    by_one = differentiate_states(coasting, times, states, np.array([3]), np.array([1e-4]))[:, :, 0]
+    for t, state, slope in zip(times, states, by_one, strict=True):
+        alone = differentiate(lambda x, t=t: state_slopes(coasting, np.array([t]), x[None])[0], state, np.full(4, 1e-4))
+        assert slope == pytest.approx(alone[:, 3], rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize(("span", "cycle", "whole"), [(1.0, 0.3, 3), (1.0, 0.26, 4), (0.1, 0.5, 1), (0.0, 0.5, 1)])

@@ -44,7 +44,7 @@ def grown(method: Integrator, run: Pipeline) -> float:
     """
     system, times = run.system, np.linspace(0.0, run.scene.simulation.duration, 4001)
     fast = np.arange(system.n_slow, system.n)
-    at = settle(system, OperatingPoint(0.0, *run.start), fast)
+    (at,) = settle(system, [OperatingPoint(0.0, *run.start)], fast)
     moved = at.q.copy()
     moved[fast] += 1e-6
     one, other = (method.march(system, q, at.v, times) for q in (at.q, moved))
@@ -59,7 +59,7 @@ def folds_of_slider(method: Integrator, run: Pipeline) -> float:
     Its energy is averaged over one and a half periods; a polynomial through its logarithm goes on to both ends.
     """
     system, duration = run.system, run.scene.simulation.duration
-    at = settle(system, OperatingPoint(0.0, *run.start), np.array([1]))
+    (at,) = settle(system, [OperatingPoint(0.0, *run.start)], np.array([1]))
     cycle = getattr(method, "substeps", 1) * method.step
     times = np.arange(0.0, duration, cycle / max(1, round(cycle / 0.02)))
     one, other = (method.march(system, at.q + np.array([0.0, x]), at.v, times) for x in (0.0, 1e-7))

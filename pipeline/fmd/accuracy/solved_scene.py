@@ -94,6 +94,8 @@ class SolvedScene:
         Reports each stage's progress.
     keep_all : bool
         Integrate modes that nothing can excite, too.
+    like : Pipeline, optional
+        Stages of a scene with the same flexible bodies, whose results of these are taken.
 
     Attributes
     ----------
@@ -102,9 +104,15 @@ class SolvedScene:
     """
 
     def __init__(
-        self, scene: Scene, cache: Cache | None = None, monitor: Monitor = silent, keep_all: bool = False
+        self,
+        scene: Scene,
+        cache: Cache | None = None,
+        monitor: Monitor = silent,
+        keep_all: bool = False,
+        like: Pipeline | None = None,
     ) -> None:
-        self.scene, self.given = scene, Pipeline(scene, cache, monitor, keep_all)
+        self.scene = scene
+        self.given = Pipeline(scene, cache, monitor, keep_all) if like is None else like.variant(scene, monitor)
 
     @property
     def is_open(self) -> bool:

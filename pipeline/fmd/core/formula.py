@@ -7,8 +7,9 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
-from fmd.core.limits.scene import LONGEST_FORMULA, MOST_DEPTH
+from fmd.core.limits.scene import FORMULAS_KEPT, LONGEST_FORMULA, MOST_DEPTH
 
 # Codes of the postfix program. A constant takes the next of the constants.
 CONSTANT, TIME, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, NEGATE = range(8)
@@ -74,6 +75,7 @@ class Part:
     depth: int
 
 
+@lru_cache(maxsize=FORMULAS_KEPT)
 def parse_formula(text: str, variable: str = "t") -> Formula:
     """Parse a formula of the time t in seconds, or of another variable: ``"1.5*sin(2*pi*10*t) if t < 0.2 else 0"``.
 

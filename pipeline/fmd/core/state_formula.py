@@ -5,8 +5,10 @@ from __future__ import annotations
 import ast
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import lru_cache
 
 from fmd.core.formula import OF_TIME, Formula, Part, TimeReader, parse_text, read_guarded
+from fmd.core.limits.scene import FORMULAS_KEPT
 
 CHOOSE = 20  # pops a weight, the value where it is above 0, the value elsewhere
 VARIABLE, CURVE = 1 << 8, 1 << 12  # the first variable of a state, and the first curve, which takes its argument
@@ -63,6 +65,7 @@ def parse_state_formula(text: str, curves: Collection[str] = ()) -> StateFormula
     return StateFormula(part.codes, part.constants, tuple(reader.variables), tuple(reader.curves))
 
 
+@lru_cache(maxsize=FORMULAS_KEPT)
 def depends_on_state(text: str) -> bool:
     """Tell whether a formula has names other than t, constants and functions; False if it is no formula."""
     try:

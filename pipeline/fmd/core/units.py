@@ -14,7 +14,7 @@ import math
 import re
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Annotated, Any, TypeGuard
 
@@ -30,7 +30,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.cache import Cache
 from fmd.core.limits.magnitudes import ANY_SIZE, POSSIBLE
-from fmd.core.limits.scene import LONGEST_QUANTITY
+from fmd.core.limits.scene import FORMULAS_KEPT, LONGEST_QUANTITY
 from fmd.core.paths import cache_folder
 
 if TYPE_CHECKING:
@@ -275,6 +275,7 @@ def convert_values(values: Array, unit: str, wanted: str) -> Array:
     return values * unit_ratio(unit, wanted)
 
 
+@lru_cache(maxsize=FORMULAS_KEPT)
 def _base_units(unit: str) -> tuple[Decimal, str]:
     """Return the factor to base units (kg, m, s, rad, …) and these as text, empty for an unknown unit."""
     known = _known_units()

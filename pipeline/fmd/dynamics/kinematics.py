@@ -87,8 +87,14 @@ class Kinematics:
 
         Of a hinge they are those of the body's section that the joint grips: what an encoder reads.
         """
-        position, rate = self._over(self._recorded.of_joint(body)).T
-        return position, rate
+        if body not in self._along_joints:
+            position, rate = self._over(self._recorded.of_joint(body)).T
+            self._along_joints[body] = position, rate
+        return self._along_joints[body]
+
+    @cached_property
+    def _along_joints(self) -> dict[int, tuple[Array, Array]]:
+        return {}
 
     @property
     def _recorded(self) -> RecordedMechanism:

@@ -326,6 +326,14 @@ def evaluate_projection(p: Any, t: float, q: Array, v: Array) -> None:
 
 
 @kernel
+def evaluate_states(p: Any, times: Array, q: Array, v: Array, dq: Array, a: Array) -> None:
+    """Evaluate the time derivatives of a mechanism's positions and rates at many states, a row each."""
+    for k in range(times.size):
+        velocities(p, q[k], v[k], dq[k])
+        accelerations(p, times[k], q[k], v[k], a[k])
+
+
+@kernel
 def evaluate_velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     """Evaluate the time derivatives of a mechanism's position coordinates into dq."""
     velocities(p, q, v, dq)

@@ -168,7 +168,7 @@ def _integrations(run: Pipeline) -> list[dict[str, Any]]:
             "forces": getattr(run.plans[label].integrator, "forces", None),
             "seconds": motion.trajectory.seconds,
             "spread": motion.trajectory.spread,
-            "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds if run.compares_times else None,
+            "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds if run.stands_alone else None,
             "evaluations": motion.trajectory.evaluations,
             "fast_evaluations": motion.trajectory.fast_evaluations,
             "error": motion.trajectory.error,

@@ -59,6 +59,9 @@ class Motion:
 
     def parts(self) -> Iterator[tuple[int, Motion]]:
         """Yield the motion piece by piece, each with the number of its first output time, so that memory holds one."""
+        if len(self.times) <= TIMES_AT_ONCE:
+            yield 0, self
+            return
         for first in range(0, len(self.times), TIMES_AT_ONCE):
             yield first, self.part(first, first + TIMES_AT_ONCE)
 
@@ -208,7 +211,7 @@ class Motion:
     def differences(self, first: Motion) -> dict[str, Any]:
         """Return the largest differences from another motion over all output times."""
         largest = {"position": 0.0, "deflection": 0.0} | dict.fromkeys((("joint", name) for name in self.joints), 0.0)
-        for (_, own), (_, other) in zip(self.parts(), first.parts(), strict=True):
+        for (_, own), (_, other) in zip(self.parts(), first.parts(), strict=True) if first is not self else ():
             found: dict[Any, float] = {
                 "position": _farthest(own.tip_position, other.tip_position),
                 "deflection": _farthest(own.tip_deflection, other.tip_deflection),
@@ -225,9 +228,13 @@ class Motion:
 
     def final(self) -> dict[str, Any]:
         """Return the state at the last output time: joints, energies and the tip."""
+        return dict(self._final)
+
+    @cached_property
+    def _final(self) -> dict[str, Any]:
         if len(self.times) > TIMES_AT_ONCE:
             return self.part(len(self.times) - TIMES_AT_ONCE).final()
-        kinetic, potential = self.energies
+        kinetic, potential = self.part(len(self.times) - 1).energies
         return {
             "time_s": float(self.times[-1]),
             "joint_positions": {joint: float(self.joint_position(joint)[-1]) for joint in self.joints},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Annotated, Any, get_args, get_origin
 
 from fmd.core.limits.magnitudes import USUAL_OF_BODIES, USUAL_OF_MOTION
@@ -32,11 +33,8 @@ def _walk(
 ) -> Iterator[tuple[tuple[str, ...], str, float, frozenset[str]]]:
     """Go through all numbers of a table and of those in it, with their paths, keys and kinds of quantity."""
     if isinstance(value, SceneTable):
-        for name, field in type(value).model_fields.items():
-            shown = field.alias or name
-            yield from _walk(
-                getattr(value, name), (*path, shown), shown, frozenset(_kinds(field.annotation, field.metadata))
-            )
+        for name, shown, own in _kinds_of_fields(type(value)):
+            yield from _walk(getattr(value, name), (*path, shown), shown, own)
     elif isinstance(value, Mapping):
         for name, item in value.items():
             yield from _walk(item, (*path, str(name)), key, kinds)
@@ -45,6 +43,15 @@ def _walk(
             yield from _walk(item, (*path, str(number)), key, kinds)
     elif isinstance(value, float):
         yield path, key, value, kinds
+
+
+@cache
+def _kinds_of_fields(table: type[SceneTable]) -> tuple[tuple[str, str, frozenset[str]], ...]:
+    """Return name, key and kinds of quantities of each field of a table."""
+    return tuple(
+        (name, field.alias or name, frozenset(_kinds(field.annotation, field.metadata)))
+        for name, field in table.model_fields.items()
+    )
 
 
 def _kinds(annotation: Any, metadata: Any = ()) -> Iterator[str]:

@@ -87,6 +87,8 @@ class Orientation(SceneTable):
     @property
     def matrix(self) -> Array:
         """Rotation from these axes into those that there would be without these keys, shape (3, 3)."""
+        if not self.is_turned:
+            return np.eye(3)
         if self.axes is None:
             axes = rotation_matrix(np.array([self.rotate]))[0]
             whole = np.rint(axes) + 0.0  # 90° has zeros and ones

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -17,6 +17,7 @@ from fmd.scene.reading import suggest_name
 from fmd.scene.toml_lines import KeyPath, find_lines
 
 
+@cache
 def list_ready_scenes() -> tuple[str, ...]:
     """List the names of the scenes that come with the package, in alphabetical order."""
     return tuple(sorted(Path(f.name).stem for f in files("fmd.models").iterdir() if f.name.endswith(".toml")))

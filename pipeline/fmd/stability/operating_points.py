@@ -8,6 +8,7 @@ this excess adds up to e-folds.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,17 +19,19 @@ from fmd.core.errors import StabilityError
 from fmd.core.limits import newton as limits
 from fmd.core.limits.stability import OPERATING_POINTS, RESOLVED_STEP, RIGID_STEPS, RIGID_TOLERANCE, SPAN
 from fmd.core.newton import Tolerance, solve
+from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import System
 from fmd.integrators.central_difference import CentralDifference
-from fmd.integrators.protocol import ResumableIntegrator, evaluate, evaluate_projection
+from fmd.integrators.protocol import ResumableIntegrator, evaluate_projection
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.stability.tangent import (
     OperatingPoint,
     cycles_within,
-    differentiate,
+    differentiate_states,
     scheme_growth_rates,
+    state_slopes,
     system_growth_rates,
 )
 
@@ -56,7 +59,7 @@ class OperatingPoints:
     @cached_property
     def growth_rates(self) -> Array:
         """Growth rates by the equations of motion [1/s], descending, shape (n_points, n_positions + n)."""
-        return np.stack([system_growth_rates(self.system, at) for at in self.points])
+        return system_growth_rates(self.system, self.points)
 
     def excess_growth(self, method: ResumableIntegrator) -> Array:
         """Return the growth rates that are a scheme's own, beyond those of the equations of motion.
@@ -123,57 +126,70 @@ def find_operating_points(
     undeformed = [
         OperatingPoint(float(t), *_with_joints(wanted, mechanism.rigid, q[k], v[k])) for k, t in enumerate(times)
     ]
-    at_rest = _close if wanted.closures else settle
-    return OperatingPoints(system, tuple(at_rest(system, at, resting) for at in undeformed), duration)
+    if wanted.closures:
+        return OperatingPoints(system, tuple(_close(system, at) for at in undeformed), duration)
+    return OperatingPoints(system, settle(system, undeformed, resting), duration)
 
 
-def _close(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint:
+def _close(system: System, at: OperatingPoint) -> OperatingPoint:
     """Bring a state onto the constraints of loops; modes are left undeformed, for joints would have to follow them."""
     q, v = at.q.copy(), at.v.copy()
     evaluate_projection(system.parameters, at.time, q, v)
     return replace(at, q=q, v=v)
 
 
-def settle(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint:
-    """Bring the scalar coordinates of some ``rates`` to rest where nothing accelerates them.
+def settle(system: System, points: Sequence[OperatingPoint], rates: IntArray) -> tuple[OperatingPoint, ...]:
+    """Bring the scalar coordinates of some ``rates`` to rest where nothing accelerates them, about each point.
 
-    If that has no solution near by, they rest where they are.
+    Where that has no solution near by, they rest where they are.
     """
-    steady = find_steady_point(system, at, rates)
-    if steady is None:
-        steady = replace(at, v=at.v.copy())
-        steady.v[rates] = 0.0
-    return steady
+    found = find_steady_points(system, points, rates)
+    if found is None:  # about one point, or more
+        found = [(find_steady_points(system, [at], rates) or [_stop(at, rates)])[0] for at in points]
+    return tuple(found)
 
 
-def find_steady_point(system: System, at: OperatingPoint, rates: IntArray) -> OperatingPoint | None:
-    """Find the state near by in which some ``rates`` are at rest and nothing accelerates them, by Newton's method.
+def _stop(at: OperatingPoint, rates: IntArray) -> OperatingPoint:
+    v = at.v.copy()
+    v[rates] = 0.0
+    return replace(at, v=v)
+
+
+def find_steady_points(
+    system: System, points: Sequence[OperatingPoint], rates: IntArray
+) -> Sequence[OperatingPoint] | None:
+    """Find the states near by in which some ``rates`` are at rest and nothing accelerates them, by Newton's method.
 
     Returns
     -------
-    OperatingPoint or None
-        None if the corrections do not converge.
+    sequence of OperatingPoint or None
+        None if the corrections of one of the points do not converge.
     """
     if not rates.size:
-        return at
-    parameters = system.parameters
-    places = getattr(parameters, "position", np.arange(system.n))[rates]
-    q, v = at.q.copy(), at.v.copy()
-    v[rates] = 0.0
+        return points
+    places = getattr(system.parameters, "position", np.arange(system.n))[rates]
+    times = np.array([at.time for at in points])
+    states = np.array([np.concatenate([at.q, _stop(at, rates).v]) for at in points])
+    accelerated = system.n_positions + rates
 
     def accelerations_at(values: Array) -> Array:
-        a = np.zeros(system.n)
-        q[places] = values
-        evaluate(parameters, at.time, q, v, a)
-        return a[rates]
+        states[:, places] = values
+        return state_slopes(system, times, states)[:, accelerated]
 
     def correction(values: Array, left: Array) -> Array:
-        slopes = differentiate(accelerations_at, values, np.full(len(values), limits.NUDGE))
-        return np.asarray(-np.linalg.lstsq(slopes, left, rcond=None)[0])
+        states[:, places] = values
+        slopes = differentiate_states(system, times, states, places, np.full(places.size, limits.NUDGE))
+        return np.asarray(-(np.linalg.pinv(slopes[:, accelerated]) @ left[:, :, None])[:, :, 0])
 
-    found = solve(q[places], accelerations_at, correction, np.add, _SETTLING)
-    q[places] = found.state
-    return replace(at, q=q, v=v) if found.converged else None
+    found = solve(states[:, places], accelerations_at, correction, np.add, _SETTLING, scale=_least)
+    states[:, places] = found.state
+    q, v = np.split(states, [system.n_positions], axis=1)
+    return [replace(at, q=q[k], v=v[k]) for k, at in enumerate(points)] if found.converged else None
+
+
+def _least(values: Array) -> float:
+    """Return the largest size of values (n_points, n_values) at the point where that is least."""
+    return float(np.abs(values).max(axis=1).min())
 
 
 def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_step: float) -> tuple[Array, Array]:
@@ -183,10 +199,10 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
     """
     if not rigid.n:
         return np.zeros((len(times), rigid.n_positions)), np.zeros((len(times), 0))
-    system = CompiledSystem(rigid)
+    system = share_system(rigid)
     step = min(longest_step, RESOLVED_STEP * system.largest_step)
     start = OperatingPoint(0.0, q0[: rigid.n_positions], v0[: rigid.n])
-    start = find_steady_point(system, start, np.arange(rigid.n_slow, rigid.n)) or start
+    (start,) = find_steady_points(system, [start], np.arange(rigid.n_slow, rigid.n)) or (start,)
     try:
         motion = CentralDifference(step).march(system, start.q, start.v, times)
     except StabilityError:

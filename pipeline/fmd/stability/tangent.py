@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.memory import VALUES_AT_ONCE
 from fmd.core.limits.newton import NUDGE
@@ -24,7 +24,7 @@ from fmd.integrators.protocol import (
     State,
     evaluate,
     evaluate_projection,
-    evaluate_velocities,
+    evaluate_states,
 )
 
 
@@ -45,25 +45,47 @@ class OperatingPoint:
     v: Array
 
 
-def system_growth_rates(system: System, at: OperatingPoint) -> Array:
+def system_growth_rates(system: System, points: Sequence[OperatingPoint]) -> Array:
     """Return the growth rates of small vibrations by the linearised equations of motion.
 
     Returns
     -------
-    ndarray, shape (n_positions + n,)
+    ndarray, shape (n_points, n_positions + n)
         Real parts of the eigenvalues [1/s], descending.
     """
-    n_positions, n, parameters = system.n_positions, system.n, system.parameters
+    nudges = np.repeat([NUDGE, RATE_NUDGE], [system.n_positions, system.n])
+    times = np.array([at.time for at in points])
+    states = np.array([np.concatenate([at.q, at.v]) for at in points])
+    J = differentiate_states(system, times, states, np.arange(nudges.size), nudges)
+    return np.sort(np.linalg.eigvals(J).real)[:, ::-1]
 
-    def slope(state: Array) -> Array:
-        q, v, dq, a = state[:n_positions].copy(), state[n_positions:].copy(), np.zeros(n_positions), np.zeros(n)
-        evaluate_velocities(parameters, q, v, dq)
-        evaluate(parameters, at.time, q, v, a)
-        return np.concatenate([dq, a])
 
-    nudges = np.repeat([NUDGE, RATE_NUDGE], [n_positions, n])
-    J = differentiate(slope, np.concatenate([at.q, at.v]), nudges)
-    return np.sort(np.linalg.eigvals(J).real)[::-1]
+def differentiate_states(system: System, times: Array, states: Array, places: IntArray, nudges: Array) -> Array:
+    """Return the derivatives of `state_slopes` by some values of each state, (n_states, n_positions + n, n_places)."""
+    disturbed = _disturb(states, places, nudges)
+    return _find_slopes(state_slopes(system, np.repeat(times, 2 * nudges.size), disturbed), nudges)
+
+
+def state_slopes(system: System, times: Array, states: Array) -> Array:
+    """Return the time derivatives of states (n_states, n_positions + n) at times (n_states,) [s], of the same shape."""
+    q, v = (np.ascontiguousarray(part) for part in np.split(states, [system.n_positions], axis=1))
+    dq, a = np.zeros(q.shape), np.zeros(v.shape)
+    evaluate_states(system.parameters, np.ascontiguousarray(times, dtype=float), q, v, dq, a)
+    return np.concatenate([dq, a], axis=1)
+
+
+def _disturb(centres: Array, places: IntArray, nudges: Array) -> Array:
+    """Return vectors (n, n_values) with the values at some places moved up and down, (2 n n_places, n_values)."""
+    disturbed, rows = np.repeat(centres[:, None], 2 * nudges.size, axis=1), np.arange(nudges.size)
+    disturbed[:, 2 * rows, places] += nudges
+    disturbed[:, 2 * rows + 1, places] -= nudges
+    return disturbed.reshape(-1, centres.shape[1])
+
+
+def _find_slopes(values: Array, nudges: Array) -> Array:
+    """Return the Jacobians (n, n_results, n_places) of a function by its values (2 n n_places, n_results) there."""
+    pairs = values.reshape(-1, nudges.size, 2, values.shape[1])
+    return np.asarray(((pairs[:, :, 0] - pairs[:, :, 1]) / (2 * nudges[:, None])).swapaxes(1, 2))
 
 
 def scheme_growth_rates(
@@ -126,14 +148,10 @@ def scheme_tangents(
     count, found = nudges.size, []
     at_once = max(1, VALUES_AT_ONCE // (2 * count * centres.shape[1]))
     for some in range(0, len(points), at_once):
-        disturbed = np.repeat(centres[some : some + at_once, None], 2 * count, axis=1)
-        rows = np.arange(count)
-        disturbed[:, 2 * rows, rows] += nudges
-        disturbed[:, 2 * rows + 1, rows] -= nudges
+        disturbed = _disturb(centres[some : some + at_once], np.arange(count), nudges)
         steps = np.repeat(first[some : some + at_once], 2 * count)
-        ends = method.ends(system, start, disturbed.reshape(-1, centres.shape[1]), steps, cycles)
-        pairs = ends[:, :count].reshape(-1, count, 2, count)
-        found.append((pairs[:, :, 0] - pairs[:, :, 1]).swapaxes(1, 2) / (2 * nudges))
+        ends = method.ends(system, start, disturbed, steps, cycles)
+        found.append(_find_slopes(ends[:, :count], nudges))
     return np.concatenate(found), cycles * m * h
 
 

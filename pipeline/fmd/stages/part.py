@@ -61,13 +61,13 @@ if TYPE_CHECKING:
     from fmd.stages.piece_mesh import PieceMesh
 
 NO_MESH = "is given by its {}: without elements it has no mesh, no stress and no picture"
-_FEM = ("fmd/fem",)
 _BASIS = ("fmd/stages/basis.py", "fmd/stages/markers.py", "fmd/stages/reduced_files.py")
 _REDUCTION = ("fmd/fem", "fmd/reduction", *_BASIS)
 _STRESS = ("fmd/fem", "fmd/recovery/stress.py")
 _DEFORMATION = ("fmd/fem", "fmd/recovery/deformation.py")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
+_OF_THE_PART = ("shape", "joint", "contact_faces", "frame", "stiffening")  # and its files: all that its results are of
 _OF_THE_MODEL = ("space", "markers", "fixed", "model")
 
 
@@ -192,7 +192,7 @@ class FlexiblePart:
         _compute_mesh,
         (),
         mesh_inputs,
-        ("fmd/meshes", "fmd/stages/meshing", *_FEM),
+        ("fmd/meshes", "fmd/stages/meshing", "fmd/fem"),
         ("gmsh", "meshio"),
         applies=_has_mesh,
     )
@@ -206,7 +206,7 @@ class FlexiblePart:
         "stiffening", _stiffen, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION, ALL_PACKAGES
     )
     surface: Stage[SurfaceTopology] = Stage(
-        "surface", _find_surface, ("mesh",), mesh_inputs, ("fmd/meshes", *_FEM), applies=_has_mesh
+        "surface", _find_surface, ("mesh",), mesh_inputs, ("fmd/meshes", "fmd/fem"), applies=_has_mesh
     )
     surface_stress: Stage[Array] = Stage(
         "stress", _recover_surface_stress, ("mesh", "surface", "body"), digest_of_body, _STRESS, applies=_has_mesh
@@ -264,7 +264,8 @@ class FlexiblePart:
         self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
         self.results: dict[str, Any] = {} if piece is None else {"mesh": piece.mesh}
         if like is not None and like.key("modes") == self.key("modes"):
-            self.results |= {stage: like.results[stage] for stage in _OF_THE_MODES if stage in like.results}
+            same = all(getattr(like, name) == getattr(self, name) for name in _OF_THE_PART)
+            self.results |= {stage: x for stage, x in like.results.items() if same or stage in _OF_THE_MODES}
             if (like.shape.marker, like.joint) == (self.shape.marker, self.joint):
                 self.__dict__ |= {name: value for name, value in vars(like).items() if name in _OF_THE_MODEL}
         if modes is not None:

@@ -98,9 +98,14 @@ def _measure_deformations(run: Pipeline) -> Mapping[str, Deformation]:
 
 def _own_inputs(run: Pipeline) -> Any:
     """Return all that results depend on that no other scene's bodies make; ``None`` if there are such bodies."""
-    if run.has_other_bodies or run.has_other_loads:
+    if run.has_other_bodies or run.has_other_loads or not run.stands_alone:
         return None
     return run.inputs | {"whole energy": run.whole_energy}
+
+
+def _inputs_to_keep(run: Pipeline) -> Any:
+    """Return all that results depend on; ``None`` if they aren't kept."""
+    return run.inputs if run.stands_alone else None
 
 
 class Pipeline:
@@ -122,6 +127,8 @@ class Pipeline:
         Reduced bodies to use in place of those of the parts.
     stiffening_loads : mapping of str to StiffeningLoads, optional
         Checks of stiffening to use in place of this scene's own.
+    like : mapping of str to FlexiblePart, optional
+        Parts of another scene, from which results are taken that both have in common.
 
     Attributes
     ----------
@@ -129,8 +136,8 @@ class Pipeline:
         The flexible bodies as the scene has them.
     while_timed : callable
         Makes a context in which each run is timed; it may hold up whatever else uses the processor.
-    compares_times : bool
-        Short marches are repeated, so that their run times can be compared.
+    stands_alone : bool
+        False for one scene of many: its run times aren't compared, and results of the whole scene aren't kept.
     store : StageStore
         Runs the stages and keeps their results.
     like : Division, optional
@@ -144,7 +151,7 @@ class Pipeline:
     # The table of stages, in their order; what they read are these, and stages of each flexible body.
     division: Stage[Division] = Stage("pieces", _divide, applies=_has_pieces)
     stiffening_loads: Stage[Mapping[str, StiffeningLoads]] = Stage(
-        "loads", "runs:check_loads", ("body",), lambda run: run.inputs, ALL_SOURCES, ALL_PACKAGES
+        "loads", "runs:check_loads", ("body",), _inputs_to_keep, ALL_SOURCES, ALL_PACKAGES
     )
     bodies: Stage[Mapping[str, FlexibleBody]] = Stage(
         "stiffened bodies", "runs:stiffen_bodies", ("pieces", "body", "stiffening", "loads")
@@ -178,12 +185,13 @@ class Pipeline:
         division: Division | None = None,
         bodies: Mapping[str, FlexibleBody] | None = None,
         stiffening_loads: Mapping[str, StiffeningLoads] | None = None,
+        like: Mapping[str, FlexiblePart] | None = None,
     ) -> None:
         self.scene, self.keep_all, self.whole_energy = scene, keep_all, False
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
-        self.compares_times = True
+        self.stands_alone = True
         self.store = StageStore(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
-        self.wholes = {name: FlexiblePart(scene, name, self.store) for name in scene.flexible}
+        self.wholes = {name: FlexiblePart(scene, name, self.store, (like or {}).get(name)) for name in scene.flexible}
         if division is not None:
             wholes = {name: divided.whole for name, divided in division.divided.items()}
             self.wholes = {name: wholes[name] if name in wholes else division.parts[name] for name in self.wholes}
@@ -204,10 +212,9 @@ class Pipeline:
         self, scene: Scene, monitor: Monitor = silent, stiffening_loads: Mapping[str, StiffeningLoads] | None = None
     ) -> Pipeline:
         """Return a pipeline for another scene that takes over all results that both have in common."""
-        other = Pipeline(scene, self.store.cache, monitor, self.keep_all, stiffening_loads=stiffening_loads)
-        other.whole_energy, other.compares_times = self.whole_energy, self.compares_times
-        for name, part in self.wholes.items():
-            other.wholes[name] = FlexiblePart(scene, name, other.store, like=part)
+        loads, cache, keep_all = stiffening_loads, self.store.cache, self.keep_all
+        other = Pipeline(scene, cache, monitor, keep_all, stiffening_loads=loads, like=self.wholes)
+        other.whole_energy, other.stands_alone = self.whole_energy, self.stands_alone
         other.like = self.results.get(Pipeline.division.name)
         return other
 
@@ -218,16 +225,9 @@ class Pipeline:
 
         Of their terms of stiffening those stay that count by ``stiffening_loads``, the run's own by default.
         """
-        stiffening_loads = self.stiffening_loads if stiffening_loads is None else stiffening_loads
-        keep_all, division = self.keep_all, self.division
-        other = Pipeline(
-            self.scene,
-            self.store.cache,
-            keep_all=keep_all,
-            division=division,
-            bodies=bodies,
-            stiffening_loads=stiffening_loads,
-        )
+        loads = self.stiffening_loads if stiffening_loads is None else stiffening_loads
+        scene, cache, keep_all, division = self.scene, self.store.cache, self.keep_all, self.division
+        other = Pipeline(scene, cache, keep_all=keep_all, division=division, bodies=bodies, stiffening_loads=loads)
         other.whole_energy = self.whole_energy
         return other
 

@@ -142,8 +142,8 @@ class BuiltScene(Protocol):
         Results of stages by their names.
     while_timed : callable
         Makes a context in which each run is timed.
-    compares_times : bool
-        Short marches are repeated, so that their run times can be compared.
+    stands_alone : bool
+        False for one scene of many: its run times aren't compared, and results of the whole scene aren't kept.
     whole_energy : bool
         Displacements of second order count with their whole kinetic energy.
     has_other_bodies : bool
@@ -155,7 +155,7 @@ class BuiltScene(Protocol):
     store: StageStore
     results: dict[str, Any]
     while_timed: Callable[[], AbstractContextManager[None]]
-    compares_times: bool
+    stands_alone: bool
     whole_energy: bool
     has_other_bodies: bool
 

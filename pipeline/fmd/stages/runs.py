@@ -147,7 +147,8 @@ def finish_plans(built: BuiltScene) -> dict[str, Plan]:
             method = replace(method, forces="carried")
         label = built.scene.simulation.run[k].label(method.substeps)
         checked = replace(plan, integrator=method, growth=growth.factor)
-        plans[f"{label} ({k})" if label in plans else label] = _leave_out_modes(built, checked)
+        alike = (each for each in plans.values() if each.mechanism is plan.mechanism and each.start is plan.start)
+        plans[f"{label} ({k})" if label in plans else label] = _leave_out_modes(built, checked, next(alike, None))
     return plans
 
 
@@ -179,8 +180,10 @@ def _draft_plan(built: BuiltScene, k: int, given: float | None) -> Plan:
     return Plan(key, method, built.mechanism, built.system, built.start)
 
 
-def _leave_out_modes(built: BuiltScene, plan: Plan) -> Plan:
-    """Leave the modes out of a run that nothing excites, unless all are to be kept."""
+def _leave_out_modes(built: BuiltScene, plan: Plan, alike: Plan | None = None) -> Plan:
+    """Leave the modes out of a run that nothing excites, unless all are to be kept; as in a plan of the same motion."""
+    if alike is not None:
+        return replace(plan, excited=alike.excited, excited_system=alike.excited_system)
     part = None
     if not built.keep_all:
         part = excited_part(plan.mechanism, plan.start[0], NO_FORCE * built.scene.simulation.error)
@@ -214,7 +217,8 @@ def _measure_growth(built: BuiltScene, plan: Plan, run: Run, known: list[Operati
     points = next((own for own in known if own.system is plan.system), None)
     if points is None:
         try:
-            built.store.compute(MACHINE_CODE, plan.compile)
+            if built.stands_alone:
+                built.store.compute(MACHINE_CODE, plan.compile)
             points = find_operating_points(plan.system, built.mechanism, *built.start, duration)
         except StabilityError:  # of the mechanism itself: the march will tell
             return Growth()
@@ -324,8 +328,8 @@ def plan_sub_cycled(built: BuiltScene, run: SubCycledRun, key: str, given: float
 
 
 def compile_plans(built: BuiltScene) -> dict[str, Plan]:
-    """Return a scene's runs, whose machine code is there."""
-    for plan in built.plans.values():
+    """Return a scene's runs, whose machine code is there, so that it counts for no run time."""
+    for plan in built.plans.values() if built.stands_alone else ():
         plan.compile()
     return built.plans
 
@@ -350,7 +354,7 @@ def _find_motions(run: BuiltScene) -> dict[str, Motion]:
     require_unbuckled(run.scene, run.stiffness_changes)
     plans = run.compiled_plans  # refuses a step before anything is timed
     trajectories = {label: _march(run, label, plan) for label, plan in plans.items()}
-    if len(plans) > 1 and run.compares_times:
+    if len(plans) > 1 and run.stands_alone:
         again = {label: partial(plan.march, run.output_times) for label, plan in plans.items()}
         trajectories = time_by_turns(trajectories, again)
     for label, plan in plans.items():

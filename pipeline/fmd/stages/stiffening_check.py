@@ -26,6 +26,7 @@ from fmd.core.limits.stiffening import (
     SAMPLED_TIMES,
     SLOPES,
 )
+from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.controllers import HeldValues
 from fmd.dynamics.kinematics import Kinematics
@@ -107,7 +108,7 @@ def check_stiffening_loads(
         return {}
     setting, error = scene.simulation.stiffening, scene.simulation.error
     mechanism = build_mechanism(scene, bodies)
-    require_inertia(scene, CompiledSystem(mechanism.rigid))
+    require_inertia(scene, share_system(mechanism.rigid))
     rigid = movable_rigid(mechanism)
     motion = rigid_motion(rigid, *place_joints(scene, rigid), scene.simulation.duration)
     all_loads = transmitted_loads(motion)
@@ -251,7 +252,7 @@ def _march_rigid(rigid: Mechanism, q0: Array, v0: Array, times: Array) -> tuple[
     """Integrate a mechanism of rigid bodies: positions and rates, (n_times, …) each, and what controllers have held."""
     if not rigid.n:
         return np.zeros((len(times), 0)), np.zeros((len(times), 0)), None
-    system = CompiledSystem(rigid)
+    system = share_system(rigid)
     try:
         motion = _method_for(system, times[-1]).march(system, q0, v0, times)
     except AccuracyError as error:

@@ -10,10 +10,13 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import AccuracyError, InputError
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import Scene
+from fmd.stages.pipeline import Pipeline
 from fmd.sweep.points import point_key
 from fmd.sweep.record import Record, interrupted_record
 
 _alone = threading.Lock()
+_last: list[Pipeline] = []
+"""Stages of the last point that this process computed."""
 
 
 def compute_point(key: str, scene: Scene, budget: bool = False) -> Record:
@@ -30,8 +33,9 @@ def compute_point(key: str, scene: Scene, budget: bool = False) -> Record:
         except InputError as error:  # a file that this machine doesn't have
             return interrupted_record(f"its worker: {error}")
         try:
-            solved = SolvedScene(scene)
-            solved.given.compares_times = False  # other points run beside this one
+            solved = SolvedScene(scene, like=_take_like(scene))
+            solved.given.stands_alone = False  # other points run beside this one
+            _last.append(solved.given)
             if budget and scene.moves:
                 solved.run.motions  # noqa: B018 - what it takes is what its budget may take
             summary = summarise_solved(solved, (), budget, allowed_seconds(solved.run))
@@ -44,3 +48,10 @@ def compute_point(key: str, scene: Scene, budget: bool = False) -> Record:
         except Exception as error:  # a point is a row of the table, not the end of the sweep
             return interrupted_record(f"{type(error).__name__}: {error}")
         return Record("failed" if unmet else "ok", unmet, summary)
+
+
+def _take_like(scene: Scene) -> Pipeline | None:
+    """Return the stages of the last point if its flexible bodies are the same; they aren't kept any longer."""
+    last = _last.pop() if _last else None
+    alike = last is not None and last.scene.flexible == scene.flexible and not last.whole_energy
+    return last if alike else None

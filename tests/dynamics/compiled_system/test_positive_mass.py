@@ -113,7 +113,7 @@ def test_a_mass_matrix_that_round_off_spoils_undeformed_is_refused(
     M = run.system.mass_matrix(run.start[0])
     lightest = np.linalg.eigh(M)[1][:, 0]
     spoiled = M - 2 * (lightest @ M @ lightest) * np.outer(lightest, lightest)
-    monkeypatch.setattr(type(run.system), "mass_matrix", lambda self, q: spoiled)
+    monkeypatch.setattr(type(run.system), "mass_matrices", lambda self, q: np.stack([spoiled] * len(q)))
     with pytest.raises(AccuracyError, match=r"nor is that of the undeformed mechanism: .* fewer modes help"):
         require_positive_mass(run.system, run.start[0], "at t = 1 s")
 

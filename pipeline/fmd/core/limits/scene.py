@@ -22,6 +22,7 @@ MOST_ROWS = 100_000  # of a table over time: it becomes pieces of a motion or lo
 FEWEST_ROWS = 2  # of a table: one has no course
 MOST_SCENE_BYTES = 1_000_000  # of a scene's file: more is no scene
 SCENES_KEPT = 16  # texts of scene files that stay parsed: a sweep reads one again at each of its points
+FORMULAS_KEPT = 512  # formulas and units that stay parsed, for the same reason
 
 # Scenes written for a CAD part.
 MOST_MARKERS = 40  # faces that become markers, the largest

@@ -64,6 +64,10 @@ class Equations:
         """Return the mass matrix M at positions q, shape (n, n); t [s] counts where motions are prescribed."""
         return self.compiled.mass_matrix(self.compiled.signal_values(t), q)
 
+    def mass_matrices(self, q: Array, t: float = 0.0) -> Array:
+        """Return the mass matrix at many positions q (n_states, n_positions), shape (n_states, n, n)."""
+        return self.compiled.mass_matrices(self.compiled.signal_values(t), q)
+
     def constraint_jacobian(self, q: Array, t: float = 0.0) -> Array:
         """Return the constraint Jacobian J of closed loops at positions q, shape (n_constraints, n)."""
         if not self.compiled.rows:

@@ -9,6 +9,7 @@ takes up to twice the time and is for motions that need it.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,16 +35,10 @@ def require_positive_mass(system: ReferenceState, q: Array, where: str, least: f
     least : float
         Part of its inertia in the undeformed mechanism that every motion must keep.
     """
-    mechanism = system.mechanism
-    if not _stiffened(mechanism):
+    if not _stiffened(system.mechanism):
         return
-    undeformed = q.copy()
-    for k in range(len(mechanism.links)):
-        undeformed[mechanism.modal_positions_of(k)] = 0.0
-    M, M0 = system.mass_matrix(q), system.mass_matrix(undeformed)
     try:
-        half = np.linalg.inv(np.linalg.cholesky(M0))
-        kept = float(np.linalg.eigvalsh(half @ M @ half.T)[0]) if np.isfinite(M).all() else -np.inf
+        (kept,) = _kept_inertia(system, q[None])
     except np.linalg.LinAlgError:
         raise InertiaError(
             f"{where} the mass matrix isn't positive definite, nor is that of the undeformed mechanism: {TOO_LIGHT}"
@@ -72,8 +67,32 @@ def require_positive_over(system: ReferenceState, times: Array, q: Array) -> Non
     modes = np.concatenate([mechanism.modal_positions_of(k) for k in stiffened])
     omega = np.concatenate([mechanism.links[k].omega for k in stiffened])
     energies = ((q[:, modes] * omega) ** 2).sum(axis=1)
-    for k in np.argsort(energies)[-LOOKED_AT:]:
+    chosen = np.argsort(energies)[-LOOKED_AT:]
+    with suppress(np.linalg.LinAlgError):
+        if (_kept_inertia(system, q[chosen]) > 0.0).all():
+            return
+    for k in chosen:
         require_positive_mass(system, q[k], f"at t = {times[k]:.4g} s")
+
+
+def _kept_inertia(system: ReferenceState, q: Array) -> Array:
+    """Return the least part that a motion has of its inertia in the undeformed mechanism, at many positions.
+
+    Raises
+    ------
+    LinAlgError
+        The mass matrix of the undeformed mechanism isn't positive definite at one of them.
+    """
+    mechanism = system.mechanism
+    undeformed = q.copy()
+    for k in range(len(mechanism.links)):
+        undeformed[:, mechanism.modal_positions_of(k)] = 0.0
+    M, M0 = np.split(system.mass_matrices(np.concatenate([q, undeformed])), 2)
+    half = np.linalg.inv(np.linalg.cholesky(M0))
+    finite = np.isfinite(M).all(axis=(1, 2))
+    kept = np.full(len(q), -np.inf)
+    kept[finite] = np.linalg.eigvalsh(half[finite] @ M[finite] @ half[finite].swapaxes(1, 2))[:, 0]
+    return kept
 
 
 def _stiffened(mechanism: Mechanism) -> list[int]:

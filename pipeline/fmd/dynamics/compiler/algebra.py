@@ -44,8 +44,9 @@ def multiply(a: Sequence[Scalar], b: Sequence[Scalar]) -> list[Scalar]:
 
 
 def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    """Return ``a · b``."""
-    return total(multiply(a, b))
+    """Return ``a · b``; products with 0 aren't tried, for most of them are."""
+    terms = [x * y for x, y in zip(a, b, strict=True) if x.constant != 0.0 and y.constant != 0.0]
+    return total(terms) if terms else a[0].graph.number(0.0)
 
 
 def cross(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector3:

@@ -90,15 +90,15 @@ class ChunkWriter(Writer):
     def constant(self, values: Array) -> list[Chunk]:
         """Write a constant vector: chunks of 0, 1 and -1 as they are, all others as loads."""
         chunks, first, table = list[Chunk](), 0, ""
+        padded = [*values.tolist(), *[0.0] * (-values.size % self._register)]  # lists: chunks are short
         for width in chunk_widths(values.size, self._register):
-            entries = np.zeros(width)
-            entries[: values[first : first + width].size] = values[first : first + width]
-            if not entries.any():
+            entries = padded[first : first + width]
+            if not any(entries):
                 text = zero(width)
-            elif np.isin(entries, STRUCTURAL).all():
+            elif all(x in STRUCTURAL for x in entries):
                 text = literal(entries[0]) if width == 1 else f"<{', '.join(f'double {literal(x)}' for x in entries)}>"
             else:
-                table = table or self.table(np.append(values, np.zeros(-values.size % self._register)))
+                table = table or self.table(np.array(padded))
                 at = self.value(f"getelementptr double, ptr {table}, i64 {first}") if first else table
                 text = self.load_constant(at, width)
             chunks.append((text, width))

@@ -166,14 +166,22 @@ class CompiledMechanism:
 
     def mass_matrix(self, inputs: Array, q: Array) -> Array:
         """Return ``M̂``, shape (n, n)."""
-        (positions,) = _contiguous(q)
+        (M,) = self.mass_matrices(inputs, np.asarray(q)[None])
+        return np.asarray(M)
 
-        def along(block: Array) -> Array:
-            dr = np.zeros(block.shape)
-            self.call("inertia", inputs, positions, block, dr)
-            return dr
-
-        return _in_blocks(along, np.eye(self.mechanism.n), self.mechanism.n)
+    def mass_matrices(self, inputs: Array, positions: Array) -> Array:
+        """Return ``M̂`` at many positions (n_states, n_positions), shape (n_states, n, n)."""
+        n, q = self.mechanism.n, np.zeros(positions.shape[1])
+        units = np.eye(n, -(-n // LANES) * LANES)
+        found, dr = np.empty((len(positions), *units.shape)), np.zeros((n, LANES))
+        blocks = range(0, units.shape[1], LANES)
+        calls = [self.bound("inertia", inputs, q, units[:, first : first + LANES].copy(), dr) for first in blocks]
+        for M, state in zip(found, positions, strict=True):
+            q[:] = state
+            for first, call in zip(blocks, calls, strict=True):
+                call()
+                M[:, first : first + LANES] = dr
+        return found[:, :, :n]
 
     def solve(self, t: float, q: Array, f: Array) -> Array:
         """Return ``M̂⁻¹ f`` for columns f (n, any)."""

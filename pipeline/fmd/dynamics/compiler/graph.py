@@ -20,9 +20,17 @@ from fmd.dynamics.compiler.nodes import NodeTable
 class Graph(NodeTable):
     """A graph under construction: makes the scalars and vectors that an algorithm computes with."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._constants: dict[float, Scalar] = {}
+
     def number(self, value: float) -> Scalar:
         """Make a constant scalar."""
-        return Scalar(self, self.add("number", data=float(value) + 0.0))
+        known = self._constants.get(value)
+        if known is None:
+            value = float(value) + 0.0  # no negative zero
+            known = self._constants[value] = Scalar(self, self.add("number", data=value))
+        return known
 
     def array(self, values: Array | Sequence[float]) -> Vector:
         """Make a constant vector."""
@@ -51,18 +59,20 @@ class Graph(NodeTable):
 
 
 class Scalar:
-    """A scalar expression; operators simplify what they build."""
+    """A scalar expression; operators simplify what they build.
 
-    __slots__ = ("graph", "node")
+    Attributes
+    ----------
+    constant : float or None
+        Value of a scalar that is a number.
+    """
+
+    __slots__ = ("constant", "graph", "node", "operation")
 
     def __init__(self, graph: Graph, node: int) -> None:
         self.graph, self.node = graph, node
-
-    @property
-    def constant(self) -> float | None:
-        """Value of a scalar that is a number, else ``None``."""
-        node = self.graph.nodes[self.node]
-        return float(node.data) if node.operation == "number" else None  # type: ignore[arg-type]
+        self.operation, _, data, _ = graph.nodes[node]
+        self.constant: float | None = data if self.operation == "number" else None  # type: ignore[assignment]
 
     @property
     def is_zero(self) -> bool:
@@ -73,12 +83,17 @@ class Scalar:
         return value if isinstance(value, Scalar) else self.graph.number(value)
 
     def _make(self, operation: str, *arguments: Scalar) -> Scalar:
-        return Scalar(self.graph, self.graph.add(operation, tuple(x.node for x in arguments)))
+        return Scalar(self.graph, self.graph.add(operation, tuple([x.node for x in arguments])))
 
-    def _argument_of(self, operation: str) -> Scalar | None:
-        """The argument if this is the result of a function of one scalar."""
-        node = self.graph.nodes[self.node]
-        return Scalar(self.graph, node.arguments[0]) if node.operation == operation else None
+    def _make_of_pair(self, operation: str, other: Scalar) -> Scalar:
+        """Make the result of a function of two scalars whose order doesn't matter."""
+        a, b = self.node, other.node
+        return Scalar(self.graph, self.graph.add(operation, (a, b) if a < b else (b, a)))
+
+    @property
+    def _argument(self) -> Scalar:
+        """The argument of this, which is the result of a function of one scalar."""
+        return Scalar(self.graph, self.graph.nodes[self.node].arguments[0])
 
     def __add__(self, value: Scalar | float) -> Scalar:
         other = self._other(value)
@@ -89,11 +104,11 @@ class Scalar:
             return other
         if b == 0.0:
             return self
-        if (negated := other._argument_of("negate")) is not None:
-            return self - negated
-        if (negated := self._argument_of("negate")) is not None:
-            return other - negated
-        return self._make("add", *sorted((self, other), key=lambda x: x.node))
+        if other.operation == "negate":
+            return self - other._argument
+        if self.operation == "negate":
+            return other - self._argument
+        return self._make_of_pair("add", other)
 
     def __radd__(self, value: float) -> Scalar:
         return self + value
@@ -101,11 +116,10 @@ class Scalar:
     def __neg__(self) -> Scalar:
         if (value := self.constant) is not None:
             return self.graph.number(-value)
-        if (negated := self._argument_of("negate")) is not None:
-            return negated
-        node = self.graph.nodes[self.node]
-        if node.operation == "subtract":
-            return Scalar(self.graph, self.graph.add("subtract", node.arguments[::-1]))
+        if self.operation == "negate":
+            return self._argument
+        if self.operation == "subtract":
+            return Scalar(self.graph, self.graph.add("subtract", self.graph.nodes[self.node].arguments[::-1]))
         return self._make("negate", self)
 
     def __sub__(self, value: Scalar | float) -> Scalar:
@@ -119,8 +133,8 @@ class Scalar:
             return self
         if self.node == other.node:
             return self.graph.number(0.0)
-        if (negated := other._argument_of("negate")) is not None:
-            return self + negated
+        if other.operation == "negate":
+            return self + other._argument
         return self._make("subtract", self, other)
 
     def __rsub__(self, value: float) -> Scalar:
@@ -131,21 +145,22 @@ class Scalar:
         a, b = self.constant, other.constant
         if a is not None and b is not None:
             return self.graph.number(a * b)
-        for factor, rest in ((a, other), (b, self)):
+        if a is not None or b is not None:
+            factor, rest = (b, self) if a is None else (a, other)
             if factor == 0.0:
                 return self.graph.number(0.0)
             if factor == 1.0:
                 return rest
             if factor == -1.0:
                 return -rest
-        inner, outer = self._argument_of("negate"), other._argument_of("negate")
-        if inner is not None or outer is not None:
-            product = (inner or self) * (outer or other)
-            return product if inner is not None and outer is not None else -product
+        inner, outer = self.operation == "negate", other.operation == "negate"
+        if inner or outer:
+            product = (self._argument if inner else self) * (other._argument if outer else other)
+            return product if inner and outer else -product
         for x, y in ((self, other), (other, self)):
-            if (inverted := x._argument_of("invert")) is not None and inverted.node == y.node:
+            if x.operation == "invert" and x._argument.node == y.node:
                 return self.graph.number(1.0)
-        return self._make("multiply", *sorted((self, other), key=lambda x: x.node))
+        return self._make_of_pair("multiply", other)
 
     def __rmul__(self, value: float) -> Scalar:
         return self * value

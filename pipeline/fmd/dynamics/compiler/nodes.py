@@ -44,17 +44,18 @@ class NodeTable:
     def __init__(self) -> None:
         self.nodes: list[Node] = []
         self.arrays: list[Array] = []
-        self._numbers: dict[Node, int] = {}
+        self._numbers: dict[tuple[str, tuple[int, ...], float | int | Place | None, int], int] = {}
         self._array_numbers: dict[tuple[tuple[int, ...], bytes], int] = {}
 
     def add(
         self, operation: str, arguments: tuple[int, ...] = (), data: float | int | Place | None = None, size: int = 0
     ) -> int:
         """Return the number of a node, which is new if no equal one exists."""
-        node = Node(operation, arguments, data, size)
-        number = self._numbers.setdefault(node, len(self.nodes))
-        if number == len(self.nodes):
-            self.nodes.append(node)
+        key = (operation, arguments, data, size)
+        number = self._numbers.get(key)
+        if number is None:
+            number = self._numbers[key] = len(self.nodes)
+            self.nodes.append(Node(operation, arguments, data, size))
         return number
 
     def add_array(self, values: Array) -> int:
