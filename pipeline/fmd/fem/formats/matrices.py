@@ -17,6 +17,10 @@ from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, SYMMETR
 from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.formats.free_body import require_free_body
 from fmd.fem.formats.matrix_model import MatrixModel
+from fmd.fem.formats.nastran import SUFFIXES as DECKS
+from fmd.fem.formats.nastran import read_grid_points
+from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4
+from fmd.fem.formats.raw_mesh import MeshFileError
 from fmd.fem.formats.six_unknowns import six_unknowns_model
 from fmd.fem.markers import Marker
 
@@ -35,9 +39,10 @@ def read_matrices(
         Matrix Market (``.mtx``), SciPy's ``.npz``, or what Abaqus writes: rows of node, direction, node, direction,
         value (``FORMAT=MATRIX INPUT`` or ``LABELS``) or of row, column, value (``FORMAT=COORDINATE``). Rows and columns
         without node numbers are x, y, z of the first node in ``nodes``, then of the second; with six unknowns a node
-        the rotations about x, y, z behind each.
+        the rotations about x, y, z behind each. Nastran's OUTPUT4 (``.op4``), whose rows are of the nodes in ascending
+        order, and DMIG cards (``.pch``); of several matrices in a file those whose names begin with K and M.
     nodes : Path
-        Rows of number, x, y, z.
+        Rows of number, x, y, z, or a deck of Nastran.
     units : tuple of float
         The files' units of length [m], stiffness [N/m] and mass [kg].
     unknowns : int
@@ -53,7 +58,8 @@ def read_matrices(
     """
     labels, x = _read_nodes(nodes)
     x = x * units[0]
-    K, M = (_read(path, labels, unknowns) * unit for path, unit in ((stiffness, units[1]), (mass, units[2])))
+    given = (("stiffness", stiffness, units[1]), ("mass", mass, units[2]))
+    K, M = (_read(path, labels, unknowns, what) * unit for what, path, unit in given)
     if unknowns == 6:
         arm = sp.diags_array(np.tile(np.repeat([1.0, units[0]], 3), len(x)))
         K, M = (sp.csr_array(arm @ A @ arm) for A in (K, M))
@@ -96,6 +102,11 @@ def _scalar(path: Path, M: sp.csr_array) -> sp.csr_array:
 
 def _read_nodes(path: Path) -> tuple[IntArray, Array]:
     """Read node numbers (n_nodes,) and positions (n_nodes, 3) in the file's unit."""
+    if path.suffix.lower() in DECKS:
+        try:
+            return read_grid_points(_text(path))
+        except MeshFileError as error:
+            raise InputError(str(path), "", None, str(error)) from error
     rows: list[list[float]] = []
     for number, line in enumerate(_text(path).splitlines(), start=1):
         items = [item for item in re.split(r"[,;\s]+", line.strip()) if item]
@@ -112,11 +123,19 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array]:
     return table[:, 0].astype(np.int64), table[:, 1:]
 
 
-def _read(path: Path, labels: IntArray, unknowns: int) -> sp.csr_array:
-    """Read a matrix of some unknowns a node, shape (unknowns n_nodes, unknowns n_nodes)."""
+def _read(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
+    """Read the stiffness or the mass of some unknowns a node, shape (unknowns n_nodes, unknowns n_nodes)."""
     n = unknowns * len(labels)
     try:
-        A = _read_npz(path) if path.suffix == ".npz" else _read_text(path, labels, unknowns)
+        match path.suffix.lower():
+            case ".npz":
+                A = _read_npz(path)
+            case ".op4":
+                A = _read_op4(path, labels, unknowns, what)
+            case ".pch":
+                A = _read_dmig(path, labels, unknowns, what)
+            case _:
+                A = _read_text(path, labels, unknowns)
     except InputError:
         raise
     except Exception as error:  # what NumPy, SciPy and zipfile raise on damaged bytes is of many kinds
@@ -130,6 +149,33 @@ def _read(path: Path, labels: IntArray, unknowns: int) -> sp.csr_array:
         bad = np.count_nonzero(~np.isfinite(A.data))
         raise AccuracyError(f"{path}: {bad} entries aren't finite numbers")
     return A
+
+
+def _read_op4(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
+    """Read a matrix of OUTPUT4, whose rows are of ascending node numbers."""
+    if path.stat().st_size > MOST_MATRIX_BYTES:
+        raise ValueError(f"is over {MOST_MATRIX_BYTES / 1e9:g} GB")
+    found = read_op4(path)
+    A = sp.coo_array(found[choose_matrix(found, what)])
+    if A.shape != 2 * (unknowns * len(labels),):
+        return sp.csr_array(A)  # its size is refused where all are
+    place = (unknowns * np.argsort(labels)[:, None] + np.arange(unknowns)).ravel()
+    row, column, values = place[A.coords[0]], place[A.coords[1]], A.data
+    if _is_half(row, column, A.shape[0]):
+        row, column, values = _both_halves(row, column, values)
+    return _real_matrix(A.shape, row, column, values)
+
+
+def _read_dmig(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
+    """Read a matrix of DMIG cards by node labels."""
+    found = read_dmig(_text(path))
+    name = choose_matrix(found, what)
+    lines = [(0, [*map(str, key), repr(value)]) for key, value in found[name].items()]
+    try:
+        row, column, values = _label_entries(lines, labels, unknowns)
+    except ValueError as error:
+        raise ValueError(f"matrix {name}: {str(error).replace('line 0', 'an entry')}") from None
+    return _real_matrix(2 * (unknowns * len(labels),), row, column, values)
 
 
 def _read_npz(path: Path) -> sp.csr_array:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fmd.core.arrays import Array, IntArray
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.beam_sections import NastranBeams
 from fmd.fem.formats.nastran_links import NastranLinks
@@ -50,8 +51,8 @@ def read_nastran(text: str) -> RawMesh:
     properties: dict[str, list[str]] = defaultdict(list)
     others: dict[str, int] = defaultdict(int)
     seen: set[int] = set()
-    links, shells, beams = NastranLinks(_real), NastranShells(_real), NastranBeams(_real)
-    for line, name, fields in _cards(text):
+    links, shells, beams = NastranLinks(read_real), NastranShells(read_real), NastranBeams(read_real)
+    for line, name, fields in read_cards(text):
         try:
             if name == "GRID":
                 _take_point(fields, points)
@@ -107,12 +108,41 @@ def read_nastran(text: str) -> RawMesh:
     return raw
 
 
+def read_grid_points(text: str) -> tuple[IntArray, Array]:
+    """Return numbers (n,) and positions (n, 3) of a deck's grid points, ascending as Nastran orders its matrices.
+
+    Raises
+    ------
+    MeshFileError
+        A grid point is in a coordinate system of its own, or moves in one.
+    """
+    points: dict[int, list[float]] = {}
+    for line, name, fields in read_cards(text):
+        try:
+            if name == "GRID":
+                _take_point(fields, points)
+                if fields[5:6] not in ([], [""], ["0"]):
+                    raise MeshFileError(
+                        f"grid point {fields[0]} moves in coordinate system {fields[5]}, its CD, by which its rows are "
+                        "turned; write the deck with CD = 0"
+                    )
+            elif name == "SPOINT" or name in ("RBE1", "RBE2", "RBE3", "RBAR", "RROD", "MPC"):
+                problem = {"SPOINT": "has rows without a grid point"}.get(name, "isn't in KGG, which comes before it")
+                raise MeshFileError(f"{name} {fields[0]} {problem}; leave it out of the deck that writes matrices")
+        except MeshFileError as error:
+            raise MeshFileError(f"line {line}: {error}") from None
+        except (ValueError, IndexError, OverflowError):
+            raise MeshFileError(f"line {line}: {name} has fields that aren't the numbers they should be") from None
+    numbers = np.array(sorted(points), dtype=np.int64)
+    return numbers, np.array([points[int(number)] for number in numbers]).reshape(-1, 3)
+
+
 def _take_point(fields: list[str], points: dict[int, list[float]]) -> None:
     """Add a grid point."""
     number, system = int(fields[0]), fields[1] if len(fields) > 1 else ""
     if system not in ("", "0"):
         raise MeshFileError(f"grid point {number} is in coordinate system {system}; write all in the basic one, 0")
-    x = [_real(field) for field in fields[2:5]]
+    x = [read_real(field) for field in fields[2:5]]
     x += [0.0] * (3 - len(x))
     if points.setdefault(number, x) != x:
         raise MeshFileError(f"grid point {number} is given twice, at two places")
@@ -135,7 +165,7 @@ def _cell(name: str, fields: list[str]) -> tuple[str, list[int]]:
     return kinds[n_local], nodes[:n_local]
 
 
-def _cards(text: str) -> Iterator[tuple[int, str, list[str]]]:
+def read_cards(text: str) -> Iterator[tuple[int, str, list[str]]]:
     """Yield line number, name and fields, without the continuation marks, of each card of the bulk data."""
     lines = text.splitlines()
     begin = text[: _begin_bulk(text)].count("\n") + bool(_begin_bulk(text))
@@ -175,7 +205,7 @@ def _fields(line: str) -> tuple[str, list[str]]:
     return head.upper(), [*rest, *[""] * n][:n]
 
 
-def _real(field: str) -> float:
+def read_real(field: str) -> float:
     """Read a number that may leave out the E of its exponent: 7.0-1 is 0.7."""
     text = re.sub(r"(?<=[\d.])([+-])", r"E\1", field.upper().replace("D", "E"))
     return float(text) if text else 0.0
