@@ -209,7 +209,7 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
                 moved.append(arms_of_unknowns(own_T, unknowns, values))
         carried.append((np.concatenate([own for own, _ in moved]), np.concatenate([r for _, r in moved])))
         if not marker.rigid:
-            mean = sp.csr_array(_mean_motion(marker, link.at)) @ own_T[_rows(marker.nodes)]
+            mean = sp.csr_array(mean_motion(marker, link.at)) @ own_T[_rows(marker.nodes)]
             unknowns = np.unique(mean.indices)
             constraints.give(grid, unknowns, mean[:, unknowns])
         arms = fe.x[marker.nodes] - marker.position
@@ -300,7 +300,7 @@ def _stretches(springs: Sequence[Relation], starts: Mapping[str, int], x: Array)
     return sp.csr_array((np.concatenate(values), place), shape=(len(springs), 3 * len(x)))
 
 
-def _mean_motion(marker: Marker, at: Array) -> Array:
+def mean_motion(marker: Marker, at: Array) -> Array:
     """Return displacement and rotation of a point that follows a face in the mean, shape (6, 3 n)."""
     turn = marker.rotation_weights.reshape(3, -1)
     move = np.kron(marker.translation_weights, np.eye(3))

@@ -15,13 +15,15 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import read_text
 from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, SYMMETRIC
 from fmd.core.limits.mesh import FACE_IN_PLANE
+from fmd.fem.connections import Connections
 from fmd.fem.formats.free_body import require_free_body
 from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.formats.nastran import SUFFIXES as DECKS
 from fmd.fem.formats.nastran import read_grid_points
 from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4
 from fmd.fem.formats.raw_mesh import MeshFileError
-from fmd.fem.formats.six_unknowns import six_unknowns_model
+from fmd.fem.formats.six_unknowns import SixUnknownsModel, six_unknowns_model
+from fmd.fem.formats.tied_matrices import references, tie_matrices
 from fmd.fem.markers import Marker
 
 _WHAT = {3: "displacements", 6: "displacements and rotations"}  # unknowns of a node
@@ -56,7 +58,7 @@ def read_matrices(
         A matrix isn't symmetric, a rigid motion isn't free, masses depend on the direction, or no matter is so dense
         or so stiff; with the figure.
     """
-    labels, x = _read_nodes(nodes)
+    labels, x, deck = _read_nodes(nodes)
     x = x * units[0]
     given = (("stiffness", stiffness, units[1]), ("mass", mass, units[2]))
     K, M = (_read(path, labels, unknowns, what) * unit for what, path, unit in given)
@@ -70,10 +72,13 @@ def read_matrices(
     K, M = (sp.csr_array(0.5 * (A + A.T)) for A in (K, M))
     K.eliminate_zeros()  # its pattern tells what is connected
     if unknowns == 6:
-        model: MatrixModel = six_unknowns_model(mass, K, M, x, labels)
+        model: MatrixModel = _tied(six_unknowns_model(mass, K, M, x, labels, references(deck)), deck, nodes)
     else:
         model = MatrixModel(None, None, K, _scalar(mass, M), x, labels)  # type: ignore[arg-type]
         _require_mass(mass, model)
+        if deck.rigid or deck.mean or deck.equations:
+            first = (*deck.rigid, *deck.mean, *deck.equations)[0]
+            raise InputError(str(nodes), "", None, f"{first.label} needs rotations; say matrices.unknowns = 6")
     require_free_body(stiffness, model)
     return model
 
@@ -100,8 +105,18 @@ def _scalar(path: Path, M: sp.csr_array) -> sp.csr_array:
     return m
 
 
-def _read_nodes(path: Path) -> tuple[IntArray, Array]:
-    """Read node numbers (n_nodes,) and positions (n_nodes, 3) in the file's unit."""
+def _tied(model: SixUnknownsModel, deck: Connections, path: Path) -> SixUnknownsModel:
+    """Return the model with what a deck's links join, which aren't in its matrices."""
+    if not (deck.rigid or deck.mean or deck.equations):
+        return model
+    try:
+        return tie_matrices(model, deck)
+    except ValueError as error:
+        raise InputError(str(path), "", None, str(error)) from error
+
+
+def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
+    """Read node numbers (n_nodes,) and positions (n_nodes, 3) in the file's unit, and a deck's connections."""
     if path.suffix.lower() in DECKS:
         try:
             return read_grid_points(_text(path))
@@ -120,7 +135,7 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array]:
         raise InputError(str(path), "", None, "needs three nodes at least, with finite coordinates")
     if np.abs(table[:, 0]).max() > 2**53 or len(np.unique(table[:, 0])) < len(table):
         raise InputError(str(path), "", None, "gives a node twice, or one without a number")
-    return table[:, 0].astype(np.int64), table[:, 1:]
+    return table[:, 0].astype(np.int64), table[:, 1:], Connections()
 
 
 def _read(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:

@@ -14,6 +14,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.fem.cells.table import CELLS
+from fmd.fem.connections import Connections
 from fmd.fem.formats.beam_sections import NastranBeams
 from fmd.fem.formats.nastran_links import NastranLinks
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
@@ -108,33 +109,31 @@ def read_nastran(text: str) -> RawMesh:
     return raw
 
 
-def read_grid_points(text: str) -> tuple[IntArray, Array]:
-    """Return numbers (n,) and positions (n, 3) of a deck's grid points, ascending as Nastran orders its matrices.
+def read_grid_points(text: str) -> tuple[IntArray, Array, Connections]:
+    """Return numbers (n,) and positions (n, 3) of a deck's grid points, ascending as in matrices, and connections.
 
     Raises
     ------
     MeshFileError
-        A grid point is in a coordinate system of its own, or moves in one.
+        A grid point is in a coordinate system of its own, or moves in one, or a link isn't one of those that are read.
     """
-    points: dict[int, list[float]] = {}
+    numbers: dict[int, None] = {}
     for line, name, fields in read_cards(text):
-        try:
-            if name == "GRID":
-                _take_point(fields, points)
-                if fields[5:6] not in ([], [""], ["0"]):
-                    raise MeshFileError(
-                        f"grid point {fields[0]} moves in coordinate system {fields[5]}, its CD, by which its rows are "
-                        "turned; write the deck with CD = 0"
-                    )
-            elif name == "SPOINT" or name in ("RBE1", "RBE2", "RBE3", "RBAR", "RROD", "MPC"):
-                problem = {"SPOINT": "has rows without a grid point"}.get(name, "isn't in KGG, which comes before it")
-                raise MeshFileError(f"{name} {fields[0]} {problem}; leave it out of the deck that writes matrices")
-        except MeshFileError as error:
-            raise MeshFileError(f"line {line}: {error}") from None
-        except (ValueError, IndexError, OverflowError):
-            raise MeshFileError(f"line {line}: {name} has fields that aren't the numbers they should be") from None
-    numbers = np.array(sorted(points), dtype=np.int64)
-    return numbers, np.array([points[int(number)] for number in numbers]).reshape(-1, 3)
+        if name == "GRID":
+            if fields[5:6] not in ([], [""], ["0"]):
+                raise MeshFileError(
+                    f"line {line}: grid point {fields[0]} moves in coordinate system {fields[5]}, its CD, by which its "
+                    "rows are turned; write the deck with CD = 0"
+                )
+            numbers[int(fields[0]) if fields[0].isdigit() else 0] = None
+        elif name == "SPOINT":
+            raise MeshFileError(f"line {line}: SPOINT {fields[0]} has rows without a grid point; leave it out")
+        elif name in ("RBE1", "RROD", "RTRPLT", "RSPLINE", "RSSCON"):
+            raise MeshFileError(f"line {line}: {name} isn't in KGG, which comes before it, and isn't read")
+    raw = read_nastran(text)
+    order = np.argsort(list(numbers))
+    place = {int(old): new for new, old in enumerate(order)}
+    return np.array(list(numbers), dtype=np.int64)[order], raw.points[order], raw.connections.numbered(place)
 
 
 def _take_point(fields: list[str], points: dict[int, list[float]]) -> None:

@@ -23,8 +23,7 @@ from fmd.fem.formats.nastran import read_cards, read_real
 _HEADER = struct.Struct("4i8s")
 _WORDS = {1: 1, 2: 2, 3: 1, 4: 2}  # of a number by the matrix' type: single and double precision, real and complex
 _REAL = (1, 2)
-_SYMMETRIC, _SQUARE = 6, 1
-_STRING = 65536
+_SYMMETRIC, _SQUARE = "6", "1"  # forms of DMIG
 
 _Entries = tuple[list[IntArray], list[IntArray], list[Array]]  # rows, columns and values
 
@@ -112,8 +111,8 @@ def _records(content: bytes, order: str) -> Iterator[bytes]:
 
 def _string(word: int) -> tuple[int, int]:
     """Return length in words and first row of a string from the one word that has both."""
-    length = word // _STRING - 1
-    return length, word - _STRING * (length + 1)
+    length, row = divmod(word, 65536)
+    return length - 1, row
 
 
 def _add(entries: _Entries, column: int, row: int, values: Array) -> None:
@@ -194,14 +193,14 @@ def read_dmig(text: str) -> dict[str, dict[tuple[int, int, int, int], float]]:
         A card is damaged.
     """
     found: dict[str, dict[tuple[int, int, int, int], float]] = {}
-    forms: dict[str, int] = {}
+    forms: dict[str, str] = {}
     for line, card, fields in read_cards(text):
         if card != "DMIG":
             continue
         try:
             name = fields[0].upper()
             if fields[1] == "0":
-                forms[name] = int(fields[2])
+                forms[name] = fields[2]
                 if forms[name] in (_SYMMETRIC, _SQUARE) and int(fields[3]) in _REAL:
                     found[name] = {}
                 continue

@@ -60,7 +60,9 @@ class SixUnknownsModel(MatrixModel):
         return np.asarray(np.sqrt(np.einsum("ij,ij->j", y, self.given_mass @ y)) - 1.0)
 
 
-def six_unknowns_model(path: Path, K: sp.csr_array, M: sp.csr_array, x: Array, labels: IntArray) -> SixUnknownsModel:
+def six_unknowns_model(
+    path: Path, K: sp.csr_array, M: sp.csr_array, x: Array, labels: IntArray, turned: IntArray | None = None
+) -> SixUnknownsModel:
     """Make the model of matrices with six unknowns a node.
 
     Parameters
@@ -69,6 +71,8 @@ def six_unknowns_model(path: Path, K: sp.csr_array, M: sp.csr_array, x: Array, l
         File of the masses, for messages.
     K, M : sparse array, shape (6 n_nodes, 6 n_nodes)
         Symmetric; unknown ``6 i + a`` is displacement (0, 1, 2) or rotation (3, 4, 5) of node i.
+    turned : ndarray of int, optional
+        Nodes that have rotations even if their rows are zero, as references of links.
 
     Raises
     ------
@@ -78,6 +82,7 @@ def six_unknowns_model(path: Path, K: sp.csr_array, M: sp.csr_array, x: Array, l
     n = len(x)
     stored = np.asarray(abs(K).sum(axis=1) + abs(M).sum(axis=1)).reshape(n, 6)
     turns = np.flatnonzero(stored[:, 3:].any(axis=1))
+    turns = turns if turned is None else np.union1d(turns, turned)
     order = np.concatenate([6 * np.arange(n)[:, None] + np.arange(3), 6 * turns[:, None] + np.arange(3, 6)]).ravel()
     K, M = (sp.csr_array(A[order][:, order]) for A in (K, M))
     m, rest = _alike(M, n, turns)
