@@ -62,7 +62,8 @@ DATA_ROOMS = {"render", "meshes", "models", "verification", "bench"}
 # Numbers elsewhere that decide nothing: facts of a file format, of a method, of a machine, or measures of one drawing.
 FACTS = {
     "fmd.contact.histories": {
-        *("FORCE", "IMPULSE", "MOMENT", "AREA", "PRESSURE", "ENERGY", "FRICTION", "ERROR", "BEGIN", "END", "N_VALUES"),
+        *("FORCE", "IMPULSE", "MOMENT", "AREA", "PRESSURE", "ENERGY", "FRICTION", "DAMPED", "ERROR"),
+        *("BEGIN", "END", "BORDER", "N_VALUES"),
     },
     "fmd.core.cache": {"_DIGEST_BYTES"},
     "fmd.core.child": {"_PR_SET_PDEATHSIG"},

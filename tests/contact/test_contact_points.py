@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from scipy.optimize import nnls
 from fmd import Pipeline, load_scene
 from fmd.contact.flexibility import pressed_nodes
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.protocol import evaluate, move_positions
 from fmd.output.contacts import contact_warnings
@@ -49,6 +49,7 @@ BLOCK: dict[str, Any] = {
 MESHES = {
     "linear hexahedra": "{ divisions = [4, 3, 2], order = 1 }",
     "linear tetrahedra": '{ element = "tetrahedron", size = "40 mm", order = 1 }',
+    "quadratic hexahedra": "{ divisions = [4, 3, 2], order = 2 }",
     "quadratic tetrahedra": '{ element = "tetrahedron", size = "40 mm", order = 2 }',
 }
 
@@ -66,15 +67,18 @@ def test_forces_of_a_constant_pressure_push_and_have_its_resultant(mesh: str) ->
     assert areas @ part.space.x[nodes] / areas.sum() == pytest.approx([0.1, -0.05, 0.0], abs=1e-12)
 
 
-def test_quadratic_tetrahedra_are_pressed_in_the_middles_of_their_sides() -> None:
-    part = block(f"body.block.mesh={MESHES['quadratic tetrahedra']}").parts["block"]
+@pytest.mark.parametrize("mesh", ["quadratic hexahedra", "quadratic tetrahedra"])
+def test_quadratic_facets_are_pressed_in_the_middles_of_their_sides(mesh: str) -> None:
+    part = block(f"body.block.mesh={MESHES[mesh]}").parts["block"]
     nodes, _ = pressed_nodes(part.markers["bottom"])
     assert not np.isin(nodes, part.space.mesh.corners).any()
 
 
-def test_quadratic_hexahedra_are_refused_with_what_works() -> None:
-    with pytest.raises(InputError, match=r"bottom has quadratic quadrilaterals.*order = 1"):
-        _ = block("body.block.mesh.order=2").mechanism
+def test_a_face_of_both_quadratic_triangles_and_quadrilaterals_is_refused() -> None:
+    marker = block("body.block.mesh.order=2").parts["block"].markers["bottom"]
+    mixed = replace(marker, areas=np.where(marker.areas < 0.0, 0.5, 1.0) * marker.areas)
+    with pytest.raises(ValueError, match="quadratic triangles and quadrilaterals"):
+        pressed_nodes(mixed)
 
 
 @pytest.mark.parametrize("joint", ["free", "prismatic"])

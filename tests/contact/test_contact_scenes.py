@@ -17,6 +17,7 @@ from fmd.output.mechanism_view import view_mechanism
 from fmd.output.work_precision import compare_on_scene
 from fmd.recovery.motion_file import motion_variables
 from fmd.stages.linear_model import linearise_scene
+from fmd.stages.stability_limits import find_scene_limits
 from tests.contact.test_contact_points import BLOCK
 
 
@@ -104,10 +105,14 @@ def test_a_block_that_begins_in_the_ground_is_refused_by_its_depth() -> None:
     ("override", "message"),
     [
         ('simulation.run.0.integrator="generalized-alpha"', "takes no contact; central-difference does"),
-        ('simulation.start="steady"', "doesn't know of contacts; 'undeformed' does"),
+        ('simulation.start="steady"', "doesn't know of contacts; 'undeformed' and 'equilibrium' do"),
         ("accuracy=0.01", "no error budget states theirs"),
         ('contact.floor.between=["block.bottom", "ground"]', "a face of a flexible body second"),
         ('contact.floor.between=["ground", "block.top"]', "marker"),
+        (
+            'contact.wall={ between = ["ground", "block.side"], normal = [1, 0, 0], damping = "1 ms" }',
+            "damping: isn't that of contact.floor, 0 s, which has block in common",
+        ),
         ("body.block.pieces=2", "in pieces; pieces = 1 works"),
         ('contact.wall={ between = ["ground", "block.bottom"], normal = [1, 0, 0] }', "has the face of contact.floor"),
     ],
@@ -115,6 +120,11 @@ def test_a_block_that_begins_in_the_ground_is_refused_by_its_depth() -> None:
 def test_what_contact_can_not_do_is_refused(override: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         block(override)
+
+
+def test_a_flat_face_has_no_near_field_of_a_half_space() -> None:
+    with pytest.raises(InputError, match="bottom is no sphere, cylinder, cone or ellipsoid"):
+        _ = block("contact.floor.near_field=half-space").mechanism
 
 
 def test_a_rigid_body_is_refused_for_its_surface_has_no_stiffness() -> None:
@@ -141,6 +151,17 @@ def test_what_would_leave_contacts_out_says_so() -> None:
     for what, use in uses.items():
         with pytest.raises(InputError, match=f"{what} would leave contacts out"):
             use()
+
+
+def test_the_largest_safe_step_has_contacts_closed_and_one_ratio() -> None:
+    run, free = block(), block(contact={})
+    limits = find_scene_limits(run, [1, 2], along=False)
+    (row,) = limits.limits
+    assert row.critical_step == pytest.approx(run.system.largest_step, rel=1e-6)
+    assert row.critical_step < find_scene_limits(free, [1], along=False).limits[0].critical_step
+    assert limits.recommended[0] <= 0.25 * row.critical_step
+    with pytest.raises(InputError, match="--along would leave contacts out"):
+        find_scene_limits(run, [1], along=True)
 
 
 def test_a_bar_on_a_slide_bounces_as_a_free_one() -> None:
@@ -170,3 +191,26 @@ def test_a_bar_on_a_slide_bounces_as_a_free_one() -> None:
         impulses.append(Pipeline(load_scene(scene)).motion.contacts["floor"].impulse[-1, 0])
     assert impulses[0] == pytest.approx(impulses[1], rel=1e-9)
     assert impulses[0] == pytest.approx(266.67, rel=0.01)  # of the exact bar, with eight modes
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_a_block_that_is_set_down_at_rest_stays_there(friction: float) -> None:
+    run = block(
+        'simulation.start="equilibrium"',
+        f"contact.floor.friction={friction}",
+        'joint.free.position=["0 m", "50 mm", "0 m"]',
+        "simulation.duration=5 ms",
+    )
+    own, weight = run.motion.contacts["floor"], 9.81 * run.motion.mechanism.mass
+    np.testing.assert_allclose(own.force[:, 1], weight, rtol=1e-4)
+    assert np.abs(run.motion.trajectory.v).max() < 1e-4 * 9.81 * 5e-3  # of what it would fall at
+
+
+def test_a_block_on_a_slope_starts_with_its_foot_sheared() -> None:
+    """Let go with nothing sheared, a block slips at first, even where friction is more than tan 30°."""
+    slope = ['simulation.gravity=["4.905 m/s^2", "-8.4957 m/s^2", "0 m/s^2"]', "simulation.duration=5 ms"]
+    slope += ["contact.floor.friction=0.8", 'joint.free.position=["0 m", "50 mm", "0 m"]']
+    run = block('simulation.start="equilibrium"', *slope)
+    own, weight = run.motion.contacts["floor"], 9.81 * run.motion.mechanism.mass
+    np.testing.assert_allclose(own.force[:, 0], -0.5 * weight, rtol=1e-3)
+    assert np.abs(run.motion.trajectory.v).max() < 1e-3 * 4.9 * 5e-3

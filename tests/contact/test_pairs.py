@@ -207,6 +207,7 @@ def test_forces_on_frames_and_modes_of_both_are_the_derivative_of_the_potential(
         ('contact.hit.between=["first.right", "first.left"]', "one body, which can't touch itself"),
         ('contact.hit.between=["first.right", "second.left", "second.right"]', "must be two surfaces"),
         ("contact.hit.normal=[1, 0, 0]", "faces of bodies have normals of their own"),
+        ("contact.hit.near_field=half-space", "'mesh' works between bodies"),
         ('contact.hit.between=["ground", "second.left"]', "normal: is missing"),
         ('contact.again={ between = ["second.left", "first.right"] }', "two faces make one contact"),
         ('contact.hit.between=["first.right", "second.lift"]', "lift"),

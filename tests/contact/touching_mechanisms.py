@@ -37,7 +37,7 @@ def bouncing_bar(n: int) -> Mechanism:
 
 
 def soft_footed_block(
-    size: tuple[float, float], mass: float, gravity: Array, friction: float, k: float, n: int = 8
+    size: tuple[float, float], mass: float, gravity: Array, friction: float, k: float, n: int = 8, damping: float = 0.0
 ) -> tuple[Mechanism, float]:
     """A rigid block, size along x and z, on a floor across z; and how far it sinks under its weight at rest."""
     a, b = size
@@ -50,7 +50,7 @@ def soft_footed_block(
         G=np.einsum("ij,ab->iajb", C, np.eye(3)),
         faces={"foot": np.arange(n)},
     )
-    plane = ContactPlane("floor", np.zeros(3), np.array([0.0, 0.0, 1.0]), friction, "foot")
+    plane = ContactPlane("floor", np.zeros(3), np.array([0.0, 0.0, 1.0]), friction, "foot", damping=damping)
     inertia = mass / 12 * np.array([b**2 + a**2, a**2 + b**2, 2 * a**2])
     link = Link("block", rigid_integrals(mass, np.zeros(3), np.diag(inertia)), FREE)
     mechanism = Mechanism([link], gravity=gravity, contacts=[TouchingBody("block", foot, (plane,))])

@@ -72,8 +72,11 @@ def stability(
     result = find_scene_limits(run, [1, substeps] if substeps else list(_RATIOS), along)
     if options.json:
         print_json(summarise_limits(result))
-    else:
-        _print_limits(run.scene.title, result)
+        return
+    _print_limits(run.scene.title, result)
+    if run.scene.contact:
+        text = "contacts count as closed; opening and closing feed the highest modes from half of the largest step on"
+        open_console().print(text)
 
 
 def _require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:

@@ -46,14 +46,25 @@ def contact_table(
     point = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     group = np.append(point[np.searchsorted(groups[order], np.arange(groups.max() + 1))], point[-1])
     contact = np.array([numbered[k][0] for k in order], dtype=np.int64)
-    return ContactTable(
+    table = ContactTable(
         **_bodies(bodies, links, modes, first, shift),
         **_surfaces(surfaces, contact, point, bodies),
         **_triangles(surfaces, first),
         **_points(surfaces, counts, first, bodies),
-        **_rooms(group),
+        **_rooms(group, np.array([own.of.damping for own in surfaces])[np.searchsorted(point, group[:-1])]),
         **_results(bodies, links, n_links, n),
     )
+    for own, begin, end in zip(surfaces, point[:-1], point[1:], strict=True):
+        _anchor(table, bodies[own.slave], own, slice(begin, end))
+    return table
+
+
+def _anchor(table: ContactTable, body: TouchingBody, surface: ContactSurface, at: slice) -> None:
+    """Let points before a plane have their slip counted from where they are at the start, if they are set down."""
+    if surface.master < 0 and body.anchor is not None:
+        origin, R = body.anchor
+        table.tip[at] = table.before[at] = origin + body.points.x[surface.points] @ R.T
+        table.seen[at, 1] = 1
 
 
 def _groups(n_bodies: int, surfaces: Sequence[ContactSurface]) -> IntArray:
@@ -87,6 +98,7 @@ def _bodies(
         "shapes": shapes,
         "G": G,
         "place": np.zeros((size, 3)),
+        "border": np.concatenate([body.points.border for body in bodies]).astype(np.int64),
         "placed": np.full(size, -1, dtype=np.int64),
     }
 
@@ -156,6 +168,7 @@ def _points(
             soft = soft + (1.0 + own.softness) * bodies[own.master].points.softness[own.triangles].max()
         supple.append(soft)
     vectors = ("weights", "spot", "free", "force", "own", "moved", "at", "known", "tip", "before")
+    then = ("undamped", "viscous", "weights_then", "normal_then", "moved_then", "elastic_then", "viscous_then")
     return {
         "node": np.concatenate([first[own.slave] + own.points for own in surfaces]),
         "surface": np.repeat(np.arange(len(surfaces)), counts),
@@ -168,7 +181,7 @@ def _points(
         "active": np.zeros(n, dtype=np.int64),
         "seen": np.zeros((n, 2), dtype=np.int64),
         **{name: np.zeros((n, 3, 3)) for name in ("axes", "turned", "Q", "Q_then")},
-        **{name: np.zeros((n, 3)) for name in (*vectors, "weights_then", "normal_then")},
+        **{name: np.zeros((n, 3)) for name in (*vectors, *then)},
         "foot_then": np.zeros((n, 3), dtype=np.int64),
         "chosen": np.zeros(n, dtype=np.int64),
         "slot": np.full(n, -1, dtype=np.int64),
@@ -176,7 +189,7 @@ def _points(
     }
 
 
-def _rooms(group: IntArray) -> dict[str, Any]:
+def _rooms(group: IntArray, damping: Array) -> dict[str, Any]:
     counts = np.diff(group)
     stride = DOUBLES_IN_LINE * -(-3 * counts // DOUBLES_IN_LINE)
     ends = np.stack([np.cumsum(3 * counts * stride), np.cumsum(counts**2)], axis=1)
@@ -184,6 +197,8 @@ def _rooms(group: IntArray) -> dict[str, Any]:
     most = int(stride.max())
     return {
         "group": group,
+        "damping": damping,
+        "share": np.ones(len(counts)),
         "noise": np.zeros(len(counts)),
         "band": np.zeros(len(counts)),
         "n_chosen": np.zeros(len(counts), dtype=np.int64),

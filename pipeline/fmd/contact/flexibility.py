@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.contact.touching_body import ContactPoints
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.contact import COLUMNS_AT_ONCE, LEAST_FLEXIBILITY, LEAST_SHARE, MOST_POINTS
+from fmd.core.limits.contact import COLUMNS_AT_ONCE, LEAST_FLEXIBILITY, LEAST_SHARE, MOST_POINTS, OTHER_FACETS
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
@@ -19,26 +19,26 @@ if TYPE_CHECKING:
 
 
 def pressed_nodes(marker: Marker) -> tuple[IntArray, Array]:
-    """Return the nodes of a marker's face that a constant pressure acts on, and the area of each.
+    """Return the nodes of a marker's face that a constant pressure pushes at, and the area of each.
 
     Its nodal forces are ``∫ N dA``: equal ones at the corners of linear facets, and at the middles of the sides of
-    quadratic triangles, whose corners take none. These alone can carry a constant pressure by forces that push.
+    quadratic ones. The corners of quadratic triangles take none; those of quadrilaterals are pulled at, and without
+    them the middles take a quarter of a facet each.
 
     Raises
     ------
     ValueError
-        Some forces pull: facets are quadratic quadrilaterals.
+        The marker is on no face that deforms, or this has both quadratic triangles and quadrilaterals.
     """
-    share = marker.translation_weights
-    if marker.rigid or share.ndim != 1 or not marker.area > 0.0:
+    if marker.rigid or marker.areas is None:
         raise ValueError("is no face that can deform; an averaged marker on a face works")
-    if share.min() < -LEAST_SHARE * share.max():
-        raise ValueError(
-            "has quadratic quadrilaterals, whose corners a constant pressure pulls at: no forces that only push can "
-            "stand for it; linear hexahedra (order = 1) or quadratic tetrahedra work"
-        )
+    area = marker.areas.sum()
+    share = marker.areas / area
     pressed = share > LEAST_SHARE * share.max()
-    return marker.nodes[pressed], share[pressed] * marker.area
+    push = share[pressed].sum()  # 1 of triangles, 4/3 of quadrilaterals
+    if min(abs(push - 1.0), abs(push - 4.0 / 3.0)) > OTHER_FACETS:
+        raise ValueError("has quadratic triangles and quadrilaterals, which no forces that push load alike; two work")
+    return marker.nodes[pressed], share[pressed] / push * area
 
 
 def contact_points(
@@ -90,7 +90,10 @@ def contact_points(
         raise ValueError(f"{', '.join(faces)}: points move as a rigid part; a face that deforms works") from error
     shapes = np.ascontiguousarray(body.shapes[at])
     surfaces = {name: np.searchsorted(at, own) for name, own in triangles.items()}
-    return ContactPoints(body.x[at].copy(), areas, shapes, G.reshape(n, 3, n, 3), numbers, raised, surfaces)
+    (material, _), *others = fe.material.over(slice(None))
+    elastic = None if others else (material.E, material.nu)
+    G = G.reshape(n, 3, n, 3)
+    return ContactPoints(body.x[at].copy(), areas, shapes, G, numbers, raised, surfaces, elastic=elastic)
 
 
 def _static_flexibility(fe: FEModel, solver: FreeBodySolver, nodes: IntArray) -> Array:

@@ -8,9 +8,11 @@ import numpy as np
 
 from fmd.core.arrays import Array
 
-FORCE, IMPULSE, MOMENT, AREA, PRESSURE, ENERGY, FRICTION, ERROR, BEGIN, END = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15
+FORCE, IMPULSE, MOMENT, AREA, PRESSURE = 0, 3, 6, 9, 10
 """Places of a contact's values: vectors in space, then numbers."""
-N_VALUES = 16
+ENERGY, FRICTION, DAMPED, ERROR, BEGIN, END, BORDER = 11, 12, 13, 14, 15, 16, 17
+"""Places of those of energies and times, and of a mark that the border of a grid has been pressed."""
+N_VALUES = 18
 
 
 class ContactHistory(NamedTuple):
@@ -23,8 +25,10 @@ class ContactHistory(NamedTuple):
     peak_pressure: Array  # (n_times,) [Pa]
     energy: Array  # (n_times,): of the deflection that the modes leave out [J]
     friction_work: Array  # (n_times,): heat since the start [J]
+    damping_work: Array  # (n_times,): heat by damping since the start [J]
     energy_error: Array  # (n_times,): energy that contact's steps have made since the start [J]
     span: tuple[float | None, float | None]  # first and last time of contact [s]; None without
+    beyond_grid: bool  # it has reached the border of its near field's grid
 
 
 def read_history(v: Array) -> ContactHistory:
@@ -38,6 +42,8 @@ def read_history(v: Array) -> ContactHistory:
         peak_pressure=v[:, PRESSURE],
         energy=v[:, ENERGY],
         friction_work=v[:, FRICTION],
+        damping_work=v[:, DAMPED],
         energy_error=v[:, ERROR],
         span=(begin, end),
+        beyond_grid=bool(v[-1, BORDER] > 0.0),
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from fmd.contact.compliances import choose_points, move_points
+from fmd.contact.damping import relax_points, repeats_step, soften_gaps
 from fmd.contact.friction_forces import find_friction_forces
 from fmd.contact.normal_forces import find_normal_forces
 from fmd.contact.places import place_surface
@@ -21,8 +22,8 @@ from fmd.kernels.kernel import inner
 
 
 @inner
-def touch(c: ContactTable, q: Array, origins: Array, rotations: Array) -> None:
-    """Find the forces on all points at positions q, with the bodies' frames in space; nothing is remembered."""
+def touch(c: ContactTable, t: float, q: Array, origins: Array, rotations: Array) -> None:
+    """Find the forces on all points at a time t and positions q, with the bodies' frames; nothing is remembered."""
     c.clock[1] = 0.0
     c.state[0] += 1
     for k in range(c.modal.size):
@@ -36,9 +37,18 @@ def touch(c: ContactTable, q: Array, origins: Array, rotations: Array) -> None:
         for i in range(c.group[g], c.group[g + 1]):
             for a in range(3):
                 c.force[i, a], c.own[i, a], c.moved[i, a] = 0.0, 0.0, 0.0
-        if _measure_gaps(c, g, origins, rotations) < 0.0:
-            if not _find_forces(c, g):
-                c.clock[1] = max(c.clock[1], 1.0)
+        damped = c.damping[g] > 0.0
+        if damped:
+            soften_gaps(c, g, t)
+        if damped and repeats_step(c, g):
+            push_bodies(c, g, q, origins, rotations)
+            continue
+        touches = _measure_gaps(c, g, origins, rotations) < 0.0
+        if touches and not _find_forces(c, g):
+            c.clock[1] = max(c.clock[1], 1.0)
+        if damped:
+            relax_points(c, g)
+        if touches:
             push_bodies(c, g, q, origins, rotations)
 
 
@@ -53,7 +63,7 @@ def _measure_gaps(c: ContactTable, g: int, origins: Array, rotations: Array) -> 
             for a in range(3):
                 size += 2.0 * abs(origins[link, a]) + abs(c.place[k, a])
             largest = max(largest, size)
-    c.noise[g] = ROUNDED_PLACE * largest
+    c.noise[g] = ROUNDED_PLACE * largest / c.share[g]
     return float(lowest)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from fmd.contact.damping import keep_damping, mark_border
 from fmd.contact.histories import (
     AREA,
     BEGIN,
@@ -36,6 +37,9 @@ def evaluate_contacts(c: ContactTable, t: float, origins: Array, rotations: Arra
     for i in range(c.force.shape[0]):
         if c.force[i, 0] != 0.0:
             _add_values(c, i, origins, rotations)
+        if c.seen[i, 0] == 1:
+            for a in range(3):
+                c.now[c.contact[c.surface[i]], ENERGY] += 0.5 * (c.own[i, a] - c.viscous[i, a]) * c.moved[i, a]
 
 
 @inner
@@ -65,8 +69,6 @@ def _add_values(c: ContactTable, i: int, origins: Array, rotations: Array) -> No
     if c.areas[i] > 0.0:
         v[AREA] += c.areas[i]
         v[PRESSURE] = max(v[PRESSURE], c.force[i, 0] / c.areas[i])
-    for a in range(3):
-        v[ENERGY] += 0.5 * c.own[i, a] * c.moved[i, a]
 
 
 @inner
@@ -74,7 +76,7 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
     """Take the forces that `touch` has found as those of a step at time t, and add up what they did since the last.
 
     A leapfrog step changes the kinetic energy by the trapezoids of ``λ`` over ``y``, exactly; that and the changes of
-    the potential and of friction's heat should cancel. What is left is energy that the steps have made.
+    the potential and of friction's and damping's heat should cancel. What is left is energy that the steps have made.
     """
     begins = math.isnan(c.clock[0])
     later = 0.0 if begins else t - c.clock[0]
@@ -93,9 +95,13 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
         s[ERROR] = 0.0 if begins else s[ERROR] + v[ENERGY]
     for number in range(c.slave.size):
         c.height[number, 1] = c.height[number, 0]
+    for g in range(c.noise.size):
+        if c.damping[g] > 0.0:
+            keep_damping(c, g, begins)
     for i in range(c.node.size):
         if c.seen[i, 0] == 1:
             _add_work(c, i, begins)
+            mark_border(c, i)
         c.seen[i, 1] = c.seen[i, 0]
     c.clock[0] = t
 

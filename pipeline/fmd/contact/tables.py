@@ -32,6 +32,7 @@ class ContactTable(Table):
     shapes: Array  # (n_nodes, 3, most modes)
     G: Array  # (n_nodes, most nodes of a body, 3, 3), the second from the body's first node on
     place: Array  # (n_nodes, 3): deformed, in space [m]
+    border: IntArray  # (n_nodes,): 1 at the border of a grid that is smaller than its face
     placed: IntArray  # (n_nodes,): number of the state at which it was found
     # Surfaces.
     slave: IntArray  # (n_surfaces,): the body of its points
@@ -80,7 +81,15 @@ class ContactTable(Table):
     known: Array  # (n, 3): force at the last step, in the other's frame
     tip: Array  # (n, 3): spot with displacement by forces, at the last step
     before: Array  # (n, 3): spot at the last step
+    # Points of damped groups.
+    undamped: Array  # (n, 3): gap without forces, and slip, while others stand in their place
+    viscous: Array  # (n, 3): the damper's part of forces, in own axes
+    moved_then: Array  # (n, 3): displacements at the last step
+    elastic_then: Array  # (n, 3): the elastic part of forces at the last step
+    viscous_then: Array  # (n, 3): the damper's
     # Groups.
+    damping: Array  # (n_groups,): time β [s]
+    share: Array  # (n_groups,): part of new forces that is elastic at once, h/(h + β)
     group: IntArray  # (n_groups + 1,): its first point
     noise: Array  # (n_groups,): round-off of places [m]
     band: Array  # (n_groups,): gaps below this may close [m]
@@ -141,7 +150,8 @@ class ContactTable(Table):
 
     @property
     def _remembered(self) -> tuple[Array | IntArray, ...]:
-        return self.known, self.tip, self.before, self.sums, self.clock, self.height, self.seen
+        last = self.known, self.tip, self.before, self.moved_then, self.elastic_then, self.viscous_then
+        return *last, self.sums, self.clock, self.height, self.seen
 
     @property
     def _ends(self) -> IntArray:

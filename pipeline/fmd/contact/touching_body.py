@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.contact.histories import ContactHistory, read_history
-from fmd.core.arrays import Array, IntArray, require_shape
+from fmd.core.arrays import Array, BoolArray, IntArray, require_shape
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,10 @@ class ContactPoints:
     surfaces : mapping of str to ndarray, shapes (n_triangles, 3)
         Points at the corners of the triangles of each face that may touch one of another body, counter-clockwise seen
         from outside.
+    border : ndarray, shape (n,)
+        Points at the border of a grid that is smaller than its face: a contact that presses them is larger.
+    elastic : tuple of float, optional
+        Young's modulus [Pa] and Poisson's ratio; ``None`` of several materials.
     """
 
     x: Array
@@ -46,9 +50,13 @@ class ContactPoints:
     faces: Mapping[str, IntArray]
     raised: float = 0.0
     surfaces: Mapping[str, IntArray] = field(default_factory=dict)
+    border: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    elastic: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.x)
+        if not len(self.border):
+            object.__setattr__(self, "border", np.zeros(n, dtype=bool))
         require_shape("x", self.x, (None, 3))
         for name, numbers in self.faces.items():
             require_shape(f"areas of {name}", self.areas[name], (len(numbers),))
@@ -79,6 +87,10 @@ class ContactPlane:
         The face whose points may touch it.
     clearance : float
         What is added to gaps [m].
+    damping : float
+        Time β of the damping of the points' flexibility [s].
+    near_field : str
+        What gives the flexibility near a contact.
     """
 
     name: str
@@ -87,6 +99,8 @@ class ContactPlane:
     friction: float
     face: str
     clearance: float = 0.0
+    damping: float = 0.0
+    near_field: str = "mesh"
 
     @property
     def axes(self) -> Array:
@@ -117,6 +131,8 @@ class ContactPair:
         Coefficient of Coulomb's friction.
     clearance : float
         What is added to gaps [m].
+    damping : float
+        Time β of the damping of the points' flexibility [s].
     reported_on_other : bool
         True if the contact's force is to be that on the other body.
     """
@@ -127,6 +143,7 @@ class ContactPair:
     other_face: str
     friction: float = 0.0
     clearance: float = 0.0
+    damping: float = 0.0
     reported_on_other: bool = False
 
 
@@ -144,21 +161,33 @@ class TouchingBody:
         Planes of the ground.
     pairs : tuple of ContactPair
         Contacts of its faces with those of other bodies, each in the list of one of the two.
+    anchor : tuple of ndarray, shapes (3,) and (3, 3), optional
+        Origin and axes of its frame at the start; slip before planes counts from where points are then, undeformed.
+        By default from where each is as it comes near.
     """
 
     body: str
     points: ContactPoints
     planes: tuple[ContactPlane, ...] = ()
     pairs: tuple[ContactPair, ...] = ()
+    anchor: tuple[Array, Array] | None = None
+
+    @property
+    def damping(self) -> float:
+        """Largest time of damping of its contacts [s]."""
+        laws: list[ContactPlane | ContactPair] = [*self.planes, *self.pairs]
+        return max((law.damping for law in laws), default=0.0)
 
     @property
     def digest(self) -> str:
         """Digest of all numbers."""
         own = [*(getattr(self.points, name) for name in ("x", "shapes", "G")), *self.points.areas.values()]
         own += [x for plane in self.planes for x in (plane.position, plane.normal)]
+        own += self.anchor or ()
         own += [*self.points.faces.values(), *self.points.surfaces.values()]
         content = b"".join(np.ascontiguousarray(x).tobytes() for x in own)
-        names = repr([self.body, self.pairs, *((at.name, at.face, at.friction, at.clearance) for at in self.planes)])
+        laws = ((at.name, at.face, at.friction, at.clearance, at.damping) for at in self.planes)
+        names = repr([self.body, self.pairs, *laws])
         return hashlib.blake2b(content + names.encode(), digest_size=16).hexdigest()
 
     def stiffness(self, J: Array) -> Array:

@@ -40,8 +40,8 @@ class Marker:
         Weights [1/m] of the mean rotation: ``ψ_a = Σ_ib rotation_weights[a, i, b] u_ib``.
     rigid : bool
         True if the face's nodes move as a rigid body.
-    area : float
-        The face's area [m²]; 0 of what is no face.
+    areas : ndarray, shape (n,), optional
+        Nodal forces by a unit pressure on the face [m²]; ``None`` of what is no face.
     """
 
     position: Array
@@ -49,7 +49,7 @@ class Marker:
     translation_weights: Array
     rotation_weights: Array
     rigid: bool = False
-    area: float = 0.0
+    areas: Array | None = None
 
     def translation(self, u: Array) -> Array:
         """Return the mean displacement (3, …) [m] of a nodal field u, shape (n_nodes, 3, …)."""
@@ -119,10 +119,10 @@ def face_marker(
     moment = np.einsum("acb,ic->aib", EPSILON, Ar)
     weights = np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment)
     if centre is None:
-        return Marker(centroid, nodes, w / area, weights, rigid, float(area))
+        return Marker(centroid, nodes, w / area, weights, rigid, w)
     turned = np.einsum("acd,cib,d->aib", EPSILON, weights, centre - centroid)  # ψ × (centre − centroid)
     translation = np.eye(3)[:, None] * (w / area)[:, None] + turned
-    return Marker(centre, nodes, translation, weights, rigid, float(area))
+    return Marker(centre, nodes, translation, weights, rigid, w)
 
 
 def weighted_marker(points: IntArray, x: Array, weights: Array, rigid: bool = False) -> Marker:

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 def contact_figures(run: Pipeline) -> dict[str, Any]:
     """Return the contacts of the first run by name; nothing without contacts."""
     histories = run.motion.contacts
-    return {"contacts": {name: _figures(own) for name, own in histories.items()}} if histories else {}
+    planes = {plane.name: plane.near_field for body in run.motion.mechanism.contacts for plane in body.planes}
+    figures = {name: {"near_field": planes.get(name, "mesh"), **_figures(own)} for name, own in histories.items()}
+    return {"contacts": figures} if histories else {}
 
 
 def _figures(own: ContactHistory) -> dict[str, Any]:
@@ -30,6 +32,7 @@ def _figures(own: ContactHistory) -> dict[str, Any]:
         "largest_pressure_pa": float(own.peak_pressure.max()),
         "largest_area_m2": float(own.area.max()),
         "friction_work_j": float(own.friction_work[-1]),
+        "damping_work_j": float(own.damping_work[-1]),
         "energy_error_j": float(own.energy_error[-1]),
     }
 
@@ -47,6 +50,12 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                     f"{100 * error / max(kinetic, 1e-300):.2g} % of the largest kinetic energy; shorter steps lose less"
                 )
                 found.append({"code": "contact-energy", "text": text})
+            if own.beyond_grid:
+                text = (
+                    f"contact.{name}: the contact reaches the border of its near field's grid, beyond which nothing "
+                    f"is carried; a larger contact.{name}.width helps, or near_field = 'mesh' where the body rolls"
+                )
+                found.append({"code": "contact-grid", "text": text})
     for name, body, face in run.scene.touching_faces:
         if raised := run.parts[body].contact_points.raised:
             text = (
@@ -55,17 +64,18 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                 "elements help"
             )
             found.append({"code": "contact-flexibility", "text": text})
-        if run.scene.contact[name].on_ground and (depth := _unseen_depth(run, name, body, face)) > 0.0:
+        depth, why = _unseen_depth(run, name, body, face) if run.scene.contact[name].on_ground else (0.0, "")
+        if depth > 0.0:
             text = (
                 f"contact.{name}: nodes of {body}.{face} that carry no pressure go up to {depth:.3g} m deeper than "
-                "those that do, for it tilts onto a corner; smaller elements there, or linear hexahedra, help"
+                f"those that do, for {why}"
             )
             found.append({"code": "contact-unseen", "text": text})
     return found
 
 
-def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> float:
-    """Return how much deeper than points other nodes of a face go under its plane [m]; 0 if that is little."""
+def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> tuple[float, str]:
+    """Return how much deeper than points other nodes of a face go under its plane [m], and why; 0 if that is little."""
     part, motion = run.parts[body], run.motion
     (touching,) = (own for own in motion.mechanism.contacts if own.body == body)
     (plane,) = (own for own in touching.planes if own.name == contact)
@@ -80,5 +90,9 @@ def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> float:
     own = touching.points.faces[face]
     points = lowest(touching.points.x[own], touching.points.shapes[own])
     deeper = (np.minimum(points, 0.0) - lowest(reduced.x[nodes], reduced.shapes[nodes])).max()
-    extent = float(np.ptp(reduced.x[nodes], axis=0).max())
-    return float(deeper) if deeper > UNSEEN_DEPTH * extent else 0.0
+    extent = float(np.ptp(touching.points.x[own], axis=0).max())
+    why = "it tilts onto a corner; smaller elements there, or linear hexahedra, help"
+    if plane.near_field != "mesh":
+        why = "it touches beside the near field's grid, which is where the face is lowest at the start; near_field = "
+        why += "'mesh' follows it"
+    return (float(deeper), why) if deeper > UNSEEN_DEPTH * extent else (0.0, "")

@@ -15,6 +15,7 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``B.M.deflection``                   of each marker of a flexible body, in its axes, seen from the section at its joint
 ``C.force``, ``C.moment``            of a contact C on its body, the moment about the plane's position
 ``C.impulse``, ``C.friction_work``   of a contact since the start
+``C.damping_work``                   of its damping since the start
 ``C.area``, ``C.peak_pressure``      of a contact's pressed points
 ``C.energy``                         of a contact: of the deflection that the modes leave out
 ``centre_of_mass``                   of all bodies
@@ -221,6 +222,7 @@ def _contact_variables(motion: Motion) -> Iterator[Variable]:
         yield Variable(f"{name}.peak_pressure", own.peak_pressure, (), "Pa", f"largest pressure of contact {name}")
         yield Variable(f"{name}.energy", own.energy, (), "J", f"energy of deflection beside the modes, contact {name}")
         yield Variable(f"{name}.friction_work", own.friction_work, (), "J", f"friction's work in contact {name}")
+        yield Variable(f"{name}.damping_work", own.damping_work, (), "J", f"damping's work in contact {name}")
 
 
 def joint_variables(motion: Motion) -> Iterator[Variable]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Collection, Iterator, Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from fmd.core.units import Length
+from fmd.core.units import Length, NonNegativeTime, PositiveLength
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Axis, Number, PlaceName
 
@@ -27,6 +28,18 @@ class Contact(SceneTable):
         Coefficient of friction.
     clearance : float
         What the gap is wider than drawn [m]; of an interference fit it is negative.
+    damping : float
+        Time β of the damping of the flexibility that modes leave out [s]: a deflection w takes the force of
+        ``w + β ẇ``. Contacts with a body in common have the same. It shortens the longest step.
+    near_field : str
+        What gives the flexibility near a contact with a plane: the ``"mesh"``, or, on a sphere, a cylinder, a cone or
+        an ellipsoid, a ``"half-space"`` with a fine grid where the face is lowest at the start. ``"auto"`` takes this
+        where elements are larger than half the contact.
+    points : int
+        About how many points the grid has.
+    width : float
+        Width of the grid [m], more than the contact's; by default that of the contact by twice the weight, or by a
+        shock with the energy of the start, and 30 % more.
 
     Examples
     --------
@@ -45,6 +58,10 @@ class Contact(SceneTable):
     normal: Axis | None = None
     friction: Annotated[Number, Field(ge=0.0, le=10.0)] = 0.0
     clearance: Length = 0.0
+    damping: NonNegativeTime = 0.0
+    near_field: Literal["auto", "mesh", "half-space"] = "auto"
+    points: Annotated[int, Field(ge=50, le=1000)] = 400
+    width: PositiveLength | None = None
 
     @field_validator("between", mode="before")
     @classmethod
@@ -59,9 +76,28 @@ class Contact(SceneTable):
             raise FaultError("is missing: the direction out of the ground, such as [0, 0, 1]", "normal")
         if not self.on_ground and self.normal is not None:
             raise FaultError("belongs to a plane of the ground; faces of bodies have normals of their own", "normal")
+        if not self.on_ground and self.near_field == "half-space":
+            raise FaultError("is for planes of the ground; 'mesh' works between bodies", "near_field")
         return self
 
     @property
     def on_ground(self) -> bool:
         """True if a plane of the ground is touched."""
         return any(end.partition(".")[0] == "ground" for end in self.between)
+
+
+def check_bodies(
+    contacts: Mapping[str, Contact], flexible: Collection[str], pieces: Collection[str], known: Collection[str]
+) -> Iterator[FaultError]:
+    """Yield faults of contacts with bodies that can't touch, or of another damping than one of the same body."""
+    of_body: dict[str, tuple[str, float]] = {}
+    for name, contact in contacts.items():
+        for body in sorted({end.partition(".")[0] for end in contact.between} - {"ground"}):
+            if body in known and body not in flexible:
+                what = "in pieces" if body in pieces else "rigid, and nothing says how stiff its surface is"
+                mend = "pieces = 1 works" if body in pieces else "a flexible body with few modes works"
+                yield FaultError(f"touches with {body}, which is {what}; {mend}", "contact", name, "between")
+            other, damping = of_body.setdefault(body, (name, contact.damping))
+            if damping != contact.damping:
+                fault = f"isn't that of contact.{other}, {damping:g} s, which has {body} in common with it"
+                yield FaultError(fault, "contact", name, "damping")

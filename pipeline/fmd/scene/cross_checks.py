@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.units import unit_ratio
+from fmd.scene.contacts import check_bodies
 from fmd.scene.controllers import Controller
 from fmd.scene.curves import TimeFunction
 from fmd.scene.histories import Quantities
@@ -172,11 +173,8 @@ class CrossCheck:
                 mend = "a face touches one plane, and two faces make one contact; join them, or name parts of faces"
                 yield FaultError(f"has the face of contact.{taken[faces]}; {mend}", "contact", name, "between")
             taken[faces] = name
-        for name, body, _ in self.scene.touching_faces:
-            if body in self.scene.body and (body not in self.scene.flexible or body in self.scene.pieces):
-                what = "in pieces" if body in self.scene.pieces else "rigid, and nothing says how stiff its surface is"
-                mend = "pieces = 1 works" if body in self.scene.pieces else "a flexible body with few modes works"
-                yield FaultError(f"touches with {body}, which is {what}; {mend}", "contact", name, "between")
+        whole = {*self.scene.flexible} - {*self.scene.pieces}
+        yield from check_bodies(self.scene.contact, whole, self.scene.pieces, {*self.scene.body})
         if self.scene.contact and self.scene.sampled:
             fault = f"can't be in a scene with a sampled controller, {self.scene.sampled[0]}"
             yield FaultError(fault, "contact", next(iter(self.scene.contact)))
@@ -193,8 +191,8 @@ class CrossCheck:
                 yield FaultError(f"takes no contact; {mend}", "simulation", "run", number, "integrator")
         if getattr(self.scene, "accuracy", None) is not None:
             yield FaultError("can't be required of a scene with contacts: no error budget states theirs", "accuracy")
-        if simulation.start != "undeformed":
-            yield FaultError("doesn't know of contacts; 'undeformed' does", "simulation", "start")
+        if simulation.start == "steady":
+            yield FaultError("doesn't know of contacts; 'undeformed' and 'equilibrium' do", "simulation", "start")
 
     def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:
         """A prescribed motion leaves its joint no coordinate: nothing else may act along it."""

@@ -12,6 +12,7 @@ from fmd.contact.touching_body import ContactPair, ContactPlane, ContactPoints, 
 from fmd.core.errors import InputError
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fem.surface import surface_facets, surface_topology
+from fmd.stages.contact_grids import StartPose, refine_near_field
 from fmd.stages.markers import find_marker_facets
 from fmd.stages.parent_joint import ground_place
 
@@ -28,6 +29,10 @@ class ScenesParts(Protocol):
     """A scene with its flexible parts."""
 
     scene: Scene
+
+    @property
+    def divided_scene(self) -> Scene:
+        """The scene with pieces as bodies of their own."""
 
     @property
     def parts(self) -> Mapping[str, FlexiblePart]:
@@ -70,14 +75,19 @@ def _find_triangles(part: FlexiblePart) -> dict[str, IntArray]:
 def add_contacts(run: ScenesParts, mechanism: Mechanism) -> Mechanism:
     """Give a mechanism the contacts of its scene."""
     bodies = {body: TouchingBody(body, run.parts[body].contact_points) for _, body, _ in run.scene.touching_faces}
+    start = StartPose(run.divided_scene, mechanism)
     for name, contact in run.scene.contact.items():
         if contact.on_ground:
             plane = _plane(run.scene, name, contact)
             body = contact.between[1].partition(".")[0]
-            bodies[body] = replace(bodies[body], planes=(*bodies[body].planes, plane))
+            points, told = refine_near_field(run.scene, plane, body, bodies[body].points, start)
+            planes = (*bodies[body].planes, replace(plane, near_field=told))
+            bodies[body] = replace(bodies[body], points=points, planes=planes)
         else:
             body, pair = _pair(name, contact, bodies)
             bodies[body] = replace(bodies[body], pairs=(*bodies[body].pairs, pair))
+    if run.scene.simulation.start == "equilibrium":
+        bodies = {name: replace(own, anchor=start.frame(name)) for name, own in bodies.items()}
     return replace(mechanism, contacts=list(bodies.values()))
 
 
@@ -85,14 +95,17 @@ def _plane(scene: Scene, name: str, contact: Contact) -> ContactPlane:
     place, (_, _, face) = contact.between[0], contact.between[1].partition(".")
     position, axes = ground_place(scene, place)
     normal = axes @ np.array(contact.normal, dtype=float)
-    return ContactPlane(
-        name, position, normal / np.linalg.norm(normal), contact.friction, face, clearance=contact.clearance
-    )
+    normal /= np.linalg.norm(normal)
+    return ContactPlane(name, position, normal, contact.friction, face, contact.clearance, contact.damping)
 
 
 def _pair(name: str, contact: Contact, bodies: Mapping[str, TouchingBody]) -> tuple[str, ContactPair]:
     """Return the body whose points are looked for on the other's triangles, that with smaller ones, and the pair."""
     (one, face), (body, own) = (end.partition(".")[::2] for end in contact.between)
     if bodies[one].points.areas[face].mean() < bodies[body].points.areas[own].mean():
-        return one, ContactPair(name, face, body, own, contact.friction, contact.clearance, reported_on_other=True)
-    return body, ContactPair(name, own, one, face, contact.friction, contact.clearance)
+        return one, ContactPair(name, face, body, own, *_law(contact), reported_on_other=True)
+    return body, ContactPair(name, own, one, face, *_law(contact))
+
+
+def _law(contact: Contact) -> tuple[float, float, float]:
+    return contact.friction, contact.clearance, contact.damping

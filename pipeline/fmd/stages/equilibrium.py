@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -19,6 +20,10 @@ from fmd.dynamics.signals.bounds import Bools
 from fmd.integrators.protocol import evaluate, evaluate_projection, move_positions
 from fmd.stability.tangent import differentiate
 from fmd.stages.assembly import free_directions
+from fmd.stages.pressed_points import pressed_stiffness
+
+if TYPE_CHECKING:
+    from fmd.dynamics.compiled_system.touching import TouchingSystem
 
 _RESTING = Tolerance(limits.REST_CORRECTIONS, relative=limits.AT_REST, absolute=limits.AT_REST)
 _LOAD_STEP = replace(_RESTING, corrections=limits.LOAD_STEP_CORRECTIONS)
@@ -31,7 +36,8 @@ def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
     forces are let go in steps, each as large as Newton's method can take while the stiffness stays positive: load
     steps. Where that fails, K is shifted by the mass matrix of the start until no motion has negative stiffness, so
     that every correction leads down from the potential energy (Nocedal & Wright, Numerical Optimization, section 3.4).
-    So the rest is one that a slowly damped motion would come to.
+    So the rest is one that a slowly damped motion would come to. What touches is pressed by its own stiffness, which
+    differences don't see: it sinks less than they move.
 
     Raises
     ------
@@ -40,10 +46,16 @@ def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
         hides the inertia of massless combinations of modes.
     """
     turns, slides = _marker_turns(system.mechanism)
-    start = _Start(system, t, turns, slides, _forces(system, q, t), _positive_mass(system, q, t))
-    found = _follow_loads(start, q)
+    forces, resting = _forces(system, q, t), _RESTING
+    start = _Start(system, t, turns, slides, forces, _positive_mass(system, q, t))
+    if system.mechanism.contacts:
+        size = largest(forces)
+        resting = Tolerance(
+            limits.REST_CORRECTIONS, residual=limits.PRESSED * size, stalled=limits.ROUNDED_PRESS * size
+        )
+    found = None if system.mechanism.contacts else _follow_loads(start, q)
     if found is None:
-        found = _settle(start, q, 0.0, _RESTING, _shift)
+        found = _settle(start, q, 0.0, resting, _shift)
     if found is not None:
         return found
     raise AccuracyError(
@@ -160,7 +172,7 @@ def _no_shift(K: Array, M: Array) -> float | None:
 def _forces(system: CompiledSystem, q: Array, t: float) -> Array:
     """Return the generalised forces at rest, those that keep loops closed among them, shape (n,)."""
     still = np.zeros(system.n)
-    if not system.mechanism.closures:
+    if not (system.mechanism.closures or system.mechanism.contacts):
         return -system.compiled.residual(t, q, still, still)
     a = np.zeros(system.n)
     evaluate(system.parameters, t, q, still, a)
@@ -169,11 +181,14 @@ def _forces(system: CompiledSystem, q: Array, t: float) -> Array:
 
 def _slopes(system: CompiledSystem, q: Array, t: float) -> Array:
     """Return the derivatives of the forces at rest by changes of the positions, shape (n, n)."""
+    still, touches = np.zeros(system.n), bool(system.mechanism.contacts)
 
     def forces(change: Array) -> Array:
-        return _forces(system, move_positions(system.parameters, q, change), t)
+        moved = move_positions(system.parameters, q, change)
+        return -system.compiled.residual(t, moved, still, still) if touches else _forces(system, moved, t)
 
-    return differentiate(forces, np.zeros(system.n), _nudges(system))
+    slopes, touching = differentiate(forces, still, _nudges(system)), cast("TouchingSystem", system)
+    return np.asarray(slopes - pressed_stiffness(touching, q)) if touches else slopes
 
 
 def _nudges(system: CompiledSystem) -> Array:

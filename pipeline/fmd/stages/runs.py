@@ -250,12 +250,11 @@ def _limit_contact_step(built: BuiltScene, plan: Plan, limit: float, free: bool)
     if free:
         return Growth(plan.system.resolving_step(CHOSEN_STEP * limit)[0])
     if step > LARGEST_STEP * limit:
-        hertz = 1.0 / (np.pi * limit)
         raise InputError(
             built.scene.file,
             plan.key,
             f"{step:.6g} s",
-            f"lets contact feed the highest modes; with all points closed these reach {hertz:.5g} Hz, and "
+            f"lets contact feed the highest modes; with all points closed, steps are stable up to {limit:.4g} s, and "
             f"{round_down(LARGEST_STEP * limit):g} s is the longest step, {round_down(CHOSEN_STEP * limit):g} s a good "
             "one",
         )
@@ -263,7 +262,9 @@ def _limit_contact_step(built: BuiltScene, plan: Plan, limit: float, free: bool)
 
 
 def _require_free_start(built: BuiltScene, plan: Plan) -> None:
-    """Raise ``InputError`` if a body begins in what it touches: what presses it there isn't known."""
+    """Raise ``InputError`` if a body begins in what it touches, not at rest: what presses it there isn't known."""
+    if built.scene.simulation.start == "equilibrium":
+        return
     parameters, (q0, v0) = plan.system.parameters, plan.start
     evaluate(parameters, 0.0, q0, v0, np.zeros(plan.system.n))
     table, number = parameters.contact, 0

@@ -6,10 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.core.progress import Advance
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.limits import MechanismLimits, ReferenceMatrices, find_limits, inertial_coupling
 from fmd.stability.operating_points import find_operating_points
+from fmd.stages.run_checks import require_no_contact
 from fmd.stages.runs import plan_sub_cycled
 
 if TYPE_CHECKING:
@@ -20,9 +22,18 @@ if TYPE_CHECKING:
 def find_scene_limits(pipeline: Pipeline, ratios: Sequence[int], along: bool) -> MechanismLimits:
     """Find the largest stable steps of a scene's mechanism about its reference state or, ``along`` its motion, too.
 
-    Without a sub-cycled run in the scene its joints are slow.
+    Without a sub-cycled run in the scene its joints are slow. Contacts count as closed, and are for plain central
+    differences alone.
+
+    Raises
+    ------
+    InputError
+        Along the motion of a scene with contacts, whose operating points would leave them out.
     """
     simulation = pipeline.scene.simulation
+    if along:
+        require_no_contact(pipeline.scene, "--along")
+    ratios = [1] if pipeline.scene.contact else ratios
     system = _split(pipeline)
     reference, points = ReferenceMatrices(*system.stiffest_motion), None
     if along:
@@ -34,6 +45,9 @@ def find_scene_limits(pipeline: Pipeline, ratios: Sequence[int], along: bool) ->
         masses = [system.mass_matrix(at.q, at.time) for at in points.points]
         coupling = max(limits.coupling, *(inertial_coupling(mass, system.n_slow) for mass in masses))
         limits = replace(limits, coupling=coupling)
+    if pipeline.scene.contact:  # longer steps let opening and closing feed the highest modes
+        step = min(limits.recommended[0], CHOSEN_STEP * limits.limits[0].critical_step)
+        limits = replace(limits, recommended=(step, 1))
     return limits
 
 

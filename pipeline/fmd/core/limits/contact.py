@@ -2,6 +2,7 @@
 
 # Points.
 LEAST_SHARE = 0.05  # of the largest nodal force by a constant pressure: nodes with less carry none
+OTHER_FACETS = 0.03  # of a face's area: difference of its nodal forces' sum from that of facets of one kind
 MOST_POINTS = 1000  # of a body: their flexibility takes 72 MB
 COLUMNS_AT_ONCE = 96  # static responses that are computed together
 
@@ -13,6 +14,7 @@ SET_CHANGES = 200  # of the set of active points in a step, before it is given u
 BLOCK_CHANGES = 30  # of these, all at once; then one after the other, which can't go round in a circle
 SWEEPS = 2000  # of Gauss–Seidel in a step with friction, before they are given up
 ROUNDED_PLACE = 1e-14  # of what a place is the sum of
+SAME_STEP = 1e-6  # of the damping's time after a step: the step's own forces are meant
 SMALL_FORCE = 1e-10  # of the largest force: what is below counts as none, and so do gaps that it makes
 
 # Steps.
@@ -40,3 +42,16 @@ WIDER_BAND = 2.0  # times the largest displacement by the forces: gaps that are 
 BANDS = 20  # times that the points that may close are chosen again in a step before it is given up
 TURNED_BLOCKS = 1e-3  # change of rotations and weights from which on flexibilities between points are found again
 TURNED_NORMALS = 1e-4  # change of normals from which on those along normals are
+
+# Near field on a half-space.
+FIT_ROUNDS = 20  # of Newton's method for the lowest place of a surface
+ONE_QUADRIC = 1e-7  # of the largest singular value: a second one below means that a face is on many quadrics
+OFF_SURFACE = 1e-4  # of a face's size: nodes farther from a quadric are on none
+LEAST_CURVED = 1e-3  # of a face's size over its radius: less counts as flat
+LINE_CONTACT = 1e-3  # of the largest curvature: with less across a face touches along a line
+APART = 2.5  # distances of points, from which on the mesh tells their flexibility
+RING = 5.0  # distances of points, up to which it tells what is left at the contact
+SMOOTHED = 1.5  # distances of points, over which modes and flexibility are smoothed
+GRID_MARGIN = 1.3  # of a contact's expected width: what its grid has
+RESOLVED_BY_MESH = 2.5  # distances of points: grids wider than twice that leave the near field to the mesh
+UNSEEN_WEIGHT = 1e-9  # of a node: one with less everywhere is left out

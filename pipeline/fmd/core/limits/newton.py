@@ -25,6 +25,8 @@ RELINEARISED = 1e-7  # residual from which on the constraints are linearised ane
 # Rest under the loads of the start.
 AT_REST = 1e-11  # last correction [rad, m or modal coordinate], also beside the largest position
 REST_CORRECTIONS = 200  # long paths down from an unstable start
+PRESSED = 1e-9  # forces left over those of the start, where bodies are pressed
+ROUNDED_PRESS = 1e-5  # the same where they no longer shrink
 LOAD_STEP_CORRECTIONS = 14  # in a load step, which is halved then
 SHORTEST_LOAD_STEP = 1 / 64  # of the forces of the start: no shorter step is tried
 LONGEST_SLIDE = 1e6  # of a slide in one correction [m]

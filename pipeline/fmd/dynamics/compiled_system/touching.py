@@ -71,17 +71,22 @@ class TouchingSystem(CompiledSystem):
     def stiffest_matrices(self) -> tuple[Array, Array, Array]:
         """Mass, stiffness and damping of the undeformed mechanism with all stops touched and all points held."""
         M, K, C = super().stiffest_matrices
-        return M, K + self._contact_stiffness, C
+        stiffness, damping = self._closed_contacts
+        return M, K + stiffness, C + damping
 
     @cached_property
-    def _contact_stiffness(self) -> Array:
-        K, q = np.zeros((self.n, self.n)), self.mechanism.rest_positions
+    def _closed_contacts(self) -> tuple[Array, Array]:
+        """Stiffness and damping of all points held, (n, n) each."""
+        K, C, q = np.zeros((self.n, self.n)), np.zeros((self.n, self.n)), self.mechanism.rest_positions
+        damping = max(body.damping for body in self.mechanism.contacts)
         for body in self.mechanism.contacts:
             number = self.mechanism.number_of(body.body)
-            K += body.stiffness(self._velocities(q, number, body.points.x, body.points.shapes))
-        return K
+            own = body.stiffness(self.point_velocities(q, number, body.points.x, body.points.shapes))
+            K += own
+            C += damping * own
+        return K, C
 
-    def _velocities(self, q: Array, body: int, x: Array, shapes: Array) -> Array:
+    def point_velocities(self, q: Array, body: int, x: Array, shapes: Array) -> Array:
         """Return velocities of a body's points for unit rates, in its axes, shape (n_points, 3, n)."""
 
         def rates(motion: Kinematics) -> Array:
@@ -98,7 +103,7 @@ class TouchingSystem(CompiledSystem):
 def _find_contacts(p: TouchingParameters, t: float, q: Array, v: Array) -> None:
     set_inputs(p, float(t))
     call_native(p.frames, (p.inputs, q, v, p.origins, p.rotations, p.spins))
-    touch(p.contact, q, p.origins, p.rotations)
+    touch(p.contact, t, q, p.origins, p.rotations)
 
 
 @accelerations.register(TouchingParameters)

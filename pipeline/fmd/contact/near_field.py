@@ -1,0 +1,222 @@
+"""Near field of a curved face on a fine grid: a half-space's flexibility there, and the mesh's farther away.
+
+Where elements are larger than a contact, forces on their nodes can't tell its pressure. A grid of rectangles on the
+face can: beside each other they move as those of a half-space do, and what remains of the mesh's flexibility G, once a
+half-space's is taken off, varies little over a contact. It is known from pairs of nodes that aren't too near, and so
+
+    G_grid = H + W (G − H) Wᵀ
+
+with H by Boussinesq and Cerruti and rows W that interpolate from nodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmd.contact.half_space import half_space_flexibility, point_flexibility
+from fmd.contact.surface_fit import Quadric, fit_quadric
+from fmd.contact.touching_body import ContactPoints
+from fmd.core.arrays import Array, BoolArray, IntArray
+from fmd.core.limits.contact import (
+    APART,
+    LEAST_CURVED,
+    LINE_CONTACT,
+    RING,
+    SMOOTHED,
+    UNSEEN_WEIGHT,
+)
+
+
+@dataclass(frozen=True)
+class CurvedPlace:
+    """Where a curved face comes nearest to a plane, and how it is curved there.
+
+    Parameters
+    ----------
+    surface : Quadric
+        The face, in its body's frame.
+    place : ndarray, shape (3,)
+        Its lowest place [m].
+    axes : ndarray, shape (3, 3)
+        Normal into the body and directions of the largest and the least curvature, a row each.
+    curvatures : tuple of float
+        Along these [1/m]; the first is positive, and the second 0 on a cylinder.
+    beside : ndarray, shape (2, 2)
+        Least and greatest place of the face along the two directions, from the lowest place [m].
+    spacing : float
+        Distance of the mesh's points there [m].
+    """
+
+    surface: Quadric
+    place: Array
+    axes: Array
+    curvatures: tuple[float, float]
+    beside: Array
+    spacing: float
+
+    @property
+    def is_line(self) -> bool:
+        """True if the face touches a plane along a line."""
+        return self.curvatures[1] < LINE_CONTACT * self.curvatures[0]
+
+    def half_width(self, E: float, nu: float, force: float, work: float) -> float:
+        """Estimate half the width of the contact under a force at rest [N] or a shock of a work [J] (Hertz)."""
+        stiff, (k1, k2) = E / (1.0 - nu**2), self.curvatures
+        if self.is_line:  # of the whole length; a line's approach is about half of what it is loaded by over it
+            length = float(np.ptp(self.beside[1]))
+            force = max(force, np.sqrt(work * stiff * length))
+            return float(np.sqrt(4.0 * force / (np.pi * length * stiff * k1)))
+        radius = 1.0 / np.sqrt(k1 * k2)
+        approach = (15.0 / 8.0 * work / (stiff * np.sqrt(radius))) ** 0.4
+        approach = max(approach, (0.75 * force / (stiff * np.sqrt(radius))) ** (2.0 / 3.0))
+        return float(np.sqrt(approach / k1))
+
+
+def find_curved_place(points: ContactPoints, face: str, normal: Array) -> CurvedPlace | None:
+    """Return where a face comes nearest to a plane with a normal in its body's frame; ``None`` if it isn't curved."""
+    x = points.x[points.faces[face]]
+    surface = fit_quadric(x)
+    if surface is None:
+        return None
+    place = surface.lowest_place(x[(x @ normal).argmin()], normal)
+    across = np.linalg.svd(normal[None])[2][1:]
+    bends = -2.0 * across @ surface.A @ across.T / float(normal @ surface.gradients(place[None])[0])
+    curvatures, turned = np.linalg.eigh(bends)
+    tangents = turned.T[::-1] @ across
+    tangents[1] *= np.sign(np.linalg.det(np.vstack([normal, tangents])))
+    beside = (x - place) @ tangents.T
+    ends = np.stack([beside.min(axis=0), beside.max(axis=0)], axis=1)
+    if not curvatures[1] * np.ptp(x, axis=0).max() > LEAST_CURVED or curvatures[0] < -LINE_CONTACT * curvatures[1]:
+        return None
+    if (ends[:, 0] > 0.0).any() or (ends[:, 1] < 0.0).any():
+        return None  # it touches with a border
+    near = np.argsort(np.linalg.norm(x - place, axis=1))[:6]
+    spacing = float(np.sqrt(points.areas[face][near].mean()))
+    return CurvedPlace(
+        surface,
+        place,
+        np.vstack([normal, tangents]),
+        (float(curvatures[1]), max(0.0, float(curvatures[0]))),
+        ends,
+        spacing,
+    )
+
+
+def with_near_field(
+    points: ContactPoints, face: str, at: CurvedPlace, half_width: float, count: int, E: float, nu: float
+) -> ContactPoints:
+    """Return a body's points with a grid in place of a face's.
+
+    Parameters
+    ----------
+    half_width : float
+        Half the width that the grid is to have along the larger curvature [m].
+    count : int
+        About how many points it is to have.
+    E, nu : float
+        Young's modulus [Pa] and Poisson's ratio of the body there.
+
+    Raises
+    ------
+    ValueError
+        The mesh without a half-space is stiffer than a half-space is soft: its modes have the near field.
+    """
+    places, cell, edge = _grid(at, half_width, count)
+    flat = at.place + places @ at.axes[1:]
+    x = flat + at.surface.heights(flat, at.axes[0])[:, None] * at.axes[0]
+    mine, others = points.faces[face], _used_by_others(points, face)
+    weights = _weights(x, points.x[mine], at)
+    used = np.flatnonzero(np.abs(weights).max(axis=0) > UNSEEN_WEIGHT)
+    weights, nodes = weights[:, used], mine[used]
+    n, m = len(x), len(others)
+    own = half_space_flexibility(places, cell, E, nu)
+    own += np.einsum("ip,pajb,kj->iakb", weights, _far_field(points, nodes, at, E, nu), weights, optimize=True)
+    try:
+        np.linalg.cholesky(own.reshape(3 * n, 3 * n))
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            f"{face}: the modes have so much of the deflection near a contact that a half-space's can't be added; "
+            "near_field = 'mesh' or fewer modes work"
+        ) from None
+    G = np.empty((m + n, 3, m + n, 3))
+    G[:m, :, :m] = points.G[others][:, :, others]
+    G[m:, :, m:] = np.einsum("ac,iajb,bd->icjd", at.axes, own, at.axes, optimize=True)
+    G[m:, :, :m] = np.einsum("ip,pajb->iajb", weights, points.G[nodes][:, :, others])
+    G[:m, :, m:] = G[m:, :, :m].transpose(2, 3, 0, 1)
+    areas = {name: own for name, own in points.areas.items() if name != face}
+    faces = {name: np.searchsorted(others, points.faces[name]) for name in areas}
+    return replace(
+        points,
+        x=np.concatenate([points.x[others], x]),
+        areas=areas | {face: np.full(n, cell[0] * cell[1])},
+        shapes=np.concatenate([points.shapes[others], np.einsum("ip,pam->iam", weights, points.shapes[nodes])]),
+        G=G,
+        faces=faces | {face: np.arange(m, m + n)},
+        surfaces={name: np.searchsorted(others, own) for name, own in points.surfaces.items()},
+        border=np.concatenate([points.border[others], edge]),
+    )
+
+
+def _used_by_others(points: ContactPoints, face: str) -> IntArray:
+    """Return the points that other faces have, or triangles."""
+    used = [own for name, own in points.faces.items() if name != face]
+    used += [own.ravel() for own in points.surfaces.values()]
+    return np.unique(np.concatenate([*used, np.zeros(0, dtype=np.int64)]))
+
+
+def _grid(at: CurvedPlace, half_width: float, count: int) -> tuple[Array, tuple[float, float], BoolArray]:
+    """Return middles of rectangles (n, 2) [m] about the lowest place, their sides, and which are at the grid's border.
+
+    The grid has the ellipse of Hertz's contact, whose axes are about as the curvatures to the power of -2/3, and ends
+    where the face does.
+    """
+    ratio = np.inf if at.is_line else (at.curvatures[0] / at.curvatures[1]) ** (2.0 / 3.0)
+    half = np.array([half_width, half_width * ratio])
+    low, high = np.maximum(-half, at.beside[:, 0]), np.minimum(half, at.beside[:, 1])
+    round_off = ((low == -half) & (high == half)).all()
+    n = int(np.sqrt(count * (4.0 / np.pi if round_off else 1.0)))
+    side = (high - low) / n
+    u, v = (low[a] + (np.arange(n) + 0.5) * side[a] for a in range(2))
+    places = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    if round_off:
+        places = places[((places / half) ** 2).sum(axis=1) <= 1.0]
+        outer = (((np.abs(places) + side) / half) ** 2).sum(axis=1) > 1.0
+    else:
+        below = (places < low + side) & (low == -half)
+        outer = (below | ((places > high - side) & (high == half))).any(axis=1)
+    return places, (float(side[0]), float(side[1])), np.asarray(outer)
+
+
+def _weights(x: Array, nodes: Array, at: CurvedPlace) -> Array:
+    """Return rows that interpolate from nodes to points (n, n_nodes), exactly what is linear along the face."""
+    found = np.empty((len(x), len(nodes)))
+    place = (nodes - at.place) @ at.axes[1:].T / at.spacing
+    for k, point in enumerate(x):
+        apart = np.linalg.norm(nodes - point, axis=1)
+        size = max(SMOOTHED * at.spacing, float(np.sort(apart)[min(5, len(apart) - 1)]))
+        w = np.exp(-((apart / size) ** 2))
+        here = (point - at.place) @ at.axes[1:].T / at.spacing
+        rows = np.column_stack([np.ones(len(nodes)), place - here]) * np.sqrt(w)[:, None]
+        found[k] = np.linalg.pinv(rows, rcond=1e-3)[0] * np.sqrt(w)
+    return np.asarray(found / found.sum(axis=1, keepdims=True))
+
+
+def _far_field(points: ContactPoints, nodes: IntArray, at: CurvedPlace, E: float, nu: float) -> Array:
+    """Return what nodes have of the mesh's flexibility beside a half-space's, (n, 3, n, 3), in the place's axes.
+
+    Of nodes that are near each other elements tell little; there it is that of pairs somewhat farther away.
+    """
+    x = (points.x[nodes] - at.place) @ at.axes[1:].T
+    distance = np.linalg.norm(points.x[nodes][:, None] - points.x[nodes][None], axis=2)
+    near = distance < APART * at.spacing
+    ring = ~near & (distance < RING * at.spacing)
+    ring = np.where(ring.any(axis=1, keepdims=True), ring, ~near)
+    apart = np.where(near[..., None], at.spacing, x[:, None] - x[None])
+    mesh = np.einsum("ac,icjd,bd->iajb", at.axes, points.G[nodes][:, :, nodes], at.axes)
+    far = mesh - point_flexibility(apart, E, nu)
+    around = np.einsum("ij,iajb->iab", ring, far) / np.maximum(ring.sum(axis=1), 1)[:, None, None]
+    around = 0.5 * (around + around.transpose(0, 2, 1))
+    mean = 0.5 * (around[:, None] + around[None])  # (n, n, 3, 3)
+    return np.asarray(np.where(near[:, None, :, None], mean.transpose(0, 2, 1, 3), far))

@@ -1,0 +1,63 @@
+"""Stiffness of contacts at rest, for bodies that are set down: smaller than differences of positions can see."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.contact import DEEP_START
+from fmd.integrators.protocol import evaluate
+
+if TYPE_CHECKING:
+    from fmd.contact.tables import ContactTable
+    from fmd.dynamics.compiled_system.touching import TouchingSystem
+
+
+def pressed_stiffness(system: TouchingSystem, q: Array) -> Array:
+    """Return the stiffness ``Jᵀ D⁻¹ J`` of the points that are pressed at positions q at rest, (n, n).
+
+    With friction they are stiff along their plane, too, as if none slipped: corrections are rather too short than too
+    long. Where none is pressed, those that are all but on it count.
+    """
+    K, still, p = np.zeros((system.n, system.n)), np.zeros(system.n), system.parameters
+    evaluate(p, 0.0, q, still, np.zeros(system.n))
+    c = p.contact
+    points = [body.points for body in system.mechanism.contacts]
+    size = max(float(np.ptp(own.x, axis=0).max()) for own in points)
+    J = [system.point_velocities(q, int(link), own.x, own.shapes) for link, own in zip(c.link, points, strict=True)]
+    for g in range(len(c.noise)):
+        mine = np.arange(c.group[g], c.group[g + 1])
+        held = _held(c, mine, size)
+        mine, held = mine[held[:, 0]], held[held[:, 0]]
+        rows, D = np.zeros((len(mine), 3, system.n)), np.zeros((len(mine), 3, len(mine), 3))
+        for body, own in enumerate(points):
+            T = _motions(c, mine, body, len(own.x))
+            rows += np.einsum("iakb,kbn->ian", T, J[body], optimize=True)
+            D += np.einsum("iakc,kcld,jbld->iajb", T, own.G, T, optimize=True)
+        K += rows[held].T @ np.linalg.solve(D[held][:, held], rows[held])
+    return K
+
+
+def _motions(c: ContactTable, mine: IntArray, body: int, n: int) -> Array:
+    """Return how points move along their axes by displacements of a body's n nodes, shape (n_points, 3, n, 3)."""
+    T, first = np.zeros((len(mine), 3, n, 3)), c.first[body]
+    for k, i in enumerate(mine):
+        s = c.surface[i]
+        if c.slave[s] == body:
+            T[k, :, c.node[i] - first] += c.turned[i]
+        if c.master[s] == body:
+            for e in range(3):
+                T[k, :, c.foot[i, e] - first] -= c.weights[i, e] * c.turned[i] @ c.Q[i]
+    return T
+
+
+def _held(c: ContactTable, mine: IntArray, size: float) -> Array:
+    """Return which components of a group's points are held, shape (n, 3)."""
+    held = np.zeros((len(mine), 3), dtype=bool)
+    held[:, 0] = c.force[mine, 0] > 0.0
+    if not held.any():
+        held[:, 0] = (c.seen[mine, 0] == 1) & (c.free[mine, 0] < DEEP_START * size)
+    held[:, 1:] = (held[:, 0] & (c.friction[c.surface[mine]] > 0.0))[:, None]
+    return held
