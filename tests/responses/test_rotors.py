@@ -251,6 +251,17 @@ def shaft_command(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return folder / "shaft.toml", "--to", "300 rad/s", "--points", 13, "--orders", "1,3", "--out", folder
 
 
+def test_a_rotor_needs_no_simulation_for_its_whirl(tmp_path: Path) -> None:
+    tables = []
+    for name, text in (("with", RIGID), ("without", RIGID.replace(SIMULATION.replace("TIP", "rotor.far"), ""))):
+        assert ("[simulation]" in text) == (name == "with")
+        (tmp_path / f"{name}.toml").write_text(text)
+        run = Pipeline(load_scene(tmp_path / f"{name}.toml"))
+        tables.append(compute_campbell(run, np.array([0.0, 900.0]), []).frequencies_hz)
+    np.testing.assert_allclose(tables[1], tables[0], rtol=1e-12)
+    assert tables[1][0].min() == pytest.approx(np.sqrt(1e5 / MASS) / (2.0 * np.pi), rel=1e-6)  # along the axis
+
+
 @pytest.mark.slow
 def test_a_shaft_that_bends_unlike_in_two_directions_grows_between_its_two_critical_rates(
     fmd: Any, capsys: pytest.CaptureFixture[str], shaft_command: Any

@@ -19,7 +19,7 @@ from fmd.core.limits.shown import DRAWN_MODES
 from fmd.core.progress import Advance, Monitor, silent
 from fmd.reduction.rotating import WhirlingModes
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.rotor import Vibrations, find_vibrations, runs_in_bearings
+from fmd.stages.rotor import Vibrations, coupled, find_vibrations, runs_in_bearings
 
 RPM = 2 * np.pi / 60
 """One revolution per minute [rad/s]."""
@@ -175,7 +175,7 @@ def compute_campbell(
         As `fmd.stages.rotor.find_vibrations`.
     """
     with threadpool_limits(1):  # of matrices so small that threads would wait for each other
-        return _compute(run, rates, orders, in_rpm, monitor)
+        return _compute(coupled(run), rates, orders, in_rpm, monitor)
 
 
 def _compute(run: Pipeline, rates: Array, orders: Sequence[float], in_rpm: bool, monitor: Monitor) -> CampbellDiagram:

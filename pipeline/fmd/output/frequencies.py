@@ -105,7 +105,7 @@ def _cost_of_lumping(part: FlexiblePart) -> float:
 def rotating_table(run: Pipeline, rate: float) -> dict[str, Any]:
     """Gather frequencies of the first flexible body on its joint at a constant rate [rad/s], and what grows there."""
     part = run.part
-    body = part.body if run.scene.simulation.stiffening == "off" else part.stiffened
+    body = part.body if run.scene.moves and run.scene.simulation.stiffening == "off" else part.stiffened
     found = rotating_modes(body, np.array(part.joint.axis), rate, len(part.joint.free) == 1)
     frequencies = found.frequencies_hz[found.frequencies_hz > 0.0]
     return {

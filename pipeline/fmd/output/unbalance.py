@@ -21,7 +21,7 @@ from fmd.responses.circular_forces import circular_response
 from fmd.responses.interpolated_models import interpolate_models
 from fmd.responses.state_space import StateSpace
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.rotor import runs_in_bearings
+from fmd.stages.rotor import coupled, runs_in_bearings
 from fmd.stages.turning import TurningRotor
 
 
@@ -119,6 +119,7 @@ def compute_circular_response(
     InputError
         The scene is no rotor in bearings, the marker is unknown, or as `fmd.stages.turning.TurningRotor`.
     """
+    run = coupled(run)
     with threadpool_limits(1):
         if not runs_in_bearings(run.scene):
             mend = "isn't a rotor in bearings: its first body hangs on a free joint, and [bearing.NAME] hold it"

@@ -176,7 +176,10 @@ class Scene(SceneTables):
         """
         if self.simulation_table is None:
             raise InputError(
-                self.file, "simulation", None, "is missing: without it a scene has mesh and modes alone, no motion"
+                self.file,
+                "simulation",
+                None,
+                "is missing: without it a scene has mesh and modes alone (`fmd mesh`, `fmd modes`), no motion",
             )
         return self.simulation_table
 

@@ -139,7 +139,10 @@ def reduce_body(model: ConstrainedModel, modes: Modes, settings: AnyModes, frame
         The body hangs on no joint, or its supports don't fix it.
     """
     if not model.joint.marker:
-        raise InputError(model.file, f"body.{model.name}", None, "hangs on no joint: it has modes, but no motion")
+        mend = 'a [joint.NAME] with it as child carries it, of type "free" if bearings or springs hold it'
+        raise InputError(
+            model.file, f"body.{model.name}", None, f"hangs on no joint: it has modes, but no motion; {mend}"
+        )
     body = _on_its_joint(model, modes, settings, frame)
     return body if model.fe.arms is None else stiffen_reduced(model, body, elements=False)
 

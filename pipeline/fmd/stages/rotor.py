@@ -11,6 +11,7 @@ from fmd.reduction.rotating import WhirlingModes, rotating_modes
 from fmd.responses.interpolated_models import interpolate_models, matrices_of
 from fmd.responses.whirl import hub_modes, whirling_modes
 from fmd.scene.modes import damping_ratios
+from fmd.scene.variants import complete_mechanism
 from fmd.stages.turning import OnHub, TurningRotor, scene_in_space
 
 if TYPE_CHECKING:
@@ -19,6 +20,12 @@ if TYPE_CHECKING:
 
 Vibrations = Callable[[float], WhirlingModes]
 """Vibrations at a rate of rotation [rad/s]."""
+
+
+def coupled(run: Pipeline) -> Pipeline:
+    """Return the stages of a scene with its joints and force elements also where it has no simulation."""
+    scene = complete_mechanism(run.scene)
+    return run if scene is run.scene else run.variant(scene, run.store.monitor)
 
 
 def runs_in_bearings(scene: Scene) -> bool:
