@@ -105,6 +105,7 @@ class RungeKutta(AdaptiveIntegrator):
     reach: float = DAMPED
 
     name = "runge-kutta"
+    marches_tangents = True
 
     def order(self, system: System) -> int:
         """Return 8."""

@@ -13,10 +13,15 @@ from fmd.kernels.kernel import inner, kernel
 
 
 def groups_of(system: System) -> IntArray:
-    """Return the group of each position and then of each rate; each coordinate is one if the system has no groups."""
+    """Return the group of each position and then of each rate, -1 for what doesn't count.
+
+    Each coordinate is one if the system has no groups.
+    """
     groups = getattr(system, "groups", None)
     positions, rates = (np.arange(system.n_positions), np.arange(system.n)) if groups is None else groups
-    return np.concatenate((positions, rates + (positions.max() + 1))) if positions.size else rates
+    if not positions.size:
+        return rates
+    return np.concatenate((positions, np.where(rates < 0, -1, rates + (positions.max() + 1))))
 
 
 def kinds_of(system: System) -> tuple[IntArray, int]:
@@ -24,7 +29,7 @@ def kinds_of(system: System) -> tuple[IntArray, int]:
     both = getattr(system, "groups", None)
     if both is None:
         return np.zeros(0, dtype=np.int64), 0
-    in_positions, in_rates = (set(groups.tolist()) for groups in both)
+    in_positions, in_rates = (set(groups[groups >= 0].tolist()) for groups in both)
     if all(len({group % 3 for group in used}) == len(used) for used in (in_positions, in_rates)):
         return np.zeros(0, dtype=np.int64), 0
     numbers = [range(max(used, default=-1) + 1) for used in (in_positions, in_rates)]
@@ -58,12 +63,14 @@ def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
     Parameters
     ----------
     groups : ndarray, shape (n,)
-        Group of each error.
+        Group of each error, -1 of one that doesn't count.
     largest : ndarray, shape (n_groups,)
         Largest value of each group, the end of the trial step included.
     """
     worst = 0.0
     for i in range(groups.size):
+        if groups[i] < 0:
+            continue
         ratio = abs(error[i]) / max(largest[groups[i]], STILL_GROUP)
         if not (math.isfinite(error[i]) and math.isfinite(largest[groups[i]])):
             return math.nan
@@ -76,7 +83,7 @@ def keep_largest(groups: IntArray, largest: Array, new: Array) -> None:
     """Raise each group's largest value to that of a state; a NaN stays, so that it is noticed."""
     for i in range(groups.size):
         size = abs(new[i])
-        if not size <= largest[groups[i]]:
+        if groups[i] >= 0 and not size <= largest[groups[i]]:
             largest[groups[i]] = size
 
 

@@ -88,11 +88,11 @@ def _velocities(p: CompiledParameters, q: Array, v: Array, dq: Array) -> None:
         if p.position[i] >= 0:
             dq[p.position[i]] = v[i]
     for k in range(p.quaternions.shape[0]):
-        _quaternion_rate(q, p.quaternions[k, 1], v, p.quaternions[k, 0], dq)
+        quaternion_rate(q, p.quaternions[k, 1], v, p.quaternions[k, 0], dq)
 
 
 @inlined
-def _quaternion_rate(q: Array, at: int, v: Array, turn: int, dq: Array) -> None:
+def quaternion_rate(q: Array, at: int, v: Array, turn: int, dq: Array) -> None:
     """``½ e ∘ (ω, 0)`` for rates ω about the body's own axes."""
     wx, wy, wz = 0.5 * v[turn], 0.5 * v[turn + 1], 0.5 * v[turn + 2]
     x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]

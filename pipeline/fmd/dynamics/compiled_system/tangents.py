@@ -17,13 +17,14 @@ from functools import cached_property
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.dynamics.compiled_system.kernels import take_leap
+from fmd.dynamics.compiled_system.kernels import quaternion_rate, take_leap
 from fmd.dynamics.compiled_system.parameters import Leapfrog
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import load_signals
 from fmd.dynamics.signals.signal import Signal
-from fmd.dynamics.system import accelerations, advance, leapfrog_step
+from fmd.dynamics.step_bounds import StepBounds
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, velocities
 from fmd.kernels.kernel import inlined
 from fmd.kernels.library import call_native
 from fmd.kernels.table import Table, aligned
@@ -81,13 +82,25 @@ class TangentSystem:
         Up to eight.
     """
 
-    step_bounds = None
-    settles = False
-
     def __init__(self, system: CompiledSystem, directions: Sequence[Direction]) -> None:
         self._system, self._directions = system, directions
-        self.breakpoints = system.breakpoints
+        self.breakpoints, self.settles = system.breakpoints, system.settles
+        self.piecewise_laws, self.highest_frequency = system.piecewise_laws, system.highest_frequency
         self.n, self.n_positions = (_lines(n) + n * LANES for n in (system.n, system.n_positions))
+
+    @property
+    def step_bounds(self) -> StepBounds | None:
+        """Bounds of a step by the motion's force laws with short pieces: what a step's begin has of it comes first."""
+        return self._system.step_bounds
+
+    @property
+    def groups(self) -> tuple[IntArray, IntArray]:
+        """Groups of the motion's own coordinates, and -1 for its tangents: their errors choose no steps."""
+        sizes = (self.n_positions, self.n)
+        both = [np.full(size, -1, dtype=np.int64) for size in sizes]
+        for whole, own in zip(both, self._system.groups, strict=True):
+            whole[: own.size] = own
+        return both[0], both[1]
 
     @property
     def start(self) -> tuple[Array, Array]:
@@ -191,6 +204,39 @@ def _advance(p: TangentParameters, q: Array, v: Array, h: float, first: int, las
                 q[to + lane] += h * v[at + lane]
     for k in range(p.quaternions.shape[0]):
         _advance_quaternion(p, q, p.quaternions[k, 1], v, p.quaternions[k, 0], h)
+
+
+@velocities.register(TangentParameters)
+def _velocities(p: TangentParameters, q: Array, v: Array, dq: Array) -> None:
+    if p.quaternions.shape[0] == 0:
+        for i in range(v.size):
+            dq[i] = v[i]
+        return
+    for i in range(p.n):
+        if p.position[i] >= 0:
+            dq[p.position[i]] = v[i]
+            to, at = p.n_position_lines + LANES * p.position[i], p.n_lines + LANES * i
+            for lane in range(LANES):
+                dq[to + lane] = v[at + lane]
+    for k in range(p.quaternions.shape[0]):
+        at, turn = p.quaternions[k, 1], p.quaternions[k, 0]
+        quaternion_rate(q, at, v, turn, dq)
+        for lane in range(LANES):
+            _quaternion_rate_along(p, q, at, v, turn, dq, lane)
+
+
+@inlined
+def _quaternion_rate_along(p: TangentParameters, q: Array, at: int, v: Array, turn: int, dq: Array, lane: int) -> None:
+    """``½ (δe ∘ (ω, 0) + e ∘ (δω, 0))``."""
+    to, of = p.n_position_lines + LANES * at + lane, p.n_lines + LANES * turn + lane
+    wx, wy, wz = 0.5 * v[turn], 0.5 * v[turn + 1], 0.5 * v[turn + 2]
+    ux, uy, uz = 0.5 * v[of], 0.5 * v[of + LANES], 0.5 * v[of + 2 * LANES]
+    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
+    dx, dy, dz, dw = q[to], q[to + LANES], q[to + 2 * LANES], q[to + 3 * LANES]
+    dq[to] = dw * wx + dy * wz - dz * wy + w * ux + y * uz - z * uy
+    dq[to + LANES] = dw * wy - dx * wz + dz * wx + w * uy - x * uz + z * ux
+    dq[to + 2 * LANES] = dw * wz + dx * wy - dy * wx + w * uz + x * uy - y * ux
+    dq[to + 3 * LANES] = -dx * wx - dy * wy - dz * wz - x * ux - y * uy - z * uz
 
 
 @inlined
