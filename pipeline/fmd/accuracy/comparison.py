@@ -21,7 +21,7 @@ from fmd.recovery.stress import choose_frames
 from fmd.stages.plan import repeat_choice
 
 if TYPE_CHECKING:
-    from fmd.integrators.protocol import Integrator
+    from fmd.integrators.protocol import Integrator, Trajectory
     from fmd.recovery.motion import Motion
     from fmd.stages.pipeline import Pipeline
     from fmd.stages.plan import Plan
@@ -97,16 +97,20 @@ class Comparison:
         as_if: dict[str, Array] | None = None,
     ) -> Quantities:
         """Return the quantities of a motion at the run's fine times; stress only at the chosen output times."""
-        given, chosen = fine.trajectory, self.run.fine_times[1]
-        motion = replace(
-            fine, trajectory=replace(given, times=given.times[chosen], q=given.q[chosen], v=given.v[chosen])
-        )
+        motion = replace(fine, trajectory=self.at_outputs(fine.trajectory))
         quantities = motion_quantities(run, motion, fine)
         if run.parts:
             quantities |= stress_quantities(run, motion, self.frames, nodes, places, as_if)
         details = detail_quantities(run.scene, motion)
         details |= self._requested.quantities(run, motion, self.frames, as_if)
         return quantities | {name: details[name] for name in self.details}
+
+    def at_outputs(self, fine: Trajectory) -> Trajectory:
+        """Return a trajectory at the run's fine times at its output times alone; itself if these are the same."""
+        chosen = self.run.fine_times[1]
+        if len(chosen) == len(fine.times):
+            return fine
+        return replace(fine, times=fine.times[chosen], q=fine.q[chosen], v=fine.v[chosen])
 
     def _choose_stress_samples(self) -> None:
         """Choose the output times at which stress is compared, and the nodes that matter."""

@@ -138,12 +138,11 @@ class Estimates(Comparison):
                 integrator, gain = change_fineness(plan, 0.0)  # a longer step has no solution
                 other = self.march(self.run, replace(plan, integrator=integrator), FINER_WORK)
             plan = replace(plan, integrator=integrator)
-            chosen = self.run.fine_times[1]
-            if not np.array_equal(other.trajectory.q[chosen], self.motion.trajectory.q):
+            at_outputs = self.at_outputs(other.trajectory)
+            if not np.array_equal(at_outputs.q, self.motion.trajectory.q):
                 break  # else a method that chooses its step had met the finer tolerance already, and took the same one
         theirs = self.quantities_of(self.run, other, self.hot)
-        own, finer = self.motion.trajectory, other.trajectory
-        at_outputs = replace(finer, times=own.times, q=finer.q[chosen], v=finer.v[chosen])
+        own = self.motion.trajectory
         self.of_integration = SAFETY * motion_difference(self.plan.system, own.q, own.v, at_outputs) / gain
         # Two tolerances may take the same steps as far as a slow body is concerned, whose error then doesn't change.
         least = OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
