@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
-from fmd.accuracy.estimators import energy_excess, root_mean_square
+from fmd.accuracy.estimators import combine_excess, energy_excess
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import SAFETY
@@ -202,7 +202,7 @@ def _excess_of_modes(run: Pipeline, pair: Pair) -> tuple[Array, Array]:
     across = make_pair_across(run)
     hertz, excess = [], []
     for name, part in run.parts.items():
-        own = root_mean_square(energy_excess(part, part.body)[0], pair.excess_of_modes(name))
+        own = combine_excess(part, energy_excess(part, part.body)[0], pair.excess_of_modes(name))
         if across is not None and across.divides(name):
             own = own + across.excess_of_modes(name)
         hertz.append(part.modes.frequencies_hz)

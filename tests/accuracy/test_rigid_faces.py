@@ -1,0 +1,59 @@
+"""The mesh's error behind a rigid face, at whose edge stress has no limit, against a much finer mesh."""
+
+from pathlib import Path
+
+import pytest
+
+from fmd import Pipeline, load_scene
+from fmd.accuracy.coarse_mesh import make_coarse_pair
+from fmd.accuracy.estimators import combine_excess, energy_excess
+from fmd.core.cache import Cache
+
+pytestmark = pytest.mark.slow
+
+BAR = """
+title = "clamped bar"
+[body.bar]
+shape = "bar"
+length = "0.4 m"
+depth = "20 mm"
+width = "40 mm"
+E = "210 GPa"
+nu = 0.3
+rho = "7850 kg/m^3"
+mesh = MESH
+modes = { count = 4, boundary = "joint" }
+marker = { root = { face = "x-", attachment = "rigid" }, tip = { face = "x+" } }
+[joint.hub]
+type = "fixed"
+parent = "ground"
+child = "bar.root"
+[simulation]
+duration = "1 ms"
+output_step = "1 ms"
+tip = "bar.tip"
+run = [{ integrator = "auto" }]
+"""
+
+
+def mesh(folder: Path, order: int, divisions: list[int]) -> Pipeline:
+    file = folder / "bar.toml"
+    file.write_text(BAR.replace("MESH", f"{{ order = {order}, divisions = {divisions} }}"))
+    return Pipeline(load_scene(file), Cache(None))
+
+
+def test_the_excess_of_frequencies_behind_a_rigid_face_is_not_what_two_meshes_tell(tmp_path: Path) -> None:
+    """Against 40 x 4 x 4 quadratic elements; a coarser mesh alone tells less than half of it in the first two modes."""
+    exact = mesh(tmp_path, 2, [40, 4, 4]).part.modes.omega
+    for order, divisions in ((1, [12, 2, 2]), (2, [12, 2, 2])):
+        run = mesh(tmp_path, order, divisions)
+        pair = make_coarse_pair(run)
+        assert not isinstance(pair, str)
+        changed = pair.excess_of_modes("bar")
+        stated = combine_excess(run.part, energy_excess(run.part, run.part.body)[0], changed)
+        true = 0.5 * (
+            (run.part.modes.omega / exact) ** 2 - 1
+        )  # of the frequency, which states twice of half the excess
+        assert (changed[:2] < true[:2]).all()
+        assert (true < stated).all()
+        assert (stated < 4 * true).all()
