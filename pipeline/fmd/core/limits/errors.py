@@ -27,7 +27,7 @@ OF_SQUARE, OF_FOURTH = 0.08, 0.3
 
 # Time limit.
 TIMES_RUN = 3.0  # time limit over the time of the run
-LEAST_SECONDS = 10.0  # of a time limit
+LEAST_SECONDS = 20.0  # of a time limit
 WHOLE_SECONDS = 40.0  # of a run and its budget, if the run leaves a part of what it took itself
 LEAST_PART_OF_RUN = 0.3  # of the run's time: a time limit isn't shorter
 MORE_TIME = 5.0  # times the limit of an error budget that isn't whole
