@@ -178,7 +178,7 @@ class _Writer:
                 **_ALUMINIUM,
                 "rho": f"{link.mass / volume:.9g} kg/m^3",
                 "mesh": {"divisions": divisions},
-                "modes": {"count": 6, "boundary": "joint", "enrich": "inertia", "damping": 0.01},
+                "modes": {"count": 6, "boundary": "joint", "damping": 0.01},
             }
             self.notes.append(
                 f"{link.name} is a bar of aluminium of its box, with the file's mass: give E and nu of yours"
