@@ -26,6 +26,7 @@ from fmd.output.output_kinds import kind_of
 from fmd.output.output_times import output_time_warnings
 from fmd.output.periodic import periodic_figures, periodic_warnings
 from fmd.output.spot_stress import limitless_warnings, spot_stress_warnings
+from fmd.output.variable_errors import why_no_budget
 from fmd.recovery.motion import Motion
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
@@ -116,6 +117,8 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
                 summary.setdefault(key, {}).update(values)
     _state_figures(summary, stated)
     summary["stated_errors"] = figure_errors(run, summary)
+    if budget and stated is None:
+        summary["warnings"].append({"code": "no-error-budget", "text": f"no errors are stated: {why_no_budget(run)}"})
     if stated is not None:
         summary["error_budget"] = stated.summary()
         if stated.integration is not None:  # what a third march tells, and not what the method's own two did

@@ -86,8 +86,7 @@ class VariableErrors:
 
     def _row(self, name: str) -> Row | str:
         if self._budget is None:
-            why = _CONTACT if self._run.scene.contact else _NO_MESH
-            return NOT_STATED + (NO_BUDGET if ERROR_BUDGET.applies(self._run) else why)
+            return NOT_STATED + why_no_budget(self._run)
         row = self._rows.get(row_name(name))
         if row is None:
             known = name.rpartition(".")[2] in _COMPARED or name in _WHOLE
@@ -107,6 +106,13 @@ class VariableErrors:
             return NOT_STATED + turn.why.removeprefix("not estimated: ")
         row = self._rows[name]
         return size + turn.size * max(row.value, row.better)
+
+
+def why_no_budget(run: Pipeline) -> str:
+    """Return why a run has no error budget: it can't have one, or none was asked for."""
+    if ERROR_BUDGET.applies(run):
+        return NO_BUDGET
+    return _CONTACT if run.scene.contact else _NO_MESH
 
 
 def write_errors(errors: Sequence[tuple[str, str, float | str]], file: Path) -> str:
