@@ -13,6 +13,8 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import BLOCKS_AT_ONCE, ELEMENTS_AT_ONCE, ENHANCED_AT_ONCE
+from fmd.fem.beam_mass import carry_beam_mass
+from fmd.fem.beams import BeamLine
 from fmd.fem.elements import Formulation, determinants, shape_functions
 from fmd.fem.material import AnyMaterial, Material
 from fmd.fem.mesh import SolidMesh
@@ -43,7 +45,10 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Fo
     """
     space = Discretisation(mesh, order, formulation)
     layer = FEModel(space, material, _stiffness(space, material), _mass(space, material))
-    return layer if mesh.midsurface is None else hang_on_nodes(layer, mesh.midsurface)
+    if mesh.midsurface is None:
+        return layer
+    hung = hang_on_nodes(layer, mesh.midsurface)
+    return carry_beam_mass(hung, mesh.midsurface) if isinstance(mesh.midsurface, BeamLine) else hung
 
 
 def _stiffness(space: Discretisation, material: AnyMaterial) -> sp.csr_array:

@@ -64,6 +64,10 @@ class BeamLine(Midsurface):
     sections : tuple of Section
     of : ndarray, shape (n_cells,)
         Number of each cell's section.
+    beam : ndarray, shape (n_cells,)
+        Number of each cell's beam.
+    ends : ndarray, shape (n_beams, 2)
+        Nodes at the ends of each beam.
     """
 
     axes: Array
@@ -71,13 +75,15 @@ class BeamLine(Midsurface):
     length: Array
     sections: tuple[Section, ...]
     of: IntArray
+    beam: IntArray
+    ends: IntArray
 
     alike = ON_A_LINE
     has_sections = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for each in (self.axes, self.start, self.length, self.of):
+        for each in (self.axes, self.start, self.length, self.of, self.beam, self.ends):
             read_only(each)
 
     def cell(self, name: str) -> SolidCell:
@@ -109,6 +115,8 @@ def extrude(beams: Beams) -> SolidMesh:
         np.linalg.norm(middles[:, 1] - middles[:, 0], axis=1)[of_beam],
         beams.sections,
         beams.of[of_beam],
+        of_beam,
+        beams.ends,
     )
     return SolidMesh(
         x[first],

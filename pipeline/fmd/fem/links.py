@@ -22,7 +22,7 @@ from fmd.fem.constraints import Constraints
 from fmd.fem.idle_motions import without_idle_motions
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
-from fmd.fem.rigid_pieces import arms_of_unknowns, rigid_unknowns
+from fmd.fem.rigid_pieces import CarriedPoints, carried_points, rigid_unknowns
 
 
 @dataclass(frozen=True)
@@ -198,16 +198,15 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
     n, links, names = len(fe.x), linked.links, {name: k for k, name in enumerate(linked.links)}
     own_T = sp.csr_array(sp.eye_array(3 * n, format="csr")) if fe.T is None else fe.T
     constraints = Constraints(own_T.shape[1], len(links))
-    groups, weights, shown_at, carried = [], [np.zeros(0)], dict[str, tuple[str, int]](), list[tuple[IntArray, Array]]()
+    groups, weights, shown_at, carried = [], [np.zeros(0)], dict[str, tuple[str, int]](), list[list[CarriedPoints]]()
     for k, (name, link) in enumerate(links.items()):
         marker, grid = link.marker, constraints.grid(k)
-        moved = [(marker.nodes[:0], np.zeros((0, 3)))]
+        carried.append([])
         for nodes in (marker.nodes, link.pinned) if marker.rigid else ():
             if len(nodes):
                 unknowns, values = rigid_unknowns(own_T, fe.x, nodes, link.at)
                 constraints.give(unknowns, grid, values)
-                moved.append(arms_of_unknowns(own_T, unknowns, values))
-        carried.append((np.concatenate([own for own, _ in moved]), np.concatenate([r for _, r in moved])))
+                carried[k].append(carried_points(own_T, unknowns, values))
         if not marker.rigid:
             mean = sp.csr_array(mean_motion(marker, link.at)) @ own_T[_rows(marker.nodes)]
             unknowns = np.unique(mean.indices)
@@ -237,10 +236,12 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
     x = np.concatenate([fe.x, *groups])
     starts = np.cumsum([n, *(len(own) for own in groups)])
     points_T = sp.csr_array(sp.vstack([own_T @ T[: constraints.n_unknowns], *rows]))
-    own_mass = fe.m if linked.node_masses is None else sp.csr_array(fe.m + sp.diags_array(linked.node_masses))
-    m = sp.csr_array(own_mass, copy=True)
+    lumped = np.concatenate([np.zeros(n), *weights])
+    if linked.node_masses is not None:
+        lumped[: len(linked.node_masses)] += linked.node_masses
+    m = sp.csr_array(fe.m, copy=True)
     m.resize((len(x), len(x)))
-    m = sp.csr_array(m + sp.diags_array(np.concatenate([np.zeros(n), *weights])))
+    m = sp.csr_array(m + sp.diags_array(lumped))
     stretch = _stretches(linked.springs, dict(zip(links, starts[:-1], strict=True)), x)
     K = sp.csr_array(fe.K, copy=True)
     K.resize((3 * len(x), 3 * len(x)))
@@ -308,17 +309,18 @@ def mean_motion(marker: Marker, at: Array) -> Array:
 
 
 def _arms(
-    x: Array, links: Sequence[LinkedFace], starts: IntArray, carried: Sequence[tuple[IntArray, Array]]
+    x: Array, links: Sequence[LinkedFace], starts: IntArray, carried: Sequence[Sequence[CarriedPoints]]
 ) -> Arms | None:
     """Return the arms of all links: their points, from ``starts`` on, and what the rigid ones carry."""
     if not links:
         return None
     points, number, second, turns = [], [], [], []
-    for k, (link, (moved, r)) in enumerate(zip(links, carried, strict=True)):
+    for k, (link, moved) in enumerate(zip(links, carried, strict=True)):
         marker, own = link.marker, np.arange(starts[k], starts[k + 1])
         if marker.rigid:
-            second.append(second_of_rigid(np.concatenate([r, x[own] - link.at])))
-            own = np.concatenate([moved, own])
+            second += [*(second_of_rigid(each.arms) for each in moved), *(each.second for each in moved)]
+            second.append(second_of_rigid(x[own] - link.at))
+            own = np.concatenate([*(each.points for each in moved), *(each.beside for each in moved), own])
         else:
             places = x[marker.nodes] - marker.position
             second.append(second_of_mean(x[own] - marker.position, places, marker.rotation_weights))
@@ -332,14 +334,15 @@ def _arms(
 
 
 def _own_arms(
-    own: Arms | None, x: Array, links: Mapping[str, LinkedFace], carried: Sequence[tuple[IntArray, Array]]
+    own: Arms | None, x: Array, links: Mapping[str, LinkedFace], carried: Sequence[Sequence[CarriedPoints]]
 ) -> Arms | None:
     """Return the arms of a shell's or a beam's own nodes without those that turn with a rigid link."""
     if own is None:
         return None
     turned = np.zeros(len(x), dtype=bool)
-    for link, (points, r) in zip(links.values(), carried, strict=True):
-        turned[points] = np.abs(x[points] - link.at - r).max(axis=1, initial=0.0) < RIGID_RESIDUAL * np.ptp(x)
+    for link, each in ((link, each) for link, own in zip(links.values(), carried, strict=True) for each in own):
+        off = x[each.points] - link.at - each.arms
+        turned[each.points] = np.abs(off).max(axis=1, initial=0.0) < RIGID_RESIDUAL * np.ptp(x)
     free = ~turned[own.points]
     turn = sp.csr_array(own.turn, copy=True)
     turn.resize((turn.shape[0], 3 * len(x)))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.rotations import rigid_motions
+from fmd.fem.arms import second_of_rigid
 
 
 def rigid_unknowns(T: sp.csr_array, x: Array, nodes: IntArray, at: Array) -> tuple[IntArray, Array]:
@@ -21,7 +24,7 @@ def rigid_unknowns(T: sp.csr_array, x: Array, nodes: IntArray, at: Array) -> tup
         Positions of the points [m].
     nodes : ndarray, shape (k,)
         Points of the rigid piece. If other unknowns than their own displacements move them, as those of a shell's
-        nodes, all points that these move belong to the piece.
+        nodes, all points that these alone move belong to the piece.
     at : ndarray, shape (3,)
         Its reference point [m].
 
@@ -41,18 +44,50 @@ def rigid_unknowns(T: sp.csr_array, x: Array, nodes: IntArray, at: Array) -> tup
 
 
 def moved_points(T: sp.csr_array, unknowns: IntArray) -> tuple[IntArray, sp.csr_array]:
-    """Return the points (k,) that unknowns (m,) move, and the rows and columns of both in T, shape (3 k, m)."""
-    moved = sp.csc_array(T[:, unknowns])
-    points = np.unique(moved.indices // 3)
-    return points, sp.csr_array(sp.csr_array(moved)[(3 * points[:, None] + np.arange(3)).ravel()])
+    """Return the points (k,) that unknowns (m,) alone move, and the rows and columns of both in T, shape (3 k, m)."""
+    touched = np.unique(sp.csc_array(T[:, unknowns]).indices // 3)
+    rows = sp.csr_array(T[(3 * touched[:, None] + np.arange(3)).ravel()])
+    others = np.ones(T.shape[1])
+    others[unknowns] = 0.0
+    alone = (abs(rows) @ others).reshape(-1, 3).max(axis=1) == 0.0
+    points = touched[alone]
+    return points, sp.csr_array(rows[np.repeat(alone, 3)][:, unknowns])
 
 
-def arms_of_unknowns(T: sp.csr_array, unknowns: IntArray, values: Array) -> tuple[IntArray, Array]:
-    """Return the points that a rigid piece moves by its unknowns, and the arm (k, 3) by which each turns with it.
+@dataclass(frozen=True)
+class CarriedPoints:
+    """Points that a rigid piece carries.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k,)
+    arms : ndarray, shape (k, 3)
+        Arm by which each turns with the piece [m].
+    beside : ndarray, shape (l,)
+        Points that it moves together with other unknowns, as those inside of beams.
+    second : ndarray, shape (l, 3, 3, 3)
+        Their displacement of second order as the piece turns, as `Arms` has it [m].
+    """
+
+    points: IntArray
+    arms: Array
+    beside: IntArray
+    second: Array
+
+
+def carried_points(T: sp.csr_array, unknowns: IntArray, values: Array) -> CarriedPoints:
+    """Return the points that a rigid piece moves by its unknowns, given their values by its motions.
 
     A shell's node whose displacement alone belongs to the piece carries its points on its own arm.
     """
     points, part = moved_points(T, unknowns)
     turned = (part @ values[:, 3:]).reshape(-1, 3, 3)  # θ × r, a column for each axis
     skew = 0.5 * (turned - turned.swapaxes(1, 2))
-    return points, np.stack([skew[:, 1, 2], skew[:, 2, 0], skew[:, 0, 1]], axis=1)
+    arms = np.stack([skew[:, 1, 2], skew[:, 2, 0], skew[:, 0, 1]], axis=1)
+    of_unknowns = np.zeros((len(unknowns), 9))
+    own = np.flatnonzero((np.diff(part.indptr) == 1) & (abs(part).max(axis=1).toarray().ravel() == 1.0))
+    of_unknowns[part[own].indices] = second_of_rigid(arms).reshape(-1, 9)[own]
+    all_moved = np.unique(sp.csc_array(T[:, unknowns]).indices // 3)
+    beside = np.setdiff1d(all_moved, points)
+    rows = sp.csr_array(T[(3 * beside[:, None] + np.arange(3)).ravel()])[:, unknowns]
+    return CarriedPoints(points, arms, beside, np.asarray(rows @ of_unknowns).reshape(-1, 3, 3, 3))
