@@ -1,3 +1,4 @@
+from collections import OrderedDict
 from dataclasses import replace
 
 import numpy as np
@@ -6,11 +7,14 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.dynamics.compiled_system import shared
 from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.compiler import compiled
+from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.integrators.central_difference import CentralDifference
 from fmd.scene.joints.revolute import REVOLUTE
+from tests.dynamics.compiler.mechanisms import random_mechanism
 
 TIMES = np.linspace(0.0, 0.1, 11)
 
@@ -61,3 +65,23 @@ def test_a_second_pipeline_of_a_scene_marches_bit_for_bit_like_the_first() -> No
     for label, motion in first.motions.items():
         assert np.array_equal(motion.trajectory.q, second.motions[label].trajectory.q)
     assert second.system is first.system
+
+
+def test_joint_loads_of_mechanisms_that_share_what_they_are_traced_from_are_their_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Sizes of loads are inputs of it; found without anything that is shared, the loads are the same ones."""
+    made = random_mechanism(2)
+    weak, strong = (
+        replace(made.mechanism, loads=[replace(load, size=half_sine(0.1, 0.9, peak)) for load in made.mechanism.loads])
+        for peak in (1.0, 3.0)
+    )
+    q, v = made.state(1)
+    a = np.random.default_rng(0).normal(size=(1, v.size))
+    given = (np.array([0.3]), q[None], v[None], a, np.zeros((1, 0)))
+    first, second = (compile_mechanism(mechanism).joint_loads(*given)[1] for mechanism in (weak, strong))
+    assert compile_mechanism(weak).digest == compile_mechanism(strong).digest
+    monkeypatch.setattr(compiled, "_evaluations", OrderedDict())
+    alone = compile_mechanism(strong).joint_loads(*given)[1]
+    np.testing.assert_array_equal(second, alone)
+    assert np.abs(first - second).max() > 1e-3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import threading
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from functools import cache, cached_property
 from typing import Any
@@ -11,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.memory import MOST_SHARED
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 from fmd.dynamics.compiler.closures import ConstraintRow, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.digest import digest_mechanism
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar
-from fmd.dynamics.compiler.interpret import evaluate_scalars
+from fmd.dynamics.compiler.interpret import Evaluation, evaluate_scalars
 from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.programs import trace_program
 from fmd.dynamics.compiler.quantities import describe_structure
@@ -26,6 +28,10 @@ from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
 from fmd.kernels.machine import LoadedObject
+
+# By name and by the digest of what they are traced from: mechanisms that differ in joints' numbers share one. The last
+# used last.
+_evaluations: OrderedDict[tuple[str, str], Evaluation] = OrderedDict()
 
 
 class CompiledMechanism:
@@ -247,8 +253,14 @@ class CompiledMechanism:
     def _over(self, name: str, times: Array, q: Array, v: Array, more: Mapping[str, Array]) -> Array:
         """Return what a program fills, in the order of its outputs, at many states by NumPy, (n_times, n_values)."""
         arguments = {**self._inputs.columns(times, q, v), **{key: values.T for key, values in more.items()}}
-        values = [value for value, _ in self.program(name).outputs if isinstance(value, Scalar)]
-        return evaluate_scalars(values).over(arguments, len(times))
+        found = _evaluations.pop((name, self.digest), None)
+        if found is None:
+            values = [value for value, _ in self.program(name).outputs if isinstance(value, Scalar)]
+            found = evaluate_scalars(values)
+        _evaluations[name, self.digest] = found
+        while len(_evaluations) > MOST_SHARED:
+            _evaluations.popitem(last=False)
+        return found.over(arguments, len(times))
 
     def constrained_accelerations(
         self, t: float, q: Array, v: Array, forces: Array | None = None
