@@ -60,7 +60,7 @@ from fmd.scene.scene import PublishedResults, Scene
 from fmd.scene.shells import Plate, ShellMesh, Tube
 from fmd.scene.simulation import Simulation
 from fmd.scene.state_loads import FormulaVariable, LoadOverTime
-from fmd.scene.stress_outputs import Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
+from fmd.scene.stress_outputs import ContactPressure, Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
 from fmd.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
 INTRODUCTION = """\
@@ -321,6 +321,7 @@ SECTIONS = (
     Section("### Fatigue", Fatigue),
     Section("### S-N curve", SnCurve),
     Section("### Mean stress", MeanStress),
+    Section("### Pressure of a contact", ContactPressure),
     Section("### Every history and table", Quantities),
     Section("### History", History),
     Section("### Table of extremes", ExtremesTable),

@@ -111,7 +111,7 @@ def test_a_block_that_begins_in_the_ground_is_refused_by_its_depth() -> None:
         ('contact.floor.between=["ground", "block.top"]', "marker"),
         (
             'contact.wall={ between = ["ground", "block.side"], normal = [1, 0, 0], damping = "1 ms" }',
-            "damping: isn't that of contact.floor, 0 s, which has block in common",
+            "isn't that of contact.floor, 0 s, which has block in common",
         ),
         ("body.block.pieces=2", "in pieces; pieces = 1 works"),
         ('contact.wall={ between = ["ground", "block.bottom"], normal = [1, 0, 0] }', "has the face of contact.floor"),

@@ -72,6 +72,17 @@ def _add_values(c: ContactTable, i: int, origins: Array, rotations: Array) -> No
 
 
 @inner
+def note_pressures(c: ContactTable, first: int, values: Array) -> None:
+    """Write the pressure at each node, from a place on; where several contacts press, the largest."""
+    for k in range(c.x.shape[0]):
+        values[first + k] = 0.0
+    for i in range(c.node.size):
+        if c.areas[i] > 0.0:
+            at = first + c.node[i]
+            values[at] = max(values[at], c.force[i, 0] / c.areas[i])
+
+
+@inner
 def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> None:
     """Take the forces that `touch` has found as those of a step at time t, and add up what they did since the last.
 

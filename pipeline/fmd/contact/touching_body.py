@@ -203,6 +203,11 @@ class TouchingBody:
         """Return the histories of its contacts by name, of values (n_times, n_contacts, N_VALUES)."""
         return {name: read_history(values[:, k]) for k, name in enumerate(self.names)}
 
+    def face_of(self, contact: str) -> str:
+        """Return the face whose points one of its contacts takes."""
+        faces = {plane.name: plane.face for plane in self.planes} | {pair.name: pair.face for pair in self.pairs}
+        return faces[contact]
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of its contacts, in the order of their values."""

@@ -126,11 +126,21 @@ class Motion:
         found: dict[str, ContactHistory] = {}
         first = 0
         counts = [len(body.names) for body in self.mechanism.contacts]
+        if not counts:
+            return found
+        n_pressures = sum(len(body.points.x) for body in self.mechanism.contacts)
+        values = self.trajectory.contacts[:, :-n_pressures].reshape(len(self.times), sum(counts), -1)
         for body, count in zip(self.mechanism.contacts, counts, strict=True):
-            values = self.trajectory.contacts.reshape(len(self.times), sum(counts), -1)
             found |= body.histories(values[:, first : first + count])
             first += count
         return found
+
+    @property
+    def contact_pressures(self) -> Mapping[str, Array]:
+        """Pressures at the points of bodies that touch something [Pa], shapes (n_times, n_points), by their names."""
+        counts = [len(body.points.x) for body in self.mechanism.contacts]
+        parts = np.split(self.trajectory.contacts[:, -sum(counts) :], np.cumsum(counts)[:-1], axis=1)
+        return {body.body: own for body, own in zip(self.mechanism.contacts, parts, strict=True)}
 
     @property
     def constraint_residual(self) -> float:

@@ -22,6 +22,7 @@ from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.runs import name_methods
 from fmd.scene.scene_tables import SceneTables
 from fmd.scene.state_loads import OWN, FormulaVariables, LoadOverTime
+from fmd.scene.stress_outputs import ContactPressure
 
 _SINGLE = kinds_that(lambda kind: bool(kind.unit))
 _HINGES = kinds_that(lambda kind: kind.is_hinge)
@@ -250,6 +251,9 @@ class CrossCheck:
             for key, check in (("marker", self._check_marker), ("element", self._check_element)):
                 if (name := getattr(output, key, None)) is not None:
                     yield from check(name, "output", number, key)
+            if isinstance(output, ContactPressure) and output.contact not in self.scene.contact:
+                known = self.scene.contact
+                yield UnknownNameError("contact", output.contact, known, "the contacts", "output", number, "contact")
             if isinstance(output, Chart):
                 yield from self._check_chart(output, "output", number)
             elif isinstance(output, Quantities):

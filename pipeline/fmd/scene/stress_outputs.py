@@ -1,4 +1,4 @@
-"""Outputs of a surface's stress over a whole motion in a scene file: its envelope and its fatigue."""
+"""Outputs of a surface over a whole motion in a scene file: envelope and fatigue of its stress, pressure of contact."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from fmd.core.units import Positive, PositiveStress
-from fmd.scene.pictures import BodyPicture
+from fmd.scene.pictures import BodyPicture, PictureSettings
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import Count, FileCheck, Number
+from fmd.scene.values import Count, FileCheck, Name, Number
 
 FieldFile = Annotated[str, FileCheck((".png", ".vtu", ".csv"))]
 Slope = Annotated[Number, Field(ge=1.0, le=100.0)]
@@ -172,3 +172,27 @@ class Fatigue(SurfaceField):
             )
             raise FaultError(why, "mean_stress")
         return self
+
+
+class ContactPressure(PictureSettings):
+    """A picture of a contact's pressure at the output time at which it is largest, on the undeformed body.
+
+    Between two bodies it is on that with the smaller elements, whose points are looked for on the other.
+
+    Parameters
+    ----------
+    contact : str
+        Name of the contact.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "pressure"
+        file = "pressure.png"
+        contact = "floor"
+    """
+
+    type: Literal["pressure"]
+    contact: Name

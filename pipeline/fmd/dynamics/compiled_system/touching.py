@@ -15,7 +15,7 @@ import numpy as np
 from fmd.contact.assemble import contact_table
 from fmd.contact.histories import N_VALUES
 from fmd.contact.patch import touch
-from fmd.contact.sums import evaluate_contacts, remember
+from fmd.contact.sums import evaluate_contacts, note_pressures, remember
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.kernels import set_inputs
@@ -45,7 +45,8 @@ class TouchingSystem(CompiledSystem):
     @property
     def n_contact_values(self) -> int:
         """How many values `note_contacts` fills."""
-        return N_VALUES * sum(len(body.names) for body in self.mechanism.contacts)
+        bodies = self.mechanism.contacts
+        return N_VALUES * sum(len(body.names) for body in bodies) + sum(len(body.points.x) for body in bodies)
 
     @cached_property
     def _parameters(self) -> TouchingParameters:
@@ -133,3 +134,4 @@ def _note_contacts(p: TouchingParameters, t: float, q: Array, v: Array, values: 
     for k in range(p.contact.now.shape[0]):
         for j in range(n):
             values[n * k + j] = p.contact.now[k, j]
+    note_pressures(p.contact, n * p.contact.now.shape[0], values)

@@ -1,0 +1,87 @@
+"""Picture of a contact's pressure on the body whose points it was found at, when it is largest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from fmd.core.arrays import Array, BoolArray, IntArray
+from fmd.core.errors import InputError
+from fmd.core.limits.contact import ASLANT
+from fmd.output.mechanism_view import body_surface
+from fmd.output.output_kinds import OutputKind
+from fmd.output.views import camera_of
+from fmd.render.calls import Drawer, draw_here
+
+if TYPE_CHECKING:
+    from fmd.render.surface import Surface
+    from fmd.scene.stress_outputs import ContactPressure
+    from fmd.stages.pipeline import Pipeline
+
+
+def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Drawer = draw_here) -> list[str]:
+    """Draw the pressure of a contact at the output time at which it is largest, which is labelled."""
+    (touching,) = (own for own in run.motion.mechanism.contacts if output.contact in own.names)
+    face = touching.face_of(output.contact)
+    points, pressures = touching.points, run.motion.contact_pressures[touching.body]
+    own = points.faces[face]
+    frame = int(pressures[:, own].max(axis=1).argmax())
+    if not pressures[frame, own].any():
+        number = run.scene.output.index(output) if output in run.scene.output else 0
+        message = "presses nothing at any output time; a shorter output_step, or a longer duration, may show it"
+        raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
+    surface, part = body_surface(run, touching.body), run.wholes[touching.body]
+    _, places = cKDTree(run.bodies[touching.body].x[part.surface.nodes]).query(points.x[own])
+    values, known = np.zeros(len(surface.points)), np.zeros(len(surface.points), dtype=bool)
+    np.maximum.at(values, places, pressures[frame, own] * 1e-6)  # of a near field's grid several are at a node
+    known[places] = True
+    on_face = np.isin(part.surface.nodes, part.markers[face].nodes)
+    values = _fill(values, known, on_face, surface.triangles)
+    peak, time = pressures[frame, own].max(), run.motion.times[frame]
+    draw(
+        "pictures.draw_field",
+        surface,
+        values,
+        folder / output.file,
+        title=output.title or f"{run.scene.title}: pressure of {output.contact} on {touching.body}",
+        quantity="pressure [MPa]",
+        limits=(0.0, float(values.max())),
+        weights=values,
+        label=f"{peak * 1e-6:.4g} MPa at {1e3 * time:.4g} ms",
+        camera=camera_of(run, _facing(output, surface, places)),
+    )
+    return [output.file]
+
+
+def _facing(output: ContactPressure, surface: Surface, face: IntArray) -> ContactPressure:
+    """Return an output whose camera looks aslant onto a face, unless the scene has one."""
+    if output.camera is not None:
+        return output
+    corners = surface.points[surface.triangles[np.isin(surface.triangles, face).any(axis=1)]]
+    x, y, z = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
+    elevation = np.clip(np.arctan2(z, np.hypot(x, y)) + ASLANT, -1.4, 1.4)
+    return output.model_copy(update={"camera": (float(np.arctan2(y, x) + ASLANT), float(elevation))})
+
+
+def _fill(values: Array, known: BoolArray, on_face: BoolArray, triangles: IntArray) -> Array:
+    """Give nodes of a face that carry no pressure the mean of those around that do."""
+    total, count = np.zeros(len(values)), np.zeros(len(values))
+    for k in range(3):
+        for other in ((k + 1) % 3, (k + 2) % 3):
+            np.add.at(total, triangles[:, k], np.where(known, values, 0.0)[triangles[:, other]])
+            np.add.at(count, triangles[:, k], known[triangles[:, other]])
+    return np.where(known | ~on_face, values, total / np.maximum(count, 1.0))
+
+
+def _read(run: Pipeline, output: ContactPressure) -> Iterator[tuple[str, str]]:
+    """Iterate over the stages of the bodies that touch."""
+    for name, body, _ in run.scene.touching_faces:
+        if name == output.contact:
+            yield from ((stage, body) for stage in ("mesh", "surface", "body"))
+
+
+KINDS = {"pressure": OutputKind(draw_pressure, reads=_read)}
