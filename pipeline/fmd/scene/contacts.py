@@ -101,3 +101,21 @@ def check_bodies(
             if damping != contact.damping:
                 fault = f"isn't that of contact.{other}, {damping:g} s, which has {body} in common with it"
                 yield FaultError(fault, "contact", name, "damping")
+
+
+def check_faces(contacts: Mapping[str, Contact]) -> Iterator[FaultError]:
+    """Find contacts that aren't between the ground and a body or between two, and faces that have one already."""
+    taken: dict[tuple[str, ...], str] = {}
+    for name, contact in contacts.items():
+        first, second = (end.partition(".")[0] for end in contact.between)
+        if contact.on_ground and (first != "ground" or second == "ground"):
+            mend = "'ground' or a place on it first, where a plane is, and a face of a flexible body second"
+            yield FaultError(f"must be {mend}", "contact", name, "between")
+        elif first == second:
+            mend = "two bodies, or a plane of the ground, can touch; divide the body, and join its parts"
+            yield FaultError(f"are faces of one body, which can't touch itself; {mend}", "contact", name, "between")
+        faces = tuple(sorted(end for end in contact.between if end.partition(".")[0] != "ground"))
+        if faces in taken:
+            mend = "a face touches one plane, and two faces make one contact; join them, or name parts of faces"
+            yield FaultError(f"has the face of contact.{taken[faces]}; {mend}", "contact", name, "between")
+        taken[faces] = name

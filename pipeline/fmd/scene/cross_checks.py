@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.units import unit_ratio
-from fmd.scene.contacts import check_bodies
+from fmd.scene.contacts import check_bodies, check_faces
 from fmd.scene.controllers import Controller
 from fmd.scene.curves import TimeFunction
 from fmd.scene.histories import Quantities
@@ -158,22 +158,10 @@ class CrossCheck:
                     yield FaultError("must be two places that can move against each other", table, name, "between")
 
     def _check_contacts(self) -> Iterator[FaultError]:
-        taken: dict[tuple[str, ...], str] = {}
         for name, contact in self.scene.contact.items():
-            first, second = contact.between
             for number, place in enumerate(contact.between):
                 yield from self._check_place(place, "contact", name, "between", number)
-            if contact.on_ground and (first.partition(".")[0] != "ground" or second.partition(".")[0] == "ground"):
-                mend = "'ground' or a place on it first, where a plane is, and a face of a flexible body second"
-                yield FaultError(f"must be {mend}", "contact", name, "between")
-            elif first.partition(".")[0] == second.partition(".")[0]:
-                mend = "two bodies, or a plane of the ground, can touch; divide the body, and join its parts"
-                yield FaultError(f"are faces of one body, which can't touch itself; {mend}", "contact", name, "between")
-            faces = tuple(sorted(end for end in contact.between if end.partition(".")[0] != "ground"))
-            if faces in taken:
-                mend = "a face touches one plane, and two faces make one contact; join them, or name parts of faces"
-                yield FaultError(f"has the face of contact.{taken[faces]}; {mend}", "contact", name, "between")
-            taken[faces] = name
+        yield from check_faces(self.scene.contact)
         whole = {*self.scene.flexible} - {*self.scene.pieces}
         yield from check_bodies(self.scene.contact, whole, self.scene.pieces, {*self.scene.body})
         if self.scene.contact and self.scene.sampled:
