@@ -53,6 +53,23 @@ def test_a_long_task_has_a_bar_with_its_name(monkeypatch: pytest.MonkeyPatch) ->
     assert "mesh" in terminal.getvalue()
 
 
+def test_without_a_terminal_a_long_task_says_how_far_it_is(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is done never grows less: a method that begins anew takes nothing back."""
+    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 0.02)
+    said = ""
+    with bars("machine code") as advance:
+        advance(0.4)
+        advance(0.1)
+        for _ in range(200):
+            said += capsys.readouterr().err
+            if said:
+                break
+            time.sleep(0.02)
+    assert said.startswith("compiling: 0 s, 40 %\n")
+
+
 def test_a_failure_inside_a_task_comes_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", Terminal())
     with pytest.raises(ValueError, match="inside"), bars("mesh"):

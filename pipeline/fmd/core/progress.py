@@ -1,4 +1,4 @@
-"""Progress of long tasks, as one bar on standard error for each that takes more than a second."""
+"""Progress of long tasks on standard error: a bar for each at a terminal, elsewhere a line now and then."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
-from fmd.core.limits.patience import SHOW_AFTER_SECONDS
+from fmd.core.limits.patience import SAY_AFTER_SECONDS, SHOW_AFTER_SECONDS
 
 Advance = Callable[[float], None]
 """Takes the part of a task that is done, 0…1."""
+
+
+_SHOWN = {"machine code": "compiling"}
+"""What a task is called where it is shown, if that isn't its name."""
 
 
 class Monitor(Protocol):
@@ -29,9 +33,15 @@ def silent(name: str) -> Iterator[Advance]:
 
 @contextmanager
 def bars(name: str) -> Iterator[Advance]:
-    """Draw a bar once a task has taken a second, if standard error is a terminal."""
+    """Draw a bar once a task has taken a second, if standard error is a terminal; else write a line every ten seconds.
+
+    What is done never grows less, though methods that are tried begin anew.
+    """
+    name = _SHOWN.get(name, name)
+    most = 0.0
     if not sys.stderr.isatty():
-        yield lambda done: None
+        with _lines(name) as say:
+            yield say
         return
     from rich.console import Console
     from rich.progress import Progress
@@ -41,7 +51,39 @@ def bars(name: str) -> Iterator[Advance]:
         timer = threading.Timer(SHOW_AFTER_SECONDS, lambda: progress.update(task, visible=True))
         timer.daemon = True
         timer.start()
+
+        def advance(done: float) -> None:
+            nonlocal most
+            most = max(most, done)
+            progress.update(task, total=1.0, completed=most)
+
         try:
-            yield lambda done: progress.update(task, total=1.0, completed=done)
+            yield advance
         finally:
             timer.cancel()
+
+
+@contextmanager
+def _lines(name: str) -> Iterator[Advance]:
+    """Write a line for each ten seconds that a task takes."""
+    most, ended = 0.0, threading.Event()
+
+    def advance(done: float) -> None:
+        nonlocal most
+        most = max(most, done)
+
+    def write() -> None:
+        seconds = SAY_AFTER_SECONDS
+        while not ended.wait(SAY_AFTER_SECONDS):
+            share = f", {100 * most:.0f} %" if most else ""
+            sys.stderr.write(f"{name}: {seconds:.0f} s{share}\n")
+            sys.stderr.flush()
+            seconds += SAY_AFTER_SECONDS
+
+    writer = threading.Thread(target=write, daemon=True)
+    writer.start()
+    try:
+        yield advance
+    finally:
+        ended.set()
+        writer.join()
