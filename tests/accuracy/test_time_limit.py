@@ -1,13 +1,19 @@
 """The time limit of an error budget."""
 
+from dataclasses import replace
+
 import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy import time_limit
+from fmd.accuracy.comparison import Comparison
 from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL
+from fmd.accuracy.estimators import Estimates
 from fmd.accuracy.time_limit import LeftOutError, TimeLimit
 from fmd.core.cache import Cache
+from fmd.recovery.motion import Motion
+from fmd.stages.plan import Plan
 
 BEAM = [
     "body.beam.mesh.divisions=[8, 1, 1]",
@@ -72,3 +78,21 @@ def test_the_time_limit_is_three_times_that_of_the_run_and_less_for_long_ones(
     run = Pipeline(load_scene("beam-paper", BEAM), Cache(None))
     run.log.seconds["modes"] = run_seconds
     assert allowed_seconds(run) == pytest.approx(budget_seconds)
+
+
+def test_a_richer_basis_whose_short_steps_will_not_end_in_time_is_marched_by_long_implicit_ones_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its stable steps are far shorter than the run's, and a march that the limit stops would have spent all time."""
+    run = Pipeline(load_scene("beam-paper", [*BEAM, "simulation.run=[{integrator='central-difference'}]"]), Cache(None))
+    motion = run.fine_motion
+    run.results[Pipeline.fine_motion.name] = replace(motion, trajectory=replace(motion.trajectory, seconds=900.0))
+    estimates, marched = Estimates(run, TimeLimit(1000.0)), []
+
+    def march(other: Pipeline, plan: Plan, work: float = 1.0) -> Motion:
+        marched.append(plan.integrator.name)
+        return Comparison.march(estimates, other, plan, work)
+
+    monkeypatch.setattr(estimates, "march", march)
+    assert all(isinstance(error, float) for error in estimates._truncation().values())
+    assert marched == ["generalized-alpha"] * 2

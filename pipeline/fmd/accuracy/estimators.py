@@ -159,13 +159,12 @@ class Estimates(Comparison):
         )  # what is stiffened stays so
         try:
             plan, base = self._comparable(rich)
-        except InputError as fault:  # the mesh has no more modes than the run's
-            return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
-        try:
             theirs = self.march(rich, plan)
             ours = self.quantities if base is None else self.quantities_of(self.run, base)
             enriched = self.quantities_of(rich, theirs)
             resolved = self._is_resolved(rich, plan, enriched, self.changes(enriched, ours))
+        except InputError as fault:  # the mesh has no more modes than the run's
+            return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
         except (LeftOutError, AccuracyError):  # an explicit method follows static responses for ever, or a step is long
             resolved = False
         if not resolved:
@@ -355,11 +354,18 @@ class Estimates(Comparison):
         return errors
 
     def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | None]:
-        """Return a plan for the richer model, and the run's own motion by its step if that is a shorter one."""
+        """Return a plan for the richer model, and the run's own motion by its step if that is a shorter one.
+
+        Raises
+        ------
+        LeftOutError
+            Both marches by the shorter step would take longer than the time limit leaves.
+        """
         method: Any = self.plan.integrator
         limit = SURELY_STABLE * method.largest_step(rich.system)
         if not method.step > limit:
             return plan_like(self.plan, rich), None
+        self.limit.require(2 * method.step / limit * self.run.fine_motion.trajectory.seconds)
         shorter = replace(self.plan, integrator=replace(method, step=limit))
         return plan_like(shorter, rich), self.march(self.run, shorter)
 
