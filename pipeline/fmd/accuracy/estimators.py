@@ -365,7 +365,9 @@ class Estimates(Comparison):
         limit = SURELY_STABLE * method.largest_step(rich.system)
         if not method.step > limit:
             return plan_like(self.plan, rich), None
-        self.limit.require(2 * method.step / limit * self.run.fine_motion.trajectory.seconds)
+        size = rich.system.n / self.plan.system.n  # a step takes about its square; the richer march is repeated finer
+        work = method.step / limit * (1 + (1 + FINER_WORK) * size**2)
+        self.limit.require(work * self.run.fine_motion.trajectory.seconds)
         shorter = replace(self.plan, integrator=replace(method, step=limit))
         return plan_like(shorter, rich), self.march(self.run, shorter)
 
