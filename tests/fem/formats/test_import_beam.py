@@ -11,6 +11,7 @@ from fmd.fem.assembly import assemble
 from fmd.fem.beams import Beams, extrude
 from fmd.fem.deck_links import find_deck_links
 from fmd.fem.formats.import_beam import read_beams
+from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.links import link_points
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
@@ -96,6 +97,11 @@ def test_offsets_and_vectors_towards_points_are_those_of_the_cards(tmp_path: Pat
     path.write_text(text.replace("CBAR,1,7,1,2,0.0,1.0,0.2", "CBAR,1,7,1,2,90"))
     exact = frequencies(frame(SECTIONS["rectangle"][2]))
     assert frequencies(read_beams(path, 1e-3)) == pytest.approx(exact, rel=1e-8)
+
+
+def test_a_mesh_of_beams_that_is_read_as_a_solid_says_how_to_read_it(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no solid elements.*mesh\.beam = 'deck' takes lines as beams"):
+        read_mesh(nastran(tmp_path / "a.bdf", SECTIONS["tube"][0]), 1e-3)
 
 
 def test_a_mass_beside_a_beams_node_turns_with_its_section(tmp_path: Path) -> None:

@@ -179,6 +179,7 @@ def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     if not solids:
         plane = any(kind in ("triangle", "quad") for kind in count)
         mend = "; mesh.shell = '2 mm' takes triangles and quadrilaterals as shells" if plane else ""
+        mend += "; mesh.beam = 'deck' takes lines as beams" if "line" in count and not plane else ""
         raise MeshFileError(f"there are no solid elements; the elements: {listed}{mend}")
     for kind in solids:
         if kind not in CELLS:
