@@ -123,7 +123,9 @@ def _print(found: Sequence[Sensitivity], rows: Sequence[dict[str, Any]]) -> None
 def _print_uncertainties(found: Sequence[Uncertainty]) -> None:
     if not found:
         return
-    columns = {"result": "{}", "value": "{}", "± 95 %": "{}", "sampled": "{}", "most of its variance from": "{}"}
+    columns = {"result": "{}", "value": "{}", "± 95 %": "{}", "most of its variance from": "{}"}
+    if any(each.sampled is not None for each in found):
+        columns["sampled"] = "{}"
     cells = []
     for each in found:
         row = each.row()
@@ -131,9 +133,8 @@ def _print_uncertainties(found: Sequence[Uncertainty]) -> None:
         most = ", ".join(f"{key} {100 * part:.3g} %" for key, part in parts if part)
         ends = [scaled(x, row["unit"]) for x in row["sampled"] or ()]
         sampled = f"± {ends[0]}" if len(ends) == 1 else " … ".join(ends)
-        cells.append(
-            (row["of"], scaled(each.value, row["unit"]), scaled(row["half_width"], row["unit"]), sampled, most)
-        )
+        cell = (row["of"], scaled(each.value, row["unit"]), scaled(row["half_width"], row["unit"]), most, sampled)
+        cells.append(cell[: len(columns)])
     print_table("Uncertainties by tolerances, to first order", columns, cells)
 
 
