@@ -218,6 +218,25 @@ def test_what_can_not_touch_is_refused_with_what_can(override: str, message: str
         bars(override)
 
 
-def test_bodies_that_begin_in_one_another_are_refused_by_their_depth() -> None:
-    with pytest.raises(InputError, match=r"contact.hit: begins 0.01 m deep"):
-        _ = bars('joint.other.position="9.99 m"').plans
+@pytest.mark.parametrize(
+    ("position", "message"),
+    [
+        ("9.99 m", r"contact.hit: begins 0.01 m deep"),
+        ("9.7 m", "past the edge of its face"),
+        ("8.9 m", "deep into a body"),
+    ],
+)
+def test_bodies_that_begin_in_one_another_are_refused(position: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        _ = bars(f'joint.other.position="{position}"').plans
+
+
+def test_an_interference_presses_bodies_apart_with_its_energy() -> None:
+    still = ("joint.one.rate=0 m/s", "joint.other.position=10 m", "simulation.duration=0.2 s")
+    motion = bars(*still, "contact.hit.clearance=-1 mm").motion
+    hit = motion.contacts["hit"]
+    assert hit.span[0] == 0.0
+    assert hit.impulse[-1, 0] > 0.0
+    assert motion.kinematics.momentum[-1, 0] == pytest.approx(0.0, abs=1e-12)
+    kept = np.sum(motion.energies, axis=0) + hit.energy
+    assert kept[-1] == pytest.approx(hit.energy[0], rel=0.05)

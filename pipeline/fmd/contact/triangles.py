@@ -48,7 +48,7 @@ def stand_on_triangles(c: ContactTable, s: int, i: int, R: Array, R_other: Array
         gap += c.axes[i, 0, a] * off
         c.at[i, a] = off
     if c.seen[i, 1] == 0 and gap < -DEEP_ENTRY * size:
-        c.clock[1] = 2.0 if gap > -size and c.clock[1] == 0.0 else c.clock[1]
+        c.clock[1] = 2.0
         return False
     for e in range(3):
         c.foot[i, e] = c.corner[best, e]
