@@ -12,10 +12,12 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.core.errors import InputError
 from fmd.output.contacts import contact_figures, contact_warnings
+from fmd.output.curves import curves_of
 from fmd.output.fmu.write import make_model
 from fmd.output.mechanism_view import view_mechanism
 from fmd.output.work_precision import compare_on_scene
 from fmd.recovery.motion_file import motion_variables
+from fmd.scene.outputs import Chart
 from fmd.stages.linear_model import linearise_scene
 from fmd.stages.stability_limits import find_scene_limits
 from tests.contact.test_contact_points import BLOCK
@@ -51,6 +53,20 @@ def test_the_contact_is_in_the_summary_and_in_the_file(dropped: Pipeline) -> Non
     names = {variable.name for variable in motion_variables(dropped.motion)}
     assert {"floor.force", "floor.moment", "floor.impulse", "floor.area", "floor.peak_pressure"} < names
     assert not ERROR_BUDGET.applies(dropped)
+
+
+def test_charts_have_force_pressure_and_area_of_each_contact(dropped: Pipeline) -> None:
+    floor = dropped.motion.contacts["floor"]
+    for quantity, values in {
+        "contact_force": np.linalg.norm(floor.force, axis=1),
+        "contact_pressure": 1e-6 * floor.peak_pressure,
+        "contact_area": 1e6 * floor.area,
+    }.items():
+        _, curves, components = curves_of(dropped, Chart(type="chart", file="chart.png", quantity=quantity))
+        assert components == ("floor",)
+        np.testing.assert_array_equal(next(iter(curves.values()))[:, 0], values)
+    with pytest.raises(InputError, match="needs a contact; this scene has none"):
+        block(contact={}, output=[{"type": "chart", "file": "chart.png", "quantity": "contact_area"}])
 
 
 def test_the_plane_that_is_touched_is_drawn_under_the_body(dropped: Pipeline) -> None:

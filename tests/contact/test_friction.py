@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmd.contact.histories import ERROR, FORCE, FRICTION, IMPULSE
+from fmd.contact.histories import DAMPED, ERROR, FORCE, FRICTION, IMPULSE
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Trajectory
@@ -80,3 +80,21 @@ def test_a_block_rocks_as_housners() -> None:
     at = int(np.argmax(angle < 0.0))
     crossing = times[at - 1] + 1e-3 * angle[at - 1] / (angle[at - 1] - angle[at])
     assert crossing == pytest.approx(np.arccosh(1 / (1 - theta / alpha)) / p, rel=5e-3)  # 0.3674 s
+
+
+def test_a_damped_foot_takes_from_a_bounce_what_a_spring_and_damper_do() -> None:
+    """Restitution ``exp(−ζ (π − 2 asin ζ)/√(1 − ζ²))`` of a contact that ends with its force, ``ζ = β ω/2``."""
+    free, zeta, speed = np.zeros(3), 0.3, 0.2
+    stiff = soft_footed_block((0.4, 2 * HALF), MASS, free, 0.0, 1e6)[0].contacts[0].points.G[:, 2, :, 2]
+    omega = np.sqrt(np.linalg.inv(stiff).sum() / MASS)
+    mechanism, _ = soft_footed_block((0.4, 2 * HALF), MASS, free, 0.0, 1e6, damping=2 * zeta / omega)
+    system = share_system(mechanism)
+    q0, v0 = mechanism.rest_positions, np.zeros(6)
+    q0[2], v0[2] = HALF + 1e-5, -speed
+    motion = CentralDifference(0.02 * system.largest_step).march(system, q0, v0, np.linspace(0.0, 8.0 / omega, 50))
+    kept = np.exp(-zeta * (np.pi - 2 * np.arcsin(zeta)) / np.sqrt(1 - zeta**2))
+    assert motion.v[-1, 2] == pytest.approx(kept * speed, rel=0.01)
+    energy = 0.5 * MASS * (speed**2 - motion.v[-1, 2] ** 2)
+    damped, error = motion.contacts[-1, [DAMPED, ERROR]]  # what steps make is told, and all is summed up
+    assert damped - error == pytest.approx(energy, rel=1e-6)
+    assert abs(error) < 3e-3 * energy

@@ -161,6 +161,8 @@ def test_a_ball_of_coarse_elements_bounces_as_hertz_says(ball: Pipeline) -> None
     assert contact_warnings(ball) == []
 
 
-def test_a_contact_that_reaches_the_border_of_its_grid_is_warned_of(scene: dict[str, Any], ball: Pipeline) -> None:
+def test_a_grid_that_is_too_small_or_too_coarse_is_warned_of(scene: dict[str, Any], ball: Pipeline) -> None:
     narrow = ball.variant(load_scene(scene, ["contact.floor.width=0.1 mm"]))
-    assert "contact-grid" in [own["code"] for own in contact_warnings(narrow)]
+    assert "reaches the border" in " ".join(own["text"] for own in contact_warnings(narrow))
+    wide = ball.variant(load_scene(scene, ["contact.floor.width=1.5 mm"]))
+    assert "are pressed, of which 32 give" in " ".join(own["text"] for own in contact_warnings(wide))

@@ -12,7 +12,7 @@ from fmd.output.curves import Curves, _moving, curves_of, errors_of_curve
 from fmd.output.summary import summarise
 from fmd.render.chart_data import Curve
 from fmd.render.charts import draw_chart
-from fmd.scene.outputs import CHART_QUANTITIES, JOINT_QUANTITIES, Chart
+from fmd.scene.outputs import CHART_QUANTITIES, CONTACT_QUANTITIES, JOINT_QUANTITIES, Chart
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 
@@ -59,7 +59,10 @@ def test_the_first_curve_has_the_error_of_the_budget_in_the_charts_unit(slider: 
     assert stated("energy") == pytest.approx([rows["kinetic energy"].size, rows["potential energy"].size])
 
 
-@pytest.mark.parametrize("quantity", [name for name in CHART_QUANTITIES if name != "element_stress"])
+OF_NAMED_PLACES = {"element_stress", *CONTACT_QUANTITIES}
+
+
+@pytest.mark.parametrize("quantity", [name for name in CHART_QUANTITIES if name not in OF_NAMED_PLACES])
 def test_a_damper_changes_no_chart(beam: Pipeline, damped: Pipeline, quantity: str) -> None:
     settings = {"marker": "beam.tip"} if quantity == "marker_position" else {}
     label, curves, components = drawn(beam, quantity, **settings)
@@ -92,7 +95,7 @@ def test_components_that_are_all_still_are_drawn_as_lines(tmp_path: Path, value:
 
 def test_a_body_that_never_moves_has_every_chart() -> None:
     still = Pipeline(load_scene("beam-paper", [*QUICK, "drive={}"]))
-    for quantity in set(CHART_QUANTITIES) - {"element_stress", "marker_position"}:
+    for quantity in set(CHART_QUANTITIES) - OF_NAMED_PLACES - {"marker_position"}:
         _, curves, components = drawn(still, quantity)
         values = next(iter(curves.values()))
         assert values.shape == ((41, len(components)) if components else (41,)), quantity

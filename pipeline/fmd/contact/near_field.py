@@ -6,7 +6,7 @@ half-space's is taken off, varies little over a contact. It is known from pairs 
 
     G_grid = H + W (G − H) Wᵀ
 
-with H by Boussinesq and Cerruti and rows W that interpolate from nodes.
+with H by Boussinesq and Cerruti and rows W that interpolate from nodes to the lowest place, or along the lowest line.
 """
 
 from __future__ import annotations
@@ -130,9 +130,11 @@ def with_near_field(
     weights = _weights(x, points.x[mine], at)
     used = np.flatnonzero(np.abs(weights).max(axis=0) > UNSEEN_WEIGHT)
     weights, nodes = weights[:, used], mine[used]
+    along = np.outer(places[:, 1], at.axes[2]) if at.is_line else np.zeros((len(x), 3))
+    smooth = _weights(at.place + along, points.x[nodes], at)
     n, m = len(x), len(others)
     own = half_space_flexibility(places, cell, E, nu)
-    own += np.einsum("ip,pajb,kj->iakb", weights, _far_field(points, nodes, at, E, nu), weights, optimize=True)
+    own += np.einsum("ip,pajb,kj->iakb", smooth, _far_field(points, nodes, at, E, nu), smooth, optimize=True)
     try:
         np.linalg.cholesky(own.reshape(3 * n, 3 * n))
     except np.linalg.LinAlgError:
@@ -143,7 +145,7 @@ def with_near_field(
     G = np.empty((m + n, 3, m + n, 3))
     G[:m, :, :m] = points.G[others][:, :, others]
     G[m:, :, m:] = np.einsum("ac,iajb,bd->icjd", at.axes, own, at.axes, optimize=True)
-    G[m:, :, :m] = np.einsum("ip,pajb->iajb", weights, points.G[nodes][:, :, others])
+    G[m:, :, :m] = np.einsum("ip,pajb->iajb", smooth, points.G[nodes][:, :, others])
     G[:m, :, m:] = G[m:, :, :m].transpose(2, 3, 0, 1)
     areas = {name: own for name, own in points.areas.items() if name != face}
     faces = {name: np.searchsorted(others, points.faces[name]) for name in areas}
@@ -213,7 +215,10 @@ def _far_field(points: ContactPoints, nodes: IntArray, at: CurvedPlace, E: float
     near = distance < APART * at.spacing
     ring = ~near & (distance < RING * at.spacing)
     ring = np.where(ring.any(axis=1, keepdims=True), ring, ~near)
-    apart = np.where(near[..., None], at.spacing, x[:, None] - x[None])
+    apart = x[:, None] - x[None]
+    across = np.linalg.norm(apart, axis=2)
+    apart[across == 0.0] = [1.0, 0.0]  # a node itself, or two above each other
+    apart *= (np.maximum(distance, at.spacing) / np.where(across == 0.0, 1.0, across))[..., None]
     mesh = np.einsum("ac,icjd,bd->iajb", at.axes, points.G[nodes][:, :, nodes], at.axes)
     far = mesh - point_flexibility(apart, E, nu)
     around = np.einsum("ij,iajb->iab", ring, far) / np.maximum(ring.sum(axis=1), 1)[:, None, None]

@@ -56,6 +56,13 @@ class Quadric:
         return np.asarray(-2.0 * self.values(x) / (b + np.copysign(root, b)))
 
 
+def is_flat(x: Array) -> bool:
+    """Return true if points (n, 3) are all but in a plane."""
+    apart = x - x.mean(axis=0)
+    across = np.linalg.svd(apart, full_matrices=False)[2][-1]
+    return bool(np.abs(apart @ across).max() < OFF_SURFACE * float(np.ptp(x, axis=0).max()))
+
+
 def fit_quadric(x: Array) -> Quadric | None:
     """Return the one quadric through points (n, 3), a sphere if there is one; ``None`` without one.
 

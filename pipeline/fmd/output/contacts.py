@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.contact import LOST_ENERGY, UNSEEN_DEPTH
+from fmd.core.limits.contact import FEW_POINTS, LOST_ENERGY, UNSEEN_DEPTH
+from fmd.recovery.motion import Motion
 from fmd.stages.pipeline import Pipeline
 
 if TYPE_CHECKING:
@@ -38,7 +40,7 @@ def _figures(own: ContactHistory) -> dict[str, Any]:
 
 
 def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
-    """Return warnings about energy that contact's steps made, raised flexibility, and nodes that go unseen."""
+    """Return warnings about energy that contact's steps made, grids, raised flexibility, and nodes that go unseen."""
     found = []
     for motion in run.motions.values() if run.scene.contact else ():
         kinetic = float(motion.energies[0].max())
@@ -50,12 +52,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                     f"{100 * error / max(kinetic, 1e-300):.2g} % of the largest kinetic energy; shorter steps lose less"
                 )
                 found.append({"code": "contact-energy", "text": text})
-            if own.beyond_grid:
-                text = (
-                    f"contact.{name}: the contact reaches the border of its near field's grid, beyond which nothing "
-                    f"is carried; a larger contact.{name}.width helps, or near_field = 'mesh' where the body rolls"
-                )
-                found.append({"code": "contact-grid", "text": text})
+        found += [{"code": "contact-grid", "text": text} for text in _grid_faults(motion)]
     for name, body, face in run.scene.touching_faces:
         if raised := run.parts[body].contact_points.raised:
             text = (
@@ -72,6 +69,26 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
             )
             found.append({"code": "contact-unseen", "text": text})
     return found
+
+
+def _grid_faults(motion: Motion) -> Iterator[str]:
+    """Yield what is wrong with the grids that contacts' near fields have: too small, or too coarse."""
+    planes = [(body, plane) for body in motion.mechanism.contacts for plane in body.planes]
+    for body, plane in planes:
+        if not plane.near_field.startswith("half-space"):
+            continue
+        own, key = motion.contacts[plane.name], f"contact.{plane.name}"
+        pressed = own.area.max() / body.points.areas[plane.face][0]
+        if own.beyond_grid:
+            yield (
+                f"{key}: the contact reaches the border of its near field's grid, beyond which nothing is carried; a "
+                f"larger {key}.width helps, or near_field = 'mesh' where the body rolls"
+            )
+        elif 0.0 < pressed < FEW_POINTS:
+            yield (
+                f"{key}: at most {pressed:.0f} points of its near field's grid are pressed, of which {FEW_POINTS} give "
+                f"the largest pressure to 2 %; a smaller {key}.width or more {key}.points help"
+            )
 
 
 def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> tuple[float, str]:
@@ -92,7 +109,7 @@ def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> tuple[fl
     deeper = (np.minimum(points, 0.0) - lowest(reduced.x[nodes], reduced.shapes[nodes])).max()
     extent = float(np.ptp(touching.points.x[own], axis=0).max())
     why = "it tilts onto a corner; smaller elements there, or linear hexahedra, help"
-    if plane.near_field != "mesh":
+    if plane.near_field.startswith("half-space"):
         why = "it touches beside the near field's grid, which is where the face is lowest at the start; near_field = "
         why += "'mesh' follows it"
     return (float(deeper), why) if deeper > UNSEEN_DEPTH * extent else (0.0, "")

@@ -16,6 +16,7 @@ from fmd.recovery.motion import Motion
 from fmd.scene.outputs import Chart
 
 if TYPE_CHECKING:
+    from fmd.contact.histories import ContactHistory
     from fmd.stages.pipeline import Pipeline
 
 Curves = tuple[str, dict[str, Array], tuple[str, ...]]
@@ -61,6 +62,11 @@ _STATED = {
     "tip_position": "tip.position",
     "tip_deflection": "tip.deflection",
 }
+_OF_CONTACTS: Mapping[str, tuple[str, Callable[[ContactHistory], Array]]] = {
+    "contact_force": ("force of contact [N]", lambda own: np.linalg.norm(own.force, axis=1)),
+    "contact_pressure": ("largest pressure [MPa]", lambda own: 1e-6 * own.peak_pressure),
+    "contact_area": ("area in contact [mm²]", lambda own: 1e6 * own.area),
+}
 _FORMER = {"com_position": "centre_of_mass", "joint_angle": "joint_position"}
 
 
@@ -86,6 +92,8 @@ def curves_of(run: Pipeline, output: Chart) -> Curves:
         return _of_modes(run, output)
     if quantity == "marker_position":
         return _of_a_marker(run, output)
+    if quantity in _OF_CONTACTS:
+        return _of_contacts(run, quantity)
     drawn = _QUANTITIES[quantity]
     curves = {name: drawn.values(motion) for name, motion in run.motions.items()}
     return _moving(drawn.label, curves, drawn.components) if drawn.components == _XYZ else (drawn[0], curves, drawn[2])
@@ -143,6 +151,16 @@ def _of_modes(run: Pipeline, output: Chart) -> Curves:
     }
     n_modes = next(iter(curves.values())).shape[1]
     return "modal coordinate [kg^½ m]", curves, tuple(f"mode {k + 1}" for k in range(n_modes))
+
+
+def _of_contacts(run: Pipeline, quantity: str) -> Curves:
+    """Quantity of all contacts, each a component by its name."""
+    label, values = _OF_CONTACTS[quantity]
+    curves = {
+        name: np.stack([values(own) for own in motion.contacts.values()], axis=1)
+        for name, motion in run.motions.items()
+    }
+    return label, curves, tuple(run.motion.contacts)
 
 
 def _of_a_marker(run: Pipeline, output: Chart) -> Curves:

@@ -16,7 +16,7 @@ from fmd.scene.histories import Quantities
 from fmd.scene.joints.any_joint import Joint, kinds_that
 from fmd.scene.joints.joint import RATE_KEYS, CarryingJoint
 from fmd.scene.loads import Drive, MarkerLoad, MotionDrive
-from fmd.scene.outputs import JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export
+from fmd.scene.outputs import CONTACT_QUANTITIES, JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.runs import name_methods
@@ -257,6 +257,8 @@ class CrossCheck:
             )
         if chart.quantity == "modal_coordinates" and not self.scene.flexible:
             yield FaultError("needs a flexible body; this scene has none", *path, "quantity")
+        if chart.quantity in CONTACT_QUANTITIES and not self.scene.contact:
+            yield FaultError("needs a contact; this scene has none", *path, "quantity")
         if chart.joint is None:
             single = [name for name, joint in self.scene.joint.items() if joint.type in _SINGLE]
             if chart.quantity in JOINT_QUANTITIES and len(single) != 1:

@@ -37,6 +37,9 @@ CHART_QUANTITIES = {
     "com_velocity": "velocity of the centre of mass",
     "com_angular_velocity": "angular velocity of the centre of mass about the axis of the first joint",
     "element_stress": "stress in a named element, given by `element` and `component`",
+    "contact_force": "size of the force of each contact",
+    "contact_pressure": "largest pressure of each contact, of points that one is found at",
+    "contact_area": "area that each contact presses",
     "com_position": "the former name of `centre_of_mass`",
     "joint_angle": "the former name of `joint_position`",
 }
@@ -63,6 +66,8 @@ BODY_FORMATS = {name: suffixes for name, suffixes in EXPORT_FORMATS.items() if n
 
 _SUFFIXES = (".msh", ".vtu", ".vtkhdf", ".nc")
 _FORMAT_SUFFIXES = tuple(suffix for own in EXPORT_FORMATS.values() for suffix in own if suffix not in _SUFFIXES)
+
+CONTACT_QUANTITIES = ("contact_force", "contact_pressure", "contact_area")
 
 JOINT_QUANTITIES = ("joint_position", "joint_rate", "joint_angle")
 

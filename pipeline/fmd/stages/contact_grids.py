@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.contact.near_field import CurvedPlace, find_curved_place, with_near_field
+from fmd.contact.surface_fit import is_flat
 from fmd.contact.touching_body import ContactPlane, ContactPoints
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
@@ -56,13 +57,15 @@ def refine_near_field(
     if contact.near_field == "mesh" or points.elastic is None or plane.face in points.surfaces:
         _require_mesh(scene, plane, "is of several materials, or touches a body, too")
         return points, "mesh"
-    origin, R = start.frame(body)
-    at = find_curved_place(points, plane.face, R.T @ plane.normal)
+    at = None
+    if not is_flat(points.x[points.faces[plane.face]]):
+        at = find_curved_place(points, plane.face, start.frame(body)[1].T @ plane.normal)
     if at is None:
         _require_mesh(scene, plane, "is no sphere, cylinder, cone or ellipsoid that is lowest within it at the start")
         return points, "mesh"
     asked, half = contact.near_field == "half-space", 0.5 * (contact.width or 0.0)
     if contact.width is None:
+        origin, R = start.frame(body)
         height = float((origin + R @ at.place - plane.position) @ plane.normal) + plane.clearance
         half = GRID_MARGIN * at.half_width(*points.elastic, *start.loads(plane.normal, height))
     if half == 0.0 and asked:
@@ -88,6 +91,6 @@ def _add_grid(
         found = with_near_field(points, plane.face, at, half, scene.contact[plane.name].points, *points.elastic)
     except ValueError as error:
         if not asked:
-            return points, "mesh"
+            return points, f"mesh, since {error}"
         raise InputError(scene.file, f"contact.{plane.name}.near_field", "half-space", str(error)) from error
     return found, f"half-space, a grid of {len(found.faces[plane.face])} points and a width of {2e3 * half:.3g} mm"

@@ -27,6 +27,7 @@ STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from wh
 DEEP_START = 1e-6  # of the body's size: how deep it may be in the ground at the start
 LOST_ENERGY = 0.01  # of the largest kinetic energy: more that contact's steps make or lose is warned of
 ASLANT = 0.5  # [rad]: how far a picture of a face's pressure is taken beside its normal, and above it
+FEW_POINTS = 32  # of a grid that are pressed: fewer tell the largest pressure to less than 2 %
 UNSEEN_DEPTH = 0.01  # of the largest extent of the points: how much deeper nodes may go that carry no pressure
 
 # Contact of two bodies.
@@ -55,4 +56,4 @@ RING = 5.0  # distances of points, up to which it tells what is left at the cont
 SMOOTHED = 1.5  # distances of points, over which modes and flexibility are smoothed
 GRID_MARGIN = 1.3  # of a contact's expected width: what its grid has
 RESOLVED_BY_MESH = 2.5  # distances of points: grids wider than twice that leave the near field to the mesh
-UNSEEN_WEIGHT = 1e-9  # of a node: one with less everywhere is left out
+UNSEEN_WEIGHT = 1e-6  # of a node: one with less everywhere is left out
