@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 
 
 def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Drawer = draw_here) -> list[str]:
-    """Draw the pressure of a contact at the output time at which it is largest, which is labelled."""
+    """Draw the pressure of a contact at the output time at which it is largest, which is labelled.
+
+    A near field's grid is smaller than elements: nodes beside it have its pressure, and the label the area it is on.
+    """
     (touching,) = (own for own in run.motion.mechanism.contacts if output.contact in own.names)
     face = touching.face_of(output.contact)
     points, pressures = touching.points, run.motion.contact_pressures[touching.body]
@@ -42,6 +45,8 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
     on_face = np.isin(part.surface.nodes, part.markers[face].nodes)
     values = _fill(values, known, on_face, surface.triangles)
     peak, time = pressures[frame, own].max(), run.motion.times[frame]
+    grids = {plane.name for plane in touching.planes if plane.near_field.startswith("half-space")}
+    wide = f", on {1e6 * run.motion.contacts[output.contact].area[frame]:.3g} mm²" if output.contact in grids else ""
     draw(
         "pictures.draw_field",
         surface,
@@ -51,7 +56,7 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
         quantity="pressure [MPa]",
         limits=(0.0, float(values.max())),
         weights=values,
-        label=f"{peak * 1e-6:.4g} MPa at {1e3 * time:.4g} ms",
+        label=f"{peak * 1e-6:.4g} MPa at {1e3 * time:.4g} ms{wide}",
         camera=camera_of(run, _facing(output, surface, places)),
     )
     return [output.file]
