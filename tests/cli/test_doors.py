@@ -137,7 +137,7 @@ def test_an_accuracy_that_is_not_met_is_told_by_every_door(capsys, monkeypatch):
     said = "accuracy: 30 % was not met: refining ended at 1 rounds; the best, round 1, states "
     assert f"warning: {said}" in " ".join(capsys.readouterr().err.split())
     scene = load_scene("beam", WANTED)
-    monkeypatch.setattr("fmd.sweep.work.SolvedScene", lambda scene: Result(scene, Cache(None)))
+    monkeypatch.setattr("fmd.sweep.work.SolvedScene", lambda scene, *_, **__: Result(scene, Cache(None)))
     point = compute_point(point_key(scene), scene)
     assert (point.status, point.message[: len(said)]) == ("failed", said)
     (warning,) = (each for each in point.summary["warnings"] if each["code"] == "accuracy-not-met")

@@ -15,7 +15,7 @@ from matplotlib.image import imread
 from fmd.stages.pipeline import RUN_STAGES
 
 # Stages of a scene without pieces that run in each process.
-NEVER_KEPT = {stage.name for stage in RUN_STAGES.values() if stage.inputs is None} - {"pieces"}
+NEVER_KEPT = {stage.name for stage in RUN_STAGES.values() if stage.inputs is None} - {"pieces", "periodic motion"}
 QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
 
 
@@ -61,7 +61,8 @@ def test_rod_slider_turns_as_in_figure_4_and_draws_the_papers_charts(fmd, tmp_pa
     expected = 0.5 * (100 * np.pi / 180) / (2 * 2**2 / 3 + 5 * 1**2) * 10**2
     assert result["final"]["joint_positions"]["hinge"] == pytest.approx(expected, rel=0.01)
     assert [row["substeps"] for row in result["integrations"]] == [1, 5, 10]
-    assert set(result["stages_run"]) == {*NEVER_KEPT, "stability", "pictures", "error budget"}
+    found = set(result["stages_run"]) - {"loads"}  # which another test may have found
+    assert found == {*NEVER_KEPT, "stability", "pictures", "error budget"}
     assert {"mesh", "assembly", "modes", "body", "stress"} <= set(result["stages_skipped"])
     charts = {"fig-04-06-angle.png", "fig-05-07-slider.png"}
     assert {path.name for path in tmp_path.iterdir()} == {*charts, "motion.nc", "summary.json"}

@@ -155,7 +155,8 @@ def remember_times(run: Pipeline) -> None:
 
 def _last(run: Pipeline) -> dict[str, Any]:
     empty: dict[str, Any] = {"seconds": {}, "keys": {}, "kernels": ""}
-    return run.store.cache.load(_name(run), "dict") or empty
+    kept = run.store.cache.load(_name(run), "dict")
+    return kept if kept and kept.keys() == empty.keys() else empty  # another version's may hold something else
 
 
 def _name(run: Pipeline) -> str:
