@@ -72,7 +72,7 @@ def test_stress_is_compared_around_the_worst_instant_on_the_hot_nodes() -> None:
     assert len(estimates.hot["beam"]) < len(stress.nodes)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_loop_whose_longer_and_richer_steps_have_no_solution_is_estimated_by_shorter_ones() -> None:
     # The four-bar linkage in 4 ms: Newton's iteration didn't converge with static responses in the first step.
     run = Pipeline(load_scene("four-bar", ["simulation.duration=0.4 s"]), Cache(None))

@@ -126,7 +126,7 @@ def test_no_design_of_a_grid_around_is_lighter_and_within_the_limit(limit: str) 
     assert lighter >= 3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_start_that_breaks_a_limit_comes_to_the_same_design_as_one_that_meets_it() -> None:
     both = []
     for size in (0.015, 0.045):
@@ -150,7 +150,7 @@ def test_a_mode_is_followed_when_another_passes_it() -> None:
         follow_mode(first, run, package.load(few, "body.bar.depth=40 mm").run)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_front_goes_from_the_best_of_one_aim_to_that_of_the_other() -> None:
     run = package.load(PUSHED).run
     front = find_front(

@@ -14,6 +14,8 @@ from fmd.integrators.subcycling import Subcycling
 from fmd.stability.tangent import OperatingPoint, scheme_growth_rates
 from tests.linear_system import LinearSystem
 
+COARSE = "body.propeller.mesh={order=1, sleeve=[24, 2, 1], joint=[2, 2, 2], blade=[2, 2, 4]}"
+
 
 def gyroscopic(spin: float, damping: float = 0.0) -> LinearSystem:
     """Make a slow coordinate on soft springs and five fast ones that couple by stiffness, damping and spin."""
@@ -107,14 +109,14 @@ def test_where_carried_forces_would_grow_the_map_with_its_history_says_so() -> N
 
 def test_the_propeller_carries_its_forces_and_the_beam_follows_tangents() -> None:
     chosen = {}
-    for scene in ("propeller", "beam-paper"):
-        plans = Pipeline(load_scene(scene)).plans
+    for scene, settings in (("propeller", [COARSE]), ("beam-paper", [])):
+        plans = Pipeline(load_scene(scene, settings)).plans
         chosen[scene] = {plan.integrator.forces for label, plan in plans.items() if label.startswith("sub-cycling")}
     assert chosen == {"propeller": {"carried"}, "beam-paper": {"tangents"}}
 
 
 def test_carried_forces_of_the_propeller_are_as_accurate_as_tangents() -> None:
-    plan = list(Pipeline(load_scene("propeller")).plans.values())[1]
+    plan = list(Pipeline(load_scene("propeller", [COARSE])).plans.values())[1]
     system, (q0, v0), times = plan.excited_system or plan.system, plan.start, np.linspace(0.0, 0.01, 11)
     if plan.excited is not None:
         q0, v0 = q0[plan.excited.positions], v0[plan.excited.rates]

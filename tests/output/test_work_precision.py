@@ -55,11 +55,11 @@ def test_a_reference_that_cannot_be_confirmed_stops_the_comparison():
 
 def test_the_command_writes_table_and_chart(tmp_path, capsys):
     with pytest.raises(SystemExit) as done:
-        main(["bench", "beam", "--set", "simulation.duration=10 ms", "--out", str(tmp_path), "--json"])
+        main(["bench", "rod-slider", "--set", "simulation.duration=0.1 s", "--out", str(tmp_path), "--json"])
     assert not done.value.code
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert {"integrator", "step_s", "substeps", "seconds", "error", "evaluations"} <= rows[0].keys()
-    lines = (tmp_path / "beam.csv").read_text().splitlines()
+    lines = (tmp_path / "rod-slider.csv").read_text().splitlines()
     assert lines[0].startswith("# ")
     assert len(list(csv.DictReader(lines[1:]))) == len(rows)
-    assert (tmp_path / "beam.png").stat().st_size > 10_000
+    assert (tmp_path / "rod-slider.png").stat().st_size > 10_000

@@ -106,7 +106,7 @@ def test_the_critical_speed_of_a_jeffcott_rotor_and_its_amplification(run: Pipel
         assert at.amplification == pytest.approx(1 / np.sqrt(1 - 2 * zeta**2) / np.ptp(sides), rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_published_rotor_is_critical_where_its_forward_whirl_meets_the_speed() -> None:
     # Lightly damped, the largest orbit is beside the damped frequency by the square of the damping ratio, 1e-4 here.
     light = [f"bearing.{name}.radial_damper=2 N s/m" for name in ("near", "far")]

@@ -181,7 +181,7 @@ def test_a_killed_sweep_goes_on_where_it_was_and_a_killed_worker_costs_no_point(
     assert len(points_in(tmp_path)) == 6
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("grid")
 def test_a_cluster_that_loses_a_worker_loses_no_point_and_records_none_twice(environment, tmp_path):
     pytest.importorskip("distributed")

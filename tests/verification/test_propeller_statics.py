@@ -77,7 +77,7 @@ def test_28_shapes_give_the_steady_stress_everywhere_on_the_joints() -> None:
     assert stress < 0.01
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_30_free_modes_alone_dont() -> None:
     """Why the basis is enriched: bending modes hold almost none of the stretch."""
     run = propeller("body.propeller.modes.enrich=none", "body.propeller.modes.count=30")

@@ -136,7 +136,7 @@ def test_a_march_ends_in_numbers_or_says_when_and_where_it_diverged(
     assert np.isfinite(found.v).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=20)
 @given(seed=SEEDS, m=st.integers(1, 8))
 def test_a_motion_does_not_depend_on_the_times_asked_for(folder: Path, seed: int, m: int) -> None:
@@ -165,7 +165,7 @@ def test_a_motion_does_not_depend_on_units(folder: Path, seed: int) -> None:
     assert millimetres == pytest.approx(metres, abs=1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=20)
 @given(seed=SEEDS)
 def test_a_motion_does_not_depend_on_the_order_in_which_bodies_are_named(folder: Path, seed: int) -> None:

@@ -17,7 +17,7 @@ from fmd.output.summary import _budget_warnings, summarise
 pytestmark = pytest.mark.slow
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-COMPARED = (10, 18, 30, 46, 1004)  # rigid, rigid, planar, tree, mixed
+COMPARED = (10, 18, pytest.param(30, marks=pytest.mark.long), 46, 1004)  # rigid, rigid, planar, tree, mixed
 REFUSED = {97: "a prescribed motion must keep its position"}
 
 

@@ -14,8 +14,9 @@ from tests.verification.whole_scenes import WholeScene, random_blow, random_scen
 
 pytestmark = pytest.mark.slow
 
-SEEDS = range(2)
-BLOWS = range(3)
+MORE = pytest.mark.long
+SEEDS = (0, pytest.param(1, marks=MORE))
+BLOWS = (0, *(pytest.param(seed, marks=MORE) for seed in (1, 2)))
 STEPS = (8, 16)  # of the whole elements between two output times: their difference bounds the finer one's error
 STEPS_OF_BLOWS = (16, 32)
 MOST_STATED = 20.0  # stated over true error
