@@ -251,6 +251,13 @@ def shaft_command(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return folder / "shaft.toml", "--to", "300 rad/s", "--points", 13, "--orders", "1,3", "--out", folder
 
 
+def test_no_crossing_is_said(tmp_path: Path, fmd: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "rotor.toml").write_text(RIGID)
+    given = ["--to", "5 rad/s", "--points", "2", "--orders", "1", "--out", tmp_path]
+    assert fmd("campbell", tmp_path / "rotor.toml", *given) == 0
+    assert "no multiple of the rate meets a frequency up to 5 rad/s" in capsys.readouterr().out
+
+
 def test_a_rotor_needs_no_simulation_for_its_whirl(tmp_path: Path) -> None:
     tables = []
     for name, text in (("with", RIGID), ("without", RIGID.replace(SIMULATION.replace("TIP", "rotor.far"), ""))):

@@ -100,6 +100,10 @@ def _print_crossings(diagram: CampbellDiagram) -> None:
         (at.order, diagram.in_unit(at.rate), at.frequency_hz, at.mode, row["whirl"], at.damping)
         for row, at in zip(diagram.crossing_rows(), diagram.crossings, strict=True)
     ]
+    if not rows:
+        highest = f"{diagram.in_unit(diagram.rates[-1]):.5g} {diagram.unit}"
+        open_console().print(f"no multiple of the rate meets a frequency up to {highest}")
+        return
     columns = {"order": "{:g}", diagram.unit: "{:.2f}", "Hz": "{:.3f}", "mode": "{}", "whirl": "{}"}
     columns["damping ratio"] = "{:.3g}"
     print_table("Crossings with multiples of the rate", columns, rows[:CAMPBELL_CROSSINGS])
