@@ -14,7 +14,7 @@ from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
 from tests.dynamics.compiler.random_elements import element_forces, with_elements
 
-SEEDS = [*range(2), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 3))]
+SEEDS = range(2)
 SMOOTH = ForceCurve(formula=parse_formula("3*t + 2*t**3 + tanh(t) + exp(-t*t) + tan(t/4) + 2**t"))
 
 
