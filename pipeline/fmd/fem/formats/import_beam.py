@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.mesh import ON_A_LINE
 from fmd.fem.beams import Beams, extrude
 from fmd.fem.formats.beam_sections import BeamElement, DrawnSection
-from fmd.fem.formats.import_mesh import connection_notes, connections_in_si, read_raw, require_sound
+from fmd.fem.formats.import_mesh import faces_of_points, number_used, read_linked, require_one_piece
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
-from fmd.fem.formats.repair import count_pieces
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.sections import RoundSection, Section
 
@@ -36,35 +33,20 @@ def read_beams(path: Path, scale: float, mass_unit: float | None = None, force_u
     InputError
         The file can't be read, or its beams can't be used; the message says what is wrong.
     """
-    try:
-        raw = read_raw(path)
-        beams, place = _beams(raw, scale)
-        links = connections_in_si(raw.connections, raw.points * scale, place, scale, mass_unit, force_unit)
-        return replace(extrude(beams), connections=links, notes=connection_notes(links))
-    except (MeshFileError, ValueError, AccuracyError) as error:
-        raise InputError(str(path), "", None, str(error)) from error
+    return read_linked(path, lambda raw: _beams(raw, scale), extrude, scale, mass_unit, force_unit)
 
 
 def _beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
-    """Check a raw mesh and take its beams; return the number that each point of the file has, too, -1 of no beam."""
-    require_sound(raw)
-    count: dict[str, int] = dict(raw.others)
-    for kind, cells in raw.blocks:
-        count[kind] = count.get(kind, 0) + len(cells)
-    listed = ", ".join(f"{n} {kind}" for kind, n in count.items() if n) or "none"
-    if not raw.beams.elements or any(n for kind, n in count.items() if kind not in ("line", "vertex")):
-        raise MeshFileError(f"mesh.beam is of beams of two nodes alone; the elements: {listed}")
+    """Take the beams of a raw mesh; return the number that each point of the file has, too, -1 of no beam."""
+    if not raw.beams.elements or not raw.count_elements().keys() <= {"line", "vertex"}:
+        raise MeshFileError(f"mesh.beam is of beams of two nodes alone; the elements: {raw.list_elements()}")
     if raw.beams.faults:
         more = "" if len(raw.beams.faults) == 1 else f", and {len(raw.beams.faults) - 1} more"
         raise MeshFileError(f"beams that aren't read: {raw.beams.faults[0]}{more}")
     blocks = [(b, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind == "line" and len(cells)]
     cells = np.concatenate([cells for _, cells in blocks])
-    n_pieces = count_pieces(cells, len(raw.points), raw.connections.point_groups)
-    if n_pieces > 1:
-        raise MeshFileError(f"its beams are in {n_pieces} unconnected pieces; join them at common nodes, or by links")
-    used = np.unique(cells)
-    place = np.full(len(raw.points), -1)
-    place[used] = np.arange(len(used))
+    require_one_piece(raw, cells, "beams")
+    used, place = number_used(cells, len(raw.points))
     names = list(dict.fromkeys(element.section for element in raw.beams.elements))
     missing = next((element for element in raw.beams.elements if element.section not in raw.beams.sections), None)
     if missing is not None:
@@ -88,7 +70,6 @@ def _beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
     }
     parts = {name: own for name, own in parts.items() if len(own)} or {"all": np.arange(len(cells))}
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate(list(parts.values())))
-    faces = {name: place[nodes][place[nodes] >= 0] for name, nodes in raw.point_sets.items()}
     whole = Beams(
         x[used],
         place[cells],
@@ -96,7 +77,7 @@ def _beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
         sections,
         of,
         parts | ({"rest": rest} if len(rest) else {}),
-        {name: nodes for name, nodes in faces.items() if len(nodes)},
+        faces_of_points(raw, place),
         offsets,
     )
     return whole, place

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import InputError
+from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell
 from fmd.fem.connections import Connections
@@ -25,6 +26,7 @@ _TEXT_READERS = dict.fromkeys(abaqus.SUFFIXES, abaqus.read_abaqus) | dict.fromke
 _CAD = (".step", ".stp", ".iges", ".igs", ".brep")
 _PLANE = ("triangle", "quad", "polygon")
 _NONE = np.empty(0, dtype=np.int64)
+T = TypeVar("T")
 
 
 @dataclass
@@ -82,6 +84,62 @@ def read_raw(path: Path) -> RawMesh:
         raise MeshFileError(f"can't be read: {error.strerror or error}") from error
 
 
+def read_linked(
+    path: Path,
+    take: Callable[[RawMesh], tuple[T, IntArray]],
+    finish: Callable[[T], SolidMesh],
+    scale: float,
+    mass_unit: float | None,
+    force_unit: float | None,
+) -> SolidMesh:
+    """Read what isn't solid from a file, with the file's links between its nodes.
+
+    Parameters
+    ----------
+    path, scale, mass_unit, force_unit
+        As for `read_mesh`.
+    take : callable
+        Takes the file's elements, and gives the number that each of its points has among them, too, -1 of no element.
+    finish : callable
+        Makes the mesh of them.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, or its elements can't be used; the message says what is wrong.
+    """
+    try:
+        raw = read_raw(path)
+        require_sound(raw)
+        taken, place = take(raw)
+        links = connections_in_si(raw.connections, raw.points * scale, place, scale, mass_unit, force_unit)
+        mesh = finish(taken)
+        return replace(mesh, connections=links, notes=mesh.notes + connection_notes(links))
+    except (MeshFileError, ValueError, AccuracyError) as error:
+        raise InputError(str(path), "", None, str(error)) from error
+
+
+def number_used(cells: IntArray, n_points: int) -> tuple[IntArray, IntArray]:
+    """Return the points of cells, and the number of each point among these, shape (n_points,), -1 of no cell."""
+    used = np.unique(cells)
+    place = np.full(n_points, -1)
+    place[used] = np.arange(len(used))
+    return used, place
+
+
+def faces_of_points(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
+    """Return the nodes of each point set that has some among a mesh's."""
+    faces = {name: place[nodes][place[nodes] >= 0] for name, nodes in raw.point_sets.items()}
+    return {name: nodes for name, nodes in faces.items() if len(nodes)}
+
+
+def require_one_piece(raw: RawMesh, cells: IntArray, what: str) -> None:
+    """Raise ``MeshFileError`` for cells, such as ``shells``, that neither nodes nor links join."""
+    n_pieces = repairs.count_pieces(cells, len(raw.points), raw.connections.point_groups)
+    if n_pieces > 1:
+        raise MeshFileError(f"its {what} are in {n_pieces} unconnected pieces; join them at common nodes, or by links")
+
+
 def solid_mesh(
     raw: RawMesh, scale: float, repair: bool = False, mass_unit: float | None = None, force_unit: float | None = None
 ) -> SolidMesh:
@@ -105,12 +163,10 @@ def solid_mesh(
     _note_loose_elements(raw, cells, cell_type, first, findings)
     if findings.fatal or (findings.mendable and not repair):
         raise MeshFileError(_complaint(findings))
-    used = np.unique(cells)
+    used, place = number_used(cells, len(points))
     lone = len(points) - len(np.unique(np.concatenate([raw.connections.points, *(b.ravel() for _, b in raw.blocks)])))
     if lone:
         findings.notes.append(f"{lone} nodes that belong to no element are left out")
-    place = np.full(len(points), -1)
-    place[used] = np.arange(len(used))
     connections = connections_in_si(raw.connections, points, place[first], scale, mass_unit, force_unit)
     findings.notes += connection_notes(connections)
     return SolidMesh(

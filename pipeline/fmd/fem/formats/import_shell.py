@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import AccuracyError, InputError
 from fmd.fem.cells.table import is_solid
-from fmd.fem.formats.import_mesh import connection_notes, connections_in_si, read_raw, require_sound
+from fmd.fem.formats.import_mesh import faces_of_points, number_used, read_linked, require_one_piece
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
-from fmd.fem.formats.repair import count_pieces
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.thicken import Sheet, thicken
 
@@ -46,32 +43,21 @@ def read_shell(
     InputError
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
-    try:
-        raw = read_raw(path)
-        sheet, place = _sheet(raw, scale, thickness)
-        links = connections_in_si(raw.connections, raw.points * scale, place, scale, mass_unit, force_unit)
-        mesh = thicken(sheet)
-        return replace(mesh, connections=links, notes=mesh.notes + connection_notes(links))
-    except (MeshFileError, ValueError, AccuracyError) as error:
-        raise InputError(str(path), "", None, str(error)) from error
+    return read_linked(path, lambda raw: _sheet(raw, scale, thickness), thicken, scale, mass_unit, force_unit)
 
 
 def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> tuple[Sheet, IntArray]:
-    """Check a raw mesh and take its shells; return their sheet, and the number that each point of the file has there.
+    """Take the shells of a raw mesh; return their sheet, and the number that each point of the file has there.
 
     Points of no shell have -1.
     """
-    require_sound(raw)
-    count: dict[str, int] = dict(raw.others)
-    for kind, cells in raw.blocks:
-        count[kind] = count.get(kind, 0) + len(cells)
-    listed = ", ".join(f"{n} {kind}" for kind, n in count.items() if n) or "none"
-    if any(is_solid(kind) and n for kind, n in count.items()):
+    count, listed = raw.count_elements(), raw.list_elements()
+    if any(map(is_solid, count)):
         raise MeshFileError(f"mesh.shell is of shells alone, and the file has solid elements: {listed}")
     given = [(b, kind, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind in _SHELLS and len(cells)]
     if not given:
         raise MeshFileError(f"there are no shells of three or four nodes; the elements: {listed}")
-    lost = {kind: n for kind, n in count.items() if kind not in (*_SHELLS, "vertex") and n}
+    lost = {kind: n for kind, n in count.items() if kind not in (*_SHELLS, "vertex")}
     if lost:
         names = ", ".join(f"{n} {kind}" for kind, n in lost.items())
         raise MeshFileError(f"elements beside shells of three or four nodes aren't read with mesh.shell: {names}")
@@ -91,25 +77,21 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> tuple[Sheet, 
         raise MeshFileError(
             f"{repeated} shells have a node more than once, as collapsed ones do; write them as triangles"
         )
-    n_pieces = count_pieces(cells, len(raw.points), raw.connections.point_groups)
-    if n_pieces > 1:
-        raise MeshFileError(f"its shells are in {n_pieces} unconnected pieces; join them at common nodes, or by links")
-    used = np.unique(cells)
-    place = np.full(len(raw.points), -1)
-    place[used] = np.arange(len(used))
+    require_one_piece(raw, cells, "shells")
+    used, place = number_used(cells, len(raw.points))
     t, offset = _sections(raw, of, scale, thickness)
     sets = {name: _members(chosen, of) for name, chosen in raw.cell_sets.items()}
     sets = {name: own for name, own in sets.items() if len(own)}
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *sets.values()]))
     parts = sets | ({"rest" if sets else "all": rest} if len(rest) else {})
-    faces = {name: place[nodes][place[nodes] >= 0] for name, nodes in raw.point_sets.items()}
+    faces = faces_of_points(raw, place)
     sheet = Sheet(
         raw.points[used] * scale,
         place[cells],
         t,
         parts,
-        {name: nodes for name, nodes in faces.items() if len(nodes)},
-        {name: own for name, own in sets.items() if name not in faces},
+        faces,
+        {name: own for name, own in sets.items() if name not in raw.point_sets},
         ("bottom", "top"),
         offset,
         notes=tuple(notes),

@@ -71,3 +71,14 @@ class RawMesh:
     shells: list[tuple[Array, Array]] = field(default_factory=list)
     shell_faults: list[str] = field(default_factory=list)
     beams: DeckBeams = field(default_factory=DeckBeams)
+
+    def count_elements(self) -> dict[str, int]:
+        """Return the number of elements of each type, those that aren't read included."""
+        count = dict(self.others)
+        for kind, cells in self.blocks:
+            count[kind] = count.get(kind, 0) + len(cells)
+        return {kind: n for kind, n in count.items() if n}
+
+    def list_elements(self) -> str:
+        """Return the number of elements of each type as a text."""
+        return ", ".join(f"{n} {kind}" for kind, n in self.count_elements().items()) or "none"
