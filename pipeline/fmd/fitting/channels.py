@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +55,11 @@ class ResultChannel:
     mode: int = 0
     largest: Callable[[Pipeline], float] | None = None
     shortest: Callable[[Pipeline], float] | None = None
+
+
+def find_all_channels(run: Pipeline, names: Sequence[str]) -> list[ResultChannel]:
+    """Find the results of several names, each name once, as `find_channels` does."""
+    return [channel for name in dict.fromkeys(names) for channel in find_channels(run, name)]
 
 
 def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[ResultChannel]:

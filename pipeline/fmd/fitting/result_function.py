@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, require_finite, require_shape
-from fmd.fitting.channels import ResultChannel, find_channels
+from fmd.fitting.channels import find_all_channels
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import change_of
@@ -54,8 +54,8 @@ class ResultFunction:
 
     def __post_init__(self) -> None:
         run = self.result.run
-        self._parameters: list[Parameter] = [find_parameter(run.scene, key) for key in dict.fromkeys(self.to)]
-        self._channels: list[ResultChannel] = [x for name in dict.fromkeys(self.of) for x in find_channels(run, name)]
+        self._parameters = [find_parameter(run.scene, key) for key in dict.fromkeys(self.to)]
+        self._channels = find_all_channels(run, self.of)
         self._moves = any(channel.moves for channel in self._channels)
         self._frozen = FrozenRun(run)
         self.start = np.array([parameter.value for parameter in self._parameters])

@@ -12,7 +12,7 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import JUMP
-from fmd.fitting.channels import ResultChannel, find_channels
+from fmd.fitting.channels import ResultChannel, find_all_channels
 from fmd.fitting.frequency_slopes import frequency_change
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
@@ -111,7 +111,7 @@ def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[
     """
     run = result.run
     parameters = [find_parameter(run.scene, key) for key in dict.fromkeys(to)]
-    channels = [channel for name in dict.fromkeys(of) for channel in find_channels(run, name)]
+    channels = find_all_channels(run, of)
     frozen, moves = FrozenRun(run), any(channel.moves for channel in channels)
     motion = frozen.at({}, moves, parameters)
     by_parameter = [list(_differentiate(frozen, motion, channels, parameter)) for parameter in parameters]

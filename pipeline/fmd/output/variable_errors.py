@@ -18,7 +18,7 @@ NOT_STATED = "not stated: "
 NO_BUDGET = "no error budget was made; fmd run makes one without --no-budget, fmd sweep with --budget"
 _NO_MESH = "a body without a mesh tells nothing of its own error"
 _CONTACT = "after a contact two runs part, whatever their error; contacts have no error budget"
-_NOT_COMPARED = "the error budget doesn't compare it"
+NOT_COMPARED = NOT_STATED + "the error budget doesn't compare it"
 _ROUND_OFF = "it is nothing but round-off"
 _OF_JOINTS = ("force", "moment", "position", "rate", "orientation", "angular_velocity", "displacement", "velocity")
 _COMPARED = (*_OF_JOINTS, "origin", "deflection", "acceleration", *STRESS_COMPONENTS)
@@ -90,7 +90,7 @@ class VariableErrors:
         row = self._rows.get(row_name(name))
         if row is None:
             known = name.rpartition(".")[2] in _COMPARED or name in _WHOLE
-            return NOT_STATED + (_ROUND_OFF if known else _NOT_COMPARED)
+            return NOT_STATED + _ROUND_OFF if known else NOT_COMPARED
         return NOT_STATED + row.why.removeprefix("not estimated: ") if row.why else row
 
     def _with_turn(self, name: str, size: float) -> float | str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fmd.core.files import whole_file, write_table
 from fmd.core.units import parse_quantity
-from fmd.output.variable_errors import NOT_STATED, write_errors
+from fmd.output.variable_errors import NOT_COMPARED, write_errors
 from fmd.scene.toml_files import parse_value
 from fmd.sweep.points import Variation
 from fmd.sweep.study import Sweep
@@ -26,7 +26,6 @@ Place = tuple[str | int, ...]
 _LEFT_OUT = {"scene", "version", "files", "stages_run", "stages_cached", "stages_skipped", "reference_hz"}
 _LEFT_OUT |= {"mode_numbers", "final", "tip", "stated_errors", "error_budget"}
 _ERROR = "error"  # last step of the place of a figure's error
-_NOT_COMPARED = f"{NOT_STATED}the error budget doesn't compare it"
 _NAMES = {"integrations": "run"}  # as in the scene: simulation.run.0
 _DIMENSIONS = {
     "run_number": "run", "frequencies_hz_number": "mode", "relative_error_number": "mode",
@@ -62,7 +61,7 @@ class SweepTable:
             if isinstance(value, str | bool | None):
                 continue
             name = _dotted(place).replace("run.0.final.", "final.")  # the end of the first run has its errors once
-            error = stated.get(name, stated.get(name.rpartition(".")[0], _NOT_COMPARED))
+            error = stated.get(name, stated.get(name.rpartition(".")[0], NOT_COMPARED))
             if isinstance(error, str):
                 self._why.setdefault(place, error)
             else:
