@@ -1,10 +1,10 @@
-from collections import OrderedDict
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.compiled_system import shared
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiler import compiled
@@ -52,7 +52,7 @@ def test_a_mechanism_that_differs_in_anything_has_a_system_of_its_own(other: Mec
 
 
 def test_the_systems_that_were_used_last_are_shared(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shared, "MOST_SHARED", 2)
+    monkeypatch.setattr(shared, "_shared", RecentlyUsed(2))
     first = share_system(swing())
     for rate in (1.0, 2.0):
         share_system(swing(gravity=np.array([0.0, rate, 0.0])))
@@ -81,7 +81,7 @@ def test_joint_loads_of_mechanisms_that_share_what_they_are_traced_from_are_thei
     given = (np.array([0.3]), q[None], v[None], a, np.zeros((1, 0)))
     first, second = (compile_mechanism(mechanism).joint_loads(*given)[1] for mechanism in (weak, strong))
     assert compile_mechanism(weak).digest == compile_mechanism(strong).digest
-    monkeypatch.setattr(compiled, "_evaluations", OrderedDict())
+    monkeypatch.setattr(compiled, "_evaluations", RecentlyUsed(1))
     alone = compile_mechanism(strong).joint_loads(*given)[1]
     np.testing.assert_array_equal(second, alone)
     assert np.abs(first - second).max() > 1e-3

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.compiled import CompiledMechanism
-from fmd.dynamics.compiler.interpret import interpret
+from fmd.dynamics.compiler.graph import Graph
+from fmd.dynamics.compiler.interpret import Evaluation
 from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.program import Program
 from fmd.kernels.machine import LoadedObject, compile_object
 
 TIME = 0.37
+
+
+def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Array]) -> list[Any]:
+    """Return the values of nodes at one state, or with an entry for each lane."""
+    return Evaluation(graph, outputs).at(arguments)
 
 
 def interpreted(compiled: CompiledMechanism, name: str, shape: tuple[int, ...], **arguments: Array) -> Array:

@@ -12,7 +12,7 @@ from fmd.dynamics.compiler.algebra import constants, factor_symmetric, times
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.functions import SERIES_LIMITS, evaluate_function
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
-from fmd.dynamics.compiler.interpret import interpret
+from tests.dynamics.compiler.comparison import interpret
 
 RNG = np.random.default_rng(3)
 MATRIX = RNG.normal(size=(3, 3))

@@ -11,6 +11,7 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.core.formula import parse_formula
+from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.compiler import store
 from fmd.dynamics.compiler.chunks import chunk_widths
 from fmd.dynamics.compiler.compiled import compile_mechanism
@@ -18,7 +19,6 @@ from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.digest import digest_mechanism
 from fmd.dynamics.compiler.functions import FUNCTIONS
 from fmd.dynamics.compiler.graph import Graph, combine
-from fmd.dynamics.compiler.interpret import interpret
 from fmd.dynamics.compiler.program import LANES, Output, Program
 from fmd.dynamics.compiler.store import constants_path, load_program, object_path
 from fmd.dynamics.links import PointLoad
@@ -28,7 +28,7 @@ from fmd.kernels import machine
 from fmd.kernels.machine import LoadedObject, compile_object
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
-from tests.dynamics.compiler.comparison import TIME, difference, interpreted, load_code
+from tests.dynamics.compiler.comparison import TIME, difference, interpret, interpreted, load_code
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
 
@@ -153,7 +153,7 @@ def test_a_process_loads_an_object_once_and_keeps_the_last_used(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
-    monkeypatch.setattr(store, "MOST_LOADED", 2)
+    monkeypatch.setattr(store, "_loaded", RecentlyUsed(2))
     first, second = load("sin"), load("cos")
     assert load("sin") is first
     load("stumpff4")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from fmd.dynamics.compiler.graph import Graph
-from fmd.dynamics.compiler.interpret import interpret
 from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.oscillators import Oscillators
 from fmd.dynamics.compiler.program import LANES, Output, Program
 from fmd.kernels.machine import LoadedObject, compile_object, register_width
+from tests.dynamics.compiler.comparison import interpret
 
 H = 0.01
 NAMES = ("x", "v", "a", "inverse_mass", "by_positions", "drift", "by_rates", "w", "late", "lever", "other")

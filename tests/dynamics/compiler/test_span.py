@@ -6,8 +6,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.graph import Graph, combine
-from fmd.dynamics.compiler.interpret import interpret
 from fmd.dynamics.compiler.span import ModalRows, span_rows
+from tests.dynamics.compiler.comparison import interpret
 
 N = 12
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Hashable
 from importlib import import_module
 
 from fmd.core.limits.memory import MOST_SHARED
+from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.digest import names_of
 from fmd.dynamics.mechanism import Mechanism
 
-# The last used last. A key is all that a mechanism consists of, so what it names never changes.
-_shared: OrderedDict[Hashable, CompiledSystem] = OrderedDict()
+# A key is all that a mechanism consists of, so what it names never changes.
+_shared: RecentlyUsed[CompiledSystem] = RecentlyUsed(MOST_SHARED)
 
 
 def share_system(mechanism: Mechanism) -> CompiledSystem:
@@ -24,11 +23,7 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     system = make_system(mechanism)
     numbers = tuple(system.compiled.numbers.tolist())
     key = (system.compiled.digest, system.compiled.signals, numbers, names_of(mechanism), mechanism.horizon)
-    system = _shared.pop(key, system)
-    _shared[key] = system
-    while len(_shared) > MOST_SHARED:
-        _shared.popitem(last=False)
-    return system
+    return _shared.get(key, lambda: system)
 
 
 def make_system(mechanism: Mechanism) -> CompiledSystem:

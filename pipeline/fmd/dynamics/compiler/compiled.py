@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import threading
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from functools import cache, cached_property
 from typing import Any
@@ -14,12 +13,13 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.limits.memory import MOST_SHARED
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
+from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.compiler.closures import ConstraintRow, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.digest import digest_mechanism
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar
-from fmd.dynamics.compiler.interpret import Evaluation, evaluate_scalars
+from fmd.dynamics.compiler.interpret import Evaluation, evaluation_of
 from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.programs import trace_program
 from fmd.dynamics.compiler.quantities import describe_structure
@@ -29,9 +29,8 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
 from fmd.kernels.machine import LoadedObject
 
-# By name and by the digest of what they are traced from: mechanisms that differ in joints' numbers share one. The last
-# used last.
-_evaluations: OrderedDict[tuple[str, str], Evaluation] = OrderedDict()
+# By name and by the digest of what they are traced from: mechanisms that differ in joints' numbers share one.
+_evaluations: RecentlyUsed[Evaluation] = RecentlyUsed(MOST_SHARED)
 
 
 class CompiledMechanism:
@@ -253,14 +252,11 @@ class CompiledMechanism:
     def _over(self, name: str, times: Array, q: Array, v: Array, more: Mapping[str, Array]) -> Array:
         """Return what a program fills, in the order of its outputs, at many states by NumPy, (n_times, n_values)."""
         arguments = {**self._inputs.columns(times, q, v), **{key: values.T for key, values in more.items()}}
-        found = _evaluations.pop((name, self.digest), None)
-        if found is None:
-            values = [value for value, _ in self.program(name).outputs if isinstance(value, Scalar)]
-            found = evaluate_scalars(values)
-        _evaluations[name, self.digest] = found
-        while len(_evaluations) > MOST_SHARED:
-            _evaluations.popitem(last=False)
-        return found.over(arguments, len(times))
+
+        def make() -> Evaluation:
+            return evaluation_of([value for value, _ in self.program(name).outputs if isinstance(value, Scalar)])
+
+        return _evaluations.get((name, self.digest), make).over(arguments, len(times))
 
     def constrained_accelerations(
         self, t: float, q: Array, v: Array, forces: Array | None = None

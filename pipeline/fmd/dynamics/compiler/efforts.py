@@ -10,10 +10,10 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.frames import trace_frames
-from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
-from fmd.dynamics.compiler.interpret import interpret
+from fmd.dynamics.compiler.graph import Graph
+from fmd.dynamics.compiler.interpret import evaluation_of
 from fmd.dynamics.compiler.residual import trace_residual
-from fmd.dynamics.compiler.tangents import direction_inputs
+from fmd.dynamics.compiler.tangents import direction_inputs, flatten
 from fmd.dynamics.mechanism import Mechanism
 
 _ARGUMENTS = ("q", "v")
@@ -48,10 +48,7 @@ def _tangents(mechanism: Mechanism) -> tuple[Array, Array]:
     """Return the derivatives of the residual at rest by positions (n, n_positions) and rates (n, n)."""
     inputs = Coordinates(Graph(), mechanism)
     residual = trace_residual(inputs, trace_frames(inputs))
-    values: list[Scalar | Vector] = []
-    for body in residual:
-        values += [*body.joint, body.modes]
-    slopes = differentiate(inputs.graph, values, direction_inputs(inputs.graph, _ARGUMENTS))
+    slopes = differentiate(inputs.graph, flatten(residual), direction_inputs(inputs.graph, _ARGUMENTS))
     n, n_positions = mechanism.n, mechanism.n_positions
     along, rest = np.eye(n_positions + n), (mechanism.rest_positions[None], np.zeros((1, n)))
     arguments = {
@@ -60,7 +57,7 @@ def _tangents(mechanism: Mechanism) -> tuple[Array, Array]:
         "dq": along[:n_positions],
         "dv": along[n_positions:],
     }
-    found = iter(interpret(inputs.graph, [slope.node for slope in slopes], arguments))
+    found = iter(evaluation_of(slopes).at(arguments))
     out = np.zeros((n, n_positions + n))
     for number, body in enumerate(residual):
         first = int(mechanism.layout.rate[number])

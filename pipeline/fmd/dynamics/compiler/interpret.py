@@ -16,7 +16,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.limits.memory import STATES_AT_ONCE
 from fmd.dynamics.compiler.functions import CHOICES, FUNCTIONS, evaluate_function
-from fmd.dynamics.compiler.graph import Graph, Scalar
+from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.oscillators import OSCILLATED, step_oscillators
 
 
@@ -91,14 +91,9 @@ class Evaluation:
         return out
 
 
-def evaluate_scalars(values: Sequence[Scalar]) -> Evaluation:
-    """Return the evaluation of scalars, one at least, of one graph."""
+def evaluation_of(values: Sequence[Scalar | Vector]) -> Evaluation:
+    """Return the evaluation of traced values, one at least, of one graph."""
     return Evaluation(values[0].graph, [value.node for value in values])
-
-
-def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Array]) -> list[Any]:
-    """Return the values of nodes at one state, or with an entry for each lane, as `Evaluation.at` does."""
-    return Evaluation(graph, outputs).at(arguments)
 
 
 def _step(graph: Graph, number: int) -> Callable[..., Any]:

@@ -20,7 +20,7 @@ from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.forces import ActingForces
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
-from fmd.dynamics.compiler.interpret import Evaluation
+from fmd.dynamics.compiler.interpret import Evaluation, evaluation_of
 from fmd.dynamics.compiler.recursion import BodyValues
 from fmd.dynamics.compiler.residual import trace_motion, trace_residual
 from fmd.dynamics.compiler.tangents import direction_inputs
@@ -65,9 +65,7 @@ class LinearisedMechanism:
         self._numbers = np.array(list(inputs.numbers.values()))
         values, self._places = _trace(inputs, frames, acting, rows)
         slopes = differentiate(inputs.graph, values, direction_inputs(inputs.graph, _ARGUMENTS))
-        self._values, self._slopes = (
-            Evaluation(inputs.graph, [value.node for value in several]) for several in (values, slopes)
-        )
+        self._values, self._slopes = evaluation_of(values), evaluation_of(slopes)
 
     def tangents(
         self, q: Array, v: Array, signals: Mapping[Signal, Sequence[float]], given: Array, frozen: Array | None = None

@@ -5,12 +5,11 @@ The constants keep what the march takes for round-off.
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 from fmd.core.limits.memory import MOST_SHARED
+from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.algebra import Vector3, add, constants, times
 from fmd.dynamics.compiler.closures import ConstraintRow, trace_all_rows
@@ -20,7 +19,7 @@ from fmd.dynamics.compiler.elements import trace_pair, trace_strain
 from fmd.dynamics.compiler.forces import ActingForces, joint_elongation, trace_effort
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar
-from fmd.dynamics.compiler.interpret import Evaluation, evaluate_scalars
+from fmd.dynamics.compiler.interpret import Evaluation, evaluation_of
 from fmd.dynamics.compiler.places import trace_place
 from fmd.dynamics.compiler.quantities import body_momenta, trace_kinetic_energy, trace_potential_energy
 from fmd.dynamics.compiler.residual import trace_motion
@@ -51,7 +50,7 @@ class RecordedMechanism:
         for frame in self.frames:
             origin, R = frame.world
             values += [*origin, *(x for row in R for x in row), *times(R, frame.velocity), *times(R, frame.spin)]
-        return evaluate_scalars(values)
+        return evaluation_of(values)
 
     @cached_property
     def of_momenta(self) -> Evaluation:
@@ -60,13 +59,13 @@ class RecordedMechanism:
         for frame in self.frames:
             moment, push, turn = body_momenta(self.inputs, frame)
             values += [*moment, *push, *turn]
-        return evaluate_scalars(values)
+        return evaluation_of(values)
 
     @cached_property
     def of_energies(self) -> Evaluation:
         """Kinetic and potential energy [J]."""
         kinetic = trace_kinetic_energy(self.inputs, self.frames)
-        return evaluate_scalars([kinetic, trace_potential_energy(self.inputs, self.frames)])
+        return evaluation_of([kinetic, trace_potential_energy(self.inputs, self.frames)])
 
     @cached_property
     def rows(self) -> list[ConstraintRow]:
@@ -77,29 +76,29 @@ class RecordedMechanism:
     def of_rows(self) -> Evaluation:
         """Residual and rate of each of these, and force and moment of a unit multiplier on both places of a joint's."""
         values = [x for row in self.rows for x in (row.residual, row.rate(self.inputs))]
-        return evaluate_scalars([*values, *(x for row in self.rows for _, f, m in row.wrenches for x in (*f, *m))])
+        return evaluation_of([*values, *(x for row in self.rows for _, f, m in row.wrenches for x in (*f, *m))])
 
     def of_joint(self, body: int) -> Evaluation:
         """Position and rate of a joint with one axis, of a revolute one of the section that it grips."""
-        return evaluate_scalars([*joint_elongation(self.inputs, self.frames[body])])
+        return evaluation_of([*joint_elongation(self.inputs, self.frames[body])])
 
     def of_strain(self, element: Element) -> Evaluation:
         """Strain of a force element, its rate, and that of the vector from its first place to its second one."""
-        return evaluate_scalars([x for part in trace_strain(self.inputs, self.frames, element) for x in part])
+        return evaluation_of([x for part in trace_strain(self.inputs, self.frames, element) for x in part])
 
     def of_wrenches(self, element: Element) -> Evaluation:
         """Force and moment in space on the first and on the second place of a force element."""
         second, first = trace_pair(self.inputs, self.frames, element)
-        return evaluate_scalars([x for side in (first, second) for x in (*side.force, *side.moment)])
+        return evaluation_of([x for side in (first, second) for x in (*side.force, *side.moment)])
 
     def of_effort(self, effort: StateFunction) -> Evaluation:
         """Value of a function of the state."""
-        return evaluate_scalars([trace_effort(self.inputs, self.frames, effort)])
+        return evaluation_of([trace_effort(self.inputs, self.frames, effort)])
 
     def of_place(self, place: Place) -> Evaluation:
         """Position, axes by rows, velocity and angular velocity in space of a place's section, 18 values."""
         at = trace_place(self.inputs, self.frames, place)
-        return evaluate_scalars([*at.x, *(x for row in at.A for x in row), *at.v, *at.w])
+        return evaluation_of([*at.x, *(x for row in at.A for x in row), *at.v, *at.w])
 
     def of_acceleration(self, place: Place) -> Evaluation:
         """Acceleration in space of a place on a body for accelerations of the coordinates, the argument ``a``."""
@@ -109,11 +108,10 @@ class RecordedMechanism:
         eta = self.inputs.inputs_of_modes(body, "a")
         at = trace_place(self.inputs, self.frames, place).acceleration(x, eta)[0]
         weight: Vector3 = constants(self.inputs.graph, self.inputs.mechanism.gravity)
-        return evaluate_scalars(add(at, weight))
+        return evaluation_of(add(at, weight))
 
 
-# The last used last.
-_shared: OrderedDict[Hashable, RecordedMechanism] = OrderedDict()
+_shared: RecentlyUsed[RecordedMechanism] = RecentlyUsed(MOST_SHARED)
 
 
 @lru_cache(maxsize=MOST_SHARED)
@@ -124,8 +122,4 @@ def record_mechanism(mechanism: Mechanism) -> RecordedMechanism:
     """
     inputs = ExactCoordinates(Graph(), mechanism)
     key = (digest_mechanism(inputs), inputs.signals, names_of(mechanism))
-    found = _shared.pop(key, None) or RecordedMechanism(inputs, trace_frames(inputs))
-    _shared[key] = found
-    while len(_shared) > MOST_SHARED:
-        _shared.popitem(last=False)
-    return found
+    return _shared.get(key, lambda: RecordedMechanism(inputs, trace_frames(inputs)))

@@ -8,7 +8,6 @@ anew.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,13 +15,14 @@ import numpy as np
 
 from fmd.core.limits.memory import MOST_LOADED
 from fmd.core.paths import kernel_folder
+from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.program import Program
 from fmd.kernels.files import DIGEST_BYTES, digest_of, read_code, write_code
 from fmd.kernels.machine import LoadedObject, compile_object, processor, register_width
 
-# Loaded in this process, the last used last: loading takes longer than many a march. What a digest names never changes.
-_loaded: OrderedDict[Path, LoadedObject] = OrderedDict()
+# Loaded in this process: loading takes longer than many a march. What a digest names never changes.
+_loaded: RecentlyUsed[LoadedObject] = RecentlyUsed(MOST_LOADED)
 
 
 def load_program(name: str, digest: str, trace: Callable[[], Program]) -> LoadedObject:
@@ -38,13 +38,7 @@ def load_program(name: str, digest: str, trace: Callable[[], Program]) -> Loaded
         Traces it, if it has to be compiled.
     """
     path = constants_path(name, digest)
-    loaded = _loaded.pop(path, None)
-    if loaded is None:
-        loaded = _read_program(name, path) or _make_program(name, path, trace)
-    _loaded[path] = loaded
-    while len(_loaded) > MOST_LOADED:
-        _loaded.popitem(last=False)
-    return loaded
+    return _loaded.get(path, lambda: _read_program(name, path) or _make_program(name, path, trace))
 
 
 def _read_program(name: str, path: Path) -> LoadedObject | None:

@@ -22,7 +22,7 @@ from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.formulas import trace_formula, trace_table
 from fmd.dynamics.compiler.graph import Graph, Scalar
 from fmd.dynamics.compiler.graph import total as sum_up
-from fmd.dynamics.compiler.interpret import Evaluation, evaluate_scalars
+from fmd.dynamics.compiler.interpret import Evaluation, evaluation_of
 
 CONSTANT, PROGRAM, TABLE = range(3)
 """Kinds of a term."""
@@ -116,7 +116,7 @@ def _slope(value: Scalar, t: Scalar) -> Scalar:
 @lru_cache(maxsize=256)
 def _evaluate(terms: tuple[Term, ...]) -> Evaluation:
     """Return the evaluation of value, first and second derivative of a sum of terms by the argument ``time``."""
-    return evaluate_scalars(Signal(terms).trace(Graph().scalar_input("time", 0)))
+    return evaluation_of(Signal(terms).trace(Graph().scalar_input("time", 0)))
 
 
 def constant(value: float) -> Signal:
