@@ -13,7 +13,7 @@ from fmd.accuracy.details import detail_quantities
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_LIMIT, NO_PART, SOURCES, Row
 from fmd.accuracy.model_errors import ModelError, summarise_causes
 from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
-from fmd.accuracy.requested_stress import LARGEST_STRESS, request_key
+from fmd.accuracy.requested_stress import EXTREMES, request_key
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
 from fmd.stages.division import part_of
@@ -122,7 +122,7 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
     limitless = {
         f"{corner.body}, {what}": f"not estimated: {corner.text}"
         for corner in estimates.corners
-        for what in LARGEST_STRESS
+        for what in EXTREMES.values()
     }
     rows: list[Row] = []
     details: list[Row] = []

@@ -5,15 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from fmd.accuracy.requested_stress import LARGEST_PRINCIPAL, SMALLEST_PRINCIPAL
+from fmd.accuracy.requested_stress import EXTREMES
 from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
-
-_ENVELOPE = {
-    "von Mises": "largest von Mises stress",
-    "principal 1": LARGEST_PRINCIPAL,
-    "principal 3": SMALLEST_PRINCIPAL,
-}
 
 
 def figure_errors(run: Pipeline, summary: Mapping[str, Any]) -> dict[str, float | str]:
@@ -54,7 +48,7 @@ def _quantities(run: Pipeline, summary: Mapping[str, Any]) -> Iterator[tuple[str
         yield f"element_stress.{element}.at_the_end_pa", f"{element}, von Mises stress"
     for body, own in summary.get("envelope", {}).items():
         for measure in own:
-            yield f"envelope.{body}.{measure}.value_pa", f"{body}, {_ENVELOPE[measure]}"
+            yield f"envelope.{body}.{measure}.value_pa", f"{body}, {EXTREMES[measure]}"
     for contact, figures in summary.get("contacts", {}).items():
         for figure in figures:
             yield f"contacts.{contact}.{figure}", f"{contact}.{figure}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from fmd.accuracy.requested_stress import LARGEST_PRINCIPAL, SMALLEST_PRINCIPAL
+from fmd.accuracy.requested_stress import EXTREMES
 from fmd.core.arrays import Array, IntArray
 from fmd.core.files import number_texts, write_table
 from fmd.core.limits.shown import DECADES
@@ -34,12 +34,6 @@ if TYPE_CHECKING:
 
 AnyField = TypeVar("AnyField", bound="SurfaceField")
 
-# Names of an envelope's columns, and of what the error budget has of them.
-_EXTREMES = {
-    "largest_von_mises": "largest von Mises stress",
-    "largest_principal": LARGEST_PRINCIPAL,
-    "smallest_principal": SMALLEST_PRINCIPAL,
-}
 _OF_TIMES = f"{NOT_STATED}times of extremes aren't compared, their sizes are"
 _OF_LIVES = f"{NOT_STATED}a table (.csv) has an interval for each of the worst nodes"
 _BY_INTERVAL = "columns repeats_at_least and repeats_at_most hold it"
@@ -54,8 +48,9 @@ def write_envelope(run: Pipeline, output: Envelope, folder: Path) -> list[str]:
     """
     found, stated = run.envelope_of(output.body), VariableErrors(run)
     columns, errors = dict[str, Array](), list[tuple[str, str, float | str]]()
-    extremes = (found.von_mises, found.principal_1, found.principal_3)
-    for (name, quantity), values, times in zip(_EXTREMES.items(), extremes, found.times.T, strict=True):
+    for component, quantity in EXTREMES.items():
+        values, times = found.measure(component)
+        name = quantity.removesuffix(" stress").replace(" ", "_").lower()
         columns |= {f"{name}_pa": values, f"{name}_at_s": times}
         errors.append((f"{name}_pa", "Pa", stated.of_quantity(f"{output.body}, {quantity}")))
         errors.append((f"{name}_at_s", "s", _OF_TIMES))
@@ -71,8 +66,7 @@ def draw_envelope(run: Pipeline, output: Envelope, folder: Path, draw: Drawer = 
     weights = -values if output.component == "principal 3" else values
     worst = int(weights.argmax())
     low, high = stress_limits(values)
-    name = {"von Mises": "largest von Mises stress", "principal 1": "largest principal stress"}
-    quantity = name.get(output.component, "smallest principal stress")
+    quantity = EXTREMES[output.component]
     draw(
         "pictures.draw_field",
         body_surface(run, output.body),
@@ -168,7 +162,7 @@ def write_fatigue(run: Pipeline, output: Fatigue, folder: Path) -> list[str]:
     found, duration = find_fatigue(run, output), float(np.ptp(run.motion.times))
     repeats, worst = found.repeats, found.worst(output.count)
     columns = {"damage": np.maximum(found.damage, found.floor), "repeats_to_failure": repeats}
-    stated, largest = VariableErrors(run), f"{output.body}, {_EXTREMES['largest_von_mises']}"
+    stated, largest = VariableErrors(run), f"{output.body}, {EXTREMES['von Mises']}"
     share, of_life = stated.share_of_quantity(largest), _OF_LIVES
     if isinstance(share, str):
         of_life = share
@@ -232,7 +226,7 @@ def summarise_fatigue(run: Pipeline, output: Fatigue) -> dict[str, dict[str, Any
     life = find_fatigue(run, output)
     k = int(life.damage.argmax())
     repeats = 1.0 / float(life.damage[k]) if life.damage[k] > 0.0 else None
-    share = VariableErrors(run).share_of_quantity(f"{output.body}, {_EXTREMES['largest_von_mises']}")
+    share = VariableErrors(run).share_of_quantity(f"{output.body}, {EXTREMES['von Mises']}")
     interval = None if isinstance(share, str) else life_intervals(run, output, np.array([k]), share)[0].tolist()
     worst = {
         "body": output.body,
