@@ -84,8 +84,8 @@ class PointSpring(_Pair):
             Elongation [m].
         """
         law, along = self.law, J.T @ J
-        K = max(float(law.curve.slopes(strain)[0]), 0.0) * along
-        tension, length = float(law.curve.values(strain)[0]), float(strain[0] + self.rest)
+        tension, slope = law.curve.tangent(float(strain[0]))
+        K, length = max(slope, 0.0) * along, float(strain[0] + self.rest)
         if tension > 0.0 and length > NO_LENGTH:
             K = K + tension / length * (swing.T @ swing - along)
         return K, law.resting_damping * along, law.stop_stiffness * along, law.stop_damping * along

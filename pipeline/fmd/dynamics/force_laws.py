@@ -1,17 +1,23 @@
-"""Force laws along one direction: springs by a number, a table or a formula, dampers, end stops and friction."""
+"""Force laws along one direction: springs by a number, a table or a formula, dampers, end stops and friction.
+
+Each law is an expression graph, which mechanisms compile and which NumPy evaluates.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.formula import Formula
+from fmd.dynamics.compiler.differentiate import differentiate
+from fmd.dynamics.compiler.formulas import raise_to, trace_formula
+from fmd.dynamics.compiler.graph import Graph, Scalar
+from fmd.dynamics.compiler.interpret import Evaluation, evaluation_of
 from fmd.dynamics.formula_pieces import integrate_formula
-from fmd.dynamics.signals.signal import Signal, formula
 
 
 @dataclass(frozen=True)
@@ -44,36 +50,29 @@ class ForceCurve:
     formula: Formula | None = None
     factor: float = 1.0
 
-    @cached_property
-    def _signal(self) -> Signal:
-        assert self.formula is not None
-        return formula(self.formula, self.factor)
-
-    def values(self, x: Array) -> Array:
-        """Values at x (n,)."""
+    def trace(self, x: Scalar) -> Scalar:
+        """Trace the value."""
         if self.formula is not None:
-            return np.asarray(self._signal.values(x)[:, 0])
-        bent = (bend.weight * np.maximum(x - bend.at, 0.0) ** bend.power for bend in self.bends)
-        return np.asarray(np.polynomial.polynomial.polyval(x, self.polynomial) + sum(bent))
+            return trace_formula(self.formula.codes, self.formula.constants, x) * self.factor
+        value = _polynomial(self.polynomial, x)
+        for bend in self.bends:
+            value = value + raise_to((x - bend.at).apply("positive"), bend.power) * bend.weight
+        return value
 
-    def slopes(self, x: Array) -> Array:
-        """Slopes at x (n,)."""
+    def trace_integral(self, x: Scalar) -> Scalar:
+        """Trace the integral, from the same place for all x; of a formula from 0."""
         if self.formula is not None:
-            return np.asarray(self._signal.values(x)[:, 1])
-        powers = ((x > bend.at) * np.maximum(x - bend.at, 0.0) ** (bend.power - 1) for bend in self.bends)
-        bent = (bend.weight * bend.power * power for bend, power in zip(self.bends, powers, strict=True))
-        own = np.polynomial.polynomial.polyder(self.polynomial)
-        return np.asarray(np.polynomial.polynomial.polyval(x, own) + sum(bent))
+            return integrate_formula(self.formula).trace(x) * self.factor
+        value = _polynomial(np.polynomial.polynomial.polyint(self.polynomial), x)
+        for bend in self.bends:
+            raised = raise_to((x - bend.at).apply("positive"), bend.power + 1)
+            value = value + raised * (bend.weight / (bend.power + 1))
+        return value
 
-    def integrals(self, x: Array) -> Array:
-        """Integrals up to x (n,), from the same place for all of them; of a formula from 0."""
-        if self.formula is not None:
-            return np.asarray(self.factor * integrate_formula(self.formula).values(x))
-        bent = (
-            bend.weight * np.maximum(x - bend.at, 0.0) ** (bend.power + 1) / (bend.power + 1) for bend in self.bends
-        )
-        own = np.polynomial.polynomial.polyint(self.polynomial)
-        return np.asarray(np.polynomial.polynomial.polyval(x, own) + sum(bent))
+    def tangent(self, x: float) -> tuple[float, float]:
+        """Return value and slope at a place."""
+        value, slope = _tangent_of(self).at({"x": np.array([x])})
+        return float(value), float(slope)
 
 
 def straight_curve(x: Sequence[float], y: Sequence[float]) -> ForceCurve:
@@ -119,6 +118,11 @@ class Stop:
     damping: float
     width: float
 
+    def depths(self, x: Scalar) -> tuple[Scalar, Scalar]:
+        """Trace how far an elongation is beyond the place, and beyond the end of the width; 0 before."""
+        p = (x - self.at) * self.side
+        return p.apply("positive"), (p - self.width).apply("positive")
+
 
 @dataclass(frozen=True)
 class ForceLaw:
@@ -152,25 +156,33 @@ class ForceLaw:
         if not all(stop.width > 0.0 for stop in self.stops):
             raise ValueError("a stop's width must be greater than zero")
 
+    def trace(self, x: Scalar, rate: Scalar) -> Scalar:
+        """Trace the force, positive in tension."""
+        force = self.curve.trace(x) + rate * self.damping
+        if self.friction:
+            root = (rate * rate + self.friction_rate**2).apply("sqrt")
+            force = force + self.friction * (rate * root.inverse())
+        for stop in self.stops:
+            near, far = stop.depths(x)
+            force = force + (near * near - far * far) * (stop.side * stop.stiffness / (2.0 * stop.width))
+            force = force + (near - far) * rate * (stop.damping / stop.width)
+        return force
+
+    def trace_energy(self, x: Scalar) -> Scalar:
+        """Trace the elastic energy."""
+        energy = self.curve.trace_integral(x)
+        for stop in self.stops:
+            near, far = stop.depths(x)
+            energy = energy + (near * near * near - far * far * far) * (stop.stiffness / (6.0 * stop.width))
+        return energy
+
     def forces(self, x: Array, rate: Array) -> Array:
         """Forces at elongations and rates, (n,) each."""
-        total = self.curve.values(x) + self.damping * rate
-        total = total + self.friction * rate / np.sqrt(rate**2 + self.friction_rate**2)
-        for stop in self.stops:
-            p = stop.side * (x - stop.at)
-            near, far = np.maximum(p, 0.0), np.maximum(p - stop.width, 0.0)
-            total = total + stop.side * stop.stiffness * (near**2 - far**2) / (2.0 * stop.width)
-            total = total + stop.damping * (near - far) / stop.width * rate
-        return np.asarray(total)
+        return _force_of(self).over({"x": np.stack([x, rate])}, len(x))[:, 0]
 
     def energies(self, x: Array) -> Array:
         """Elastic energies at elongations (n,) [J]."""
-        total = self.curve.integrals(x)
-        for stop in self.stops:
-            p = stop.side * (x - stop.at)
-            cubes = np.maximum(p, 0.0) ** 3 - np.maximum(p - stop.width, 0.0) ** 3
-            total = total + stop.stiffness * cubes / (6.0 * stop.width)
-        return np.asarray(total)
+        return _energy_of(self).over({"x": x[None]}, len(x))[:, 0]
 
     @property
     def resting_damping(self) -> float:
@@ -186,3 +198,28 @@ class ForceLaw:
     def stop_damping(self) -> float:
         """Largest damping that an end stop adds."""
         return max((stop.damping for stop in self.stops), default=0.0)
+
+
+@lru_cache(maxsize=64)
+def _tangent_of(curve: ForceCurve) -> Evaluation:
+    x = Graph().scalar_input("x", 0)
+    value = curve.trace(x)
+    return evaluation_of([value, *differentiate(x.graph, [value], {x.node: x.graph.number(1.0)})])
+
+
+@lru_cache(maxsize=64)
+def _force_of(law: ForceLaw) -> Evaluation:
+    graph = Graph()
+    return evaluation_of([law.trace(graph.scalar_input("x", 0), graph.scalar_input("x", 1))])
+
+
+@lru_cache(maxsize=64)
+def _energy_of(law: ForceLaw) -> Evaluation:
+    return evaluation_of([law.trace_energy(Graph().scalar_input("x", 0))])
+
+
+def _polynomial(lowest_first: Iterable[float], x: Scalar) -> Scalar:
+    value = x.graph.number(0.0)
+    for coefficient in reversed(list(lowest_first)):
+        value = value * x + float(coefficient)
+    return value

@@ -24,8 +24,10 @@ from fmd.core.limits.loads import (
     TAYLOR_TERMS,
     WIDER,
 )
+from fmd.dynamics.compiler.formulas import trace_formula
+from fmd.dynamics.compiler.graph import Graph, Scalar, total
+from fmd.dynamics.compiler.interpret import evaluation_of
 from fmd.dynamics.signals.bounds import Bools, PieceBounds
-from fmd.dynamics.signals.signal import formula as formula_signal
 
 
 @dataclass(frozen=True)
@@ -185,7 +187,7 @@ class FormulaIntegral:
     """
 
     def __init__(self, formula: Formula) -> None:
-        self._signal = formula_signal(formula)
+        self._formula = formula
         edges = divide_formula(formula).edges
         self.edges = edges if len(edges) else np.zeros(1)
         self.middle = int(np.argmin(np.abs(self.edges)))
@@ -198,17 +200,28 @@ class FormulaIntegral:
         sums = np.concatenate([below, [0.0], np.cumsum(works[self.middle :])])
         return np.asarray(sums - self._between(self.edges[[self.middle]], np.zeros(1)))
 
-    def values(self, x: Array) -> Array:
-        """Integrals from 0 to x (n,)."""
-        below = np.searchsorted(self.edges, x, side="right") - 1
-        nearest = np.where(x >= self.edges[self.middle], below, below + 1)
-        return np.asarray(self.sums[nearest] + self._between(self.edges[nearest], x))
+    def trace(self, x: Scalar) -> Scalar:
+        """Trace the integral from 0: up to the last edge of a piece before x, and by quadrature from there."""
+        begin, value = (x.graph.number(float(known[self.middle])) for known in (self.edges, self.sums))
+        for k in range(len(self.edges)):
+            if k != self.middle:
+                before = k - 1 if k > self.middle else k + 1
+                passed = ((x - float(self.edges[k])) * (k - before)).apply("step")
+                begin = begin + passed * float(self.edges[k] - self.edges[before])
+                value = value + passed * float(self.sums[k] - self.sums[before])
+        return value + self._trace_between(begin, x)
+
+    def _trace_between(self, begin: Scalar, end: Scalar) -> Scalar:
+        points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        length = end - begin
+        places = (begin + length * float(0.5 * (point + 1.0)) for point in points)
+        inside = (trace_formula(self._formula.codes, self._formula.constants, place) for place in places)
+        return total(f * float(w) for f, w in zip(inside, weights, strict=True)) * length * 0.5
 
     def _between(self, begin: Array, end: Array) -> Array:
-        points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-        inside = begin[:, None] + (end - begin)[:, None] * 0.5 * (points + 1.0)
-        values = self._signal.values(inside.ravel())[:, 0].reshape(inside.shape)
-        return np.asarray(0.5 * (end - begin) * (values @ weights))
+        graph = Graph()
+        integral = self._trace_between(graph.scalar_input("ends", 0), graph.scalar_input("ends", 1))
+        return evaluation_of([integral]).over({"ends": np.stack([begin, end])}, len(begin))[:, 0]
 
 
 @lru_cache(maxsize=64)

@@ -66,7 +66,7 @@ def gather_linear_forces(links: Sequence[Link], layout: Layout) -> LinearForces:
             grip[layout.rate[k] + j] = 1.0
             if link.grips_section:
                 grip[modes] = link.joint_rotation
-            along, slope = np.outer(grip, grip), max(float(law.curve.slopes(np.zeros(1))[0]), 0.0)
+            along, slope = np.outer(grip, grip), max(law.curve.tangent(0.0)[1], 0.0)
             own[layout.rate[k] + j] += slope
             K += slope * along
             C += law.resting_damping * along

@@ -21,7 +21,6 @@ from fmd.dynamics.compiler.algebra import (
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, Terms, total
-from fmd.dynamics.compiler.laws import trace_law, trace_law_energy
 from fmd.dynamics.compiler.places import PlaceMotion, trace_place
 from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
 
@@ -118,11 +117,11 @@ class _SpringMotion:
 
     def energy(self) -> Scalar:
         """Return the elastic energy."""
-        return trace_law_energy(self.element.law, self.length - self.element.rest)
+        return self.element.law.trace_energy(self.length - self.element.rest)
 
     def actions(self) -> list[Action]:
         """Return the pulls on both places."""
-        pull = scale(trace_law(self.element.law, *self.stretch) * self.length.inverse(), self.apart)
+        pull = scale(self.element.law.trace(*self.stretch) * self.length.inverse(), self.apart)
         none = scale(0.0, pull)
         return [Action(self.second, scale(-1.0, pull), none), Action(self.first, pull, none)]
 

@@ -16,7 +16,6 @@ from fmd.dynamics.compiler.elements import trace_actions, trace_elongation
 from fmd.dynamics.compiler.formulas import trace_periodic_table, trace_state_formula
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
-from fmd.dynamics.compiler.laws import trace_law
 from fmd.dynamics.compiler.places import trace_place
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.law_pieces import find_piecewise_laws
@@ -78,7 +77,7 @@ class ActingForces:
         if not laws:
             return constants(self.graph, [0.0] * len(frame.directions))
         positions, rates = self._inputs.joint_positions(frame.number), self._inputs.joint_rates(frame.number)
-        return [-trace_law(*at) for at in zip(laws, positions, rates, strict=True)]
+        return [-law.trace(*at) for law, *at in zip(laws, positions, rates, strict=True)]
 
     def free_directions(self, frame: MovingFrame) -> list[Vector6]:
         """Return all directions of a joint."""
@@ -176,7 +175,7 @@ def joint_load(inputs: Coordinates, frames: list[MovingFrame], frame: MovingFram
     spring, rest, damper = (inputs.number(frame.number, name, getattr(link, name)) for name in JOINT_CONSTANTS)
     load = inputs.signal(link.load)[0] + trace_effort(inputs, frames, link.effort) - (x - rest) * spring - rate * damper
     for law in link.laws:
-        load = load - trace_law(law, x, rate)
+        load = load - law.trace(x, rate)
     return load
 
 

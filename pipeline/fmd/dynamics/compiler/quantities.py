@@ -12,7 +12,6 @@ from fmd.dynamics.compiler.elements import trace_element_energy
 from fmd.dynamics.compiler.forces import section_angle
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, total
-from fmd.dynamics.compiler.laws import trace_law_energy
 from fmd.dynamics.compiler.places import trace_place
 from fmd.dynamics.compiler.program import Program
 
@@ -67,7 +66,7 @@ def trace_potential_energy(inputs: Coordinates, frames: list[MovingFrame]) -> Sc
             stretch = known[0] - rest + section_angle(inputs.graph, frame)
             energies.append(stretch * stretch * (spring * 0.5))
         for law, position in zip(link.laws, inputs.joint_positions(frame.number), strict=bool(link.laws)):
-            energies.append(trace_law_energy(law, position + section_angle(inputs.graph, frame)))
+            energies.append(law.trace_energy(position + section_angle(inputs.graph, frame)))
         if any(not g.is_zero for g in gravity):
             origin, R = frame.world
             inertia = trace_inertia(inputs.graph, frame)
