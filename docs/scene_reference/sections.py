@@ -35,7 +35,7 @@ from fmd.scene.imported_bodies import (
 from fmd.scene.joints.angles import OneAngleJoint, TwoAngleJoint
 from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.joints.joint import CarryingJoint
-from fmd.scene.links import FaceLink, MassOnLink
+from fmd.scene.links import FaceLink, MassOnLink, TiedFace
 from fmd.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
 from fmd.scene.modes import ModeSettings, RayleighDamping, ReducedModes
 from fmd.scene.orientation import AxisDirections, Orientation
@@ -256,6 +256,7 @@ SECTIONS = (
     Section("### Supports", Support),
     Section("### Links", FaceLink),
     Section("### Masses on links", MassOnLink),
+    Section("### Tied faces", TiedFace),
     Section("### Named elements", NamedElement),
     Section("### Rod", Rod),
     Section("### Point mass", PointMass),

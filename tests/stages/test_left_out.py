@@ -25,8 +25,8 @@ CUBE = """*NODE
 *RIGID BODY, NSET=TOP, REF NODE=9
 *MPC
 BEAM, 1, 2
-*TIE, NAME=T
-A, B
+*EMBEDDED ELEMENT
+ALL
 """
 
 
@@ -43,11 +43,11 @@ def test_links_of_a_deck_are_refused_by_name_and_warned_of_where_they_are_left_o
 ) -> None:
     (tmp_path / "cube.inp").write_text(CUBE)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=r"aren't solid \(1 \*MPC, 1 \*TIE\)"):
+    with pytest.raises(InputError, match=r"aren't solid \(1 \*MPC, 1 \*EMBEDDED ELEMENT\)"):
         fmd.load(table(repair=False)).mesh  # noqa: B018
     warnings = mode_warnings(fmd.load(table(repair=True)).run)
     (text,) = (each["text"] for each in warnings if each["code"] == "left-out")
-    assert "1 *MPC, 1 *TIE" in text
+    assert "1 *MPC, 1 *EMBEDDED ELEMENT" in text
 
 
 def test_nodes_that_an_order_adds_are_in_no_link_of_the_deck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -110,12 +110,29 @@ class MassOnPoint(Connection):
 
 
 @dataclass(frozen=True)
+class TiedFaces(Connection):
+    """Faces of solids without common nodes, of which the first follows the second (``*TIE``).
+
+    Attributes
+    ----------
+    face, onto : ndarray, shape (n,) or (n_facets, 3 or 4)
+        Points of a face, or the corners of its facets.
+    within : float, optional
+        How far apart both may be, in the file's unit; a share of the facets' size by default.
+    """
+
+    face: IntArray
+    onto: IntArray
+    within: float | None = None
+
+
+@dataclass(frozen=True)
 class Connections:
     """All connections of a deck.
 
     Attributes
     ----------
-    rigid, mean, equations, springs, masses : tuple
+    rigid, mean, equations, springs, masses, ties : tuple
         By their kind.
     places : ndarray, shape (n, 3)
         Positions of the points that aren't the solid's [m]; empty while the deck's points are still together.
@@ -128,13 +145,14 @@ class Connections:
     equations: tuple[Equation, ...] = ()
     springs: tuple[SpringBetween, ...] = ()
     masses: tuple[MassOnPoint, ...] = ()
+    ties: tuple[TiedFaces, ...] = ()
     places: Array = field(default_factory=lambda: np.zeros((0, 3)))
     names: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def all(self) -> tuple[Connection, ...]:
         """Connections of every kind."""
-        return (*self.rigid, *self.mean, *self.equations, *self.springs, *self.masses)
+        return (*self.rigid, *self.mean, *self.equations, *self.springs, *self.masses, *self.ties)
 
     @property
     def points(self) -> IntArray:
@@ -181,6 +199,9 @@ class Connections:
             tuple(replace(each, points=new(each.points)) for each in self.equations),
             tuple(replace(each, points=new(each.points)) for each in self.springs),
             tuple(replace(each, points=new(each.points)) for each in self.masses),
+            tuple(
+                replace(each, points=new(each.points), face=new(each.face), onto=new(each.onto)) for each in self.ties
+            ),
             self.places if places is None else places,
             {name: number[point] for name, point in self.names.items() if point in number},
         )
@@ -199,4 +220,5 @@ class Connections:
             replace(each, coefficients=np.where(each.directions < 3, 1.0, length) * each.coefficients)
             for each in self.equations
         ]
-        return replace(self, masses=tuple(masses), springs=tuple(springs), equations=tuple(equations))
+        ties = [each if each.within is None else replace(each, within=each.within * length) for each in self.ties]
+        return replace(self, masses=tuple(masses), springs=tuple(springs), equations=tuple(equations), ties=tuple(ties))

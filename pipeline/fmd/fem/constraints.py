@@ -43,7 +43,7 @@ class Constraints:
             One of the unknowns is given already.
         """
         if self._is_given[unknowns].any():
-            raise ValueError("a node is moved by two links")
+            raise ValueError("a node is moved by two links, or by a link and a tie")
         self._is_given[unknowns] = True
         entries = sp.coo_array(matrix)
         row, column = entries.coords

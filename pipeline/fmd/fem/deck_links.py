@@ -19,6 +19,7 @@ from fmd.fem.local_markers import single_node_marker
 from fmd.fem.markers import Marker, face_marker, weighted_marker
 from fmd.fem.selection import body_nodes, points_of_nodes
 from fmd.fem.space import Discretisation
+from fmd.fem.ties import tie_faces
 
 
 def find_deck_links(deck: Connections, space: Discretisation) -> Linked:
@@ -71,6 +72,7 @@ class _Finder:
             [self._relation(each, links) for each in deck.equations],
             [self._relation(each, links) for each in deck.springs],
             {name: (at[point], self._x[point]) for name, point in deck.names.items() if point in at},
+            [tie_faces(self._space, each) for each in deck.ties],
         )
 
     def _turned_nodes(self) -> set[int]:

@@ -23,6 +23,7 @@ from fmd.fem.idle_motions import without_idle_motions
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
 from fmd.fem.rigid_pieces import CarriedPoints, carried_points, rigid_unknowns
+from fmd.fem.ties import Tie
 
 
 @dataclass(frozen=True)
@@ -177,6 +178,8 @@ class Linked:
         Sums that springs resist.
     places : mapping of str to (str, ndarray)
         Further places to show: the link that moves each, and its position [m].
+    ties : sequence of Tie
+        Faces that follow others; a node of two follows the first.
     """
 
     links: Mapping[str, LinkedFace] = field(default_factory=dict)
@@ -185,6 +188,7 @@ class Linked:
     equations: Sequence[Relation] = ()
     springs: Sequence[Relation] = ()
     places: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
+    ties: Sequence[Tie] = ()
 
 
 def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
@@ -198,6 +202,10 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
     n, links, names = len(fe.x), linked.links, {name: k for k, name in enumerate(linked.links)}
     own_T = sp.csr_array(sp.eye_array(3 * n, format="csr")) if fe.T is None else fe.T
     constraints = Constraints(own_T.shape[1], len(links))
+    for tie in linked.ties:
+        rows = _rows(tie.nodes)
+        free = ~constraints.are_given(rows)
+        constraints.give(rows[free], _rows(tie.others), tie.weights[np.flatnonzero(free)])
     groups, weights, shown_at, carried = [], [np.zeros(0)], dict[str, tuple[str, int]](), list[list[CarriedPoints]]()
     for k, (name, link) in enumerate(links.items()):
         marker, grid = link.marker, constraints.grid(k)
@@ -229,13 +237,13 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
     for equation in linked.equations:
         _apply(equation, constraints, names, own_T)
     T, independent = constraints.transformation()
-    rows = [
+    shown_rows = [
         sp.csr_array(rigid_motions(x - link.at).reshape(-1, 6)) @ T[constraints.grid(k)]
         for k, (link, x) in enumerate(zip(links.values(), groups, strict=True))
     ]
     x = np.concatenate([fe.x, *groups])
     starts = np.cumsum([n, *(len(own) for own in groups)])
-    points_T = sp.csr_array(sp.vstack([own_T @ T[: constraints.n_unknowns], *rows]))
+    points_T = sp.csr_array(sp.vstack([own_T @ T[: constraints.n_unknowns], *shown_rows]))
     lumped = np.concatenate([np.zeros(n), *weights])
     if linked.node_masses is not None:
         lumped[: len(linked.node_masses)] += linked.node_masses

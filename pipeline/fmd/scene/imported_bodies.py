@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import Deformable, DividedMesh, Poisson, Solid, require_interface
-from fmd.scene.links import FaceLink, MassOnLink
+from fmd.scene.links import FaceLink, MassOnLink, TiedFace
 from fmd.scene.modes import ModeSettings, ReducedModes
 from fmd.scene.orientation import Orientation
 from fmd.scene.places import MarkerPlace, NamedElement, Support
@@ -39,6 +39,8 @@ class MeshFile(DividedMesh):
 
     beam : str, optional
         ``"deck"``: the lines of a deck of Nastran or Abaqus are beams, with the deck's sections.
+    tie : tuple of TiedFace
+        Faces of solid parts that stay together without common nodes.
 
     Examples
     --------
@@ -57,6 +59,7 @@ class MeshFile(DividedMesh):
     force_unit: ForceUnit | None = None
     shell: PositiveLength | Literal["deck"] | None = None
     beam: Literal["deck"] | None = None
+    tie: tuple[TiedFace, ...] = ()
 
     @model_validator(mode="after")
     def _shells_are_linear(self) -> MeshFile:
@@ -64,6 +67,8 @@ class MeshFile(DividedMesh):
             raise FaultError("can't stand beside shell: a body is of one kind of elements", "beam")
         if (self.shell is not None or self.beam is not None) and self.order == 2:
             raise FaultError("is of solids: shells have three or four nodes, beams two", "order")
+        if (self.shell is not None or self.beam is not None) and self.tie:
+            raise FaultError("is of solids; link joins shells and beams", "tie")
         return self
 
 

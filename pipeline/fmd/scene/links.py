@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from fmd.core.units import PositiveMass
+from fmd.core.units import PositiveLength, PositiveMass
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.rigid_bodies import Moment, require_possible_moments
 from fmd.scene.values import FaceName, LinkName, Plane, Point
@@ -94,3 +94,29 @@ class MassOnLink(SceneTable):
     def _inertia_of_a_body(self) -> MassOnLink:
         require_possible_moments(self.inertia)
         return self
+
+
+class TiedFace(SceneTable):
+    """A face that stays together with another, of a part whose mesh has no nodes in common with its own.
+
+    Parameters
+    ----------
+    face : str
+        The face that follows: that of the finer mesh, on which no rigid link or rigid attachment is.
+    onto : str
+        The face that it follows.
+    within : float, optional
+        How far apart facets of both may be [m]; a tenth of a facet's size by default.
+
+    Examples
+    --------
+    ::
+
+        [[body.box.mesh.tie]]
+        face = "lid-rim"
+        onto = "box-rim"
+    """
+
+    face: FaceName
+    onto: FaceName
+    within: PositiveLength | None = None

@@ -111,7 +111,7 @@ def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
     deck = space.mesh.connections
     if not shape.link and deck is None:
         return fe
-    if deck is not None and space.order != space.mesh.order:
+    if deck is not None and len(deck.all) > len(deck.ties) and space.order != space.mesh.order:
         raise InputError(file, f"body.{body}.mesh.order", space.order, "adds nodes that the deck's links don't have")
     try:
         linked = Linked() if deck is None else find_deck_links(deck, space)

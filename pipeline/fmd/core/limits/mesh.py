@@ -44,6 +44,13 @@ ON_A_LINE = 1e-9  # smallest over largest second moment of nodes that lie on a l
 RIGID_RESIDUAL = 1e-6  # of an equation's coefficients, in rotations times the body's extent: digits of a deck
 IDLE = 1e-10  # square of a link's displacements over the largest, by motions in which the nodes tied to it stand still
 
+# Ties.
+TIE_WITHIN = 0.1  # how far apart two facets may be, of the square root of one's area: a polygon's from its circle
+TIE_COVERED = 0.05  # share of a facet that has others before it, from which on its nodes follow these
+TIE_FACING = 0.5  # cosine of the angle between two facets' normals from which on they face each other
+TIE_GAP = 1e-9  # distance of a node from its place on the other face, of the body's extent: round-off
+TIE_PAIRS_AT_ONCE = 1000  # pairs of facets
+
 # Shells.
 INNER_TYING = 1e-4  # distance of MITC3+'s inner tying points from the centroid, as published
 SHELL_FOLD = 30.0  # between the normals of two elements, from which on a shell has a fold on their edge [degrees]

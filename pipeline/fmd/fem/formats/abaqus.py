@@ -30,7 +30,7 @@ _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
 _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE")
-_LINKS = ("DISTRIBUTING COUPLING", "TIE", "MPC", "SHELL TO SOLID COUPLING", "EMBEDDED ELEMENT")
+_LINKS = ("DISTRIBUTING COUPLING", "MPC", "SHELL TO SOLID COUPLING", "EMBEDDED ELEMENT")
 _WRITE_FLAT = "write the mesh out flat, all nodes and elements in one file without parts and assemblies"
 
 

@@ -8,7 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.fem.connections import Connections, Equation, MassOnPoint, MeanConnection, RigidConnection, SpringBetween
+from fmd.fem.connections import (
+    Connections,
+    Equation,
+    MassOnPoint,
+    MeanConnection,
+    RigidConnection,
+    SpringBetween,
+    TiedFaces,
+)
 from fmd.fem.formats.raw_mesh import MeshFileError
 
 POINT_ELEMENTS = ("MASS", "ROTARYI", "SPRING1", "SPRING2", "SPRINGA")
@@ -57,6 +65,7 @@ class AbaqusLinks:
     _kinds: list[tuple[str, dict[str, str], Data]] = field(default_factory=list)
     _properties: list[tuple[str, dict[str, str], Data]] = field(default_factory=list)
     _equations: list[Data] = field(default_factory=list)
+    _ties: list[tuple[str, dict[str, str], Data]] = field(default_factory=list)
 
     def takes(self, keyword: str, options: dict[str, str], data: Data) -> bool:
         """Add a section, and return whether it is one of those that are read."""
@@ -70,7 +79,9 @@ class AbaqusLinks:
             self._properties.append((keyword, options, data))
         elif keyword == "EQUATION":
             self._equations.append(data)
-        return keyword in (*_JOINS, *_KINDS, *_PROPERTIES, "EQUATION")
+        elif keyword == "TIE":
+            self._ties.append((f"*TIE {options.get('NAME') or len(self._ties) + 1}", options, data))
+        return keyword in (*_JOINS, *_KINDS, *_PROPERTIES, "EQUATION", "TIE")
 
     def connections(self, points: DeckPoints) -> Connections:
         """Return all connections of the deck."""
@@ -100,7 +111,8 @@ class AbaqusLinks:
                 rigid.append(_rigid(label, reference, np.concatenate(tied), _turns(label, [row[1:] for row in data])))
         masses, springs = self._on_elements(points)
         equations = [each for data in self._equations for each in _equations(data, points)]
-        return Connections(tuple(rigid), tuple(mean), tuple(equations), tuple(springs), tuple(masses))
+        ties = [each for tie in self._ties for each in _tied(*tie, points)]
+        return Connections(tuple(rigid), tuple(mean), tuple(equations), tuple(springs), tuple(masses), tuple(ties))
 
     def _on_elements(self, points: DeckPoints) -> tuple[list[MassOnPoint], list[SpringBetween]]:
         """Return masses and springs; each element has one section of properties."""
@@ -229,3 +241,17 @@ def _equations(data: Data, points: DeckPoints) -> list[Equation]:
             raise MeshFileError(f"{label} has a direction that isn't 1 to 6")
         equations.append(Equation(label, places, directions, np.array([float(item) for item in terms[2::3]])))
     return equations
+
+
+def _tied(label: str, options: dict[str, str], data: Data, points: DeckPoints) -> list[TiedFaces]:
+    """Return the ties of one section: the first surface of each line follows the second."""
+    if odd := set(options) & {"CYCLIC SYMMETRY", "MULTIPHYSICS"}:
+        raise MeshFileError(f"{label} has {odd.pop()}, which isn't read")
+    within = float(options["POSITION TOLERANCE"]) if options.get("POSITION TOLERANCE") else None
+    ties = []
+    for row in data:
+        if len(row) < 2:
+            raise MeshFileError(f"{label} needs two surfaces")
+        follows, onto = (points.surface(name)[1] for name in row[:2])
+        ties.append(TiedFaces(label, np.unique(np.concatenate([follows, onto])), follows, onto, within))
+    return ties

@@ -13,7 +13,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell
-from fmd.fem.connections import Connections
+from fmd.fem.connections import Connections, TiedFaces
 from fmd.fem.formats import abaqus, nastran
 from fmd.fem.formats import repair as repairs
 from fmd.fem.formats.meshio_reader import read_by_meshio
@@ -39,7 +39,12 @@ class _Findings:
 
 
 def read_mesh(
-    path: Path, scale: float, repair: bool = False, mass_unit: float | None = None, force_unit: float | None = None
+    path: Path,
+    scale: float,
+    repair: bool = False,
+    mass_unit: float | None = None,
+    force_unit: float | None = None,
+    ties: Sequence[tuple[str, str, float | None]] = (),
 ) -> SolidMesh:
     """Read a solid mesh from a file, check it, and repair it if that is allowed.
 
@@ -55,6 +60,8 @@ def read_mesh(
         elements that aren't solid. The mesh's notes list the mends.
     mass_unit, force_unit : float, optional
         The file's units [kg], [N]. Without, lumped masses and springs are refused, but for a file in metres.
+    ties : sequence of (str, str, float)
+        Faces that follow others, by both names and how far apart they may be [m], beside those of the file.
 
     Raises
     ------
@@ -62,9 +69,32 @@ def read_mesh(
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
     try:
-        return solid_mesh(read_raw(path), scale, repair, mass_unit, force_unit)
+        raw = read_raw(path)
+        return solid_mesh(_tied(raw, scale, ties) if ties else raw, scale, repair, mass_unit, force_unit)
     except MeshFileError as error:
         raise InputError(str(path), "", None, str(error)) from error
+
+
+def _tied(raw: RawMesh, scale: float, ties: Sequence[tuple[str, str, float | None]]) -> RawMesh:
+    """Add ties between faces of a mesh by their names, in any case.
+
+    Raises
+    ------
+    MeshFileError
+        There is no such face.
+    """
+    faces = _faces(raw, np.arange(len(raw.points)))
+    known = {name.casefold(): face for name, face in faces.items()}
+    added = []
+    for number, (*names, within) in enumerate(ties):
+        for name in names:
+            if name.casefold() not in known:
+                raise MeshFileError(f"mesh.tie.{number}: no face {name}; the faces: {', '.join(faces) or 'none'}")
+        one, other = (known[name.casefold()] for name in names)
+        points = np.unique(np.concatenate([one.ravel(), other.ravel()]))
+        bridged = None if within is None else within / scale
+        added.append(TiedFaces(f"tie of {names[0]} to {names[1]}", points, one, other, bridged))
+    return replace(raw, connections=replace(raw.connections, ties=(*raw.connections.ties, *added)))
 
 
 def read_raw(path: Path) -> RawMesh:
@@ -264,7 +294,10 @@ def _merge_coincident(
     if n_joined > 1:
         sizes = np.bincount(repairs.label_pieces(first[cells], len(points)))
         listed = ", ".join(str(size) for size in sizes[:5]) + (" …" if len(sizes) > 5 else "")
-        findings.fatal.append(f"it is in {n_joined} unconnected pieces, of {listed} elements; join them, or leave one")
+        findings.fatal.append(
+            f"it is in {n_joined} unconnected pieces, of {listed} elements; join them, by mesh.tie where "
+            "faces meet, or leave one"
+        )
     if not n_merged:
         return cells, apart
     collapsed = (np.diff(np.sort(first[cells], axis=1), axis=1) == 0).any(axis=1)

@@ -41,7 +41,8 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
             return read_beams(source.path, unit, mass, force)
         if given.shell is not None:
             return read_shell(source.path, unit, None if given.shell == "deck" else given.shell, mass, force)
-        return read_mesh(source.path, unit, given.repair, mass, force)
+        ties = [(tie.face, tie.onto, tie.within) for tie in given.tie]
+        return read_mesh(source.path, unit, given.repair, mass, force, ties)
     if shape.shape == "cad":
         assert source is not None
         return mesh_cad_file(source.path, shape.mesh.size, shape.mesh.order)

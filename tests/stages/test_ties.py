@@ -1,0 +1,75 @@
+"""Parts of a file that are tied, by its deck or by the scene: one body, as if their nodes were the same."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fmd
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+
+TIE = """*SURFACE, NAME=LOW
+LOWER, S2
+*SURFACE, NAME=UP, TYPE=NODE
+ROOF
+*TIE, NAME=SEAM, POSITION TOLERANCE=0.01
+UP, LOW
+"""
+
+
+def deck(apart: bool) -> str:
+    """Two bars of four hexahedra, one on the other, with common nodes between them or each with its own."""
+    place = {}
+    for part in (0, 1):
+        for level in (part, part + 1):
+            for k in range(10):
+                place[part * apart, level, k] = (0.3 * (k % 5), 0.4 * (k // 5), 0.1 * level * (level + 1))
+    number = {key: k for k, key in enumerate(place, start=1)}
+    lines = ["*NODE", *(f"{number[key]}, {x}, {y}, {z}" for key, (x, y, z) in place.items())]
+    for part, name in enumerate(("LOWER", "UPPER")):
+        lines.append(f"*ELEMENT, TYPE=C3D8, ELSET={name}")
+        for k in range(4):
+            nodes = [number[part * apart, part + up, k + j] for up in (0, 1) for j in (0, 1, 6, 5)]
+            lines.append(", ".join(map(str, (4 * part + k + 1, *nodes))))
+    lines += ["*NSET, NSET=ROOF", ", ".join(str(number[apart * 1, 1, k]) for k in range(10))]
+    lines += ["*NSET, NSET=FLOOR", ", ".join(str(number[0, 1, k]) for k in range(10)), ""]
+    return "\n".join(lines)
+
+
+def frequencies(folder: Path, text: str, **mesh: Any) -> Array:
+    (folder / "bars.inp").write_text(text)
+    table = {"file": "bars.inp", "unit": "m"} | mesh
+    body = {"mesh": table, "E": 70e9, "nu": 0.3, "rho": 2700.0, "modes": {"count": 6}}
+    return np.asarray(fmd.load({"title": "Bars", "body": {"bars": body}}).modes.frequencies_hz)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_tie_of_meshes_that_match_is_as_good_as_common_nodes(
+    order: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    wanted = frequencies(tmp_path, deck(apart=False), order=order)
+    by_deck = frequencies(tmp_path, deck(apart=True) + TIE, order=order)
+    by_scene = frequencies(tmp_path, deck(apart=True), order=order, tie=[{"face": "roof", "onto": "FLOOR"}])
+    assert by_deck == pytest.approx(wanted, rel=1e-9)
+    assert by_scene == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "mesh", "message"),
+    [
+        ("", {"tie": [{"face": "roof", "onto": "flor"}]}, "mesh.tie.0: no face flor; the faces: ROOF, FLOOR"),
+        ("", {"tie": [{"face": "roof", "onto": "floor"}], "shell": "2 mm"}, "mesh.tie.*is of solids"),
+        (TIE.replace("SEAM", "SEAM, CYCLIC SYMMETRY"), {}, r"\*TIE SEAM has CYCLIC SYMMETRY, which isn't read"),
+        (TIE.replace("UP, LOW\n", "UP\n"), {}, r"\*TIE SEAM needs two surfaces"),
+        (TIE.replace("S2", "S1"), {}, r"\*TIE SEAM: its faces don't lie against each other"),
+    ],
+)
+def test_ties_that_are_wrong_are_refused(
+    text: str, mesh: dict[str, Any], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=message):
+        frequencies(tmp_path, deck(apart=True) + text, **mesh)
