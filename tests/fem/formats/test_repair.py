@@ -164,10 +164,6 @@ def test_shells_and_beams_that_are_no_faces_are_left_out_if_that_is_wanted(box: 
         ),
         (RawMesh(np.full((4, 3), np.nan), [("tetra", np.array([[0, 1, 2, 3]]))]), "4 nodes have coordinates"),
         (RawMesh(np.eye(4, 3), [("tetra", np.array([[0, 1, 2, 9]]))]), "name nodes that aren't there"),
-        (
-            RawMesh(np.eye(8, 3), [("tetra", np.array([[0, 1, 2, 3]])), ("wedge", np.array([[0, 1, 2, 3, 4, 5]]))]),
-            "one kind of solid element; it has 1 tetra, 1 wedge",
-        ),
     ],
 )
 def test_what_cannot_be_used_is_refused_with_counts(raw: RawMesh, message: str) -> None:

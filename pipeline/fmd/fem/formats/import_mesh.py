@@ -17,6 +17,7 @@ from fmd.fem.connections import Connections, TiedFaces
 from fmd.fem.formats import abaqus, nastran
 from fmd.fem.formats import repair as repairs
 from fmd.fem.formats.meshio_reader import read_by_meshio
+from fmd.fem.formats.mixed import split_mixed
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh, rows_among
 
@@ -70,6 +71,8 @@ def read_mesh(
     """
     try:
         raw = read_raw(path)
+        require_sound(raw)
+        raw = split_mixed(raw)
         return solid_mesh(_tied(raw, scale, ties) if ties else raw, scale, repair, mass_unit, force_unit)
     except MeshFileError as error:
         raise InputError(str(path), "", None, str(error)) from error
@@ -181,7 +184,7 @@ def solid_mesh(
         The mesh can't be used; the message counts its faults.
     """
     require_sound(raw)
-    findings = _Findings()
+    findings = _Findings(list(raw.notes))
     cell_type, cells = _solid_cells(raw)
     points = raw.points * scale
     joined = raw.connections.point_groups
@@ -270,10 +273,6 @@ def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     for kind in solids:
         if kind not in CELLS:
             raise MeshFileError(f"solid elements of kind {kind} aren't read, {', '.join(CELLS)} are; it has {listed}")
-    if len(solids) > 1:
-        raise MeshFileError(
-            f"a body takes one kind of solid element; it has {listed}. Mesh it with tetrahedra alone or hexahedra alone"
-        )
     return solids[0], np.concatenate([cells for kind, cells in raw.blocks if kind == solids[0]])
 
 

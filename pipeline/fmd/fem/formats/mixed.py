@@ -20,16 +20,31 @@ from fmd.core.arrays import Array, IntArray
 from fmd.fem.cells.cell import SolidCell
 from fmd.fem.cells.table import CELLS
 from fmd.fem.elements import match_nodes, shape_functions
-from fmd.fem.formats.raw_mesh import RawMesh
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.mesh import rows_among
 
 _TETRA = CELLS["tetra10"]
 
 
 def split_mixed(raw: RawMesh) -> RawMesh:
-    """Return a mesh of several kinds of solid cells as one of tetrahedra of second order, another as it is."""
-    kinds = {kind for kind, cells in raw.blocks if kind in CELLS and len(cells)}
-    if len(kinds) < 2:
+    """Return a mesh of several kinds of solid cells as one of tetrahedra of second order, another as it is.
+
+    Raises
+    ------
+    MeshFileError
+        Triangles of some cells lie on quadrilaterals of others, which are split the other way.
+    """
+    count: dict[str, int] = {}
+    for kind, cells in raw.blocks:
+        if kind in CELLS and len(cells):
+            count[kind] = count.get(kind, 0) + len(cells)
+    if len(count) < 2:
         return raw
+    if wrong := _count_cracks(raw):
+        raise MeshFileError(
+            f"{wrong} triangular facets of elements lie on quadrilateral ones of others, so that these don't meet; put "
+            "pyramids between them, or tie two meshes"
+        )
     middles = _Middles(raw.points)
     for kind, cells in raw.blocks:
         if kind in CELLS:
@@ -56,6 +71,10 @@ def split_mixed(raw: RawMesh) -> RawMesh:
         cell_sets=cell_sets,
         facet_sets={name: list(map(split_facets, facets)) for name, facets in raw.facet_sets.items()},
         connections=replace(raw.connections, mean=mean),
+        notes=[
+            f"elements of several kinds ({', '.join(f'{n} {kind}' for kind, n in count.items())}) are split into "
+            f"{sum(len(cells) for kind, cells in blocks if kind == _TETRA.name)} tetrahedra of second order"
+        ],
     )
 
 
@@ -66,6 +85,18 @@ def split_facets(corners: IntArray) -> IntArray:
     first = corners.argmin(axis=1)[:, None]
     turned = np.take_along_axis(corners, (first + np.arange(4)) % 4, axis=1)
     return np.asarray(turned[:, [(0, 1, 2), (0, 2, 3)]].reshape(-1, 3))
+
+
+def _count_cracks(raw: RawMesh) -> int:
+    """Count the triangular facets that halve a quadrilateral one the other way than `split_facets` does."""
+    facets: dict[int, list[IntArray]] = {3: [np.zeros((0, 3), dtype=np.int64)], 4: [np.zeros((0, 4), dtype=np.int64)]}
+    for kind, cells in raw.blocks:
+        for face in CELLS[kind].shape.faces if kind in CELLS else ():
+            facets[len(face)].append(cells[:, face])
+    triangles, quadrilaterals = np.sort(np.concatenate(facets[3]), axis=1), np.concatenate(facets[4])
+    halves = np.sort(np.concatenate([np.delete(quadrilaterals, k, axis=1) for k in range(4)]), axis=1)
+    own = np.sort(split_facets(quadrilaterals), axis=1)
+    return int((rows_among(triangles, halves) & ~rows_among(triangles, own)).sum())
 
 
 def _split(cell: SolidCell, cells: IntArray) -> tuple[IntArray, IntArray]:

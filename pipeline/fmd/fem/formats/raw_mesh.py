@@ -59,6 +59,8 @@ class RawMesh:
         What of the sections of shells isn't read.
     beams : DeckBeams
         Sections and orientation of beams of two nodes.
+    notes : list of str
+        What was done to the mesh on the way.
     """
 
     points: Array
@@ -71,6 +73,7 @@ class RawMesh:
     shells: list[tuple[Array, Array]] = field(default_factory=list)
     shell_faults: list[str] = field(default_factory=list)
     beams: DeckBeams = field(default_factory=DeckBeams)
+    notes: list[str] = field(default_factory=list)
 
     def count_elements(self) -> dict[str, int]:
         """Return the number of elements of each type, those that aren't read included."""
