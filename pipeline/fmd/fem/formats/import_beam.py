@@ -10,7 +10,8 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import ON_A_LINE
 from fmd.fem.beams import Beams, extrude
 from fmd.fem.formats.beam_sections import BeamElement, DrawnSection
-from fmd.fem.formats.import_mesh import faces_of_points, number_used, read_linked, require_one_piece
+from fmd.fem.formats.import_mesh import number_used, read_linked, require_one_piece
+from fmd.fem.formats.named_sets import faces_of_points
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.sections import RoundSection, Section

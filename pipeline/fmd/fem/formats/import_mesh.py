@@ -13,11 +13,12 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell
-from fmd.fem.connections import Connections, TiedFaces
+from fmd.fem.connections import Connections
 from fmd.fem.formats import abaqus, nastran
 from fmd.fem.formats import repair as repairs
 from fmd.fem.formats.meshio_reader import read_by_meshio
 from fmd.fem.formats.mixed import split_mixed
+from fmd.fem.formats.named_sets import PLANE, corners_of, find_faces, find_parts, three_corners, tie_by_names
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh, rows_among
 
@@ -25,8 +26,6 @@ _TEXT_READERS = dict.fromkeys(abaqus.SUFFIXES, abaqus.read_abaqus) | dict.fromke
     nastran.SUFFIXES, nastran.read_nastran
 )
 _CAD = (".step", ".stp", ".iges", ".igs", ".brep")
-_PLANE = ("triangle", "quad", "polygon")
-_NONE = np.empty(0, dtype=np.int64)
 T = TypeVar("T")
 
 
@@ -73,31 +72,9 @@ def read_mesh(
         raw = read_raw(path)
         require_sound(raw)
         raw = split_mixed(raw)
-        return solid_mesh(_tied(raw, scale, ties) if ties else raw, scale, repair, mass_unit, force_unit)
+        return solid_mesh(tie_by_names(raw, scale, ties) if ties else raw, scale, repair, mass_unit, force_unit)
     except MeshFileError as error:
         raise InputError(str(path), "", None, str(error)) from error
-
-
-def _tied(raw: RawMesh, scale: float, ties: Sequence[tuple[str, str, float | None]]) -> RawMesh:
-    """Add ties between faces of a mesh by their names, in any case.
-
-    Raises
-    ------
-    MeshFileError
-        There is no such face.
-    """
-    faces = _faces(raw, np.arange(len(raw.points)))
-    known = {name.casefold(): face for name, face in faces.items()}
-    added = []
-    for number, (*names, within) in enumerate(ties):
-        for name in names:
-            if name.casefold() not in known:
-                raise MeshFileError(f"mesh.tie.{number}: no face {name}; the faces: {', '.join(faces) or 'none'}")
-        one, other = (known[name.casefold()] for name in names)
-        points = np.unique(np.concatenate([one.ravel(), other.ravel()]))
-        bridged = None if within is None else within / scale
-        added.append(TiedFaces(f"tie of {names[0]} to {names[1]}", points, one, other, bridged))
-    return replace(raw, connections=replace(raw.connections, ties=(*raw.connections.ties, *added)))
 
 
 def read_raw(path: Path) -> RawMesh:
@@ -160,12 +137,6 @@ def number_used(cells: IntArray, n_points: int) -> tuple[IntArray, IntArray]:
     return used, place
 
 
-def faces_of_points(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
-    """Return the nodes of each point set that has some among a mesh's."""
-    faces = {name: place[nodes][place[nodes] >= 0] for name, nodes in raw.point_sets.items()}
-    return {name: nodes for name, nodes in faces.items() if len(nodes)}
-
-
 def require_one_piece(raw: RawMesh, cells: IntArray, what: str) -> None:
     """Raise ``MeshFileError`` for cells, such as ``shells``, that neither nodes nor links join."""
     n_pieces = repairs.count_pieces(cells, len(raw.points), raw.connections.point_groups)
@@ -206,8 +177,8 @@ def solid_mesh(
         points[used],
         place[cells],
         cell_type,
-        _parts(raw, kept),
-        _faces(raw, place[first]),
+        find_parts(raw, kept),
+        find_faces(raw, place[first]),
         notes=(*findings.notes, *(f"mended: {what}" for what in findings.mendable)),
         connections=connections,
     )
@@ -357,13 +328,13 @@ def _turn_right_side_out(points: Array, cells: IntArray, cell_type: str, finding
 
 def _note_loose_elements(raw: RawMesh, cells: IntArray, cell_type: str, first: IntArray, findings: _Findings) -> None:
     """Note the elements that are neither solid nor on a solid's faces or edges: they would be lost."""
-    facets = np.concatenate([_three(cells[:, list(face)]) for face in solid_cell(cell_type).shape.faces])
+    facets = np.concatenate([three_corners(cells[:, list(face)]) for face in solid_cell(cell_type).shape.faces])
     sides = np.sort(repairs.edges(cells, cell_type).reshape(-1, 2), axis=1)
     loose: dict[str, int] = dict(raw.others)
     on_solid = 0
     for kind, block in raw.blocks:
-        if kind.startswith(_PLANE):
-            on = int(rows_among(_three(first[block[:, : _corners_of(kind)]]), facets).sum())
+        if kind.startswith(PLANE):
+            on = int(rows_among(three_corners(first[block[:, : corners_of(kind)]]), facets).sum())
             on_solid += on
             lost = len(block) - on
         elif kind.startswith("line"):
@@ -385,43 +356,3 @@ def _complaint(findings: _Findings) -> str:
     if findings.fatal:
         return f"its mesh can't be used: {wrong}"
     return f"its mesh needs mending, which mesh.repair = true (or --repair) does: {wrong}"
-
-
-def _parts(raw: RawMesh, kept: IntArray) -> dict[str, IntArray]:
-    """Return the cells of each element set of solids; those of no set are the part ``rest``."""
-    solid = [is_solid(kind) for kind, _ in raw.blocks]
-    offsets = np.cumsum([0, *(len(cells) if s else 0 for s, (_, cells) in zip(solid, raw.blocks, strict=True))])
-    place = np.full(offsets[-1], -1)
-    place[kept] = np.arange(len(kept))
-    parts = {}
-    for name, sets in raw.cell_sets.items():
-        chosen = [offsets[b] + cells for b, cells in enumerate(sets) if solid[b]]
-        numbers = place[np.concatenate([_NONE, *chosen])]
-        if (numbers >= 0).any():
-            parts[name] = np.unique(numbers[numbers >= 0])
-    rest = np.setdiff1d(np.arange(len(kept)), np.concatenate([_NONE, *parts.values()]))
-    return parts | ({"rest" if parts else "all": rest} if len(rest) else {})
-
-
-def _faces(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
-    """Return node sets as points, and sets of surface elements and surfaces as corners of facets."""
-    faces = {name: np.unique(place[points][place[points] >= 0]) for name, points in raw.point_sets.items()}
-    facets: dict[str, list[IntArray]] = {name: list(corners) for name, corners in raw.facet_sets.items()}
-    for name, sets in raw.cell_sets.items():
-        for (kind, block), chosen in zip(raw.blocks, sets, strict=True):
-            if kind.startswith(_PLANE) and len(chosen):
-                facets.setdefault(name, []).append(block[chosen][:, : _corners_of(kind)])
-    for name, corners in facets.items():
-        rows = [_three(place[block]) for block in corners]
-        joined = np.concatenate(rows) if rows else np.empty((0, 3), dtype=np.int64)
-        faces[name] = joined[(joined >= 0).all(axis=1)]
-    return {name: face for name, face in faces.items() if face.size}
-
-
-def _three(corners: IntArray) -> IntArray:
-    """Return three corners of each facet, which identify one of four corners too."""
-    return np.sort(corners, axis=1)[:, :3]
-
-
-def _corners_of(kind: str) -> int:
-    return 3 if kind.startswith("triangle") else 4

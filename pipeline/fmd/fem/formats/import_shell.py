@@ -8,7 +8,8 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.fem.cells.table import is_solid
-from fmd.fem.formats.import_mesh import faces_of_points, number_used, read_linked, require_one_piece
+from fmd.fem.formats.import_mesh import number_used, read_linked, require_one_piece
+from fmd.fem.formats.named_sets import faces_of_points
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.thicken import Sheet, thicken

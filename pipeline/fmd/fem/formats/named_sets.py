@@ -1,0 +1,85 @@
+"""Named sets of a mesh file: parts, faces, and ties between faces by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fmd.core.arrays import IntArray
+from fmd.fem.cells.table import is_solid
+from fmd.fem.connections import TiedFaces
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+
+PLANE = ("triangle", "quad", "polygon")
+_NONE = np.empty(0, dtype=np.int64)
+
+
+def tie_by_names(raw: RawMesh, scale: float, ties: Sequence[tuple[str, str, float | None]]) -> RawMesh:
+    """Add ties between faces of a mesh by their names, in any case.
+
+    Raises
+    ------
+    MeshFileError
+        There is no such face.
+    """
+    faces = find_faces(raw, np.arange(len(raw.points)))
+    known = {name.casefold(): face for name, face in faces.items()}
+    added = []
+    for number, (*names, within) in enumerate(ties):
+        for name in names:
+            if name.casefold() not in known:
+                raise MeshFileError(f"mesh.tie.{number}: no face {name}; the faces: {', '.join(faces) or 'none'}")
+        one, other = (known[name.casefold()] for name in names)
+        points = np.unique(np.concatenate([one.ravel(), other.ravel()]))
+        bridged = None if within is None else within / scale
+        added.append(TiedFaces(f"tie of {names[0]} to {names[1]}", points, one, other, bridged))
+    return replace(raw, connections=replace(raw.connections, ties=(*raw.connections.ties, *added)))
+
+
+def find_parts(raw: RawMesh, kept: IntArray) -> dict[str, IntArray]:
+    """Return the cells of each element set of solids; those of no set are the part ``rest``."""
+    solid = [is_solid(kind) for kind, _ in raw.blocks]
+    offsets = np.cumsum([0, *(len(cells) if s else 0 for s, (_, cells) in zip(solid, raw.blocks, strict=True))])
+    place = np.full(offsets[-1], -1)
+    place[kept] = np.arange(len(kept))
+    parts = {}
+    for name, sets in raw.cell_sets.items():
+        chosen = [offsets[b] + cells for b, cells in enumerate(sets) if solid[b]]
+        numbers = place[np.concatenate([_NONE, *chosen])]
+        if (numbers >= 0).any():
+            parts[name] = np.unique(numbers[numbers >= 0])
+    rest = np.setdiff1d(np.arange(len(kept)), np.concatenate([_NONE, *parts.values()]))
+    return parts | ({"rest" if parts else "all": rest} if len(rest) else {})
+
+
+def find_faces(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
+    """Return node sets as points, and sets of surface elements and surfaces as corners of facets."""
+    faces = {name: np.unique(place[points][place[points] >= 0]) for name, points in raw.point_sets.items()}
+    facets: dict[str, list[IntArray]] = {name: list(corners) for name, corners in raw.facet_sets.items()}
+    for name, sets in raw.cell_sets.items():
+        for (kind, block), chosen in zip(raw.blocks, sets, strict=True):
+            if kind.startswith(PLANE) and len(chosen):
+                facets.setdefault(name, []).append(block[chosen][:, : corners_of(kind)])
+    for name, corners in facets.items():
+        rows = [three_corners(place[block]) for block in corners]
+        joined = np.concatenate(rows) if rows else np.empty((0, 3), dtype=np.int64)
+        faces[name] = joined[(joined >= 0).all(axis=1)]
+    return {name: face for name, face in faces.items() if face.size}
+
+
+def three_corners(corners: IntArray) -> IntArray:
+    """Return three corners of each facet, which identify one of four corners too."""
+    return np.sort(corners, axis=1)[:, :3]
+
+
+def corners_of(kind: str) -> int:
+    """Return the number of corners of a surface element of meshio's name."""
+    return 3 if kind.startswith("triangle") else 4
+
+
+def faces_of_points(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
+    """Return the nodes of each point set that has some among a mesh's."""
+    faces = {name: place[nodes][place[nodes] >= 0] for name, nodes in raw.point_sets.items()}
+    return {name: nodes for name, nodes in faces.items() if len(nodes)}
