@@ -22,13 +22,11 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.mesh import TIE_COVERED, TIE_FACING, TIE_PAIRS_AT_ONCE, TIE_WITHIN
+from fmd.core.limits.mesh import TIE_COVERED, TIE_FACING, TIE_PAIRS_AT_ONCE, TIE_SHARE, TIE_WITHIN
 from fmd.fem.cells.shape import skfem_quadrature
 from fmd.fem.elements import shape_functions
 from fmd.fem.polygons import bilinear_places, common_triangles
 from fmd.fem.space import Discretisation
-
-_SHARE = 3 / 8  # of a mid-edge node's function that each corner beside it takes: no function is below zero
 
 
 @dataclass(frozen=True)
@@ -85,8 +83,8 @@ class _Facets:
         V = np.eye(len(self.local))
         for a in range(n):
             middle = np.abs(at - (at[a] + at[(a + 1) % n]) / 2).max(axis=1) < 1e-9
-            V[a, middle] = V[(a + 1) % n, middle] = _SHARE
-            V[middle, middle] = 1 - 2 * _SHARE
+            V[a, middle] = V[(a + 1) % n, middle] = TIE_SHARE
+            V[middle, middle] = 1 - 2 * TIE_SHARE
         return V
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.newton import LOCATING_CORRECTIONS
 
 
 def common_triangles(one: Array, other: Array) -> tuple[Array, IntArray]:
@@ -57,7 +58,7 @@ def bilinear_places(corners: Array, points: Array) -> Array:
     b = corners[:, -1] - origin
     twist = corners[:, 2] - corners[:, 1] - b if corners.shape[1] == 4 else np.zeros_like(a)
     place = np.full_like(points, 0.5)
-    for _ in range(_CORRECTIONS if corners.shape[1] == 4 else 1):
+    for _ in range(LOCATING_CORRECTIONS if corners.shape[1] == 4 else 1):
         s, t = place[:, :1], place[:, 1:]
         off = points - (origin + s * a + t * b + s * t * twist)
         by_s, by_t = a + t * twist, b + s * twist
@@ -65,6 +66,3 @@ def bilinear_places(corners: Array, points: Array) -> Array:
         step = [off[:, 0] * by_t[:, 1] - off[:, 1] * by_t[:, 0], by_s[:, 0] * off[:, 1] - by_s[:, 1] * off[:, 0]]
         place = place + np.stack(step, axis=1) / det[:, None]
     return place
-
-
-_CORRECTIONS = 8  # of Newton's method: with convex quadrilaterals of any use it is done after four

@@ -48,6 +48,7 @@ IDLE = 1e-10  # square of a link's displacements over the largest, by motions in
 TIE_WITHIN = 0.1  # how far apart two facets may be, of the square root of one's area: a polygon's from its circle
 TIE_COVERED = 0.05  # share of a facet that has others before it, from which on its nodes follow these
 TIE_FACING = 0.5  # cosine of the angle between two facets' normals from which on they face each other
+TIE_SHARE = 3 / 8  # of a mid-edge node's function that each corner beside it takes: no function is below zero then
 TIE_GAP = 1e-9  # distance of a node from its place on the other face, of the body's extent: round-off
 TIE_PAIRS_AT_ONCE = 1000  # pairs of facets
 
