@@ -63,7 +63,7 @@ DATA_ROOMS = {"render", "meshes", "models", "verification", "bench"}
 FACTS = {
     "fmd.contact.histories": {
         *("FORCE", "IMPULSE", "MOMENT", "AREA", "PRESSURE", "ENERGY", "FRICTION", "DAMPED", "ERROR"),
-        *("BEGIN", "END", "BORDER", "N_VALUES"),
+        *("BEGIN", "END", "BORDER", "N_VALUES", "MOST_FORCE", "MOST_AREA", "MOST_PRESSURE"),
     },
     "fmd.core.cache": {"_DIGEST_BYTES"},
     "fmd.core.child": {"_PR_SET_PDEATHSIG"},

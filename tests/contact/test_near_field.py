@@ -18,6 +18,7 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import evaluate
 from fmd.meshes.gmsh_session import gmsh_model
 from fmd.output.contacts import contact_figures, contact_warnings
+from fmd.recovery.stress_below import point_force_stress
 from fmd.scene.joints.free import FREE
 
 RADIUS, WIDE = 10.0, 0.25  # of a sphere and of its contact
@@ -155,6 +156,8 @@ def test_a_ball_of_coarse_elements_bounces_as_hertz_says(ball: Pipeline) -> None
     largest = 4 / 3 * STIFF * np.sqrt(R) * approach**1.5
     assert floor["largest_force_n"] == pytest.approx(largest, rel=0.01)
     assert floor["largest_pressure_pa"] == pytest.approx(1.5 * largest / (np.pi * R * approach), rel=0.01)
+    assert floor["largest_stress_below_pa"] == pytest.approx(0.62 * floor["largest_pressure_pa"], rel=0.02)
+    assert floor["its_depth_m"] == pytest.approx(0.48 * np.sqrt(R * approach), rel=0.06)
     assert floor["end_s"] - floor["begin_s"] == pytest.approx(2.9432 * approach / SPEED, rel=0.02)
     assert floor["impulse_n_s"][2] == pytest.approx(2 * mass * SPEED, rel=0.01)
     assert floor["largest_area_m2"] == pytest.approx(np.pi * R * approach, rel=0.05)
@@ -166,3 +169,23 @@ def test_a_grid_that_is_too_small_or_too_coarse_is_warned_of(scene: dict[str, An
     assert "reaches the border" in " ".join(own["text"] for own in contact_warnings(narrow))
     wide = ball.variant(load_scene(scene, ["contact.floor.width=1.5 mm"]))
     assert "are pressed, of which 32 give" in " ".join(own["text"] for own in contact_warnings(wide))
+
+
+def test_stress_under_forces_on_points_is_in_equilibrium_with_them_and_itself() -> None:
+    """Its divergence is 0, planes below bear the whole force, and the surface beside it bears nothing."""
+    nu, step, force = 0.3, 1e-3, np.array([[2.0, 0.7, -0.4]])
+    source, place = np.zeros((1, 2)), np.array([0.3, -0.2])
+
+    def stress(x: float, y: float, z: float) -> Array:
+        xx, yy, zz, yz, xz, xy = point_force_stress(np.array([[x, y]]), source, force, z, nu)[0]
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    at = np.array([*place, 0.5])
+    slopes = [(stress(*(at + d)) - stress(*(at - d))) / (2 * step) for d in step * np.eye(3)]
+    np.testing.assert_allclose(np.einsum("aab->b", np.array(slopes)), 0.0, atol=1e-4 * np.abs(slopes).max())
+    middles = 0.25 * (np.arange(-400, 400) + 0.5)
+    plane = np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
+    tensors = point_force_stress(plane, source, force, 0.5, nu)
+    np.testing.assert_allclose(-(0.25**2) * tensors[:, [2, 4, 3]].sum(axis=0), force[0], rtol=0.01)
+    free = point_force_stress(place[None], source, force, 1e-9, nu)[0]
+    np.testing.assert_allclose(free[[2, 3, 4]], 0.0, atol=1e-7)

@@ -12,7 +12,7 @@ from fmd.accuracy.error_estimates import Quantity
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.recovery.envelope import stress_envelope
-from fmd.recovery.stress import StressHistory, modal_stress, smooth_stress, stress_measure
+from fmd.recovery.stress import StressHistory, modal_stress, point_stress, smooth_stress, stress_measure
 from fmd.scene import histories
 from fmd.scene.outputs import Chart
 from fmd.scene.stress_outputs import Envelope
@@ -53,11 +53,17 @@ class StressPlace:
     modal: Array
     at_node: bool
 
-    def modal_on(self, other: FlexiblePart) -> Array:
-        """Return the stress of each modal coordinate at the same place of a part of other shapes, (6, n) [Pa]."""
-        if self.at_node:
-            return np.asarray(smooth_stress(other.space, other.material, other.body.shapes, self.point[None])[0])
-        return np.asarray(other.stress_at(self.point[None])[0])
+    def of_shapes(self, part: FlexiblePart, shapes: Array) -> Array:
+        """Return the stress of shapes (n_nodes, 3, n) at the same place of a part of any shapes, (6, n) [Pa]."""
+        at = smooth_stress if self.at_node else point_stress
+        return np.asarray(at(part.space, part.material, shapes, self.point[None])[0])
+
+    def over(self, run: Pipeline, motion: Motion) -> Array:
+        """Return the stress over a motion of the run, shape (6, n_times) [Pa]."""
+        tensors = self.modal @ motion.modal(self.part).T
+        if (own := run.contact_deformation(self.part, motion)) is not None:
+            tensors = tensors + self.of_shapes(own.part, own.fields.shapes) @ own.fields.sizes.T
+        return np.asarray(tensors)
 
 
 def stress_at_elements(run: Pipeline, names: Sequence[str]) -> dict[str, StressPlace]:
@@ -134,7 +140,7 @@ class RequestedStress:
         found: Quantities = {}
         for (name, component), place in self._places.items():
             part = run.parts[place.part]
-            modal = place.modal if part is self._run.parts[place.part] else place.modal_on(part)
+            modal = place.modal if part is self._run.parts[place.part] else place.of_shapes(part, part.body.shapes)
             values = stress_measure(component)((modal @ q[place.part].T)[None])[0]
             label = f"{name}.{component}"
             found[label] = Quantity(label, "Pa", values, kind="stress" if place.at_node else "spot stress")

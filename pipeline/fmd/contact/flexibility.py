@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.contact.touching_body import ContactPoints
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.contact import COLUMNS_AT_ONCE, LEAST_FLEXIBILITY, LEAST_SHARE, MOST_POINTS, OTHER_FACETS
+from fmd.core.limits.contact import (
+    COLUMNS_AT_ONCE,
+    FORCES_RESOLVED,
+    LEAST_FLEXIBILITY,
+    LEAST_SHARE,
+    MOST_POINTS,
+    OTHER_FACETS,
+)
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker
@@ -93,7 +101,8 @@ def contact_points(
     (material, _), *others = fe.material.over(slice(None))
     elastic = None if others else (material.E, material.nu)
     G = G.reshape(n, 3, n, 3)
-    return ContactPoints(body.x[at].copy(), areas, shapes, G, numbers, raised, surfaces, elastic=elastic)
+    x = body.x[at].copy()
+    return ContactPoints(x, areas, shapes, G, numbers, raised, surfaces, elastic=elastic, nodes=at)
 
 
 def _static_flexibility(fe: FEModel, solver: FreeBodySolver, nodes: IntArray) -> Array:
@@ -110,12 +119,59 @@ def _static_flexibility(fe: FEModel, solver: FreeBodySolver, nodes: IntArray) ->
 
 def _modal_flexibility(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray) -> Array:
     """Return the part of the flexibility that the modes have, (3 n, 3 n)."""
+    V = _elastic_shapes(fe, solver, body)[nodes].reshape(3 * len(nodes), -1) / body.omega
+    return np.asarray(V @ V.T)
+
+
+def _elastic_shapes(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody) -> Array:
+    """Return the modes without rigid motion, (n_nodes, 3, n_modes)."""
     flat, R = body.shapes.reshape(3 * len(fe.x), -1), solver.rigid_modes
     if R.shape[1]:
         MR = fe.M @ R
         flat = flat - R @ np.linalg.solve(R.T @ MR, MR.T @ flat)
-    V = flat.reshape(len(fe.x), 3, -1)[nodes].reshape(3 * len(nodes), -1) / body.omega
-    return np.asarray(V @ V.T)
+    return np.asarray(flat.reshape(len(fe.x), 3, -1))
+
+
+@dataclass(frozen=True)
+class ResidualFields:
+    """Displacements of a body that its modes leave out, as combinations of fields.
+
+    Parameters
+    ----------
+    shapes : ndarray, shape (n_nodes, 3, n_fields)
+        Fields [m].
+    sizes : ndarray, shape (n_times, n_fields)
+        How much of each there is at the output times.
+    """
+
+    shapes: Array
+    sizes: Array
+
+
+def find_residual_fields(
+    fe: FEModel, solver: FreeBodySolver, body: FlexibleBody, nodes: IntArray, forces: Array
+) -> ResidualFields:
+    """Return the displacements of a body that its modes leave out, under forces on some nodes over time.
+
+    They are ``K⁺ f − V (Vᵀ K V)⁻¹ Vᵀ f``. Forces that are combinations of a few have as few fields (singular values).
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n_loaded,)
+        Nodes that forces act on.
+    forces : ndarray, shape (n_times, n_loaded, 3)
+        In the body's axes [N].
+    """
+    parts, sizes, rows = np.linalg.svd(forces.reshape(len(forces), -1), full_matrices=False)
+    count = int((sizes > FORCES_RESOLVED * sizes.max(initial=0.0)).sum())
+    V, fields = _elastic_shapes(fe, solver, body), np.empty((len(fe.x), 3, count))
+    for first in range(0, count, COLUMNS_AT_ONCE):
+        some = rows[first : min(first + COLUMNS_AT_ONCE, count)].T.reshape(len(nodes), 3, -1)
+        loads = np.zeros((len(fe.x), 3, some.shape[2]))
+        loads[nodes] = some
+        modal = np.einsum("nam,nak->mk", V[nodes], some) / body.omega[:, None] ** 2
+        fields[:, :, first : first + some.shape[2]] = solver.static_response(loads) - V @ modal
+    return ResidualFields(fields, parts[:, :count] * sizes[:count])
 
 
 def _raised(G: Array, whole: Array) -> tuple[Array, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,9 @@ FORCE, IMPULSE, MOMENT, AREA, PRESSURE = 0, 3, 6, 9, 10
 """Places of a contact's values: vectors in space, then numbers."""
 ENERGY, FRICTION, DAMPED, ERROR, BEGIN, END, BORDER = 11, 12, 13, 14, 15, 16, 17
 """Places of those of energies and times, and of a mark that the border of a grid has been pressed."""
-N_VALUES = 18
+MOST_FORCE, MOST_AREA, MOST_PRESSURE = 18, 19, 20
+"""Places of the largest values at any step."""
+N_VALUES = 21
 
 
 class ContactHistory(NamedTuple):
@@ -29,6 +31,24 @@ class ContactHistory(NamedTuple):
     energy_error: Array  # (n_times,): energy that contact's steps have made since the start [J]
     span: tuple[float | None, float | None]  # first and last time of contact [s]; None without
     beyond_grid: bool  # it has reached the border of its near field's grid
+    largest: tuple[float, float, float]  # force [N], area [m²] and pressure [Pa] at any step
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """What a summary has of it: first and last time of contact, sums, and largest values at any step."""
+        begin, end = self.span
+        force, area, pressure = self.largest
+        return {
+            "begin_s": begin,
+            "end_s": end,
+            "impulse_n_s": self.impulse[-1].tolist(),
+            "largest_force_n": force,
+            "largest_pressure_pa": pressure,
+            "largest_area_m2": area,
+            "friction_work_j": float(self.friction_work[-1]),
+            "damping_work_j": float(self.damping_work[-1]),
+            "energy_error_j": float(self.energy_error[-1]),
+        }
 
 
 def read_history(v: Array) -> ContactHistory:
@@ -46,4 +66,5 @@ def read_history(v: Array) -> ContactHistory:
         energy_error=v[:, ERROR],
         span=(begin, end),
         beyond_grid=bool(v[-1, BORDER] > 0.0),
+        largest=(float(v[-1, MOST_FORCE]), float(v[-1, MOST_AREA]), float(v[-1, MOST_PRESSURE])),
     )

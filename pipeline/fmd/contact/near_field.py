@@ -17,7 +17,7 @@ import numpy as np
 
 from fmd.contact.half_space import half_space_flexibility, point_flexibility
 from fmd.contact.surface_fit import Quadric, fit_quadric
-from fmd.contact.touching_body import ContactPoints
+from fmd.contact.touching_body import ContactPoints, Grid
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.limits.contact import (
     APART,
@@ -147,17 +147,22 @@ def with_near_field(
     G[m:, :, m:] = np.einsum("ac,iajb,bd->icjd", at.axes, own, at.axes, optimize=True)
     G[m:, :, :m] = np.einsum("ip,pajb->iajb", smooth, points.G[nodes][:, :, others])
     G[:m, :, m:] = G[m:, :, :m].transpose(2, 3, 0, 1)
+    moved = np.zeros((m + n, len(points.x)))  # how points move by those of the mesh
+    moved[np.arange(m), others] = 1.0
+    moved[m:, nodes] = weights
     areas = {name: own for name, own in points.areas.items() if name != face}
     faces = {name: np.searchsorted(others, points.faces[name]) for name in areas}
     return replace(
         points,
         x=np.concatenate([points.x[others], x]),
         areas=areas | {face: np.full(n, cell[0] * cell[1])},
-        shapes=np.concatenate([points.shapes[others], np.einsum("ip,pam->iam", weights, points.shapes[nodes])]),
+        shapes=np.einsum("ip,pam->iam", moved, points.shapes),
         G=G,
         faces=faces | {face: np.arange(m, m + n)},
         surfaces={name: np.searchsorted(others, own) for name, own in points.surfaces.items()},
         border=np.concatenate([points.border[others], edge]),
+        weights=moved if points.weights is None else moved @ points.weights,
+        grids={**points.grids, face: Grid(places, cell, at.axes)},
     )
 
 

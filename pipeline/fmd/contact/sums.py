@@ -15,6 +15,9 @@ from fmd.contact.histories import (
     FRICTION,
     IMPULSE,
     MOMENT,
+    MOST_AREA,
+    MOST_FORCE,
+    MOST_PRESSURE,
     N_VALUES,
     PRESSURE,
 )
@@ -72,14 +75,46 @@ def _add_values(c: ContactTable, i: int, origins: Array, rotations: Array) -> No
 
 
 @inner
-def note_pressures(c: ContactTable, first: int, values: Array) -> None:
-    """Write the pressure at each node, from a place on; where several contacts press, the largest."""
-    for k in range(c.x.shape[0]):
-        values[first + k] = 0.0
+def note_values(c: ContactTable, values: Array) -> None:
+    """Write what `fmd.contact.recorded.ContactRecord` reads, of the state that `evaluate_contacts` has seen.
+
+    Where several contacts press a node, its pressure is the largest.
+    """
+    n, nodes, n_values = c.now.shape[0], c.x.shape[0], c.now.shape[1]
+    for k in range(n):
+        for j in range(n_values):
+            values[n_values * k + j] = c.now[k, j]
+    pressures = n_values * n
+    forces = pressures + nodes
+    for k in range(pressures, forces + 3 * nodes):
+        values[k] = 0.0
     for i in range(c.node.size):
         if c.areas[i] > 0.0:
-            at = first + c.node[i]
+            at = pressures + c.node[i]
             values[at] = max(values[at], c.force[i, 0] / c.areas[i])
+        if c.force[i, 0] != 0.0:
+            _note_force(c, i, forces, values)
+    at = forces + 3 * nodes
+    for body in range(c.link.size):
+        for k in range(6):
+            values[at + k] = c.push[c.link[body], k]
+        at += 6
+    for body in range(c.link.size):
+        for m in range(c.n_modes[body]):
+            values[at + m] = c.modal[c.mode[body, m]]
+        at += c.n_modes[body]
+
+
+@inner
+def _note_force(c: ContactTable, i: int, first: int, values: Array) -> None:
+    """Add the force on a point to that of its node, and its opposite to the corners of the triangle below."""
+    other = c.master[c.surface[i]] >= 0
+    for b in range(3):
+        values[first + 3 * c.node[i] + b] += c.own[i, b]
+        if other:
+            back = c.Q[i, 0, b] * c.own[i, 0] + c.Q[i, 1, b] * c.own[i, 1] + c.Q[i, 2, b] * c.own[i, 2]
+            for e in range(3):
+                values[first + 3 * c.foot[i, e] + b] -= c.weights[i, e] * back
 
 
 @inner
@@ -102,6 +137,9 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
         if v[FORCE] != 0.0 or v[FORCE + 1] != 0.0 or v[FORCE + 2] != 0.0:
             s[BEGIN] = t if math.isnan(s[BEGIN]) else s[BEGIN]
             s[END] = t
+        s[MOST_FORCE] = max(s[MOST_FORCE], math.sqrt(v[FORCE] ** 2 + v[FORCE + 1] ** 2 + v[FORCE + 2] ** 2))
+        s[MOST_AREA] = max(s[MOST_AREA], v[AREA])
+        s[MOST_PRESSURE] = max(s[MOST_PRESSURE], v[PRESSURE])
         s[ENERGY] = v[ENERGY]
         s[ERROR] = 0.0 if begins else s[ERROR] + v[ENERGY]
     for number in range(c.slave.size):

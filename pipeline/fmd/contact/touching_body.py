@@ -3,13 +3,33 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from fmd.contact.histories import ContactHistory, read_history
+from fmd.contact.recorded import ContactRecord
 from fmd.core.arrays import Array, BoolArray, IntArray, require_shape
+from fmd.core.limits.contact import CARRYING
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Rectangles on a curved face, each with a point in its middle.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n, 2)
+        Middles along the face [m].
+    cell : tuple of float
+        Sides [m].
+    axes : ndarray, shape (3, 3)
+        Inward normal and the two directions along the face, a row each, in the body's frame.
+    """
+
+    places: Array
+    cell: tuple[float, float]
+    axes: Array
 
 
 @dataclass(frozen=True)
@@ -41,6 +61,12 @@ class ContactPoints:
         Points at the border of a grid that is smaller than its face: a contact that presses them is larger.
     elastic : tuple of float, optional
         Young's modulus [Pa] and Poisson's ratio; ``None`` of several materials.
+    nodes : ndarray, shape (n_nodes,)
+        Nodes of the body's mesh that the points are at, or that a grid's are between.
+    weights : ndarray, shape (n, n_nodes), optional
+        By which forces on a grid's points act on these nodes; without, each point is at its own.
+    grids : mapping of str to Grid
+        Grids of faces that have one.
     """
 
     x: Array
@@ -52,6 +78,9 @@ class ContactPoints:
     surfaces: Mapping[str, IntArray] = field(default_factory=dict)
     border: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     elastic: tuple[float, float] | None = None
+    nodes: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    weights: Array | None = None
+    grids: Mapping[str, Grid] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.x)
@@ -62,6 +91,18 @@ class ContactPoints:
             require_shape(f"areas of {name}", self.areas[name], (len(numbers),))
         require_shape("shapes", self.shapes, (n, 3, None))
         require_shape("G", self.G, (n, 3, n, 3))
+
+    def on_nodes(self, forces: Array) -> Array:
+        """Return the forces on `nodes` of forces on points, (n_times, n, 3) and (n_times, n_nodes, 3)."""
+        return forces if self.weights is None else np.einsum("np,tna->tpa", self.weights, forces)
+
+    @property
+    def under_grids(self) -> IntArray:
+        """Nodes of the mesh that carry grids, whose stress there elements are too large for."""
+        if self.weights is None:
+            return np.zeros(0, dtype=np.int64)
+        rows = np.concatenate([self.faces[name] for name in self.grids])
+        return np.asarray(self.nodes[(np.abs(self.weights[rows]) > CARRYING).any(axis=0)])
 
     @property
     def softness(self) -> Array:
@@ -173,6 +214,12 @@ class TouchingBody:
     anchor: tuple[Array, Array] | None = None
 
     @property
+    def sizes(self) -> tuple[int, int]:
+        """Numbers of its points and of its modes."""
+        n, _, modes = self.points.shapes.shape
+        return n, modes
+
+    @property
     def damping(self) -> float:
         """Largest time of damping of its contacts [s]."""
         laws: list[ContactPlane | ContactPair] = [*self.planes, *self.pairs]
@@ -199,9 +246,10 @@ class TouchingBody:
         rows = J.reshape(n, -1)
         return np.asarray(rows.T @ np.linalg.solve(self.points.G.reshape(n, n), rows))
 
-    def histories(self, values: Array) -> dict[str, ContactHistory]:
-        """Return the histories of its contacts by name, of values (n_times, n_contacts, N_VALUES)."""
-        return {name: read_history(values[:, k]) for k, name in enumerate(self.names)}
+    @staticmethod
+    def record(bodies: Sequence[TouchingBody], rows: Array) -> ContactRecord:
+        """Return what a march has noted of a mechanism's bodies that touch, rows (n_times, n_values)."""
+        return ContactRecord(bodies, rows)
 
     def face_of(self, contact: str) -> str:
         """Return the face whose points one of its contacts takes."""

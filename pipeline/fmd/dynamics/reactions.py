@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +32,9 @@ class JointLoads:
     reactions: Mapping[str, Array]
 
 
-def joint_loads(mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, v: Array) -> JointLoads:
+def joint_loads(
+    mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, v: Array, pushes: Sequence[Array] = ()
+) -> JointLoads:
     """Compute accelerations, and force and moment of every joint, at states of a mechanism.
 
     They follow from the equations of motion at each state alone (recursive Newton–Euler), not from differences between
@@ -47,6 +49,8 @@ def joint_loads(mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, 
         axis, but its joint holds the moments of its products of inertia.
     times, q, v : ndarray, shapes (n_times,), (n_times, n_positions) and (n_times, n)
         Times [s] with positions and rates that close the loops.
+    pushes : sequence of ndarray, shapes (n_times, n_bodies, 6) and (n_times, n)
+        Of contacts, on the bodies' frames, in their axes, and on modes; none without contacts.
 
     Raises
     ------
@@ -56,16 +60,19 @@ def joint_loads(mechanism: Mechanism, whole: Mechanism, times: Array, q: Array, 
     lacking = [link.name for link in whole.links if link.integrals.normal >= 0]
     if lacking:
         raise ValueError(f"the joint of {lacking[0]} bears moments that take the body's inertia along its axis, too")
-    accelerations, multipliers = _accelerate(mechanism, times, q, v)
-    frames, loads = share_system(whole).compiled.joint_loads(times, q, v, accelerations, multipliers)
+    accelerations, multipliers = _accelerate(mechanism, times, q, v, pushes)
+    frames, loads = share_system(whole).compiled.joint_loads(times, q, v, accelerations, multipliers, pushes)
     of_tree = {link.joint_name: loads[:, number] for number, link in enumerate(mechanism.links)}
     return JointLoads(accelerations, frames, of_tree | _closing_reactions(mechanism, times, q, v, multipliers))
 
 
-def _accelerate(mechanism: Mechanism, times: Array, q: Array, v: Array) -> tuple[Array, Array]:
+def _accelerate(mechanism: Mechanism, times: Array, q: Array, v: Array, pushes: Sequence[Array]) -> tuple[Array, Array]:
     """Return accelerations (n_times, n) and the smallest Lagrange multipliers (n_times, n_rows) at each state."""
     compiled = share_system(mechanism).compiled
-    found = [compiled.constrained_accelerations(float(t), q[k], v[k]) for k, t in enumerate(times)]
+    found = [
+        compiled.constrained_accelerations(float(t), q[k], v[k], pushes=[own[k] for own in pushes])
+        for k, t in enumerate(times)
+    ]
     accelerations = np.reshape([a for a, _ in found], (len(times), mechanism.n))
     return accelerations, np.reshape([f for _, f in found], (len(times), len(compiled.rows)))
 
@@ -78,7 +85,9 @@ def _closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array, m
     return {joint.name: wrenches[:, k] for k, joint in enumerate(joints)}
 
 
-def closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array) -> dict[str, Array]:
+def closing_reactions(
+    mechanism: Mechanism, times: Array, q: Array, v: Array, pushes: Sequence[Array] = ()
+) -> dict[str, Array]:
     """Compute force [N] and moment [N m] of each joint that closes a loop on its parent and on its child.
 
     Where constraints are redundant, no motion tells how joints share their load; the smallest multipliers are taken.
@@ -87,13 +96,17 @@ def closing_reactions(mechanism: Mechanism, times: Array, q: Array, v: Array) ->
     ----------
     times, q, v : ndarray, shapes (n_times,), (n_times, n_positions) and (n_times, n)
         Times [s] with positions and rates that close the loops.
+    pushes : sequence of ndarray, shapes (n_times, n_bodies, 6) and (n_times, n)
+        Of contacts, on the bodies' frames, in their axes, and on modes; none without contacts.
 
     Returns
     -------
     dict of str to ndarray, shape (n_times, 2, 6)
         In space, about the joint's place on the parent and on the child, by the joints' names.
     """
-    multipliers = _accelerate(mechanism, times, q, v)[1] if mechanism.closing_joints else np.zeros((len(times), 0))
+    multipliers = np.zeros((len(times), 0))
+    if mechanism.closing_joints:
+        _, multipliers = _accelerate(mechanism, times, q, v, pushes)
     return _closing_reactions(mechanism, times, q, v, multipliers)
 
 

@@ -51,6 +51,12 @@ def note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
 
 
 @singledispatch
+def remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
+    """Let a mechanism's contacts remember the end of a step, from which friction and damping go on."""
+    raise NotImplementedError
+
+
+@singledispatch
 def freeze_slow(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
     """Freeze M̂, the slow accelerations and the coefficients of the velocity-dependent terms over a major cycle."""
     raise NotImplementedError

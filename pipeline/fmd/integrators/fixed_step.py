@@ -255,6 +255,8 @@ class FixedMarch:
         Fast steps to a major cycle, which is never divided.
     origin : float
         Time of step number 0 [s].
+    own_memory : int
+        Entries of a state's memory that are the method's own; contacts' follow.
     """
 
     name: str
@@ -264,6 +266,7 @@ class FixedMarch:
     step: float
     substeps: int = 1
     origin: float = 0.0
+    own_memory: int = 0
 
     def run(
         self, start: State, times: Array, progress: Progress | None, contacts: Array | None = None
@@ -295,8 +298,8 @@ class FixedMarch:
         last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
         p, check = self.system.parameters, WorkCheck(self.system, self.origin, self.step, substeps)
         touching = getattr(p, "contact", None)
-        if touching is not None and state.memory.size:
-            touching.recall(state.memory)
+        if touching is not None and state.memory.size > self.own_memory:
+            touching.recall(state.memory[self.own_memory :])
         check.begin(state.step, state.q, state.v)
         seconds, chunk, own = 0.0, substeps * FIRST_CYCLES, (method, p, self.frozen, samples, check.log, _no_starts())
         _march(*own, substeps, state.step, 0)  # compiles, or reads the kernel
@@ -318,7 +321,9 @@ class FixedMarch:
             if progress:
                 progress(state.step / last)
         check.require_little_missed(self.name)
-        state = state if touching is None else replace(state, memory=touching.memory)
+        if touching is not None:
+            memory = np.concatenate([state.memory[: self.own_memory], touching.memory])
+            state = replace(state, memory=memory)
         return state, q, v, seconds
 
 

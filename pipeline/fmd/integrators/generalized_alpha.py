@@ -29,7 +29,7 @@ from fmd.core.limits.newton import (
     VANISHED,
 )
 from fmd.core.newton import settles
-from fmd.dynamics.system import System, accelerations, advance, project
+from fmd.dynamics.system import System, accelerations, advance, project, remember_contacts
 from fmd.integrators.fixed_step import (
     FixedMarch,
     Samples,
@@ -116,21 +116,23 @@ class GeneralizedAlpha(ResumableIntegrator):
         counts = np.array([0.0, np.nan])
 
         def make(state: State) -> NewmarkSteps:
-            tangent, marks = state.memory[: n * n].reshape(n, n), state.memory[n * n :]
+            tangent, marks = state.memory[: n * n].reshape(n, n), state.memory[n * n : n * n + 2]
             alpha_m, alpha_f, beta, gamma = self.weights.tolist()
             room = aligned(n, n, n, n, n, n, system.n_positions)
             begin = (state.q, state.v, state.a, tangent, marks, counts)
             return NewmarkSteps(h, alpha_m, alpha_f, beta, gamma, *begin, *room)
 
+        contacts = np.full((times.size, getattr(system, "n_contact_values", 0)), np.nan)
         try:
-            end, q, v, seconds = FixedMarch(self.name, make, system, 0, h).run(start, times, progress)
+            march = FixedMarch(self.name, make, system, 0, h, own_memory=n * n + 2)
+            end, q, v, seconds = march.run(start, times, progress, contacts)
         except StabilityError:
             if np.isnan(counts[1]):
                 raise
             raise AccuracyError(
                 f"{self.name}: Newton's iteration did not converge at t = {counts[1]:.6g} s; take a smaller step"
             ) from None
-        return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end)
+        return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)
 
 
 def _two_accelerations(start: State) -> State:
@@ -318,7 +320,8 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
 
 @begin_cycle.register(NewmarkSteps)
 def _begin_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
-    pass
+    if first == 0:
+        remember_contacts(p, 0.0, m.q, m.v)
 
 
 @take_steps.register(NewmarkSteps)
@@ -353,3 +356,4 @@ def _end_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, samples: Sample
     for i in range(m.q.size):
         m.q[i] = m.q_new[i]
     project(p, (first + 1) * m.h, m.q, m.v)
+    remember_contacts(p, (first + 1) * m.h, m.q, m.v)

@@ -20,6 +20,7 @@ from fmd.dynamics.system import (
     note_contacts,
     project,
     project_onto_constraints,
+    remember_contacts,
     velocities,
 )
 from fmd.kernels.kernel import kernel
@@ -347,6 +348,11 @@ def _project(p: Any, t: float, q: Array, v: Array) -> None:
 @project_onto_constraints.register(Table)
 def _project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Leave a step as it is, likewise."""
+
+
+@remember_contacts.register(Table)
+def _remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
+    """Remember nothing, likewise."""
 
 
 @note_contacts.register(Table)

@@ -10,33 +10,33 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import FEW_POINTS, LOST_ENERGY, UNSEEN_DEPTH
 from fmd.recovery.motion import Motion
+from fmd.recovery.stress_below import largest_stress_below
 from fmd.stages.pipeline import Pipeline
 
 if TYPE_CHECKING:
-    from fmd.contact.histories import ContactHistory
+    from fmd.contact.touching_body import ContactPlane, TouchingBody
 
 
 def contact_figures(run: Pipeline) -> dict[str, Any]:
     """Return the contacts of the first run by name; nothing without contacts."""
     histories = run.motion.contacts
-    planes = {plane.name: plane.near_field for body in run.motion.mechanism.contacts for plane in body.planes}
-    figures = {name: {"near_field": planes.get(name, "mesh"), **_figures(own)} for name, own in histories.items()}
+    figures = {name: {"near_field": "mesh", **own.figures} for name, own in histories.items()}
+    for body in run.motion.mechanism.contacts:
+        for plane in body.planes:
+            figures[plane.name] |= {"near_field": plane.near_field, **_stress_below(run.motion, body, plane)}
     return {"contacts": figures} if histories else {}
 
 
-def _figures(own: ContactHistory) -> dict[str, Any]:
-    begin, end = own.span
-    return {
-        "begin_s": begin,
-        "end_s": end,
-        "impulse_n_s": own.impulse[-1].tolist(),
-        "largest_force_n": float(np.linalg.norm(own.force, axis=1).max()),
-        "largest_pressure_pa": float(own.peak_pressure.max()),
-        "largest_area_m2": float(own.area.max()),
-        "friction_work_j": float(own.friction_work[-1]),
-        "damping_work_j": float(own.damping_work[-1]),
-        "energy_error_j": float(own.energy_error[-1]),
-    }
+def _stress_below(motion: Motion, body: TouchingBody, plane: ContactPlane) -> dict[str, float]:
+    """Return the largest stress below a near field's grid at the output time of the largest pressure, and its depth."""
+    grid = body.points.grids.get(plane.face)
+    if grid is None or motion.touched is None:
+        return {}
+    E_nu, own = body.points.elastic, body.points.faces[plane.face]
+    frame = int(motion.touched.pressures[body.body][:, own].max(axis=1).argmax())
+    forces = motion.touched.forces[body.body][frame, own] @ grid.axes.T
+    stress, depth = largest_stress_below(grid.places, grid.cell, forces, E_nu[1] if E_nu else 0.0)
+    return {"largest_stress_below_pa": stress, "its_depth_m": depth}
 
 
 def contact_warnings(run: Pipeline) -> list[dict[str, str]]:

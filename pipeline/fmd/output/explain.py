@@ -23,7 +23,7 @@ Fate = Literal["run", "cached", "skipped", "open"]
 _OF_RUN: dict[str, Stage[Any]] = {**RUN_STAGES, ERROR_BUDGET.name: ERROR_BUDGET}
 STAGES = (SETTINGS.name, *PART_STAGES, *_OF_RUN, "responses", "files", "pictures")
 """Names of all stages of a run, in the order of forecasts."""
-_OF_SUMMARY = ("fine motion", "strain", "modes", "surface", "stress", "element stress")
+_OF_SUMMARY = ("fine motion", "strain", "modes", "surface", "stress", "element stress", "contact stress")
 _COUNTED = "{} in the scene's output"
 _SAME = "same inputs and source as when it was kept"
 

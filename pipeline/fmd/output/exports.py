@@ -36,6 +36,14 @@ def _write_body(run: Pipeline, body: str, _frames: int, path: Path) -> None:
     write_format(run, "python", body, path)
 
 
+def nodal_stress_at(run: Pipeline, body: str, frame: int) -> NDArray[np.float32]:
+    """Return the stress at all nodes of one of the scene's bodies at an output time, shape (n_nodes, 6) [Pa]."""
+    if body in run.division.divided:
+        return run.division.divided[body].nodal_stress_at(run.motion, frame)
+    own, q = run.contact_deformation(body, run.motion), run.motion.modal(body)[frame].astype(np.float32)
+    return np.asarray(run.parts[body].nodal_stress @ q + (0 if own is None else own.nodal_stress(frame)))
+
+
 def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
     """Write displacement from the undeformed body at rest, deformation and stress at all nodes."""
     from fmd.fem.formats.vtkhdf import write_series
@@ -46,7 +54,7 @@ def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
 
     def fields() -> Iterator[dict[str, NDArray[np.floating]]]:
         for k in chosen:
-            tensor, deformation = run.nodal_stress_at(body, k), run.deform(body, [k], nodes)[0]
+            tensor, deformation = nodal_stress_at(run, body, k), run.deform(body, [k], nodes)[0]
             yield {
                 "displacement": motion.placed(body, x + deformation, k) + origin - part.space.x,
                 "deformation": deformation,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from fmd.accuracy.contact_errors import BY_STEP
 from fmd.accuracy.requested_stress import EXTREMES
 from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
@@ -17,7 +18,9 @@ def figure_errors(run: Pipeline, summary: Mapping[str, Any]) -> dict[str, float 
     error over time counts.
     """
     stated = VariableErrors(run)
-    return {place: stated.of_quantity(name) for place, name in _quantities(run, summary)}
+    found = {place: stated.of_quantity(name) for place, name in _quantities(run, summary)}
+    by_step: Mapping[str, Mapping[str, float]] = run.results.get(BY_STEP, {})
+    return found | {f"contacts.{name}.{key}": x for name, own in by_step.items() for key, x in own.items()}
 
 
 def _quantities(run: Pipeline, summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

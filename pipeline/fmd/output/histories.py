@@ -108,9 +108,9 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
         elif quantity == "energy":
             found += energy_variables(motion)
         elif quantity == "element_stress":
-            found += _stresses(output, stress_at_elements(run, output.elements), motion)
+            found += _stresses(run, output, stress_at_elements(run, output.elements), motion)
         elif quantity == "node_stress":
-            found += _stresses(output, stress_at_nodes(run, output.nodes), motion)
+            found += _stresses(run, output, stress_at_nodes(run, output.nodes), motion)
         else:
             found += marker_variables(motion, quantity, output.markers or named_markers(motion), in_body)
     if not found:
@@ -119,10 +119,10 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
     return found
 
 
-def _stresses(output: Quantities, places: dict[str, StressPlace], motion: Motion) -> Iterator[Variable]:
+def _stresses(run: Pipeline, output: Quantities, places: dict[str, StressPlace], motion: Motion) -> Iterator[Variable]:
     """Yield components of stress over a motion at named places."""
     for name, place in places.items():
-        tensors = (place.modal @ motion.modal(place.part).T)[None]
+        tensors = place.over(run, motion)[None]
         for component in output.components:
             text = f"{component} stress in {name}"
             yield Variable(f"{name}.{component}", stress_measure(component)(tensors)[0], (), "Pa", text)

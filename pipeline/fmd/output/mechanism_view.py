@@ -89,6 +89,9 @@ def _flexible(run: Pipeline, body: str, chosen: IntArray, scale: float, componen
         shapes, coordinates = np.moveaxis(run.deform(body, chosen, nodes), 0, 2), np.eye(len(chosen))
     else:
         shapes, coordinates = run.bodies[body].shapes[nodes], run.motion.modal(body)[chosen]
+        if (own := run.contact_deformation(body, run.motion)) is not None:
+            shapes = np.concatenate([shapes, own.fields.shapes[nodes]], axis=2)
+            coordinates = np.concatenate([coordinates, own.fields.sizes[chosen]], axis=1)
     return MovingBody(
         surface=body_surface(run, body),
         shapes=shapes,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,7 +45,8 @@ def _missed(run: Pipeline, body: str, node: int) -> float:
     pieces = [part.name for part in run.pieces_of(body)]
     rates = [motion.kinematics.modal_rates(motion.mechanism.number_of(piece)) for piece in pieces]
     omega = np.concatenate([run.bodies[piece].omega for piece in pieces])
-    hidden = estimate_missed_vibration(stress, node, np.concatenate(rates, axis=1), omega)
+    vibrating = replace(stress, modal=stress.modal[..., : len(omega)], q=stress.q[:, : len(omega)])
+    hidden = estimate_missed_vibration(vibrating, node, np.concatenate(rates, axis=1), omega)
     return max(hidden, estimate_missed_peak(stress, node))
 
 

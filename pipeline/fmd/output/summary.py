@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fmd.accuracy.contact_errors import step_errors
 from fmd.accuracy.deflection import deflection_warnings, stretching_warnings
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
@@ -89,7 +90,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     summary["final"] = first.final() | _former_names(first)
     summary["joint_units"] = {joint: first.joint_unit(joint) for joint in first.joints}
     summary["tip"] = dict(summary["final"]["tip"])
-    summary["left_out_modes"] = run.left_out
+    summary["left_out_modes"] = _left_out_modes(run)
     if len(first.tip_link.omega):
         summary["peak_tip_deflection_m"] = float(fine.tip_size.max())
     histories = _element_histories(run)
@@ -111,6 +112,8 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         summary["warnings"] += limitless_warnings(run, found)
         summary["warnings"] += output_time_warnings(run, {name: node for name, (_, node, _) in found.items()})
     stated = state_errors(run, budget_seconds) if budget and ERROR_BUDGET.applies(run) else None
+    if budget and run.scene.contact:
+        step_errors(run)
     for output in run.scene.output:
         if summarise_output := kind_of(output).summarise:
             for key, values in summarise_output(run, output).items():
@@ -151,6 +154,15 @@ def _state_figures(summary: dict[str, Any], budget: Budget | None) -> None:
         figure.pop("why", None)
         if interval is None:
             figure["why"] = "no error budget states it" if row is None else row.why
+
+
+def _left_out_modes(run: Pipeline) -> dict[str, list[int]]:
+    """Return the numbers from 1 of the modes of each body that no run integrates: nothing excites them."""
+    parts = [plan.excited.left_out if plan.excited else {} for plan in run.plans.values()]
+    return {
+        body: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
+        for body, modes in parts[0].items()
+    }
 
 
 def _worst_stress(run: Pipeline, body: str, time: float, node: int, value: float) -> dict[str, Any]:

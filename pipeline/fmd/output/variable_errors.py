@@ -17,7 +17,7 @@ from fmd.stages.pipeline import Pipeline
 NOT_STATED = "not stated: "
 NO_BUDGET = "no error budget was made; fmd run makes one without --no-budget, fmd sweep with --budget"
 _NO_MESH = "a body without a mesh tells nothing of its own error"
-_CONTACT = "after a contact two runs part, whatever their error; contacts have no error budget"
+_CONTACT = "after a contact two runs part, whatever their error; figures of contacts have that of their step"
 NOT_COMPARED = NOT_STATED + "the error budget doesn't compare it"
 _ROUND_OFF = "it is nothing but round-off"
 _OF_JOINTS = ("force", "moment", "position", "rate", "orientation", "angular_velocity", "displacement", "velocity")

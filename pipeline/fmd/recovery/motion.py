@@ -20,6 +20,7 @@ from fmd.integrators.protocol import Trajectory
 
 if TYPE_CHECKING:
     from fmd.contact.histories import ContactHistory
+    from fmd.contact.recorded import ContactRecord
 
 
 @dataclass(frozen=True)
@@ -112,35 +113,45 @@ class Motion:
     @cached_property
     def closing_reactions(self) -> Mapping[str, Array]:
         """Force [N] and moment [N m] of each joint that closes a loop on its parent and child, (n_times, 2, 6)."""
-        return closing_reactions(self.mechanism, self.times, self.trajectory.q, self.trajectory.v)
+        return closing_reactions(self.mechanism, self.times, self.trajectory.q, self.trajectory.v, self._pushes)
 
     @cached_property
     def joint_loads(self) -> JointLoads:
         """Accelerations, and force and moment of every joint, at the output times."""
         whole = self.mechanism if self.complete is None else self.complete(self.mechanism)
-        return joint_loads(self.mechanism, whole, self.times, self.trajectory.q, self.trajectory.v)
+        q, v = self.trajectory.q, self.trajectory.v
+        return joint_loads(self.mechanism, whole, self.times, q, v, self._pushes)
+
+    @cached_property
+    def touched(self) -> ContactRecord | None:
+        """Contacts and their forces at the output times; ``None`` where nothing may touch."""
+        if not self.mechanism.contacts:
+            return None
+        first, *_ = self.mechanism.contacts  # which knows its record, so that no other scene loads it
+        return first.record(self.mechanism.contacts, self.trajectory.contacts)
 
     @property
     def contacts(self) -> Mapping[str, ContactHistory]:
         """Contacts at the output times, by name; none where nothing may touch."""
-        found: dict[str, ContactHistory] = {}
-        first = 0
-        counts = [len(body.names) for body in self.mechanism.contacts]
-        if not counts:
-            return found
-        n_pressures = sum(len(body.points.x) for body in self.mechanism.contacts)
-        values = self.trajectory.contacts[:, :-n_pressures].reshape(len(self.times), sum(counts), -1)
-        for body, count in zip(self.mechanism.contacts, counts, strict=True):
-            found |= body.histories(values[:, first : first + count])
-            first += count
-        return found
+        return {} if self.touched is None else self.touched.histories
 
     @property
     def contact_pressures(self) -> Mapping[str, Array]:
         """Pressures at the points of bodies that touch something [Pa], shapes (n_times, n_points), by their names."""
-        counts = [len(body.points.x) for body in self.mechanism.contacts]
-        parts = np.split(self.trajectory.contacts[:, -sum(counts) :], np.cumsum(counts)[:-1], axis=1)
-        return {body.body: own for body, own in zip(self.mechanism.contacts, parts, strict=True)}
+        return {} if self.touched is None else self.touched.pressures
+
+    @property
+    def _pushes(self) -> tuple[Array, ...]:
+        """What contacts do to the bodies' frames (n_times, n_bodies, 6) and to modes (n_times, n); nothing without."""
+        if self.touched is None:
+            return ()
+        mechanism, n_times = self.mechanism, len(self.times)
+        frames, modes = np.zeros((n_times, len(mechanism.links), 6)), np.zeros((n_times, mechanism.n))
+        for name, pushes in self.touched.pushes.items():
+            number = mechanism.number_of(name)
+            frames[:, number] = pushes
+            modes[:, mechanism.modes_of(number)] = self.touched.modal[name]
+        return frames, modes
 
     @property
     def constraint_residual(self) -> float:

@@ -167,16 +167,14 @@ class CrossCheck:
         if self.scene.contact and self.scene.sampled:
             fault = f"can't be in a scene with a sampled controller, {self.scene.sampled[0]}"
             yield FaultError(fault, "contact", next(iter(self.scene.contact)))
-        if self.scene.contact and self.scene.closing:
-            yield FaultError("can't be in a scene whose joints close loops", "contact", next(iter(self.scene.contact)))
 
     def _check_contact_runs(self) -> Iterator[FaultError]:
-        """Contact is for methods that evaluate forces once a step, from a start at which nothing is pressed."""
+        """Contact is for methods that tell it when a step ends, from a start at which nothing is pressed."""
         simulation = self.scene.simulation_table
         assert simulation is not None
         for number, run in enumerate(simulation.run):
             if not run.takes_contact:
-                mend = f"{name_methods('takes_contact')} does"
+                mend = f"{name_methods('takes_contact')} do"
                 yield FaultError(f"takes no contact; {mend}", "simulation", "run", number, "integrator")
         if getattr(self.scene, "accuracy", None) is not None:
             yield FaultError("can't be required of a scene with contacts: no error budget states theirs", "accuracy")

@@ -34,7 +34,7 @@ class RunTable(SceneTable):
     samples : bool
         Its steps end where sampled controllers measure.
     takes_contact : bool
-        It evaluates forces once a step, as contact's are to be.
+        Its steps are given, and it tells contacts when one ends.
     passes_over : bool
         It stays stable where its steps don't resolve fast vibrations.
     limit_remedy, growth_remedy : str

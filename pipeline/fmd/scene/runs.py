@@ -196,6 +196,7 @@ class GeneralizedAlphaRun(SteppedRun):
 
     title: ClassVar[str] = "Generalised alpha"
     method: ClassVar[str] = "generalized_alpha.GeneralizedAlpha"
+    takes_contact: ClassVar[bool] = True
     passes_over: ClassVar[bool] = True
 
     integrator: Literal["generalized-alpha"]

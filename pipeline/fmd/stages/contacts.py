@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from fmd.contact.flexibility import contact_points
+from fmd.contact.flexibility import contact_points, find_residual_fields
 from fmd.contact.touching_body import ContactPair, ContactPlane, ContactPoints, TouchingBody
 from fmd.core.errors import InputError
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fem.surface import surface_facets, surface_topology
+from fmd.stages.contact_deformation import ContactDeformation
 from fmd.stages.contact_grids import StartPose, refine_near_field
 from fmd.stages.markers import find_marker_facets
 from fmd.stages.parent_joint import ground_place
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from fmd.core.arrays import IntArray
+    from fmd.recovery.motion import Motion
     from fmd.scene.contacts import Contact
     from fmd.scene.scene import Scene
     from fmd.stages.part import FlexiblePart
@@ -37,6 +39,14 @@ class ScenesParts(Protocol):
     @property
     def parts(self) -> Mapping[str, FlexiblePart]:
         """Parts by name."""
+
+
+class MovingParts(ScenesParts, Protocol):
+    """A scene with its flexible parts and their motion."""
+
+    @property
+    def motions(self) -> Mapping[str, Motion]:
+        """Motion by each run, by its label."""
 
 
 def find_contact_points(part: FlexiblePart) -> ContactPoints:
@@ -89,6 +99,20 @@ def add_contacts(run: ScenesParts, mechanism: Mechanism) -> Mechanism:
     if run.scene.simulation.start == "equilibrium":
         bodies = {name: replace(own, anchor=start.frame(name)) for name, own in bodies.items()}
     return replace(mechanism, contacts=list(bodies.values()))
+
+
+def find_deformations(run: MovingParts) -> dict[str, dict[str, ContactDeformation]]:
+    """Find what contacts deform bodies beside their modes in each run, by the run's label and the body."""
+    found: dict[str, dict[str, ContactDeformation]] = {}
+    for label, motion in run.motions.items():
+        forces, own = motion.touched.forces if motion.touched else {}, dict[str, ContactDeformation]()
+        for touching in motion.mechanism.contacts:
+            part, points = run.parts[touching.body], touching.points
+            on_nodes = points.on_nodes(forces[touching.body])
+            fields = find_residual_fields(part.fe, part.model.solver, part.body, points.nodes, on_nodes)
+            own[touching.body] = ContactDeformation(part, points, fields)
+        found[label] = own
+    return found
 
 
 def _plane(scene: Scene, name: str, contact: Contact) -> ContactPlane:

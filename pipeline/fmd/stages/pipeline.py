@@ -9,7 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.cache import Cache
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
     from fmd.reduction.modes import Modes
     from fmd.stability.periodic_motion import PeriodicMotion
     from fmd.stages.buckling import StiffnessChange
+    from fmd.stages.contact_deformation import ContactDeformation
     from fmd.stages.plan import Growth, Plan
     from fmd.stages.stiffening_check import StiffeningLoads
 
@@ -50,6 +50,10 @@ if TYPE_CHECKING:
 
 def _has_pieces(run: Pipeline) -> bool:
     return run.scene.moves and bool(run.scene.pieces)
+
+
+def _has_contacts(run: Pipeline) -> bool:
+    return bool(run.scene.contact)
 
 
 def _divide(run: Pipeline) -> Division:
@@ -172,6 +176,9 @@ class Pipeline:
     plans: Stage[dict[str, Plan]] = Stage("plans", "runs:finish_plans", ("steps", "stability"))
     compiled_plans: Stage[dict[str, Plan]] = Stage("machine code", "runs:compile_plans", ("plans",))
     motions: Stage[dict[str, Motion]] = Stage("motion", "runs:find_motions", ("stiffness", "machine code"))
+    contact_stress: Stage[Mapping[str, Mapping[str, ContactDeformation]]] = Stage(
+        "contact stress", "contacts:find_deformations", ("assembly", "body", "motion"), applies=_has_contacts
+    )
     fine_motion: Stage[Motion] = Stage("fine motion", "runs:march_finely", ("plans", "motion"))
     deformations: Stage[Mapping[str, Deformation]] = Stage("strain", _measure_deformations, ("deformation", "motion"))
 
@@ -297,8 +304,14 @@ class Pipeline:
         if body in self.division.divided:
             return self.division.divided[body].stress(self.motion)
         part, first = self.parts[body], self.motion
-        limitless = self.limitless_of(body)
-        return StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body), limitless)
+        limitless, own = self.limitless_of(body), self.contact_deformation(body, first)
+        history = StressHistory(part.surface.nodes, part.surface_stress, first.times, first.modal(body), limitless)
+        return history if own is None else own.add_stress(history)
+
+    def contact_deformation(self, body: str, motion: Motion) -> ContactDeformation | None:
+        """Return what contacts deform a body beside its modes in a motion of a run; ``None`` if it touches nothing."""
+        labels = [label for label, own in self.motions.items() if own is motion and motion.mechanism.contacts]
+        return self.contact_stress[labels[0]].get(body) if labels else None
 
     def limitless_of(self, body: str) -> BoolArray:
         """Return which nodes of a body's surface have stress that grows with each refinement, shape (n_nodes,)."""
@@ -313,13 +326,9 @@ class Pipeline:
         """
         if body in self.division.divided:
             return self.division.divided[body].deform(self.motion, self.bodies, frames)[:, nodes]
-        return np.moveaxis(self.bodies[body].shapes[nodes] @ self.motion.modal(body)[frames].T, 2, 0)
-
-    def nodal_stress_at(self, body: str, frame: int) -> NDArray[np.float32]:
-        """Return the stress at all nodes of one of the scene's bodies at an output time, shape (n_nodes, 6) [Pa]."""
-        if body in self.division.divided:
-            return self.division.divided[body].nodal_stress_at(self.motion, frame)
-        return np.asarray(self.parts[body].nodal_stress @ self.motion.modal(body)[frame].astype(np.float32))
+        moved = self.bodies[body].shapes[nodes] @ self.motion.modal(body)[frames].T
+        own = self.contact_deformation(body, self.motion)
+        return np.moveaxis(moved if own is None else moved + own.displacements(nodes, np.array(frames)), 2, 0)
 
     def node_positions(self, body: str) -> Array:
         """Return the undeformed positions of a body's nodes from its joint, shape (n_nodes, 3) [m]."""
@@ -346,11 +355,12 @@ class Pipeline:
         """Stress in the middle of a named element, ``"body.element"``, over each run's motion, (n_times,) [Pa]."""
         body, _, name = element.partition(".")
         part = next(part for part in self.pieces_of(body) if name in part.elements)
-        modal = part.element_stress[list(part.elements).index(name)]
-        return {
-            label: stress_measure(component)((modal @ motion.modal(part.name).T)[None])[0]
-            for label, motion in self.motions.items()
-        }
+        number, found = list(part.elements).index(name), {}
+        for label, motion in self.motions.items():
+            own, tensors = self.contact_deformation(part.name, motion), part.element_stress[number]
+            tensors = tensors @ motion.modal(part.name).T + (0.0 if own is None else own.element_stress(number))
+            found[label] = stress_measure(component)(tensors[None])[0]
+        return found
 
     @cached_property
     def inputs(self) -> dict[str, Any]:
@@ -362,15 +372,6 @@ class Pipeline:
         """Mass and stiffness of the motions of the undeformed mechanism that are free, (n, n) each, slow ones first."""
         M, K, _, _ = self.system.free_motion
         return M, K
-
-    @property
-    def left_out(self) -> dict[str, list[int]]:
-        """Numbers from 1 of the modes of each body that no run integrates: nothing excites them."""
-        parts = [plan.excited.left_out if plan.excited else {} for plan in self.plans.values()]
-        return {
-            body: [k + 1 for k in modes if all(k in part.get(body, ()) for part in parts)]
-            for body, modes in parts[0].items()
-        }
 
     def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion:
         """Return the motion that a trajectory of one of the scene's plans describes."""

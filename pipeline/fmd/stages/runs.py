@@ -248,8 +248,8 @@ def _limit_contact_step(built: BuiltScene, plan: Plan, limit: float, free: bool)
     _require_free_start(built, plan)
     step = plan.integrator.step
     if free:
-        return Growth(plan.system.resolving_step(CHOSEN_STEP * limit)[0])
-    if step > LARGEST_STEP * limit:
+        return Growth(plan.system.resolving_step(CHOSEN_STEP * plan.system.largest_step)[0])
+    if step > LARGEST_STEP * limit:  # which an implicit method has none of
         raise InputError(
             built.scene.file,
             plan.key,

@@ -9,6 +9,8 @@ COLUMNS_AT_ONCE = 96  # static responses that are computed together
 # Residual flexibility.
 LEAST_FLEXIBILITY = 1e-3  # of the whole flexibility in a direction: less is left where modes are nearly complete
 
+FORCES_RESOLVED = 1e-5  # of the largest singular value of forces over time: smaller parts have no stress of their own
+
 # Forces.
 SET_CHANGES = 200  # of the set of active points in a step, before it is given up
 BLOCK_CHANGES = 30  # of these, all at once; then one after the other, which can't go round in a circle
@@ -56,4 +58,8 @@ RING = 5.0  # distances of points, up to which it tells what is left at the cont
 SMOOTHED = 1.5  # distances of points, over which modes and flexibility are smoothed
 GRID_MARGIN = 1.3  # of a contact's expected width: what its grid has
 RESOLVED_BY_MESH = 2.5  # distances of points: grids wider than twice that leave the near field to the mesh
+DEEPEST = 0.75  # of a contact's width: depth down to which the largest stress is looked for
+DEPTHS_BELOW = 30  # depths at which it is
+COLUMNS_BELOW = 16  # rectangles below which it is
+CARRYING = 0.05  # of a grid point's force on a node: nodes with more have a stress that elements don't show
 UNSEEN_WEIGHT = 1e-6  # of a node: one with less everywhere is left out

@@ -99,6 +99,12 @@ def _push(m: Multipliers, w: Array) -> None:
 def _accelerations(p: ClosedParameters, t: float, q: Array, v: Array, a: Array) -> None:
     set_inputs(p, float(t))
     call_native(p.closed, (p.inputs, q, v, p.units[0], a, p.w, p.whole.x[0], p.whole.s[0]))
+    keep_closed(p, q, a)
+
+
+@inner
+def keep_closed(p: ClosedParameters, q: Array, a: Array) -> None:
+    """Change the tree's accelerations so that the loops stay closed, once X, S and w of the first block are there."""
     _spread(p, q, 1)
     _factor(p.whole)
     _push(p.whole, p.w)

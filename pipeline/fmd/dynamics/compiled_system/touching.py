@@ -9,20 +9,29 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from fmd.contact.assemble import contact_table
-from fmd.contact.histories import N_VALUES
 from fmd.contact.patch import touch
-from fmd.contact.sums import evaluate_contacts, note_pressures, remember
+from fmd.contact.recorded import ContactRecord
+from fmd.contact.sums import evaluate_contacts, note_values, remember
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system.closed import keep_closed
 from fmd.dynamics.compiled_system.kernels import set_inputs
-from fmd.dynamics.compiled_system.parameters import Leapfrog, TreeParameters
+from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, TreeParameters
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
-from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_contacts
+from fmd.dynamics.system import (
+    accelerations,
+    advance,
+    leapfrog_step,
+    note_contacts,
+    project_onto_constraints,
+    remember_contacts,
+)
 from fmd.kernels.kernel import inner
 from fmd.kernels.library import call_native
 
@@ -39,30 +48,44 @@ class TouchingParameters(TreeParameters):
     spins: Array  # (n_bodies, 3)
 
 
+@dataclass(frozen=True)
+class TouchingClosedParameters(ClosedParameters):
+    """Parameters of a mechanism with loops whose bodies touch planes or one another; as those of one without."""
+
+    pushed: int
+    frames: int
+    contact: ContactTable
+    origins: Array
+    rotations: Array
+    spins: Array
+
+
 class TouchingSystem(CompiledSystem):
     """A mechanism with contacts, ready to be integrated by methods that evaluate forces once a step."""
 
     @property
     def n_contact_values(self) -> int:
         """How many values `note_contacts` fills."""
-        bodies = self.mechanism.contacts
-        return N_VALUES * sum(len(body.names) for body in bodies) + sum(len(body.points.x) for body in bodies)
+        return ContactRecord.width(self.mechanism.contacts)
 
     @cached_property
-    def _parameters(self) -> TouchingParameters:
+    def _parameters(self) -> TouchingParameters | TouchingClosedParameters:
         plain = CompiledSystem(self.mechanism).parameters
         mechanism, n_links = self.mechanism, len(self.mechanism.links)
         links = [mechanism.number_of(body.body) for body in mechanism.contacts]
         modes, shift = [mechanism.modes_of(k) for k in links], mechanism.position_shift
-        return TouchingParameters(
-            **{own.name: getattr(plain, own.name) for own in fields(TreeParameters)},
-            pushed=self.compiled.address("pushed"),
+        closed = isinstance(plain, ClosedParameters)
+        kind: Any = TouchingClosedParameters if closed else TouchingParameters
+        found: TouchingParameters | TouchingClosedParameters = kind(
+            **{own.name: getattr(plain, own.name) for own in fields(plain)},
+            pushed=self.compiled.address("pushed_closed" if closed else "pushed"),
             frames=self.compiled.address("frames"),
             contact=contact_table(mechanism.contacts, links, modes, n_links, mechanism.n, shift),
             origins=np.zeros((n_links, 3)),
             rotations=np.zeros((n_links, 3, 3)),
             spins=np.zeros((n_links, 3)),
         )
+        return found
 
     @cached_property
     def _leapfrog(self) -> Leapfrog:
@@ -101,7 +124,7 @@ class TouchingSystem(CompiledSystem):
 
 
 @inner
-def _find_contacts(p: TouchingParameters, t: float, q: Array, v: Array) -> None:
+def _find_contacts(p: Any, t: float, q: Array, v: Array) -> None:
     set_inputs(p, float(t))
     call_native(p.frames, (p.inputs, q, v, p.origins, p.rotations, p.spins))
     touch(p.contact, t, q, p.origins, p.rotations)
@@ -111,27 +134,61 @@ def _find_contacts(p: TouchingParameters, t: float, q: Array, v: Array) -> None:
 def _accelerations(p: TouchingParameters, t: float, q: Array, v: Array, a: Array) -> None:
     _find_contacts(p, t, q, v)
     call_native(p.pushed, (p.inputs, q, v, p.contact.push, p.contact.modal, a))
+    _end_if_lost(p, a)
+
+
+@accelerations.register(TouchingClosedParameters)
+def _closed_accelerations(p: TouchingClosedParameters, t: float, q: Array, v: Array, a: Array) -> None:
+    _find_contacts(p, t, q, v)
+    push, modal = p.contact.push, p.contact.modal
+    call_native(p.pushed, (p.inputs, q, v, p.units[0], push, modal, a, p.w, p.whole.x[0], p.whole.s[0]))
+    keep_closed(p, q, a)
+    _end_if_lost(p, a)
+
+
+@inner
+def _end_if_lost(p: Any, a: Array) -> None:
+    """Let a march end where no forces were found."""
+    if p.contact.clock[1] != 0.0:
+        a[0] = math.inf
+
+
+@remember_contacts.register(TouchingParameters)
+@remember_contacts.register(TouchingClosedParameters)
+def _remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
+    _find_contacts(p, t, q, v)
+    remember(p.contact, t, p.origins, p.rotations)
 
 
 @leapfrog_step.register(TouchingParameters)
 def _leapfrog_step(p: TouchingParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    _take_leap(p, leapfrog, t, h, q, v, a)
+
+
+@leapfrog_step.register(TouchingClosedParameters)
+def _closed_leapfrog_step(
+    p: TouchingClosedParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array
+) -> None:
+    p.whole.fresh[0] = 1.0
+    _take_leap(p, leapfrog, t, h, q, v, a)
+    project_onto_constraints(p, t + h, h, q, v, a)
+
+
+@inner
+def _take_leap(p: Any, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Take a leapfrog step whose forces are remembered."""
     for i in range(v.size):
         leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
     accelerations(p, t, q, leapfrog.v_now, a)
     remember(p.contact, t, p.origins, p.rotations)
     for i in range(v.size):
         v[i] += h * a[i]
-    if p.contact.clock[1] != 0.0:  # no forces were found: the march ends here
-        v[0] = math.inf
     advance(p, q, v, h, 0, v.size)
 
 
 @note_contacts.register(TouchingParameters)
-def _note_contacts(p: TouchingParameters, t: float, q: Array, v: Array, values: Array) -> None:
+@note_contacts.register(TouchingClosedParameters)
+def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
     _find_contacts(p, t, q, v)
     evaluate_contacts(p.contact, t, p.origins, p.rotations)
-    n = p.contact.now.shape[1]
-    for k in range(p.contact.now.shape[0]):
-        for j in range(n):
-            values[n * k + j] = p.contact.now[k, j]
-    note_pressures(p.contact, n * p.contact.now.shape[0], values)
+    note_values(p.contact, values)

@@ -35,7 +35,7 @@ from fmd.dynamics.compiler.algebra import (
 )
 from fmd.dynamics.compiler.bodies import Inertia
 from fmd.dynamics.compiler.coordinates import Coordinates
-from fmd.dynamics.compiler.forces import ActingForces, joint_grip, section_angle
+from fmd.dynamics.compiler.forces import PushedForces, joint_grip, section_angle
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, total
 from fmd.dynamics.compiler.places import PlaceMotion, trace_place
@@ -141,8 +141,8 @@ class MultiplierForces:
         return np.ones(len(frame.link.omega))
 
 
-class ConstrainedForces(ActingForces):
-    """All that acts on a mechanism, and the forces of its constraints, whose multipliers are the argument ``f``."""
+class ConstrainedForces(PushedForces):
+    """All that acts on a mechanism, contacts too, and forces of its constraints, whose multipliers are ``f``."""
 
     def __init__(self, inputs: Coordinates, frames: list[MovingFrame], rows: list[ConstraintRow]) -> None:
         super().__init__(inputs, frames)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 from typing import Any
 
@@ -259,33 +259,40 @@ class CompiledMechanism:
         return _evaluations.get((name, self.digest), make).over(arguments, len(times))
 
     def constrained_accelerations(
-        self, t: float, q: Array, v: Array, forces: Array | None = None
+        self, t: float, q: Array, v: Array, forces: Array | None = None, pushes: Sequence[Array] = ()
     ) -> tuple[Array, Array]:
         """Return accelerations (n,) that keep loops closed, and the smallest multipliers (n_rows,) that do it.
 
-        Generalised forces (n,) may act beside those of the mechanism.
+        Generalised forces (n,) may act beside those of the mechanism, and ``pushes`` of its contacts, on frames
+        (n_bodies, 6), in their axes, and on modes (n,).
         """
         n_rows = len(self.rows)
         change = 0.0 if forces is None else self.solve(t, q, forces[:, None])[:, 0]
+        state, a = (self.signal_values(t), *_contiguous(q, v)), np.zeros(self.mechanism.n)
         if not n_rows:
-            return self.accelerations(t, q, v) + change, np.zeros(0)
+            self.call("pushed" if pushes else "accelerations", *state, *_contiguous(*pushes), a)
+            return a + change, np.zeros(0)
         X, S = self.multipliers(t, q)
         units, room = np.zeros((n_rows, LANES)), np.zeros((n_rows, LANES))
-        a, w, x = np.zeros(self.mechanism.n), np.zeros(n_rows), np.zeros((self.mechanism.n, LANES))
-        self.call("closed", self.signal_values(t), *_contiguous(q, v), units, a, w, x, room)
+        w, x = np.zeros(n_rows), np.zeros((self.mechanism.n, LANES))
+        self.call("pushed_closed" if pushes else "closed", *state, units, *_contiguous(*pushes), a, w, x, room)
         if forces is not None:
             a, w = a + change, w + X.T @ forces
         scale = np.sqrt(np.maximum(S.diagonal(), 1e-300))
         smallest = -np.linalg.lstsq(S / np.outer(scale, scale), w / scale, rcond=DEPENDENT_CONSTRAINT)[0] / scale
         return a + X @ smallest, smallest
 
-    def joint_loads(self, times: Array, q: Array, v: Array, a: Array, multipliers: Array) -> tuple[Array, Array]:
+    def joint_loads(
+        self, times: Array, q: Array, v: Array, a: Array, multipliers: Array, pushes: Sequence[Array] = ()
+    ) -> tuple[Array, Array]:
         """Return accelerations of the bodies' frames and loads of their joints, at many states.
 
         Parameters
         ----------
         times, q, v, a, multipliers : ndarray, (n_times,), (n_times, n_positions), (n_times, n) twice, (n_times, n_rows)
             States, accelerations, and the Lagrange multipliers of the constraints.
+        pushes : sequence of ndarray, shapes (n_times, n_bodies, 6) and (n_times, n)
+            Of contacts, on frames, in their axes, and on modes; none without contacts.
 
         Returns
         -------
@@ -293,7 +300,9 @@ class CompiledMechanism:
             Accelerations, and force and moment on the parent, about the joint's place, and on the body, about its
             origin. All are in space [m/s², rad/s², N, N m].
         """
-        values = self._over("joint_loads", times, q, v, {"a": a, "f": multipliers}).reshape(len(times), -1, 3, 6)
+        more = dict(zip(("push", "modal"), (own.reshape(len(times), -1) for own in pushes), strict=bool(pushes)))
+        values = self._over("joint_loads", times, q, v, {"a": a, "f": multipliers, **more})
+        values = values.reshape(len(times), -1, 3, 6)
         return values[:, :, 0], values[:, :, 1:]
 
     def frames(self, t: float, q: Array, v: Array) -> tuple[Array, Array, Array]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from fmd.dynamics.compiler.algebra import Vector6, rotate, scale, subtract
 from fmd.dynamics.compiler.closures import ConstrainedForces, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates
-from fmd.dynamics.compiler.forces import ActingForces
+from fmd.dynamics.compiler.forces import PushedForces
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.residual import trace_joint_forces
 
@@ -20,7 +20,7 @@ def trace_joint_loads(inputs: Coordinates, frames: list[MovingFrame]) -> list[tu
     All are in space; moments are about the joint's place on the parent, and about the body's origin.
     """
     loops = inputs.mechanism.closures
-    acting = ConstrainedForces(inputs, frames, trace_rows(inputs, frames)) if loops else ActingForces(inputs, frames)
+    acting = ConstrainedForces(inputs, frames, trace_rows(inputs, frames)) if loops else PushedForces(inputs, frames)
     out = []
     for frame, found in zip(frames, trace_joint_forces(inputs, frames, acting), strict=True):
         R = frame.world[1]

@@ -208,7 +208,15 @@ def _solution(inputs: Coordinates, free: range) -> list[Output]:
 
 
 def _closed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    acting, rows = ActingForces(inputs, frames), trace_rows(inputs, frames)
+    return _constrained(inputs, frames, ActingForces(inputs, frames))
+
+
+def _pushed_closed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _constrained(inputs, frames, PushedForces(inputs, frames))
+
+
+def _constrained(inputs: Coordinates, frames: list[MovingFrame], acting: ActingForces) -> list[Output]:
+    rows = trace_rows(inputs, frames)
     motion = trace_accelerations(frames, acting)
     w = [row.acceleration(inputs, acting.ground, motion) + row.bias for row in rows]
     return [*_in_order_of_rates(inputs.mechanism, "a", motion), *_in_row("w", 0, w), *_multipliers(inputs, frames)]
@@ -297,6 +305,7 @@ def _in_row(argument: str, row: int, values: list[Scalar]) -> list[Output]:
 
 
 _STATE = ("inputs", "q", "v")
+_PUSH = ("push", "modal")
 _MOTION = ("a", "moved", "drift", "by_inputs")
 _REACTION = ("D", "K", "Ky")
 _FROZEN = ("constant", "slope", "load", "K")
@@ -307,7 +316,7 @@ _ALONG = _DIRECTIONS[:3]
 DEFINITIONS = {
     "accelerations": Definition((*_STATE, "a"), _accelerations),
     "acceleration_tangents": Definition((*_STATE, *_ALONG, "a", "da"), _acceleration_tangents, lanes=_DIRECTIONS[:4]),
-    "pushed": Definition((*_STATE, "push", "modal", "a"), _pushed),
+    "pushed": Definition((*_STATE, *_PUSH, "a"), _pushed),
     "leap": Definition(("inputs", "step", *_STATE[1:], "a"), _leap, in_place=True),
     "residual": Definition((*_STATE, "a", "r"), _residual),
     "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _tangents, lanes=_DIRECTIONS),
@@ -326,10 +335,11 @@ DEFINITIONS = {
     "solve_fast": Definition(("inputs", "q", "f", "x"), _solve_fast, lanes=("f", "x")),
     "solve_slow": Definition(("inputs", "q", "f", "x"), _solve_slow, lanes=("f", "x")),
     "closed": Definition((*_STATE, "f", "a", "w", "x", "s"), _closed, lanes=("f", "x", "s")),
+    "pushed_closed": Definition((*_STATE, "f", *_PUSH, "a", "w", "x", "s"), _pushed_closed, lanes=("f", "x", "s")),
     "multipliers": Definition(("inputs", "q", "f", "x", "s"), _multipliers, lanes=("f", "x", "s")),
     "residuals": Definition((*_STATE, "g", "rates"), _residuals),
     "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
-    "joint_loads": Definition((*_STATE, "a", "f", "motions", "loads"), _joint_loads),
+    "joint_loads": Definition((*_STATE, "a", "f", *_PUSH, "motions", "loads"), _joint_loads),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
     "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
     "energies": Definition((*_STATE, "energies"), _energies),

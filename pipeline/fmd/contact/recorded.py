@@ -1,0 +1,94 @@
+"""What a march notes of a mechanism's contacts at its output times: rows of numbers, and what stands where in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from fmd.contact.histories import N_VALUES, ContactHistory, read_history
+from fmd.core.arrays import Array, IntArray
+
+
+class RecordedBody(Protocol):
+    """What a record needs of a body that touches: its name, those of its contacts, numbers of points and modes."""
+
+    @property
+    def body(self) -> str:
+        """The link's name."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its contacts."""
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Numbers of points and of modes."""
+
+
+@dataclass(frozen=True)
+class ContactRecord:
+    """Values of contacts at output times, and the forces on points, frames and modes of the bodies that touch.
+
+    Parameters
+    ----------
+    bodies : sequence of RecordedBody
+        The mechanism's.
+    rows : ndarray, shape (n_times, n_values)
+        What `fmd.contact.sums.note_values` has filled, a row for each output time.
+    """
+
+    bodies: Sequence[RecordedBody]
+    rows: Array
+
+    @classmethod
+    def width(cls, bodies: Sequence[RecordedBody]) -> int:
+        """Return how many values a row has."""
+        return int(cls._counts(bodies).sum())
+
+    @staticmethod
+    def _counts(bodies: Sequence[RecordedBody]) -> IntArray:
+        """Return how many values each body has (n_bodies, 5): contacts', pressures, forces, pushes and modal forces."""
+        sizes = [(N_VALUES * len(body.names), *body.sizes) for body in bodies]
+        return np.array([(values, n, 3 * n, 6, modes) for values, n, modes in sizes], dtype=np.int64)
+
+    def _part(self, kind: int) -> list[Array]:
+        """Return the values of one kind, by body, shapes (n_times, any)."""
+        counts = self._counts(self.bodies)
+        first = int(counts[:, :kind].sum())
+        ends = first + np.cumsum(counts[:, kind])
+        return np.split(self.rows[:, first : ends[-1]], ends[:-1] - first, axis=1)
+
+    @property
+    def histories(self) -> Mapping[str, ContactHistory]:
+        """Contacts by name."""
+        found: dict[str, ContactHistory] = {}
+        for body, values in zip(self.bodies, self._part(0), strict=True):
+            own = values.reshape(len(self.rows), len(body.names), N_VALUES)
+            found |= {name: read_history(own[:, k]) for k, name in enumerate(body.names)}
+        return found
+
+    @property
+    def pressures(self) -> Mapping[str, Array]:
+        """Pressures at the points of bodies [Pa], shapes (n_times, n_points), by their names."""
+        return self._by_body(1)
+
+    @property
+    def forces(self) -> Mapping[str, Array]:
+        """Forces on the points of bodies, in their axes [N], shapes (n_times, n_points, 3), by their names."""
+        return {name: own.reshape(len(self.rows), -1, 3) for name, own in self._by_body(2).items()}
+
+    @property
+    def pushes(self) -> Mapping[str, Array]:
+        """Force and moment on bodies' frames, in their axes [N, N m], shapes (n_times, 6), by their names."""
+        return self._by_body(3)
+
+    @property
+    def modal(self) -> Mapping[str, Array]:
+        """Forces on bodies' modes, shapes (n_times, n_modes), by their names."""
+        return self._by_body(4)
+
+    def _by_body(self, kind: int) -> dict[str, Array]:
+        return {body.body: own for body, own in zip(self.bodies, self._part(kind), strict=True)}

@@ -1,0 +1,105 @@
+"""Contact of bodies in mechanisms: what joints bear, loops, and implicit steps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmd import Pipeline, load_scene
+from fmd.core.arrays import Array
+
+ARM: dict[str, Any] = {
+    "title": "Arm",
+    "body": {
+        "arm": {
+            "shape": "bar",
+            "length": "300 mm",
+            **dict.fromkeys(("depth", "width"), "30 mm"),
+            "E": "70 GPa",
+            "nu": 0.3,
+            "rho": "2700 kg/m^3",
+            "mesh": {"divisions": [8, 1, 1], "order": 1},
+            "modes": {"count": 3},
+            "marker": {"root": {"face": "x-"}, "under": {"face": "y-"}, "end": {"face": "x+"}},
+        }
+    },
+    "joint": {"hinge": {"type": "revolute", "axis": [0, 0, 1], "parent": "ground", "child": "arm.root"}},
+    "contact": {"stop": {"between": ["ground", "arm.under"], "normal": [0, 1, 0], "clearance": "17 mm"}},
+    "simulation": {
+        "duration": "4 ms",
+        "output_step": "4 us",
+        "step": "auto",
+        "tip": "arm.end",
+        "gravity": ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"],
+        "run": [{"integrator": "central-difference"}],
+    },
+}
+FALLING = ('joint.hinge.rate="-4 rad/s"',)
+
+
+def arm(*overrides: str, **tables: Any) -> Pipeline:
+    return Pipeline(load_scene(ARM | tables, overrides))
+
+
+@pytest.fixture(scope="module")
+def fallen() -> Pipeline:
+    """An arm that falls onto a stop under its face, as a pendulum against a stop."""
+    return arm(*FALLING)
+
+
+def impulse_left(run: Pipeline, joint: str) -> Array:
+    """Return what is missing of the momentum by weight, contact and a joint's force over time, (n_times, 3)."""
+    motion = run.motion
+    force = motion.joint_loads.reactions[joint][:, 1, :3] + motion.contacts["stop"].force
+    force = force + motion.mechanism.mass * motion.mechanism.gravity
+    steps = 0.5 * np.diff(motion.times)[:, None] * (force[1:] + force[:-1])
+    momentum = motion.kinematics.momentum
+    return np.asarray(momentum[1:] - momentum[0] - np.cumsum(steps, axis=0))
+
+
+def test_joint_and_stop_together_change_the_momentum_of_an_arm(fallen: Pipeline) -> None:
+    momentum = np.abs(fallen.motion.kinematics.momentum).max()
+    assert np.abs(fallen.motion.contacts["stop"].impulse[-1, 1]) > momentum
+    assert np.abs(impulse_left(fallen, "hinge")).max() < 5e-3 * momentum
+
+
+def closed(*overrides: str, **runs: Any) -> Pipeline:
+    """The same arm, free and held by a hinge that closes a loop."""
+    flight = {"type": "free", "parent": "ground", "child": "arm.root"}
+    joints = {"flight": flight | {"spin": ["0 rad/s", "0 rad/s", "-4 rad/s"]}, "hinge": ARM["joint"]["hinge"]}
+    return arm(*overrides, joint=joints, **runs)
+
+
+def test_a_loop_gives_the_motion_of_the_same_mechanism_without_one(fallen: Pipeline) -> None:
+    run = closed()
+    assert run.mechanism.closures
+    first, other = (each.motion.contacts["stop"] for each in (fallen, run))
+    np.testing.assert_allclose(other.impulse, first.impulse, atol=5e-3 * np.abs(first.impulse).max())
+    assert other.span == pytest.approx(first.span, rel=1e-2)
+    assert run.motion.constraint_residual < 1e-9
+    np.testing.assert_allclose(
+        run.motion.joint_loads.reactions["hinge"][0, 1, :3],
+        fallen.motion.joint_loads.reactions["hinge"][0, 1, :3],
+        atol=1e-6 * np.abs(fallen.motion.joint_loads.reactions["hinge"]).max(),
+    )
+    momentum = np.abs(run.motion.kinematics.momentum).max()
+    assert np.abs(impulse_left(run, "hinge")).max() < 5e-3 * momentum
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_generalised_alpha_gives_the_contact_of_central_differences(friction: float) -> None:
+    def impulse(method: str, step: float) -> Array:
+        run = arm(
+            *FALLING,
+            f"contact.stop.friction={friction}",
+            f"simulation.step={step} s",
+            f'simulation.run.0.integrator="{method}"',
+        )
+        return run.motion.contacts["stop"].impulse[-1]
+
+    limit = arm(*FALLING).system.largest_step
+    first, other = impulse("central-difference", 0.1 * limit), impulse("generalized-alpha", 0.25 * limit)
+    assert first[1] > 0.1
+    np.testing.assert_allclose(other, first, atol=0.01 * np.abs(first).max())
