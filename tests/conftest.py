@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 _CACHE = Path(tempfile.mkdtemp(prefix="fmd-tests-"))
-# The cache folder is read as soon as fmd.dynamics is imported, so it has to be set before that.
-os.environ["FMD_CACHE"] = str(_CACHE)
 # Processes share the cores: threads of their small products would wait for each other, and 70 times as long.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Kernels are shared by the processes of a run. A developer's stay from run to run, named by their source; the gate's
@@ -19,7 +17,15 @@ _COLD = bool(os.environ.get("CI")) and "FMD_TEST_KERNELS" not in os.environ
 _KEPT = tempfile.mkdtemp(prefix="fmd-kernels-") if _COLD else Path(__file__).parents[1] / ".pytest_cache" / "kernels"
 _KERNELS = Path(os.environ.setdefault("FMD_TEST_KERNELS", str(_KEPT)))
 _KERNELS.mkdir(parents=True, exist_ok=True)
-(_CACHE / "kernels").symlink_to(_KERNELS.resolve(), target_is_directory=True)
+
+
+def _with_own_cache(folder: Path) -> dict[str, str]:
+    (folder / "kernels").symlink_to(_KERNELS.resolve(), target_is_directory=True)
+    return os.environ | {"FMD_CACHE": str(folder)}
+
+
+# The cache folder is read as soon as fmd.dynamics is imported, so it has to be set before that.
+os.environ.update(_with_own_cache(_CACHE))
 
 import numpy as np
 import pytest
@@ -57,6 +63,12 @@ ELEMENTS = (
     Element("tet4", "tetra", 1),
     Element("tet10", "tetra", 2),
 )
+
+
+@pytest.fixture(scope="session")
+def with_own_cache() -> Callable[[Path], dict[str, str]]:
+    """Call for the environment of a process with a cache of its own in a folder, that has the kernels of this run."""
+    return _with_own_cache
 
 
 @pytest.fixture(scope="session")

@@ -123,11 +123,10 @@ for line in sys.stdin:
 class Runs:
     """Runs of the small scene, one after another, in children of one warm process."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, environment: dict[str, str]) -> None:
         self.folder, self.numbers = folder, iter(range(10_000))
         self.scene = folder / "small.toml"
         self.scene.write_text(SCENE)
-        environment = os.environ | {"FMD_CACHE": str(folder / "kernels")}
         self.command = ["run", str(self.scene), *SMALL, "--no-pictures", "--no-budget"]
         self.servers = [self._server(environment) for _ in range(2)]
 
@@ -187,8 +186,8 @@ def read(out: Path) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
-    runs = Runs(tmp_path_factory.mktemp("faults"))
+def runs(with_own_cache: Callable[[Path], dict[str, str]], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
+    runs = Runs(tmp_path_factory.mktemp("faults"), with_own_cache(tmp_path_factory.mktemp("cache")))
     yield runs
     runs.close()
 

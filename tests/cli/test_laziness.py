@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from functools import partial
@@ -26,8 +25,8 @@ QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.du
 
 
 @pytest.fixture(scope="module")
-def environment(tmp_path_factory):
-    return os.environ | {"FMD_CACHE": str(tmp_path_factory.mktemp("cache"))}
+def environment(with_own_cache, tmp_path_factory):
+    return with_own_cache(tmp_path_factory.mktemp("cache"))
 
 
 @pytest.fixture(scope="module")

@@ -47,8 +47,8 @@ async def dask_setup(worker):
 
 
 @pytest.fixture(scope="module")
-def environment(tmp_path_factory):
-    return os.environ | {"FMD_CACHE": str(tmp_path_factory.mktemp("cache")), "OPENBLAS_NUM_THREADS": "1"}
+def environment(with_own_cache, tmp_path_factory):
+    return with_own_cache(tmp_path_factory.mktemp("cache")) | {"OPENBLAS_NUM_THREADS": "1"}
 
 
 @pytest.fixture(scope="module")

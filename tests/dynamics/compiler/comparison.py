@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from fmd.dynamics.compiler.program import Program
 from fmd.kernels.machine import LoadedObject, compile_object
 
 TIME = 0.37
+_EVALUATIONS: WeakKeyDictionary[CompiledMechanism, dict[str, Evaluation]] = WeakKeyDictionary()
 
 
 def interpret(graph: Graph, outputs: Sequence[int], arguments: Mapping[str, Array]) -> list[Any]:
@@ -27,9 +29,11 @@ def interpreted(compiled: CompiledMechanism, name: str, shape: tuple[int, ...], 
     """Return an array that a program fills, by the interpreter."""
     program = compiled.program(name)
     arguments["inputs"] = compiled.signal_values(TIME)
-    values = interpret(program.graph, [output.value.node for output in program.outputs], arguments)
+    known = _EVALUATIONS.setdefault(compiled, {})
+    if name not in known:
+        known[name] = Evaluation(program.graph, [output.value.node for output in program.outputs])
     out = np.zeros(shape)
-    for value, (_, (_, places)) in zip(values, program.outputs, strict=True):
+    for value, (_, (_, places)) in zip(known[name].at(arguments), program.outputs, strict=True):
         out[list(places)] = value
     return out
 

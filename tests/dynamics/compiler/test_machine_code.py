@@ -134,7 +134,7 @@ def load(name: str) -> LoadedObject:
 def test_objects_are_read_back_and_damaged_ones_made_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
     compiled = []
-    monkeypatch.setattr(store, "compile_object", lambda text: compiled.append(text) or compile_object(text))
+    monkeypatch.setattr(store, "compile_object", lambda text, **_: compiled.append(text) or compile_object(text))
     y, kept = np.zeros(1), list[Path]()
     for damage in (None, b"", b"nothing that was ever an object file"):
         for path in kept if damage is not None else ():
@@ -202,7 +202,7 @@ def test_mechanisms_that_differ_in_numbers_alone_share_their_code(
 ) -> None:
     monkeypatch.setattr(store, "kernel_folder", lambda: tmp_path)
     count = []
-    monkeypatch.setattr(store, "compile_object", lambda text: count.append(text) or compile_object(text))
+    monkeypatch.setattr(store, "compile_object", lambda text, **_: count.append(text) or compile_object(text))
     made = random_mechanism(seed)
     made_of = [compile_mechanism(with_other_numbers(made.mechanism, factor)) for factor in (1.1875, 1.0625, 0.9375)]
     q, v = made.state(seed)

@@ -41,6 +41,8 @@ class Program:
         Arguments that have `LANES` entries in each place: the directions of derivatives, and these.
     in_place : bool
         Outputs replace inputs.
+    seldom : bool
+        Python calls it, not a march: it is to be compiled fast rather than to run fast.
     guard : Scalar, optional
         All outputs are 0 unless it is above 0, so that code may leave there.
     """
@@ -51,6 +53,7 @@ class Program:
     outputs: tuple[Output, ...] = field(repr=False)
     lanes: tuple[str, ...] = ()
     in_place: bool = False
+    seldom: bool = False
     guard: Scalar | None = None
 
     @cached_property

@@ -82,12 +82,13 @@ class Definition(NamedTuple):
     trace: Trace
     lanes: tuple[str, ...] = ()
     in_place: bool = False
+    seldom: bool = False
 
 
 def trace_program(name: str, inputs: Coordinates, frames: list[MovingFrame]) -> Program:
     """Trace one of `DEFINITIONS`."""
-    arguments, trace, lanes, in_place = DEFINITIONS[name]
-    return Program(name, inputs.graph, arguments, tuple(trace(inputs, frames)), lanes, in_place)
+    arguments, trace, lanes, in_place, seldom = DEFINITIONS[name]
+    return Program(name, inputs.graph, arguments, tuple(trace(inputs, frames)), lanes, in_place, seldom)
 
 
 def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -318,8 +319,8 @@ DEFINITIONS = {
     "acceleration_tangents": Definition((*_STATE, *_ALONG, "a", "da"), _acceleration_tangents, lanes=_DIRECTIONS[:4]),
     "pushed": Definition((*_STATE, *_PUSH, "a"), _pushed),
     "leap": Definition(("inputs", "step", *_STATE[1:], "a"), _leap, in_place=True),
-    "residual": Definition((*_STATE, "a", "r"), _residual),
-    "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _tangents, lanes=_DIRECTIONS),
+    "residual": Definition((*_STATE, "a", "r"), _residual, seldom=True),
+    "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _tangents, lanes=_DIRECTIONS, seldom=True),
     "inertia": Definition(("inputs", "q", "da", "dr"), _inertia, lanes=("da", "dr")),
     "stiffness": Definition((*_STATE, "a", "dq", "dr"), _stiffness, lanes=("dq", "dr")),
     "damping": Definition((*_STATE, "dv", "dr"), _damping, lanes=("dv", "dr")),
@@ -341,9 +342,9 @@ DEFINITIONS = {
     "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
     "joint_loads": Definition((*_STATE, "a", "f", *_PUSH, "motions", "loads"), _joint_loads),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
-    "markers": Definition(("inputs", "q", "positions", "rotations"), _markers),
-    "energies": Definition((*_STATE, "energies"), _energies),
-    "momenta": Definition((*_STATE, "momenta"), _momenta),
+    "markers": Definition(("inputs", "q", "positions", "rotations"), _markers, seldom=True),
+    "energies": Definition((*_STATE, "energies"), _energies, seldom=True),
+    "momenta": Definition((*_STATE, "momenta"), _momenta, seldom=True),
     "measured": Definition((*_STATE, "measured"), _measured),
     "elongations": Definition((*_STATE, "x", "rates", "vectors"), _elongations),
 }

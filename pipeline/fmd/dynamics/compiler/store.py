@@ -52,12 +52,13 @@ def _read_program(name: str, path: Path) -> LoadedObject | None:
 
 def _make_program(name: str, path: Path, trace: Callable[[], Program]) -> LoadedObject:
     """Trace a program, compile its code unless a program of the same structure has been, and keep both."""
-    source, constants = emit(trace(), register_width())
+    program = trace()
+    source, constants = emit(program, register_width())
     digest = digest_of(source.encode())
     of_code = object_path(name, digest)
     content = read_code(of_code)
     if content is None:
-        content = compile_object(source)
+        content = compile_object(source, effort=0 if program.seldom else 3)
         write_code(of_code, content)
     write_code(path, digest + constants.tobytes())
     return LoadedObject(content, constants)
