@@ -20,7 +20,7 @@ from fmd.scene.loads import PulseDrive
 from fmd.scene.outputs import CHART_QUANTITIES, Chart
 from fmd.scene.reading import SceneTable
 from fmd.scene.runs import RUNS
-from fmd.scene.schema import KNOWN_BY_FILES, is_kind, read_docstring, read_meanings
+from fmd.scene.schema import KNOWN_BY_FILES, is_kind, is_known_by_scene, read_docstring, read_meanings
 from fmd.scene.toml_files import list_ready_scenes
 
 # Meanings of the key that says a table's kind, by the part of the page.
@@ -106,6 +106,7 @@ def _write_row(table: type[SceneTable], name: str, field: FieldInfo, kind: str, 
     default = _write_default(field, words.unit)
     if is_kind(name, field):
         default = "–" if table in KNOWN_BY_FILES else "required"
+    default = "–" if is_known_by_scene(table, name) else default
     cells = [f"`{field.alias or name}`", value, words.unit, default, meaning]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from fmd.core.errors import InputError
 from fmd.scene.scene import load_scene
 from fmd.scene.toml_files import list_ready_scenes
 from tests.scene.scenes import ARM, BEAM, ELBOW, PLATE, SLIDER, refused, scene_of
@@ -136,3 +137,14 @@ def test_reading_a_scene_loads_no_heavy_module() -> None:
     code = f"import sys, fmd.scene.scene; print(*({heavy!r} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.split() == []
+
+
+def test_an_output_holds_the_only_flexible_body_if_it_names_none() -> None:
+    bar = {"shape": "bar", "length": "1 m", "depth": "1 cm", "width": "1 cm", "E": "70 GPa", "nu": 0.3}
+    bar |= {"rho": "2700 kg/m^3", "mesh": {"divisions": [4, 1, 1]}, "modes": {"count": 2}}
+    outputs = [{"type": "mesh", "file": "a.png"}, {"type": "export", "file": "a.vtu"}]
+    weight = {"shape": "point", "mass": "1 kg", "marker": {"at": {"at": ["0 m"] * 3}}}
+    scene = load_scene({"title": "one", "body": {"weight": weight, "arm": bar}, "output": outputs})
+    assert [output.body for output in scene.output] == ["arm", "arm"]
+    with pytest.raises(InputError, match=r"output\.0\.body: is missing"):
+        load_scene({"title": "two", "body": {"left": bar, "arm": bar}, "output": outputs})

@@ -12,7 +12,7 @@ from fmd.accuracy.quantities import find_counterparts, match_modes
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache
-from fmd.core.limits.errors import ALIKE, MORE_COARSE_MODES
+from fmd.core.limits.errors import ALIKE, ALIKE_MODES, MORE_COARSE_MODES
 from fmd.core.limits.round_off import SOLVED
 from fmd.scene.scene import Scene
 from fmd.scene.variants import (
@@ -48,10 +48,16 @@ class Pair:
         """Return true if a body's meshes differ."""
         return len(self.coarse.parts[name].mesh.cells) != len(self.run.parts[name].mesh.cells)
 
-    def excess_of_modes(self, name: str) -> Array:
-        """Return the relative excess of the squares of a part's frequencies, shape (n,)."""
-        theirs, own = self.coarse.parts[name].modes.omega, self.run.parts[name].modes.omega
-        return np.asarray(((theirs / own) ** 2 - 1) / self.gains["displacement"])
+    def excess_of_modes(self, name: str) -> tuple[Array, NDArray[np.bool_]]:
+        """Return the relative excess of the squares of a part's frequencies, and which modes have a match, (n,) each.
+
+        Few elements have no such shape as a high mode is, and what is least unlike it may have any frequency.
+        """
+        own, other, m = self.run.parts[name], self.coarse.parts[name], self.coarse.parts[name].fe.m
+        shapes, theirs = other.modes.shapes, other.modes.omega
+        numbers, alike = find_counterparts(own.fe.x, own.modes.shapes, other.fe.x, m, shapes, theirs)
+        excess = ((theirs[numbers] / own.modes.omega) ** 2 - 1) / self.gains["displacement"]
+        return np.asarray(excess), alike > ALIKE_MODES
 
     def excess_of_shapes(self, name: str) -> tuple[Array, NDArray[np.bool_]]:
         """Return the relative excess of a body's squared frequencies, and which shapes have a match, (n,) each."""

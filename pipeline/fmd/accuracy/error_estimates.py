@@ -279,10 +279,16 @@ def retune_body(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
     return _combined(body, scale, omega), scale
 
 
+def keep_lowest(body: FlexibleBody, n: int) -> tuple[FlexibleBody, Array]:
+    """Return a body with its n lowest shapes alone, and the matrix from their coordinates to all of them."""
+    kept = np.eye(len(body.omega))[:, :n]
+    return replace(_combined(body, kept, body.omega[:n]), damping=body.damping[:n]), kept
+
+
 def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
-    """Return a body whose shapes are combinations (n, n) of another's, of unit modal mass, with these frequencies."""
-    full = np.eye(len(omega) + 1)
-    full[1:, 1:] = weights
+    """Return a body whose shapes are combinations (n, k) of another's, of unit modal mass, with these frequencies."""
+    full = np.zeros((len(weights) + 1, len(omega) + 1))
+    full[0, 0], full[1:, 1:] = 1.0, weights
     integrals = body.integrals
     stiffening, displacement2, rotation2 = (
         _in_new(forms, weights) for forms in (integrals.stiffening, integrals.displacement2, integrals.rotation2)

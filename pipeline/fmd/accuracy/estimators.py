@@ -18,7 +18,7 @@ import numpy as np
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.comparison import Comparison, change_fineness
 from fmd.accuracy.corner_stress import CornerStress, find_corner_stress
-from fmd.accuracy.error_estimates import NO_PART, shifted_frequencies, soften_body
+from fmd.accuracy.error_estimates import NO_PART, keep_lowest, shifted_frequencies, soften_body
 from fmd.accuracy.model_errors import ModelErrors
 from fmd.accuracy.quantities import Quantities, mesh_quantities
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
@@ -31,6 +31,8 @@ from fmd.core.limits.errors import (
     COMPARED_IMPLICIT_STEPS,
     DOUBTED,
     FINER_WORK,
+    LARGE_BASIS,
+    LOWEST_SHAPES,
     MOST_OF_CHANGE,
     MOST_REFINEMENTS,
     OF_TOLERANCE,
@@ -158,21 +160,42 @@ class Estimates(Comparison):
             enrich_bases(self.run.scene), stiffening_loads=self.run.stiffening_loads
         )  # what is stiffened stays so
         try:
-            plan, base = self._comparable(rich)
-            theirs = self.march(rich, plan)
-            ours = self.quantities if base is None else self.quantities_of(self.run, base)
-            enriched = self.quantities_of(rich, theirs)
-            resolved = self._is_resolved(rich, plan, enriched, self.changes(enriched, ours))
+            found = self._compare_bases(rich, {}) or self._compare_lowest(rich)
         except InputError as fault:  # the mesh has no more modes than the run's
             return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
-        except (LeftOutError, AccuracyError):  # an explicit method follows static responses for ever, or a step is long
-            resolved = False
-        if not resolved:
-            ours, enriched = self._by_implicit_steps(rich)
+        ours, enriched = found
         self.correct_by(enriched, 1.0, ours)
         return dict(self.changes(enriched, ours))
 
-    def _by_implicit_steps(self, rich: Pipeline) -> tuple[Quantities, Quantities]:
+    def _compare_bases(self, rich: Pipeline, as_if: dict[str, Array]) -> tuple[Quantities, Quantities] | None:
+        """Return the quantities of the run and of a richer basis by the run's method, if it serves for both."""
+        try:
+            plan, base = self._comparable(rich)
+            theirs = self.march(rich, plan)
+            ours = self.quantities if base is None else self.quantities_of(self.run, base)
+            enriched = self.quantities_of(rich, theirs, as_if=as_if or None)
+            resolved = self._is_resolved(rich, plan, enriched, self.changes(enriched, ours), as_if)
+        except (LeftOutError, AccuracyError):  # an explicit method follows static responses for ever, or a step is long
+            return None
+        return (ours, enriched) if resolved else None
+
+    def _compare_lowest(self, rich: Pipeline) -> tuple[Quantities, Quantities]:
+        """Return the same without the stiffest shapes of a large basis, or by implicit steps.
+
+        Several bodies have so many static responses that neither way ends in time. What a shape yields falls with the
+        square of its frequency, so that the lowest ones, twice as many as the run's and more, tell most.
+        """
+        bodies, as_if = dict(rich.bodies), dict[str, Array]()
+        for name, body in rich.bodies.items():
+            kept = min(2 * len(self.run.bodies[name].omega) + LOWEST_SHAPES, len(body.omega))
+            bodies[name], as_if[name] = keep_lowest(body, kept)
+        lowest = sum(len(body.omega) for body in bodies.values())
+        if lowest > LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
+            return self._by_implicit_steps(rich, {})
+        rich = rich.with_bodies(bodies)
+        return self._compare_bases(rich, as_if) or self._by_implicit_steps(rich, as_if)
+
+    def _by_implicit_steps(self, rich: Pipeline, as_if: dict[str, Array]) -> tuple[Quantities, Quantities]:
         """Return the quantities of the run and of a richer basis by generalised-α, with the same steps.
 
         Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
@@ -187,9 +210,12 @@ class Estimates(Comparison):
                     raise
             else:
                 break
-        return self.quantities_of(self.run, self.march(self.run, plan)), self.quantities_of(rich, theirs)
+        ours = self.quantities_of(self.run, self.march(self.run, plan))
+        return ours, self.quantities_of(rich, theirs, as_if=as_if or None)
 
-    def _is_resolved(self, rich: Pipeline, plan: Plan, enriched: Quantities, changes: dict[str, float]) -> bool:
+    def _is_resolved(
+        self, rich: Pipeline, plan: Plan, enriched: Quantities, changes: dict[str, float], as_if: dict[str, Array]
+    ) -> bool:
         """Return true if the march of a richer basis has an error in time far below what the basis changes.
 
         Its fastest vibrations may be a hundred times those that the method's fixed step was chosen for. Where the
@@ -199,7 +225,7 @@ class Estimates(Comparison):
         if not rows or not plan.integrator.step:
             return True
         finer = self.march(rich, replace(plan, integrator=change_fineness(plan, 0.0)[0]), FINER_WORK)
-        again = self.changes(self.quantities_of(rich, finer), enriched)
+        again = self.changes(self.quantities_of(rich, finer, as_if=as_if or None), enriched)
         return all(again[name] < RESOLVED_PART * changes[name] for name in rows)
 
     def _implicit_method(self) -> GeneralizedAlpha:
@@ -238,7 +264,7 @@ class Estimates(Comparison):
             return of_modes, excess
         changed, alike = self._across.excess_of_shapes(name)
         required = np.diag(excess) + np.where(alike, changed, 0.0)
-        return of_modes + self._across.excess_of_modes(name), _with_diagonal(excess, required)
+        return add_across(of_modes, self._across, name), _with_diagonal(excess, required)
 
     def _excess_along(self, name: str) -> tuple[Array, Array]:
         """Return the excess of a body by stress that is recovered, and by a coarser mesh, which give it along the body.
@@ -254,7 +280,7 @@ class Estimates(Comparison):
         static = body.omega > part.modes.omega.max()
         most = np.where(static, MOST_OF_CHANGE * np.abs(changed), np.inf)
         required = np.where(alike, combine_excess(part, np.minimum(recovered, most), changed), recovered)
-        return combine_excess(part, of_modes, pair.excess_of_modes(name)), _with_diagonal(excess, required)
+        return combine_modes(part, of_modes, pair), _with_diagonal(excess, required)
 
     def _coarse_pair(self) -> Pair | str:
         """Return the run and its scene on a coarser mesh, or the reason why there is none."""
@@ -404,6 +430,18 @@ def combine_excess(part: FlexiblePart, recovered: Array, changed: Array) -> Arra
     if rigid or any(link.type == "rigid" for link in part.shape.link.values()):
         return _larger(recovered, changed)
     return root_mean_square(recovered, changed)
+
+
+def combine_modes(part: FlexiblePart, recovered: Array, pair: Pair) -> Array:
+    """Return the excess of a part's squared frequencies by recovered stress and, of modes it has, a coarser mesh."""
+    changed, alike = pair.excess_of_modes(part.name)
+    return np.where(alike, combine_excess(part, recovered, changed), recovered)
+
+
+def add_across(of_modes: Array, across: Pair, name: str) -> Array:
+    """Add what more elements from side to side take off the squares of a part's frequencies to their excess."""
+    changed, alike = across.excess_of_modes(name)
+    return of_modes + np.where(alike, changed, 0.0)
 
 
 def root_mean_square(recovered: Array, changed: Array) -> Array:

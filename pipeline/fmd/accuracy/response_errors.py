@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
-from fmd.accuracy.estimators import combine_excess, energy_excess
+from fmd.accuracy.estimators import add_across, combine_modes, energy_excess
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import SAFETY
@@ -29,7 +29,8 @@ from fmd.stages.linear_model import LinearModel, linearise_scene
 if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
-_SHIFTS = (0.5, 1.0, 1.5)  # multiples: beside a resonance a larger shift may change less
+SHIFTS = (0.5, 1.0, 1.5)  # multiples: beside a resonance a larger shift may change less
+NO_ERRORS = "no errors were estimated"
 
 Request = tuple[Sequence[str], Sequence[str], str]
 """Names of inputs and outputs, and the state of linearisation."""
@@ -125,8 +126,8 @@ def estimate_response_errors(
         return ResponseErrors(np.zeros(0), np.zeros(0), found)
     own = linear.frequency_response(frequencies_hz)
     more = found.rich.frequency_response(frequencies_hz)
-    moved = np.max([_change_by_shift(found, frequencies_hz, more, times) for times in _SHIFTS], axis=0)
-    values = _total(np.abs(more - own), moved, found.share * np.abs(more))
+    moved = np.max([_change_by_shift(found, frequencies_hz, more, times) for times in SHIFTS], axis=0)
+    values = total_error(np.abs(more - own), moved, found.share * np.abs(more))
     if density is None:
         return ResponseErrors(values, np.zeros(0))
     return ResponseErrors(values, _errors_of_rms(found, frequencies_hz, density))
@@ -174,24 +175,52 @@ def _find_variants(run: Pipeline, linear: LinearModel, request: Request, lowest:
     """Return the variants of a run that errors come from, or why there are none."""
     if not run.parts:
         return _Variants(linear, linear, np.zeros_like, np.zeros(linear.model.D.shape))
-    lacking = [name for name, part in run.parts.items() if part.is_reduced or not part.has_mesh]
-    if lacking:
-        return f"{lacking[0]} has no mesh, and tells nothing of its own error"
-    twice = change_modes(run.scene, lambda body: {"count": 2 * body.modes.count + 2})
-    richer = run.variant(twice)
-    rich = linearise_scene(richer, *request)
-    pair = make_coarse_pair(richer)
-    if isinstance(pair, str):
-        return pair.removeprefix("not estimated: ")
+    shifted = shift_frequencies(run)
+    if isinstance(shifted, str):
+        return shifted
+    pair, rich = shifted.pair, linearise_scene(shifted.pair.run, *request)
     coarse = linearise_scene(pair.coarse.variant(pair.coarse.scene), *request)
     at = np.array([lowest])
     own, other = (np.abs(each.frequency_response(at)[0]) for each in (rich, coarse))
     of_stress = np.array([channel.unit == "Pa" for channel in linear.model.outputs])[:, None]
     gains = np.where(of_stress, pair.gains["spot stress"], pair.gains["displacement"])
     share = np.divide(np.abs(other - own), own * gains, out=np.zeros_like(own), where=own > 0)
-    hertz, excess = _excess_of_modes(richer, pair)
-    share = np.where(of_stress, share, np.maximum(share, excess[0]))  # what is too stiff yields too little
-    return _Variants(linear, rich, lambda at: np.asarray(np.interp(at, hertz, 0.5 * excess)), share)
+    lowest_excess = 2.0 * float(shifted.share(np.zeros(1))[0])
+    share = np.where(of_stress, share, np.maximum(share, lowest_excess))  # what is too stiff yields too little
+    return _Variants(linear, rich, shifted.share, share)
+
+
+@dataclass(frozen=True)
+class FrequencyShift:
+    """By how much a mesh raises the frequencies of a scene with about twice as many modes.
+
+    Attributes
+    ----------
+    pair : Pair
+        The richer run, and the same on a coarser mesh.
+    hertz, excess : ndarray, shape (n,)
+        Frequencies of all parts' modes, ascending [Hz], and the relative excess of their squares up to each.
+    """
+
+    pair: Pair
+    hertz: Array
+    excess: Array
+
+    def share(self, frequencies_hz: Array) -> Array:
+        """Return the share by which frequencies are raised, at frequencies [Hz]."""
+        return np.asarray(np.interp(frequencies_hz, self.hertz, 0.5 * self.excess))
+
+
+def shift_frequencies(run: Pipeline) -> FrequencyShift | str:
+    """Return what the mesh does to the frequencies of a run's flexible bodies, or why that isn't known."""
+    lacking = [name for name, part in run.parts.items() if part.is_reduced or not part.has_mesh]
+    if lacking:
+        return f"{lacking[0]} has no mesh, and tells nothing of its own error"
+    richer = run.variant(change_modes(run.scene, lambda body: {"count": 2 * body.modes.count + 2}))
+    pair = make_coarse_pair(richer)
+    if isinstance(pair, str):
+        return pair.removeprefix("not estimated: ")
+    return FrequencyShift(pair, *_excess_of_modes(richer, pair))
 
 
 def _excess_of_modes(run: Pipeline, pair: Pair) -> tuple[Array, Array]:
@@ -202,9 +231,9 @@ def _excess_of_modes(run: Pipeline, pair: Pair) -> tuple[Array, Array]:
     across = make_pair_across(run)
     hertz, excess = [], []
     for name, part in run.parts.items():
-        own = combine_excess(part, energy_excess(part, part.body)[0], pair.excess_of_modes(name))
+        own = combine_modes(part, energy_excess(part, part.body)[0], pair)
         if across is not None and across.divides(name):
-            own = own + across.excess_of_modes(name)
+            own = add_across(own, across, name)
         hertz.append(part.modes.frequencies_hz)
         excess.append(np.abs(own))
     every = np.concatenate(hertz)
@@ -221,8 +250,9 @@ def _errors_of_rms(found: _Variants, frequencies_hz: Array, density: Callable[[A
         return random_response(at / (1.0 + shift(at)), linear.frequency_response(at)[:, :, 0], density).rms
 
     own, more = rms(found.given), rms(found.rich)
-    return _total(np.abs(more - own), np.abs(rms(found.rich, found.shift) - more), found.share[:, 0] * own)
+    return total_error(np.abs(more - own), np.abs(rms(found.rich, found.shift) - more), found.share[:, 0] * own)
 
 
-def _total(*estimates: Array) -> Array:
+def total_error(*estimates: Array | float) -> Array:
+    """Return the stated error by independent estimates: `SAFETY` times the root of the sum of their squares."""
     return np.asarray(SAFETY * np.sqrt(sum(estimate**2 for estimate in estimates)))

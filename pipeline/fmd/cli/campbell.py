@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.accuracy.error_estimates import percent
 from fmd.cli.inputs import DEFAULTS, Options, read_quantity
-from fmd.cli.options import Folder, SceneName, print_json
+from fmd.cli.options import Flag, Folder, SceneName, print_json
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import CAMPBELL_CROSSINGS, CAMPBELL_LINES, CAMPBELL_MODES
@@ -26,6 +27,7 @@ def campbell(
     to: str,
     points: int = 41,
     orders: str = "",
+    no_budget: Flag = False,
     out: Folder = None,
     options: Options = DEFAULTS,
 ) -> None:
@@ -41,6 +43,8 @@ def campbell(
         Number of rates, from 0 on.
     orders
         Multiples of the rate whose crossings with the frequencies are wanted, e.g. 1,2,6.
+    no_budget
+        Don't estimate the errors of the frequencies.
     """
     highest = read_quantity("--to", to, "angular rate", above_zero=True)
     if not 2 <= points <= 10_000:
@@ -51,6 +55,7 @@ def campbell(
     pipeline = options.solve(scene)
     folder = out or Path("out") / pipeline.scene.name
     diagram = compute_campbell(pipeline, np.linspace(0.0, highest, points), multiples, "rpm" in to, bars)
+    diagram = diagram if no_budget else diagram.with_errors(pipeline)
     files = write_campbell(diagram, folder)
     if options.json:
         found = {"rows": diagram.rows(), "crossings": diagram.crossing_rows(), "unstable": diagram.unstable_rows()}
@@ -91,6 +96,11 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
     ]
     print_table(f"{diagram.title} [Hz]", columns, rows)
     open_console().print("↻ forward, ↺ backward: points whirl in the sense of the rotation, or against it")
+    worst = diagram.largest_error(n_modes)
+    if worst is None:
+        open_console().print(f"errors not stated: {diagram.errors_hz}", soft_wrap=True)
+    else:
+        open_console().print(f"these {n_modes} are off by up to {percent(worst)} %; campbell.csv has the error of each")
     print_warnings(diagram.warnings())
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from fmd.cli.inputs import DEFAULTS, Options, read_quantity
-from fmd.cli.options import Folder, SceneName, print_json
-from fmd.cli.tables import print_files, print_table
+from fmd.cli.options import Flag, Folder, SceneName, print_json
+from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
 from fmd.core.units import parse_quantity
 
@@ -22,6 +22,7 @@ def unbalance(
     force: str = "",
     order: float = 1.0,
     points: int = 400,
+    no_budget: Flag = False,
     out: Folder = None,
     options: Options = DEFAULTS,
 ) -> None:
@@ -41,6 +42,8 @@ def unbalance(
         How often the force goes round in a turn of the rotor; below 0 it goes round backwards.
     points
         Number of rates.
+    no_budget
+        Don't estimate the errors of the radii.
     """
     highest = read_quantity("--to", to, "angular rate", above_zero=True)
     if not 3 <= points <= 100_000:
@@ -51,23 +54,39 @@ def unbalance(
         raise InputError("--order", "", order, "belongs to --force: an unbalance goes round with the rotor")
     size = _read(of, "--of", "kg*m", "an unbalance such as '500 g mm'") if of else 0.0
     constant = read_quantity("--force", force, "force", above_zero=True) if force else 0.0
-    from fmd.output.unbalance import compute_circular_response, write_circular_response
+    from fmd.output.campbell import RPM
+    from fmd.output.unbalance import compute_circular_response, with_orbit_errors, write_circular_response
 
     pipeline = options.solve(scene)
     rates = highest * np.arange(1, points + 1) / points
-    response = compute_circular_response(pipeline, at, lambda rate: constant + size * rate**2, rates, order)
+
+    def goes_round(rate: float) -> float:
+        return constant + size * rate**2
+
+    response = compute_circular_response(pipeline, at, goes_round, rates, order)
+    if not no_budget:
+        response = with_orbit_errors(response, pipeline, at, goes_round, order)
     folder = out or Path("out") / pipeline.scene.name
     files = write_circular_response(response, folder)
     if options.json:
         print_json({"rows": response.rows(), "criticals": response.critical_rows(), "files": files})
         return
-    columns = {"marker": "{}", "rpm": "{:.2f}", "rad/s": "{:.4g}", "radius [mm]": "{:.4g}", "amplification": "{:.3g}"}
+    columns = {"marker": "{}", "rpm": "{:.2f}", "± rpm": "{}", "radius [mm]": "{:.4g}", "± mm": "{}"}
+    columns["amplification"] = "{:.3g}"
     rows = [
-        (one.marker, row["speed_rpm"], one.rate, 1e3 * one.amplitude, one.amplification)
-        for one, row in zip(response.criticals, response.critical_rows(), strict=True)
+        (one.marker, one.rate / RPM, _error(one.rate_error, 1 / RPM), 1e3 * one.amplitude, error, one.amplification)
+        for one in response.criticals
+        for error in [_error(one.amplitude_error, 1e3)]
     ]
     print_table(f"{response.title}, largest orbits", columns, rows)
+    if isinstance(response.errors, str):
+        open_console().print(f"errors not stated: {response.errors}", soft_wrap=True)
     print_files(folder, files)
+
+
+def _error(size: float | None, factor: float) -> str:
+    """Return an error in another unit, or an empty text if none is stated."""
+    return "" if size is None else f"{factor * size:.2g}"
 
 
 def _read(text: str, option: str, unit: str, what: str) -> float:

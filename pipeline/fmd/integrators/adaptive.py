@@ -43,11 +43,13 @@ from fmd.integrators.protocol import (
     ResumableIntegrator,
     State,
     Trajectory,
+    balanced_accelerations,
     require_times,
     require_tolerance,
     start_state,
 )
 from fmd.integrators.step_control import (
+    balance_of_groups,
     groups_of,
     just_after,
     just_before,
@@ -102,6 +104,8 @@ class AdaptiveMarch(Table):
         Group of each position and rate.
     kinds, most : ndarray, shapes (n_groups,) and (n_kinds,)
         Kind of each group, and room for the largest value of each kind; empty where each kind has one group.
+    balance : ndarray, shape (n_groups,)
+        Accelerations that balance at the march's start, as `balance_of_groups` has them.
     largest, trial : ndarray
         Largest values of the groups so far, with numbers of the method's own behind, and with the trial step's end.
     begin, new, out : ndarray, shape (n_positions + n,)
@@ -133,6 +137,7 @@ class AdaptiveMarch(Table):
     groups: IntArray
     kinds: IntArray
     most: Array
+    balance: Array
     largest: Array
     trial: Array
     begin: Array
@@ -318,10 +323,11 @@ class AdaptiveIntegrator(ResumableIntegrator):
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, the same for each tolerance; its first step is a tenth of the highest radian."""
         start, groups = start_state(system, q0, v0, np.zeros(system.n)), groups_of(system)
-        largest = np.zeros(int(groups.max(initial=-1)) + 1 + self.n_own)
+        balance = balance_of_groups(groups, start.q.size, balanced_accelerations(system, start))
+        largest = np.zeros(balance.size + self.n_own)
         keep_largest(groups, largest, np.concatenate([start.q, start.v]))
         highest = system.highest_frequency if system.n else 1.0
-        return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2, memory=largest)
+        return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2, memory=np.r_[balance, largest])
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -369,7 +375,8 @@ class AdaptiveIntegrator(ResumableIntegrator):
     def begin(self, system: System, state: State, times: Array) -> AdaptiveMarch:
         """Return a march from a state, into whose arrays it writes."""
         groups, (kinds, n_kinds) = groups_of(system), kinds_of(system)
-        trial, begin, new, out = aligned(state.memory.size, *3 * [groups.size])
+        n_groups = int(groups.max(initial=-1)) + 1
+        trial, begin, new, out = aligned(n_groups + self.n_own, *3 * [groups.size])
         return AdaptiveMarch(
             tolerance=self.tolerance,
             order=self.order(system),
@@ -382,7 +389,8 @@ class AdaptiveIntegrator(ResumableIntegrator):
             groups=groups,
             kinds=kinds,
             most=np.zeros(n_kinds),
-            largest=state.memory,
+            balance=state.memory[:n_groups],
+            largest=state.memory[n_groups:],
             trial=trial,
             begin=begin,
             new=new,

@@ -20,7 +20,6 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.core.limits.newton import (
-    BALANCING_PART,
     CONVERGED,
     OF_GUESS,
     POSITION_ROUND_OFF,
@@ -45,8 +44,7 @@ from fmd.integrators.protocol import (
     ResumableIntegrator,
     State,
     Trajectory,
-    evaluate,
-    move_positions,
+    balanced_accelerations,
     require_step,
     start_state,
 )
@@ -101,7 +99,7 @@ class GeneralizedAlpha(ResumableIntegrator):
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0 with both accelerations, and memory for a tangent."""
         start = _two_accelerations(start_state(system, q0, v0, np.zeros(system.n)))
-        start.memory[-1] = _balanced_size(system, start)
+        start.memory[-1] = balanced_accelerations(system, start).max(initial=0.0)
         return start
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
@@ -139,19 +137,6 @@ def _two_accelerations(start: State) -> State:
     """Complete a state at time 0 by auxiliary and true accelerations, equal at first, and memory for a tangent."""
     n = start.a.size
     return replace(start, a=np.concatenate([start.a, start.a]), memory=np.zeros(n * n + 2))
-
-
-def _balanced_size(system: System, start: State) -> float:
-    """Return the size of the accelerations by deformation that loads balance at the start.
-
-    Where a motion starts at rest under large loads, accelerations are but the round-off of these.
-    """
-    change = -BALANCING_PART * start.q[system.n_positions - system.n :]
-    if not change.any():
-        return 0.0
-    a = np.zeros(system.n)
-    evaluate(system.parameters, 0.0, move_positions(system.parameters, start.q, change), start.v, a)
-    return float(np.abs(a - start.a[: system.n]).max(initial=0.0)) / BALANCING_PART
 
 
 @dataclass(frozen=True)

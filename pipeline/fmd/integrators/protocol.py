@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, require_finite, require_shape, short_repr
+from fmd.core.limits.newton import BALANCING_PART
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.stability import DAMPED
 from fmd.dynamics.controllers import HeldValues
@@ -306,6 +307,20 @@ def start_state(system: System, q0: Array, v0: Array, lag: Array) -> State:
 def evaluate(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
     """Evaluate the accelerations of a mechanism into a."""
     accelerations(p, t, q, v, a)
+
+
+def balanced_accelerations(system: System, start: State) -> Array:
+    """Return sizes of the accelerations by deformation that loads, or others of these, balance at the start, (n,).
+
+    Where a motion starts at rest under large loads, its accelerations are but the round-off of these.
+    """
+    q, moved, found = start.q.copy(), np.zeros(system.n), np.zeros(system.n)
+    for k in np.flatnonzero(q):
+        q[k] *= 1.0 + BALANCING_PART
+        evaluate(system.parameters, 0.0, q, start.v, moved)
+        found += np.abs(moved - start.a[: system.n]) / BALANCING_PART
+        q[k] = start.q[k]
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def move_positions(p: Any, q: Array, change: Array) -> Array:

@@ -263,6 +263,8 @@ def _begin_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float
     for i in range(n):
         k = 0 if i < n_positions else 1
         m.marks[k] = max(m.marks[k], abs(m.F[i]))
+    for k in range(s.balance.size):
+        m.marks[1] = max(m.marks[1], s.balance[k])
     dt = max(1e-4 * h, TICKS * (np.nextafter(start, math.inf) - start))
     _linearise(m, p, start, dt, s.begin, n_positions)
     _balance(m, n_positions, 0.1 / h)
@@ -298,7 +300,7 @@ def _try_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
         error = abs(m.error[i]) / m.scale[i] - noise
         m.error[i] = max(error, 0.0) if math.isfinite(m.error[i]) else math.nan
     set_trial(s)
-    return scaled_error(s.groups, s.trial, m.error)
+    return scaled_error(s.groups, s.trial, s.balance, m.error, n_positions, h)
 
 
 @prepare_samples.register(RosenbrockSteps)

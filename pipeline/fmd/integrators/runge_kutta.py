@@ -172,7 +172,7 @@ def _try_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
 @inner
 def _error(m: RungeKuttaSteps, row: int, h: float, s: AdaptiveMarch) -> float:
     _add_slopes(m, row, h, m.none, m.error)
-    return scaled_error(s.groups, s.trial, m.error)
+    return scaled_error(s.groups, s.trial, s.balance, m.error, s.q.size, h)
 
 
 @prepare_samples.register(RungeKuttaSteps)

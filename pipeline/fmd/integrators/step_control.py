@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.stepping import STEP_SAFETY, STILL_GROUP
+from fmd.core.limits.stepping import RATE_ROUND_OFF, STEP_SAFETY, STILL_GROUP
 from fmd.dynamics.system import System
 from fmd.kernels.kernel import inner, kernel
 
@@ -56,9 +56,24 @@ def step_within(h: float, left: float) -> float:
     return 0.5 * left if h > 0.5 * left else h
 
 
+def balance_of_groups(groups: IntArray, n_positions: int, sizes: Array) -> Array:
+    """Return the largest of the balanced accelerations of each group's rates, (n_groups,), sizes being those of all.
+
+    Groups of positions have those of the rates that move them.
+    """
+    found = np.zeros(int(groups.max(initial=-1)) + 1)
+    rates, n_moved = groups[n_positions:], int(groups[:n_positions].max(initial=-1)) + 1
+    np.maximum.at(found, rates[rates >= 0], sizes[rates >= 0])
+    both = min(n_moved, len(found) - n_moved)
+    found[:both] = found[n_moved : n_moved + both]
+    return found
+
+
 @inner
-def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
+def scaled_error(groups: IntArray, largest: Array, balance: Array, error: Array, n_positions: int, h: float) -> float:
     """Return the largest error over its group's largest value; NaN if an error or a value isn't finite.
+
+    The round-off of accelerations that balance is taken off: where all rests it is as large as what has moved.
 
     Parameters
     ----------
@@ -66,12 +81,19 @@ def scaled_error(groups: IntArray, largest: Array, error: Array) -> float:
         Group of each error, -1 of one that doesn't count.
     largest : ndarray, shape (n_groups,)
         Largest value of each group, the end of the trial step included.
+    balance : ndarray, shape (n_groups,)
+        Of each group as `balance_of_groups` has it.
+    n_positions : int
+        How many of the errors are of positions; the others are of rates.
+    h : float
+        Step [s].
     """
     worst = 0.0
     for i in range(groups.size):
         if groups[i] < 0:
             continue
-        ratio = abs(error[i]) / max(largest[groups[i]], STILL_GROUP)
+        noise = RATE_ROUND_OFF * h * balance[groups[i]] * (h if i < n_positions else 1.0)
+        ratio = (abs(error[i]) - noise) / max(largest[groups[i]], STILL_GROUP)
         if not (math.isfinite(error[i]) and math.isfinite(largest[groups[i]])):
             return math.nan
         worst = max(worst, ratio)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from fmd.accuracy.response_errors import NO_ERRORS
+from fmd.accuracy.rotor_errors import estimate_frequency_errors
 from fmd.core.arrays import Array
 from fmd.core.files import write_table
 from fmd.core.limits.responses import BESIDE_MEETING, GROWS, UNSTABLE_EDGE
@@ -86,6 +88,8 @@ class CampbellDiagram:
         Where small motions grow, by ascending rate.
     in_rpm : bool
         Rates are written in revolutions per minute.
+    errors_hz : ndarray or str
+        Stated errors of the frequencies, shape (n_rates, n_modes), or why there are none.
     """
 
     title: str
@@ -98,6 +102,13 @@ class CampbellDiagram:
     crossings: tuple[Crossing, ...]
     unstable: tuple[UnstableRange, ...]
     in_rpm: bool
+    errors_hz: Array | str = NO_ERRORS
+
+    def with_errors(self, run: Pipeline) -> CampbellDiagram:
+        """Return the diagram with the errors of its frequencies, or why none are stated."""
+        with threadpool_limits(1):
+            errors = estimate_frequency_errors(coupled(run), self.rates, self.frequencies_hz)
+        return replace(self, errors_hz=errors)
 
     @property
     def unit(self) -> str:
@@ -117,11 +128,13 @@ class CampbellDiagram:
             row |= {"rate_rpm": rate / RPM} if self.in_rpm else {}
             for name, values in (
                 ("frequency_hz", self.frequencies_hz),
+                *([] if isinstance(self.errors_hz, str) else [("error_hz", self.errors_hz)]),
                 ("growth_1_s", self.growth),
                 ("damping", self.damping),
                 ("whirl", self.whirl),
             ):
                 row[name] = values[k][there].tolist()
+            row |= {"error": f"not stated: {self.errors_hz}"} if isinstance(self.errors_hz, str) else {}
             found.append(row)
         return found
 
@@ -134,11 +147,27 @@ class CampbellDiagram:
                 "rate_rad_s": at.rate,
                 **({"rate_rpm": at.rate / RPM} if self.in_rpm else {}),
                 "frequency_hz": at.frequency_hz,
+                "error_hz": self._error_at(at),
                 "damping": at.damping,
                 "whirl": whirl_word(at.whirl),
             }
             for at in self.crossings
         ]
+
+    def _error_at(self, at: Crossing) -> float | None:
+        """Return the stated error of the frequency at a crossing [Hz], if one is stated."""
+        if isinstance(self.errors_hz, str):
+            return None
+        errors = self.errors_hz[:, at.mode - 1]
+        known = np.isfinite(errors)
+        return float(np.interp(at.rate, self.rates[known], errors[known]))
+
+    def largest_error(self, n_modes: int) -> float | None:
+        """Return the largest stated error of the first modes' frequencies over them; none if it isn't stated."""
+        if isinstance(self.errors_hz, str):
+            return None
+        shares = np.nan_to_num(self.errors_hz / np.where(self.frequencies_hz > 0.0, self.frequencies_hz, np.inf))
+        return float(shares[:, :n_modes].max(initial=0.0))
 
     def unstable_rows(self) -> list[dict[str, float]]:
         """Return the ranges in which something grows as plain data."""
@@ -297,14 +326,17 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
 
     n_modes = diagram.frequencies_hz.shape[1]
     header = [f"rate_{'rpm' if diagram.in_rpm else 'rad_s'}"]
-    for what in ("hz", "growth_1_s", "damping", "whirl"):
-        header += [f"mode_{k + 1}_{what}" for k in range(n_modes)]
-    tables = (diagram.frequencies_hz, diagram.growth, diagram.damping, diagram.whirl)
-    columns = (diagram.in_unit(diagram.rates)[:, None], *tables)
-    rows = [
-        [f"{row[0]:.6g}", *(f"{x:.8g}" for x in row[1 : n_modes + 1]), *(f"{x:.5g}" for x in row[n_modes + 1 :])]
-        for row in np.concatenate(columns, axis=1)
-    ]
+    tables = {"hz": diagram.frequencies_hz, "growth_1_s": diagram.growth}
+    tables |= {"damping": diagram.damping, "whirl": diagram.whirl}
+    unstated = [f"not stated: {diagram.errors_hz}"] if isinstance(diagram.errors_hz, str) else []
+    tables |= {} if isinstance(diagram.errors_hz, str) else {"error_hz": diagram.errors_hz}
+    header += [f"mode_{k + 1}_{what}" for what in tables for k in range(n_modes)] + ["error"] * len(unstated)
+    columns = (diagram.in_unit(diagram.rates)[:, None], *tables.values())
+    rows = []
+    for row in np.concatenate(columns, axis=1):
+        frequencies, others = np.split(row[1:], [n_modes])
+        cells = (f"{row[0]:.6g}", *(f"{x:.8g}" for x in frequencies), *(f"{x:.5g}" for x in others))
+        rows.append([*cells, *unstated])
     write_table(folder / "campbell.csv", header, rows)
     files = ["campbell.csv", "campbell.png"]
     draw_campbell(

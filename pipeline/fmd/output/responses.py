@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmd.accuracy.error_budget import ERROR_BUDGET
-from fmd.accuracy.response_errors import BandErrors, Request, ResponseErrors, estimate_response_errors
+from fmd.accuracy.response_errors import NO_ERRORS, BandErrors, Request, ResponseErrors, estimate_response_errors
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import whole_file, write_table
@@ -23,8 +23,6 @@ from fmd.scene.outputs import FrequencyResponseChart
 from fmd.stages.linear_model import LinearModel, linearise_scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.spectral_density import read_density
-
-NO_ERRORS = "no errors were estimated"
 
 
 @dataclass(frozen=True)

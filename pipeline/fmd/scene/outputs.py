@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
@@ -9,6 +10,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from fmd.core.units import Frequency, NonNegative, NonNegativeTime, PositiveFrequency, Stress, unit_ratio
 from fmd.scene.histories import ExtremesTable, History
 from fmd.scene.pictures import (
+    BodyPicture,
     Component,
     Film,
     MechanismPicture,
@@ -283,7 +285,7 @@ class Export(SceneTable):
     format : str, optional
         Format of another program, as of ``fmd export --to``.
     body : str, optional
-        Flexible body that it holds; needed by all that hold one.
+        Flexible body that it holds, where it holds one; the scene's only one by default.
     frames : int
         Number of output times in a ``.vtkhdf`` file, spread over the duration.
 
@@ -340,3 +342,14 @@ OUTPUT_MODELS: dict[str, type[SceneTable]] = {
     get_args(model.model_fields["type"].annotation)[0]: model for model in get_args(get_args(Output)[0])
 }
 """Tables of outputs by their types."""
+
+
+def with_only_body(output: Any, bodies: Collection[str]) -> Any:
+    """Return an output's unread table with a scene's only flexible body, if it holds one and names none."""
+    if len(bodies) != 1 or not isinstance(output, dict) or "body" in output:
+        return output
+    model = OUTPUT_MODELS.get(output.get("type", ""))
+    holds = model is not None and issubclass(model, BodyPicture)
+    if model is Export and output.get("format") not in MECHANISM_FORMATS:
+        holds = True
+    return output | {"body": next(iter(bodies))} if holds else output

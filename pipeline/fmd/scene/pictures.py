@@ -69,7 +69,7 @@ class BodyPicture(PictureSettings):
     Parameters
     ----------
     body : str
-        Flexible body that is drawn.
+        Flexible body that is drawn; the scene's only one by default.
     """
 
     body: BodyName

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from fmd.scene.any_body import Body, Flexible, wanted_pieces
 from fmd.scene.constraints import AnyCoupler
@@ -13,7 +13,7 @@ from fmd.scene.controllers import AnyController
 from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
 from fmd.scene.joints.any_joint import Joint, closing_joints
 from fmd.scene.loads import Drive
-from fmd.scene.outputs import Output
+from fmd.scene.outputs import Output, with_only_body
 from fmd.scene.places import GroundPlace
 from fmd.scene.reading import SceneTable
 from fmd.scene.simulation import Simulation
@@ -36,6 +36,13 @@ class SceneTables(SceneTable):
     contact: dict[Name, Contact] = Field(default_factory=dict)
     simulation_table: Simulation | None = Field(default=None, alias="simulation")
     output: tuple[Output, ...] = ()
+
+    @field_validator("output", mode="before")
+    @classmethod
+    def _name_only_body(cls, given: Any, info: ValidationInfo) -> Any:
+        """Name the only flexible body in outputs that hold one."""
+        flexible = [name for name, body in info.data.get("body", {}).items() if isinstance(body, Flexible)]
+        return [with_only_body(output, flexible) for output in given] if isinstance(given, list | tuple) else given
 
     @property
     def elements(self) -> dict[str, dict[str, ForceElement]]:

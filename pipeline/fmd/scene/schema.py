@@ -20,6 +20,7 @@ from pydantic_core import core_schema
 from fmd.core.limits.scene import LONGEST_SYMBOL
 from fmd.core.units import example_of, list_units
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
+from fmd.scene.pictures import BodyPicture
 from fmd.scene.reading import SceneTable
 from fmd.scene.scene import Scene
 
@@ -51,6 +52,11 @@ def write_schema() -> str:
     return json.dumps({"$schema": _DIALECT} | _write_references(schema), indent=1, ensure_ascii=False) + "\n"
 
 
+def is_known_by_scene(table: type[SceneTable], key: str) -> bool:
+    """Return true for the body of a picture, which a scene with a single flexible body may leave out."""
+    return key == "body" and issubclass(table, BodyPicture)
+
+
 class _Generator(GenerateJsonSchema):
     """Writer of the tables' schemas as a file has them: without null, and with kinds and meanings."""
 
@@ -76,7 +82,8 @@ class _Generator(GenerateJsonSchema):
                 found["properties"][key]["description"] = meaning
         kinds = [name for name, field in table.model_fields.items() if is_kind(name, field)]
         if table not in KNOWN_BY_FILES:
-            found["required"] = [*kinds, *found.get("required", ())]
+            needed = [key for key in found.get("required", ()) if not is_known_by_scene(table, key)]
+            found["required"] = [*kinds, *needed]
         return found
 
     def dict_schema(self, schema: core_schema.DictSchema) -> JsonSchemaValue:

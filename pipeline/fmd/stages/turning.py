@@ -11,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.rotors import ALIKE_AROUND, COMPARED_TURN, ECCENTRIC, ON_AXIS, SHORTEST_RATE, STEADY_RATE
+from fmd.core.limits.round_off import EXACT
 from fmd.core.rotations import matrix_of_quaternion, quaternion_of_matrix, rotation_matrix
 from fmd.dynamics.kinematics import Kinematics
 from fmd.integrators.protocol import evaluate_projection
@@ -272,10 +273,14 @@ class TurningRotor:
 
 
 def _differ(A: Array, B: Array) -> float:
-    """Return the largest difference of two state matrices, each entry beside the stiffness of its two coordinates."""
+    """Return the largest difference of two state matrices, each entry beside the stiffness of its two coordinates.
+
+    What is round-off of the stiffest one doesn't count: of free rotation next to many modes it is as large as 1 rad/s.
+    """
     n = len(A) // 2
-    own = np.sqrt(np.maximum(np.abs(A[n:, :n].diagonal()), 1.0))  # at least that of 1 rad/s
-    stiffness, damping = np.abs(A - B)[n:, :n] / np.outer(own, own), np.abs(A - B)[n:, n:] / np.sqrt(np.outer(own, own))
+    stiff = np.maximum(np.abs(A[n:, :n].diagonal()), 1.0)  # at least that of 1 rad/s
+    own, apart = np.sqrt(stiff), np.maximum(np.abs(A - B) - EXACT * stiff.max(), 0.0)
+    stiffness, damping = apart[n:, :n] / np.outer(own, own), apart[n:, n:] / np.sqrt(np.outer(own, own))
     return float(max(stiffness.max(initial=0.0), damping.max(initial=0.0)))
 
 

@@ -4,6 +4,7 @@
 # Modal assurance criterion above which a shape of the other mesh is the run's own. The frequency of one that is less
 # alike tells of the shapes it is mixed with, as of vectors that round-off alone sets apart, and not of the mesh.
 ALIKE = 0.95
+ALIKE_MODES = 0.5  # the same of modes, whose frequencies are results: less than half of it is another one
 MORE_COARSE_MODES = 1.5  # modes of the coarse mesh to find the run's among
 SAME_FREQUENCY_OF_MESHES = 0.02  # relative: of shapes that the mesh alone keeps apart
 
@@ -49,6 +50,9 @@ FINER_TOLERANCE = 0.1  # tolerance of the finer march over the run's
 COMPARED_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
 # Change by a richer basis from which on its march is doubted, and the part of it that half of the step may change.
 DOUBTED, RESOLVED_PART = 0.01, 0.3
+# Of a richer basis whose march would take too long its lowest shapes are kept, twice as many as the run's and this many
+# more, unless these are nearly all of it.
+LOWEST_SHAPES, LARGE_BASIS = 12, 0.7
 MOST_REFINEMENTS = 4  # until a finer march differs from the run's
 # Recovered stress overstates the error of static responses to forces on a face, where stress jumps, 25 times on the
 # beam, and patches of elements that at edges: both count up to this many times of what the coarse mesh tells.

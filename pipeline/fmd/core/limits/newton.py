@@ -62,7 +62,7 @@ OF_GUESS = 1e-5  # times that: the round-off of the acceleration that an iterati
 POSITION_ROUND_OFF = 1e-14  # of positions, relative to the largest, or to a radian or metre
 STEP_ITERATIONS = 12  # of a step: one that needs more is too long
 VANISHED = 1e-200  # an acceleration below which nothing is left to converge: damped motions underflow in the end
-BALANCING_PART = 1e-6  # part of the start's modal coordinates by which it is changed to see what forces balance there
+BALANCING_PART = 1e-6  # part of each coordinate of the start by which it is changed to see what forces balance there
 
 # Selection.
 LOCATING_CORRECTIONS = 20  # in an element, to find a point: beyond, it lies far outside

@@ -20,4 +20,6 @@ STEADY_RATE = 1e-3  # of the squared rate, or of 1 rad/s²: less is no accelerat
 LOOSE_STATE = 1e-13  # of the largest singular value of a scaled state matrix: what nothing holds
 HALF_POWER = 0.5**0.5  # of a peak, at which its width is measured
 PEAK_DIGITS = 1e-8  # of a critical rate
+# How far from a critical rate that of a rotor with more modes is looked for: a part of it, or widths of its peak.
+OF_PEAK, WIDTHS_OF_PEAK, POINTS_OF_PEAK = 0.02, 3.0, 41
 SHARPEST = 1e6  # amplification factor of a rotor without damping

@@ -1,0 +1,104 @@
+"""Errors of a rotor's frequencies and orbits over its speed, by more modes and by what meshes do to frequencies.
+
+They come from the variants by which frequency responses have theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.accuracy.response_errors import SHIFTS, shift_frequencies, total_error
+from fmd.accuracy.time_limit import FAULTS
+from fmd.core.arrays import Array
+from fmd.stages.rotor import find_vibrations
+
+if TYPE_CHECKING:
+    from fmd.stages.pipeline import Pipeline
+
+
+def estimate_frequency_errors(run: Pipeline, rates: Array, frequencies_hz: Array) -> Array | str:
+    """Estimate the errors of a rotor's frequencies at some rates, or say why there is no estimate.
+
+    Parameters
+    ----------
+    rates : ndarray, shape (n_rates,)
+        [rad/s], ascending.
+    frequencies_hz : ndarray, shape (n_rates, n_modes)
+        Ascending at each rate; not a number where a rate has fewer.
+
+    Returns
+    -------
+    ndarray, shape (n_rates, n_modes)
+        [Hz]
+    """
+    if not run.parts:
+        return np.zeros_like(frequencies_hz)
+    try:
+        shift = shift_frequencies(run)
+        if isinstance(shift, str):
+            return shift
+        vibrations, more = find_vibrations(shift.pair.run, float(rates[-1])), np.full_like(frequencies_hz, np.nan)
+        for k, rate in enumerate(rates.tolist()):
+            there = vibrations(rate).frequencies_hz[: frequencies_hz.shape[1]]
+            more[k, : len(there)] = there
+    except FAULTS as fault:  # of a variant: the frequencies themselves are there
+        return f"{fault}"
+    return total_error(more - frequencies_hz, shift.share(frequencies_hz) * frequencies_hz)
+
+
+@dataclass(frozen=True)
+class RicherOrbits:
+    """Radii of a rotor's orbits with more modes, and what the mesh does to its frequencies.
+
+    Attributes
+    ----------
+    radii : callable
+        Returns the radii at a rate [rad/s], (n_markers,) [m].
+    share : callable
+        Share by which the mesh raises frequencies, at a rate of rotation [rad/s].
+    highest : float
+        Rate up to which the radii are known [rad/s].
+    """
+
+    radii: Callable[[float], Array]
+    share: Callable[[Array], Array]
+    highest: float
+
+    def errors(self, rates: Array, amplitude: Array) -> Array:
+        """Return the stated errors of radii (n_rates, n_markers) [m] at rates (n_rates,) [rad/s]."""
+        share, more = self.share(rates), self._at(rates)
+        moved = np.max([np.abs(self._at(rates * (1.0 + times * share)) - more) for times in SHIFTS], axis=0)
+        return total_error(more - amplitude, moved, 2.0 * share[:1] * more)
+
+    def _at(self, rates: Array) -> Array:
+        return np.array([self.radii(rate) for rate in np.minimum(rates, self.highest).tolist()])
+
+
+def find_richer_orbits(
+    run: Pipeline, respond: Callable[[Pipeline], Callable[[float], Array]], highest: float, order: float
+) -> RicherOrbits | str:
+    """Find by which variants a run's orbits have errors, or why there are none.
+
+    Parameters
+    ----------
+    respond : callable
+        Returns of a run a function from a rate [rad/s] to the radii there [m], (n_markers,).
+    highest : float
+        Highest rate [rad/s].
+    order : float
+        How often the force goes round in a turn.
+    """
+    try:
+        shift = shift_frequencies(run) if run.parts else None
+        if isinstance(shift, str):
+            return shift
+        if shift is None:  # all is rigid
+            return RicherOrbits(respond(run), np.zeros_like, highest)
+        share = shift.share
+        return RicherOrbits(respond(shift.pair.run), lambda rates: share(abs(order) * rates / (2 * np.pi)), highest)
+    except FAULTS as fault:
+        return f"{fault}"
