@@ -46,6 +46,7 @@ def test_a_body_is_written_for_python(fmd, tmp_path, capsys):
     assert fmd("export", "beam-paper", "--to", "python", "--out", path, "--json") == 0
     assert json.loads(capsys.readouterr().out) == {"format": "python", "files": [str(path)]}
     assert len(load_body(path).body.omega) == 5
+    assert b"not stated: shapes and matrices are input of other runs" in path.read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -138,7 +138,7 @@ def test_a_diagram_has_crossings_in_rpm_and_says_how_they_whirl(tmp_path: Path) 
     assert files == ["campbell.csv", "campbell.png", "crossings.csv"]
     with (tmp_path / "crossings.csv").open(newline="") as file:
         header, *rows = csv.reader(file)
-    assert header == ["order", "mode", "rate_rad_s", "rate_rpm", "frequency_hz", "damping", "whirl"]
+    assert header == ["order", "mode", "rate_rad_s", "rate_rpm", "frequency_hz", "error_hz", "damping", "whirl"]
     assert [float(row[3]) for row in rows] == pytest.approx([at.rate * 30 / np.pi for at in diagram.crossings])
     with (tmp_path / "campbell.csv").open(newline="") as file:
         header, *rows = csv.reader(file)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fmd.output.formats import write_format
 from fmd.output.output_kinds import OutputKind, read_body
+from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.stress import choose_frames, von_mises
 from fmd.scene.outputs import Export
 from fmd.stages.pipeline import Pipeline
@@ -62,7 +63,10 @@ def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
                 "von_mises": von_mises(np.asarray(tensor, dtype=float)),
             }
 
-    write_series(part.space, motion.times[chosen], fields(), path)
+    errors = VariableErrors(run)
+    stated = dict.fromkeys(("displacement", "deformation", "stress"), errors.of_quantity(f"{body}, at its nodes"))
+    stated["von_mises"] = errors.of_quantity(f"{body}, largest von Mises stress")
+    write_series(part.space, motion.times[chosen], fields(), path, stated)
 
 
 @dataclass(frozen=True)

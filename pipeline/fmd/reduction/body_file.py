@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 FORMAT = "fmd reduced body"
 VERSION = 2
+_NO_ERROR = "not stated: shapes and matrices are input of other runs; an error budget of this body's scene tells"
 
 # Dimensions, unit and meaning of each variable. "motions" are three translations and three rotations of the frame, then
 # the modes; "state" is (1, q). A dimension may stand in a variable only once, hence the second of some.
@@ -171,7 +172,7 @@ def body_dataset(saved: SavedBody) -> xarray.Dataset:
     }
     if saved.stress is not None:
         coordinates["component"] = ["xx", "yy", "zz", "yz", "xz", "xy"]
-    attributes = {"format": FORMAT, "format_version": VERSION, "joint": saved.body.joint}
+    attributes = {"format": FORMAT, "format_version": VERSION, "joint": saved.body.joint, "error": _NO_ERROR}
     return xarray.Dataset(data, coordinates, attributes)
 
 

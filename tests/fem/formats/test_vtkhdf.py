@@ -51,7 +51,7 @@ def space(element: Any, box_mesh: Make) -> Discretisation:
 
 @pytest.fixture
 def path(space: Discretisation, tmp_path: Path) -> Path:
-    write_series(space, TIMES, fields_of(space), tmp_path / "motion.vtkhdf")
+    write_series(space, TIMES, fields_of(space), tmp_path / "motion.vtkhdf", {"von_mises": 2e6})
     return tmp_path / "motion.vtkhdf"
 
 
@@ -62,6 +62,13 @@ def reader(path: Path) -> Any:
     reader.SetFileName(str(path))
     reader.UpdateInformation()
     return reader
+
+
+def test_a_field_has_its_error_as_an_attribute(path: Path) -> None:
+    import h5py
+
+    with h5py.File(path) as file:
+        assert file["VTKHDF/PointData/von_mises"].attrs["error"] == 2e6
 
 
 def at(reader: Any, step: int) -> Any:

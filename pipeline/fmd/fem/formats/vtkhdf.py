@@ -24,7 +24,13 @@ _VERSION = (2, 0)
 _TENSOR = [0, 1, 2, 5, 3, 4]  # from xx, yy, zz, yz, xz, xy to VTK's order, which ends xy, yz, xz
 
 
-def write_series(space: Discretisation, times: Array, fields: Iterable[Mapping[str, NDArray[Any]]], path: Path) -> None:
+def write_series(
+    space: Discretisation,
+    times: Array,
+    fields: Iterable[Mapping[str, NDArray[Any]]],
+    path: Path,
+    errors: Mapping[str, float | str] | None = None,
+) -> None:
     """Write fields at a body's nodes over time; the file appears whole or not at all.
 
     Parameters
@@ -38,6 +44,8 @@ def write_series(space: Discretisation, times: Array, fields: Iterable[Mapping[s
         and shapes of the first. Six components are a symmetric tensor, xx, yy, zz, yz, xz, xy.
     path : Path
         The file, ``.vtkhdf``.
+    errors : mapping of str to float or str, optional
+        Attribute ``error`` of the fields: the largest of any node and time in the field's unit, or why none is stated.
 
     Raises
     ------
@@ -57,6 +65,8 @@ def write_series(space: Discretisation, times: Array, fields: Iterable[Mapping[s
         root.attrs["Type"] = np.bytes_("UnstructuredGrid")
         _write_mesh(root, space)
         _write_fields(root, len(space.x), len(times), fields)
+        for name, error in (errors or {}).items():
+            root[f"PointData/{name}"].attrs["error"] = error
         _write_steps(root, times, len(space.x))
 
 
