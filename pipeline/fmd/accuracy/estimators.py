@@ -11,47 +11,38 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.comparison import Comparison, change_fineness
 from fmd.accuracy.corner_stress import CornerStress, find_corner_stress
-from fmd.accuracy.error_estimates import NO_PART, keep_lowest, shifted_frequencies, soften_body
+from fmd.accuracy.error_estimates import NO_PART, shifted_frequencies, soften_body
 from fmd.accuracy.model_errors import ModelErrors
-from fmd.accuracy.quantities import Quantities, mesh_quantities
+from fmd.accuracy.quantities import mesh_quantities
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
+from fmd.accuracy.truncation import compare_bases
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.automatic import IMPLICIT_STEPS_IN_ACTION
 from fmd.core.limits.errors import (
     ACROSS_SHARE,
     COARSE_SHARE,
-    COMPARED_IMPLICIT_STEPS,
-    DOUBTED,
     FINER_WORK,
-    LARGE_BASIS,
-    LOWEST_SHAPES,
     MOST_OF_CHANGE,
     MOST_REFINEMENTS,
     OF_TOLERANCE,
-    RESOLVED_PART,
     SAFETY,
 )
-from fmd.core.limits.stability import SURELY_STABLE
-from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.march_pairs import motion_difference
 from fmd.recovery.stress import von_mises
 from fmd.scene.variants import enrich_bases
 from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
-    from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.stages.part import FlexiblePart
     from fmd.stages.pipeline import Pipeline
-    from fmd.stages.plan import Plan
 
 # Multiples of the extrapolated change of frequencies; the first, SAFETY, matters most.
 _SHIFTS = (SAFETY, 1.0, 0.5, 1.5)
@@ -154,85 +145,17 @@ class Estimates(Comparison):
         return {name: max(error / gain, least) if error else 0.0 for name, error in changes}
 
     def _truncation(self) -> dict[str, float | str]:
-        """Estimate modal truncation by a richer basis, both marched with a step that is stable for the richer one."""
+        """Estimate modal truncation by a richer basis."""
         self.require_modes(1.0)
         rich = self.run.variant(
             enrich_bases(self.run.scene), stiffening_loads=self.run.stiffening_loads
         )  # what is stiffened stays so
         try:
-            found = self._compare_bases(rich, {}) or self._compare_lowest(rich)
+            ours, enriched = compare_bases(self, rich)
         except InputError as fault:  # the mesh has no more modes than the run's
             return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
-        ours, enriched = found
         self.correct_by(enriched, 1.0, ours)
         return dict(self.changes(enriched, ours))
-
-    def _compare_bases(self, rich: Pipeline, as_if: dict[str, Array]) -> tuple[Quantities, Quantities] | None:
-        """Return the quantities of the run and of a richer basis by the run's method, if it serves for both."""
-        try:
-            plan, base = self._comparable(rich)
-            theirs = self.march(rich, plan)
-            ours = self.quantities if base is None else self.quantities_of(self.run, base)
-            enriched = self.quantities_of(rich, theirs, as_if=as_if or None)
-            resolved = self._is_resolved(rich, plan, enriched, self.changes(enriched, ours), as_if)
-        except (LeftOutError, AccuracyError):  # an explicit method follows static responses for ever, or a step is long
-            return None
-        return (ours, enriched) if resolved else None
-
-    def _compare_lowest(self, rich: Pipeline) -> tuple[Quantities, Quantities]:
-        """Return the same without the stiffest shapes of a large basis, or by implicit steps.
-
-        Several bodies have so many static responses that neither way ends in time. What a shape yields falls with the
-        square of its frequency, so that the lowest ones, twice as many as the run's and more, tell most.
-        """
-        bodies, as_if = dict(rich.bodies), dict[str, Array]()
-        for name, body in rich.bodies.items():
-            kept = min(2 * len(self.run.bodies[name].omega) + LOWEST_SHAPES, len(body.omega))
-            bodies[name], as_if[name] = keep_lowest(body, kept)
-        lowest = sum(len(body.omega) for body in bodies.values())
-        if lowest > LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
-            return self._by_implicit_steps(rich, {})
-        rich = rich.with_bodies(bodies)
-        return self._compare_bases(rich, as_if) or self._by_implicit_steps(rich, as_if)
-
-    def _by_implicit_steps(self, rich: Pipeline, as_if: dict[str, Array]) -> tuple[Quantities, Quantities]:
-        """Return the quantities of the run and of a richer basis by generalised-α, with the same steps.
-
-        Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
-        """
-        method = self._implicit_method()
-        for k in range(MOST_REFINEMENTS):
-            plan = replace(self.plan, integrator=replace(method, step=method.step / 2**k))
-            try:
-                theirs = self.march(rich, plan_like(plan, rich), FINER_WORK if k else 1.0)
-            except AccuracyError:
-                if k + 1 == MOST_REFINEMENTS:
-                    raise
-            else:
-                break
-        ours = self.quantities_of(self.run, self.march(self.run, plan))
-        return ours, self.quantities_of(rich, theirs, as_if=as_if or None)
-
-    def _is_resolved(
-        self, rich: Pipeline, plan: Plan, enriched: Quantities, changes: dict[str, float], as_if: dict[str, Array]
-    ) -> bool:
-        """Return true if the march of a richer basis has an error in time far below what the basis changes.
-
-        Its fastest vibrations may be a hundred times those that the method's fixed step was chosen for. Where the
-        basis changes little, nothing can be far off.
-        """
-        rows = [name for name in changes if name not in self.details and changes[name] > DOUBTED]
-        if not rows or not plan.integrator.step:
-            return True
-        finer = self.march(rich, replace(plan, integrator=change_fineness(plan, 0.0)[0]), FINER_WORK)
-        again = self.changes(self.quantities_of(rich, finer, as_if=as_if or None), enriched)
-        return all(again[name] < RESOLVED_PART * changes[name] for name in rows)
-
-    def _implicit_method(self) -> GeneralizedAlpha:
-        """Return generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
-        duration, system = float(self.run.output_times[-1]), self.plan.system
-        steps = max(COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action))
-        return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
         """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes."""
@@ -378,24 +301,6 @@ class Estimates(Comparison):
             again = float(von_mises(patch_stress(part.space, part.material, field, node).T)[0])
             errors[f"{name}, largest von Mises stress"] = abs(again - worst) / worst
         return errors
-
-    def _comparable(self, rich: Pipeline) -> tuple[Plan, Motion | None]:
-        """Return a plan for the richer model, and the run's own motion by its step if that is a shorter one.
-
-        Raises
-        ------
-        LeftOutError
-            Both marches by the shorter step would take longer than the time limit leaves.
-        """
-        method: Any = self.plan.integrator
-        limit = SURELY_STABLE * method.largest_step(rich.system)
-        if not method.step > limit:
-            return plan_like(self.plan, rich), None
-        size = rich.system.n / self.plan.system.n  # a step takes about its square; the richer march is repeated finer
-        work = method.step / limit * (1 + (1 + FINER_WORK) * size**2)
-        self.limit.require(work * self.run.fine_motion.trajectory.seconds)
-        shorter = replace(self.plan, integrator=replace(method, step=limit))
-        return plan_like(shorter, rich), self.march(self.run, shorter)
 
 
 def energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:

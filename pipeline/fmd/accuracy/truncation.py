@@ -1,0 +1,137 @@
+"""Comparison of a run with one of a richer basis, both marched so that time integration hardly counts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from fmd.accuracy.comparison import change_fineness
+from fmd.accuracy.error_estimates import keep_lowest
+from fmd.accuracy.time_limit import LeftOutError
+from fmd.core.errors import AccuracyError
+from fmd.core.limits.automatic import IMPLICIT_STEPS_IN_ACTION
+from fmd.core.limits.errors import (
+    COMPARED_IMPLICIT_STEPS,
+    DOUBTED,
+    FINER_WORK,
+    LARGE_BASIS,
+    LOWEST_SHAPES,
+    MOST_REFINEMENTS,
+    RESOLVED_PART,
+)
+from fmd.core.limits.stability import SURELY_STABLE
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.stages.runs import plan_like
+
+if TYPE_CHECKING:
+    from fmd.accuracy.comparison import Comparison
+    from fmd.accuracy.quantities import Quantities
+    from fmd.core.arrays import Array
+    from fmd.recovery.motion import Motion
+    from fmd.stages.pipeline import Pipeline
+    from fmd.stages.plan import Plan
+
+
+def compare_bases(of: Comparison, rich: Pipeline) -> tuple[Quantities, Quantities]:
+    """Return the quantities of a run and of one with a richer basis, both marched with a step that suits both.
+
+    Raises
+    ------
+    InputError
+        The mesh has no more modes than the run's.
+    LeftOutError
+        No way ends within the time limit.
+    """
+    return _by_one_method(of, rich, {}) or _compare_lowest(of, rich)
+
+
+def _by_one_method(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) -> tuple[Quantities, Quantities] | None:
+    """Return the quantities of the run and of a richer basis by the run's method, if it serves for both."""
+    try:
+        plan, base = _comparable(of, rich)
+        theirs = of.march(rich, plan)
+        ours = of.quantities if base is None else of.quantities_of(of.run, base)
+        enriched = of.quantities_of(rich, theirs, as_if=as_if or None)
+        resolved = _is_resolved(of, rich, plan, enriched, of.changes(enriched, ours), as_if)
+    except (LeftOutError, AccuracyError):  # an explicit method follows static responses for ever, or a step is long
+        return None
+    return (ours, enriched) if resolved else None
+
+
+def _compare_lowest(of: Comparison, rich: Pipeline) -> tuple[Quantities, Quantities]:
+    """Return the same without the stiffest shapes of a large basis, or by implicit steps.
+
+    Several bodies have so many static responses that neither way ends in time. What a shape yields falls with the
+    square of its frequency, so that the lowest ones, twice as many as the run's and more, tell most.
+    """
+    bodies, as_if = dict(rich.bodies), dict[str, Array]()
+    for name, body in rich.bodies.items():
+        kept = min(2 * len(of.run.bodies[name].omega) + LOWEST_SHAPES, len(body.omega))
+        bodies[name], as_if[name] = keep_lowest(body, kept)
+    lowest = sum(len(body.omega) for body in bodies.values())
+    if lowest > LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
+        return _by_implicit_steps(of, rich, {})
+    rich = rich.with_bodies(bodies)
+    return _by_one_method(of, rich, as_if) or _by_implicit_steps(of, rich, as_if)
+
+
+def _by_implicit_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) -> tuple[Quantities, Quantities]:
+    """Return the quantities of the run and of a richer basis by generalised-α, with the same steps.
+
+    Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
+    """
+    method = _implicit_method(of)
+    for k in range(MOST_REFINEMENTS):
+        plan = replace(of.plan, integrator=replace(method, step=method.step / 2**k))
+        try:
+            theirs = of.march(rich, plan_like(plan, rich), FINER_WORK if k else 1.0)
+        except AccuracyError:
+            if k + 1 == MOST_REFINEMENTS:
+                raise
+        else:
+            break
+    ours = of.quantities_of(of.run, of.march(of.run, plan))
+    return ours, of.quantities_of(rich, theirs, as_if=as_if or None)
+
+
+def _is_resolved(
+    of: Comparison, rich: Pipeline, plan: Plan, enriched: Quantities, changes: dict[str, float], as_if: dict[str, Array]
+) -> bool:
+    """Return true if the march of a richer basis has an error in time far below what the basis changes.
+
+    Its fastest vibrations may be a hundred times those that the method's fixed step was chosen for. Where the
+    basis changes little, nothing can be far off.
+    """
+    rows = [name for name in changes if name not in of.details and changes[name] > DOUBTED]
+    if not rows or not plan.integrator.step:
+        return True
+    finer = of.march(rich, replace(plan, integrator=change_fineness(plan, 0.0)[0]), FINER_WORK)
+    again = of.changes(of.quantities_of(rich, finer, as_if=as_if or None), enriched)
+    return all(again[name] < RESOLVED_PART * changes[name] for name in rows)
+
+
+def _implicit_method(of: Comparison) -> GeneralizedAlpha:
+    """Return generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
+    duration, system = float(of.run.output_times[-1]), of.plan.system
+    steps = max(COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action))
+    return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
+
+
+def _comparable(of: Comparison, rich: Pipeline) -> tuple[Plan, Motion | None]:
+    """Return a plan for the richer model, and the run's own motion by its step if that is a shorter one.
+
+    Raises
+    ------
+    LeftOutError
+        Both marches by the shorter step would take longer than the time limit leaves.
+    """
+    method: Any = of.plan.integrator
+    limit = SURELY_STABLE * method.largest_step(rich.system)
+    if not method.step > limit:
+        return plan_like(of.plan, rich), None
+    size = rich.system.n / of.plan.system.n  # a step takes about its square; the richer march is repeated finer
+    work = method.step / limit * (1 + (1 + FINER_WORK) * size**2)
+    of.limit.require(work * of.run.fine_motion.trajectory.seconds)
+    shorter = replace(of.plan, integrator=replace(method, step=limit))
+    return plan_like(shorter, rich), of.march(of.run, shorter)
