@@ -8,6 +8,7 @@ from fmd.accuracy.error_estimates import (
     NO_PART,
     Quantity,
     Row,
+    keep_lowest,
     refinement_gain,
     retune_body,
     shifted_frequencies,
@@ -127,6 +128,19 @@ def test_a_retuned_body_rings_at_other_frequencies_and_yields_to_a_static_force_
     assert tuned.shapes @ q == pytest.approx(body.shapes @ before)
     assert stressed @ q == pytest.approx(before)
     assert np.allclose(inertia_integrals(body.x, np.eye(10), tuned.shapes).G, tuned.integrals.G)
+
+
+def test_a_body_of_its_lowest_shapes_moves_as_one_whose_others_rest() -> None:
+    rng = np.random.default_rng(7)
+    body = body_of(rng.normal(size=(6, 3)), rng.normal(size=(6, 3, 4)), np.array([1.0, 2.0, 4.0, 9.0]))
+    low, whole = keep_lowest(body, 2)
+    q = rng.normal(size=2)
+    np.testing.assert_allclose(whole @ q, [*q, 0.0, 0.0])
+    np.testing.assert_allclose(low.shapes @ q, body.shapes @ (whole @ q))
+    kept = [*range(6), 6, 7]
+    full = body.integrals.mass_matrix(np.r_[1.0, whole @ q])
+    np.testing.assert_allclose(low.integrals.mass_matrix(np.r_[1.0, q]), full[np.ix_(kept, kept)])
+    np.testing.assert_array_equal(low.omega, [1.0, 2.0])
 
 
 def test_at_most_three_quarters_of_a_stiffness_are_taken_off() -> None:

@@ -65,7 +65,8 @@ def _compare_lowest(of: Comparison, rich: Pipeline) -> tuple[Quantities, Quantit
     Several bodies have so many static responses that neither way ends in time. What a shape yields falls with the
     square of its frequency, so that the lowest ones, twice as many as the run's and more, tell most.
     """
-    bodies, as_if = dict(rich.bodies), dict[str, Array]()
+    bodies = dict(rich.bodies)
+    as_if: dict[str, Array] = {}
     for name, body in rich.bodies.items():
         kept = min(2 * len(of.run.bodies[name].omega) + LOWEST_SHAPES, len(body.omega))
         bodies[name], as_if[name] = keep_lowest(body, kept)
