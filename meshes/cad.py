@@ -10,7 +10,7 @@ import io
 import json
 import re
 import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +25,7 @@ _MOST_ELEMENTS = 3_000_000
 _AROUND = 12  # elements around a full circle, at least
 _FINEST = 0.2  # smallest element by curvature over the given size
 _TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
+_TURNED = 1e-4  # distance between centres of faces that one turn carries into each other, of that between the faces
 _TANGENT = 0.9999  # cosine between normals
 _UNCOLOURED = (0, 0, 255, 0)
 # Gmsh's numbers of tetrahedra and triangles of an order, and their nodes: the tetrahedron's in VTK's order.
@@ -68,7 +69,13 @@ class CadError(ValueError):
     """A CAD file can't be meshed; the message gives the reason."""
 
 
-def mesh_cad(path: Path, size: float, order: int, begin: Callable[[float], None] = lambda elements: None) -> CadMesh:
+def mesh_cad(
+    path: Path,
+    size: float,
+    order: int,
+    begin: Callable[[float], None] = lambda elements: None,
+    sector: tuple[int, str, str] | None = None,
+) -> CadMesh:
     """Mesh the solids in a CAD file; solids that touch share their nodes.
 
     Parameters
@@ -81,11 +88,14 @@ def mesh_cad(path: Path, size: float, order: int, begin: Callable[[float], None]
         1, or 2 for edges that follow curved faces.
     begin : callable
         Called with the number of elements that are expected, before the mesh is made.
+    sector : tuple, optional
+        Number of sectors around z in the whole body, and the names of the two faces of this one that a turn carries
+        into each other; they are meshed alike.
 
     Raises
     ------
     CadError
-        The file has no solid, or the size would give too many elements.
+        The file has no solid or no such faces, or the size would give too many elements.
     """
     with gmsh_model("cad") as gmsh:
         names, whole = _open(gmsh, path)
@@ -105,8 +115,41 @@ def mesh_cad(path: Path, size: float, order: int, begin: Callable[[float], None]
             gmsh.option.setNumber(f"Mesh.{option}", value)
         area = sum(gmsh.model.occ.getMass(2, tag) for tag in whole)
         begin(expected + area / size**2)
+        if sector is not None:
+            _mesh_alike(gmsh, sector[0], [_surfaces_named(names, whole, name) for name in sector[1:]])
         gmsh.model.mesh.generate(3)
         return _read_out(gmsh, order, names, whole)
+
+
+def _surfaces_named(names: Mapping[tuple[int, int], list[str]], whole: Mapping[int, int], name: str) -> list[int]:
+    """Return the surfaces of a face's name, in which upper and lower case may differ."""
+    of = {tag: [f"face-{number}", *names.get((2, tag), [])] for tag, number in whole.items()}
+    found = [tag for tag, own in of.items() if name.casefold() in map(str.casefold, own)]
+    if not found:
+        known = ", ".join(dict.fromkeys(each for own in of.values() for each in own))
+        raise CadError(f"no face is named {name!r}, as mesh.cuts wants; the faces: {known}")
+    return found
+
+
+def _mesh_alike(gmsh: Any, count: int, cuts: Sequence[Sequence[int]]) -> None:
+    """Have the surfaces of one cut of a sector meshed as those of the other one that they are turned onto."""
+    angle = 2 * np.pi / count
+    centres = [np.array([gmsh.model.occ.getCenterOfMass(2, tag) for tag in cut]) for cut in cuts]
+    extent = float(np.ptp(np.concatenate(centres), axis=0).max())
+    for turn in (angle, -angle):
+        c, s = np.cos(turn), np.sin(turn)
+        away = np.linalg.norm(
+            (centres[0] @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))[:, None] - centres[1][None], axis=2
+        )
+        images = away.argmin(axis=1)
+        if len(cuts[0]) == len(cuts[1]) == len({*images.tolist()}) and away.min(axis=1).max() < _TURNED * extent:
+            onto = [cuts[1][k] for k in images]
+            gmsh.model.mesh.setPeriodic(2, onto, list(cuts[0]), [c, -s, 0, 0, s, c, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
+            return
+    raise CadError(
+        f"a turn by {np.degrees(angle):.6g} degrees about z carries none of mesh.cuts onto the other: their centres "
+        f"are {away.min():.3g} m apart then"
+    )
 
 
 def describe_cad(path: Path) -> dict[str, Any]:
@@ -267,7 +310,8 @@ def main(arguments: list[str]) -> str | None:
     ----------
     arguments : list of str
         File, file to write, seconds for reading, seconds for meshing each element that is expected, and, to mesh it,
-        size and order of the elements. The system ends the process when that time is over, as on a damaged file.
+        size and order of the elements and, of a sector, the number of sectors and its cuts. The system ends the process
+        when that time is over, as on a damaged file.
     """
     source, target, reading, each, *sizes = arguments
     quiet = io.StringIO()
@@ -276,7 +320,11 @@ def main(arguments: list[str]) -> str | None:
         with contextlib.redirect_stdout(quiet):
             if sizes:
                 mesh = mesh_cad(
-                    Path(source), float(sizes[0]), int(sizes[1]), lambda n: _end_after(float(reading) + float(each) * n)
+                    Path(source),
+                    float(sizes[0]),
+                    int(sizes[1]),
+                    lambda n: _end_after(float(reading) + float(each) * n),
+                    (int(sizes[2]), sizes[3], sizes[4]) if sizes[2:] else None,
                 )
                 save(mesh, Path(target))
             else:

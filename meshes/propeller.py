@@ -13,6 +13,7 @@ joint all of them pass smoothly to those of the blade.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
@@ -138,7 +139,7 @@ def propeller(
     mesh = split_into_tetrahedra(mesh) if element == "tetrahedron" else mesh
     mesh = add_mid_edge_nodes(mesh) if order == 2 else mesh
     points = _bend(mesh.points, shape, half)
-    return mesh._replace(points=_make_cyclic(points, shape.blades), sectors=shape.blades)
+    return _by_sectors(mesh, shape.blades)._replace(points=_make_cyclic(points, shape.blades))
 
 
 def _build_straight(gmsh: Any, shape: PropellerShape, counts: PropellerCounts, half: float) -> dict[str, list[int]]:
@@ -226,6 +227,20 @@ def _bend(points: Floats, shape: PropellerShape, half: float) -> Floats:
         [r * np.cos(turned), r * np.sin(turned), along * np.sin(beta) - across * np.cos(beta)]
     )
     return bent
+
+
+def _by_sectors(mesh: MeshArrays, sectors: int) -> MeshArrays:
+    """Put cells that come part by part, in each sector by sector, into the order of the sectors."""
+    order = np.concatenate([each for k in range(sectors) for each in _of_sector(mesh.parts, sectors, k)])
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    parts = {name: np.sort(place[cells]) for name, cells in mesh.parts.items()}
+    return mesh._replace(cells=mesh.cells[order], parts=parts, sectors=sectors)
+
+
+def _of_sector(parts: Mapping[str, NDArray[np.int64]], sectors: int, k: int) -> list[NDArray[np.int64]]:
+    """Return the cells of each part in the k-th sector."""
+    return [np.split(cells, sectors)[k] for cells in parts.values()]
 
 
 def _make_cyclic(points: Floats, sectors: int) -> Floats:

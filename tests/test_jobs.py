@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from fmd import Pipeline, load, load_scene
-from fmd.fitting.channels import find_channels
+from fmd.output.channels import find_channels
 
 JOBS = Path(__file__).parents[1] / "docs" / "jobs"
 COARSE = ("body.rod.mesh.divisions=[12,1,1]", "body.rod.modes.count=2", "output=[]")

@@ -9,7 +9,7 @@ from fmd.scene.beams import BeamMesh, Box, ISection, Profile, Rectangle, Shaft, 
 from fmd.scene.bodies import Solid
 from fmd.scene.constraints import Gear, Rack
 from fmd.scene.contacts import Contact
-from fmd.scene.controllers import ExternalValue, LagController, PidController
+from fmd.scene.controllers import ExternalValue, FmuController, LagController, PidController
 from fmd.scene.curves import ForceByElongation, TimeFunction
 from fmd.scene.force_elements import (
     AngleStop,
@@ -292,6 +292,7 @@ SECTIONS = (
     Section("### PID", PidController),
     Section("### Lag", LagController),
     Section("### Value from outside", ExternalValue),
+    Section("### FMU", FmuController),
     Section("## Force elements", None, _ELEMENTS),
     Section("### Spring", Spring),
     Section("### Force by elongation", ForceByElongation, _ELONGATION),

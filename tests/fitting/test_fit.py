@@ -14,7 +14,6 @@ import pytest
 import fmd as package
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.fitting.channels import find_channels
 from fmd.fitting.experiment_files import read_experiments
 from fmd.fitting.experiments import HistoryExperiment
 from fmd.fitting.fit import fit_scene
@@ -23,6 +22,7 @@ from fmd.fitting.information import find_information, whiteness
 from fmd.fitting.measurements import estimate_noise, read_measurements
 from fmd.fitting.parameters import find_parameter
 from fmd.fitting.varied import VariedNumber, read_varied
+from fmd.output.channels import find_channels
 from tests.fitting.test_sensitivities import OSCILLATOR, SMALL_ARM
 
 TRUTH = {

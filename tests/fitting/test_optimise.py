@@ -13,10 +13,10 @@ import pytest
 
 import fmd as package
 from fmd.core.errors import AccuracyError, InputError
-from fmd.fitting.channels import find_channels, follow_mode
 from fmd.fitting.optimise import Optimum, optimise_scene, read_limits
 from fmd.fitting.pareto import find_front
 from fmd.fitting.varied import read_varied
+from fmd.output.channels import find_channels, follow_mode
 
 BAR: dict[str, Any] = {
     "title": "Bar",

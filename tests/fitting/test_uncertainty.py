@@ -12,9 +12,9 @@ import pytest
 
 import fmd as package
 from fmd.core.errors import InputError
-from fmd.fitting.channels import find_channels
 from fmd.fitting.parameters import find_parameter
 from fmd.fitting.uncertainty import combine_tolerances, sample_tolerances
+from fmd.output.channels import find_channels
 from tests.fitting.test_sensitivities import MASS, OSCILLATOR, START, STIFFNESS
 
 TOLERANCES = ("body.block.mass=2 kg ± 1 %", "joint.slide.spring=800 N/m ± 24 N/m", "joint.slide.position=10 mm ± 0.5 %")

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from fmd import load_scene
 from fmd.sweep.points import Point, Variation, point_key
-from fmd.sweep.record import Record
+from fmd.sweep.record import Record, Wanted
 from fmd.sweep.study import run_sweep
 from fmd.sweep.table import SweepTable, write_tables
 from fmd.sweep.work import compute_point
@@ -51,7 +51,7 @@ def study(points, tmp_path_factory):
 
     def compute(scenes):
         for number, (key, scene) in enumerate(scenes.items()):
-            yield key, compute_point(key, scene, budget=number == 0)
+            yield key, compute_point(key, scene, Wanted(budget=number == 0))
 
     return run_sweep([Variation("body.rod.length", ("1 m", "2 m"))], points, folder, compute), folder
 
@@ -70,7 +70,7 @@ def test_the_end_of_a_pendulum_by_quadrature_lies_within_the_error_of_its_column
 
 def test_files_say_which_column_has_an_error_or_why_none_is_stated(study):
     sweep, folder = study
-    files, _ = write_tables(sweep, folder)
+    files = write_tables(SweepTable(sweep), folder)
     assert files == ["sweep.csv", "sweep.nc", "sweep-errors.csv"]
     errors = {row["column"]: row for row in csv.DictReader((folder / "sweep-errors.csv").read_text().splitlines())}
     assert errors["run.0.final.joint_rates.hinge"]["why not"] == "run.0.final.joint_rates.hinge.error has it"
@@ -87,5 +87,5 @@ def test_a_sweep_with_budget_computes_points_anew_that_have_none(points, study):
         seen.extend(scenes)
         return iter([(key, Record("refused", "not again")) for key in scenes])
 
-    run_sweep([Variation("body.rod.length", ("1 m", "2 m"))], points, study[1], compute, budget=True)
+    run_sweep([Variation("body.rod.length", ("1 m", "2 m"))], points, study[1], compute, wanted=Wanted(budget=True))
     assert seen == [points[1].key]

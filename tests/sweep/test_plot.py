@@ -48,7 +48,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[object, ...]]:
 
 def test_one_key_gives_lines_in_the_units_of_its_values(drawn, tmp_path):
     study = sweep(LENGTH)
-    assert plot.draw_sweep(study, SweepTable(study).rows, tmp_path, "Study") == ["sweep.png"]
+    assert plot.draw_sweep(SweepTable(study), tmp_path, "Study") == ["sweep.png"]
     axis, panels, _ = drawn["draw_sweep_lines"]
     assert (axis.label, axis.numbers) == ("body.beam.length [mm]", (100.0, 200.0, 300.0))
     by_label = {panel.label: panel for panel in panels}
@@ -62,18 +62,18 @@ def test_one_key_gives_lines_in_the_units_of_its_values(drawn, tmp_path):
 
 def test_two_keys_give_maps_and_three_give_none(drawn, tmp_path):
     study = sweep(LENGTH, METHOD)
-    plot.draw_sweep(study, SweepTable(study).rows, tmp_path, "Study")
+    plot.draw_sweep(SweepTable(study), tmp_path, "Study")
     first, second, panels, _ = drawn["draw_sweep_maps"]
     assert (first.texts, second.texts, second.numbers) == (("100", "200", "300"), METHOD.values, None)
     (frequency,) = [panel for panel in panels if panel.label == "frequency of mode 1 [Hz]"]
     np.testing.assert_array_equal(frequency.values, [[100, 101], [102, 103], [104, np.nan]])
     three = sweep(LENGTH, METHOD, Variation("simulation.step", ("1us", "2us")))
-    assert plot.draw_sweep(three, SweepTable(three).rows, tmp_path, "Study") == []
+    assert plot.draw_sweep(SweepTable(three), tmp_path, "Study") == []
 
 
 def test_a_sweep_without_a_figure_has_no_plot(tmp_path):
     refused = Sweep((METHOD,), tuple(Point((v,), None) for v in METHOD.values), (Record("refused"),) * 2, 0)
-    assert plot.draw_sweep(refused, SweepTable(refused).rows, tmp_path, "Study") == []
+    assert plot.draw_sweep(SweepTable(refused), tmp_path, "Study") == []
 
 
 def test_lines_and_maps_are_drawn_with_their_labels_and_missing_points(tmp_path: Path) -> None:

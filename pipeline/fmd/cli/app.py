@@ -39,6 +39,7 @@ _COMMANDS = {
     "fit:fit": "Numbers of a scene from measurements, with what these can tell.",
     "optimise:optimise": "The best design of a scene under limits, or the front of two aims.",
     "report:report": "One web page of all results, to be opened without a network.",
+    "mcp:mcp": "Scenes as tools of an assistant, by the Model Context Protocol.",
     "verify:verify": "Published and closed-form results beside ours.",
     "bench:bench": "Run time against error of every integrator on a scene.",
     "doctor:doctor": "Check what this machine lacks, and print the command that mends it.",

@@ -15,6 +15,7 @@ def report(
     *,
     out: Path | None = None,
     no_budget: Flag = False,
+    brief: Flag = False,
     options: Options = DEFAULTS,
 ) -> None:
     """One web page of all results: frequencies, modes, a part that turns, charts, run times and errors, versions.
@@ -22,13 +23,15 @@ def report(
     Parameters
     ----------
     out
-        The page; out/SCENE/report.html by default.
+        The page; out/SCENE/report.html, or brief.html, by default.
     no_budget
         Don't estimate the errors of the results.
+    brief
+        One sheet for those who decide: the answer with its interval, three pictures, what is uncertain.
     """
     solved = options.open(scene)
-    path = out or Path("out") / solved.scene.name / "report.html"
-    write_report(solved, path, options.set_ or (), budget=not no_budget)
+    path = out or Path("out") / solved.scene.name / ("brief.html" if brief else "report.html")
+    write_report(solved, path, options.set_ or (), budget=not no_budget, brief=brief)
     settle(solved)  # computed by now
     size = path.stat().st_size
     if options.json:

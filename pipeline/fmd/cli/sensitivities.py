@@ -13,6 +13,7 @@ from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.html import scaled
 from fmd.core.limits.fitting import FEWEST_SAMPLES
+from fmd.sweep.points import split_at_commas
 
 if TYPE_CHECKING:
     from fmd.core.arrays import Array
@@ -87,7 +88,7 @@ def _sample(run: Pipeline, found: Sequence[Sensitivity], count: int) -> dict[str
 
 def split_names(option: str, texts: Sequence[str]) -> list[str]:
     """Return names that are given with commas between them, or by several options."""
-    names = [name.strip() for text in texts for name in text.split(",")]
+    names = [name.strip() for text in texts for name in split_at_commas(text)]
     if not all(names):
         raise InputError(option, "", ",".join(texts), "has an empty name; give names with commas between them")
     return names

@@ -10,20 +10,23 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from fmd.cli.options import Flag, Json, SceneName, Set, print_json
+from fmd.cli.options import Flag, Json, SceneName, Set, Several, print_json
+from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.html import scaled
 from fmd.core.limits.shown import SWEPT_JOINTS
 from fmd.core.progress import bars
+from fmd.output.channels import require_results
 from fmd.sweep.cluster import compute_on_cluster
 from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally
 from fmd.sweep.plot import draw_sweep
 from fmd.sweep.points import choose_values, make_points
+from fmd.sweep.record import Wanted
 from fmd.sweep.study import Sweep, run_sweep
-from fmd.sweep.table import write_tables
+from fmd.sweep.table import SweepTable, write_tables
 
 Vary = Annotated[
     list[str],
@@ -46,6 +49,7 @@ def sweep(
     scene: SceneName,
     *,
     vary: Vary,
+    of: Several = None,
     set_: Set = None,
     out: Path | None = None,
     workers: int | None = None,
@@ -54,12 +58,16 @@ def sweep(
     points: int | None = None,
     seed: int = 0,
     budget: Flag = False,
+    histories: Flag = False,
     json: Json = False,
 ) -> None:
     """Run a scene at every combination of values, on all cores or a cluster; a sweep that was stopped goes on.
 
     Parameters
     ----------
+    of
+        Results that become columns and charts, with commas between them: tip, BODY.stress, BODY.life, arm.force.size,
+        "OUTPUT by INPUT" (peak of a frequency response of the scene), or a formula, "error = arm.tip.y - 0.3".
     out
         Folder for the table, the plot and the points that are done; out/SCENE-sweep by default.
     workers
@@ -74,6 +82,8 @@ def sweep(
         Of the design's random numbers.
     budget
         State errors: each point gets its error budget, which takes up to three times as long as its run.
+    histories
+        Keep the histories among the results of --of in sweep.nc.
     """
     from joblib import cpu_count
 
@@ -82,33 +92,40 @@ def sweep(
     tick = time.perf_counter()
     variations, combinations = choose_values(vary, design, points, seed)
     chosen = make_points(scene, variations, set_ or (), combinations)
+    wanted = Wanted(budget, tuple(dict.fromkeys(split_names("--of", of or []))), histories)
+    first = next(point.scene for point in chosen if point.scene is not None)
+    require_results(first, wanted.results)
     name = Path(scene).stem
     folder = out or Path("out") / f"{name}-sweep"
     compute = (
-        partial(compute_locally, workers=workers or cpu_count(), budget=budget)
+        partial(compute_locally, workers=workers or cpu_count(), wanted=wanted)
         if scheduler is None
-        else partial(compute_on_cluster, address=scheduler, budget=budget)
+        else partial(compute_on_cluster, address=scheduler, wanted=wanted)
     )
     with refusing("--out", folder):
-        result = run_sweep(variations, chosen, folder / "points", compute, bars, budget)
-        files, rows = write_tables(result, folder)
-        files += draw_sweep(result, rows, folder, f"{name}: {len(rows)} points")
+        result = run_sweep(variations, chosen, folder / "points", compute, bars, wanted)
+        table = SweepTable(result)
+        files, rows = write_tables(table, folder), table.rows
+        files += draw_sweep(table, folder, f"{name}: {len(rows)} points")
     seconds = time.perf_counter() - tick
     if json:
         counts = {"points": len(rows), "computed": result.computed, **result.counts}
         print_json({"scene": name, **counts, "seconds": seconds, "rows": rows, "files": files})
     else:
-        _print_points(result, rows)
+        _print_points(table, rows)
         print_messages(result)
         statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
         open_console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
         print_files(folder, files)
 
 
-def _print_points(result: Sweep, rows: Sequence[dict[str, Any]]) -> None:
+def _print_points(table: SweepTable, rows: Sequence[dict[str, Any]]) -> None:
+    result, asked = table.sweep, {column: (column, unit) for unit, own in table.results.values() for column in own}
     joints = [name for name in rows[0] if name.startswith(_JOINT)][:SWEPT_JOINTS]
     figures = _FIGURES | {name: (name.removeprefix(_JOINT), "") for name in joints}
-    figures = {name: words for name, words in figures.items() if any(row.get(name) is not None for row in rows)}
+    figures = {
+        name: words for name, words in (asked or figures).items() if any(row.get(name) is not None for row in rows)
+    }
     keys = [variation.key.rpartition(".")[2] for variation in result.variations]
     columns = dict.fromkeys(("", *keys, "status", *(column for column, _ in figures.values())), "{}")
     cells = [

@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.dynamics.fmu_law import FmuLaw
 from fmd.dynamics.signals.signal import TABLE, Signal, Term
 from fmd.dynamics.state_functions import HeldValue, Quantity, SignalValue, StateFunction
 
@@ -78,7 +79,7 @@ class SampledController:
         What its law takes.
     output : HeldValue
         The value that functions of the state take.
-    law : LinearLaw
+    law : LinearLaw or FmuLaw
         From what is measured to the output.
     """
 
@@ -86,7 +87,7 @@ class SampledController:
     period: float
     measured: tuple[StateFunction, ...]
     output: HeldValue
-    law: LinearLaw
+    law: LinearLaw | FmuLaw
 
     def with_modes(self, kept: Mapping[str, IntArray]) -> Self:
         """Return the same for bodies with some of their modes alone, by the bodies' names."""

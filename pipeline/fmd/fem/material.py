@@ -36,6 +36,14 @@ class Material:
         """Yield the material with all of the elements."""
         yield self, slice(None)
 
+    def repeats(self, times: int) -> bool:
+        """Return true: it is the same in each of the elements' equal parts."""
+        return True
+
+    def first_part(self, n_elements: int) -> Material:
+        """Return the material of the first elements."""
+        return self
+
     @property
     def lame(self) -> tuple[float, float]:
         """Lamé's parameters λ and μ [Pa]."""
@@ -71,6 +79,14 @@ class MaterialOfElements:
         numbers = self.numbers[elements]
         for k in np.unique(numbers):
             yield self.materials[k], np.flatnonzero(numbers == k)
+
+    def repeats(self, times: int) -> bool:
+        """Return true if the materials of so many equal parts of the elements, one behind the other, are the same."""
+        return bool((self.numbers.reshape(times, -1) == self.numbers[: len(self.numbers) // times]).all())
+
+    def first_part(self, n_elements: int) -> MaterialOfElements:
+        """Return the materials of the first elements."""
+        return MaterialOfElements(self.materials, self.numbers[:n_elements])
 
 
 AnyMaterial = Material | MaterialOfElements

@@ -33,7 +33,7 @@ class SolidMesh:
     parts, faces : mapping of str to ndarray
         Cell numbers of each part; of each face its point numbers (n,), or the corners (n_facets, 3 or 4) of its facets.
     sectors : int
-        Number of equal sectors around the z axis; 1 if the mesh is not cyclic.
+        Number of equal sectors around the z axis, whose cells follow one another; 1 if the mesh is not cyclic.
     notes : tuple of str
         Faults of the file that the mesh was read from, and how they were mended, with counts.
     connections : Connections, optional

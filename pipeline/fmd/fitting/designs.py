@@ -11,11 +11,11 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import KEPT_DESIGNS
-from fmd.fitting.channels import ResultChannel, find_channels, follow_mode
 from fmd.fitting.frozen_run import FrozenRun, require_like_meshes
 from fmd.fitting.parameters import Parameter, change_parameters
 from fmd.fitting.sensitivities import change_of
 from fmd.fitting.varied import VariedNumber
+from fmd.output.channels import ResultChannel, find_channels, follow_mode
 from fmd.scene.variants import change_simulation
 from fmd.stages.pipeline import Pipeline
 

@@ -14,7 +14,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import NOISE_ORDER
 from fmd.core.units import unit_ratio
-from fmd.fitting.channels import ResultChannel, find_channels
+from fmd.output.channels import ResultChannel, find_channels
 from fmd.scene.reading import FaultError
 from fmd.scene.table_files import read_columns, read_header
 from fmd.stages.pipeline import Pipeline

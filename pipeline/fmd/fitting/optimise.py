@@ -13,9 +13,9 @@ import numpy as np
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import ENDLESS, MET, MOST_DESIGNS, OPTIMUM, STATIONARY
-from fmd.fitting.channels import find_channels
 from fmd.fitting.designs import Design, DesignSpace
 from fmd.fitting.varied import VariedNumber, read_number
+from fmd.output.channels import find_channels
 from fmd.stages.pipeline import Pipeline
 
 _LIMIT = re.compile(r"\s*(\S+?)\s*(>=|<=)\s*(.+?)\s*")

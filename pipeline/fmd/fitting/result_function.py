@@ -10,10 +10,10 @@ import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, require_finite, require_shape
-from fmd.fitting.channels import find_all_channels
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import change_of
+from fmd.output.channels import find_all_channels
 from fmd.stages.pipeline import Pipeline
 
 
@@ -29,7 +29,7 @@ class ResultFunction:
     result : SolvedScene
         What `fmd.load` or `fmd.solve` returns.
     of : sequence of str
-        Names of results, as `fmd.fitting.channels.find_channels` lists them.
+        Names of results, as `fmd.output.channels.find_channels` lists them.
     to : sequence of str
         Keys of numbers, as for ``--set``.
 

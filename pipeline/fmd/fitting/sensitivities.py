@@ -12,10 +12,10 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import JUMP
-from fmd.fitting.channels import ResultChannel, find_all_channels
 from fmd.fitting.frequency_slopes import frequency_change
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
+from fmd.output.channels import ResultChannel, find_all_channels
 from fmd.stages.pipeline import Pipeline
 
 
@@ -100,7 +100,7 @@ def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[
     result : SolvedScene
         What `fmd.load` or `fmd.solve` returns.
     of : sequence of str
-        Names of results, as `fmd.fitting.channels.find_channels` lists them.
+        Names of results, as `fmd.output.channels.find_channels` lists them.
     to : sequence of str
         Keys of numbers, as for ``--set``, e.g. ``joint.elbow.spring``.
 

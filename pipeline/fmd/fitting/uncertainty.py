@@ -10,10 +10,10 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.fitting import NORMAL_95
-from fmd.fitting.channels import ResultChannel
 from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import Parameter
 from fmd.fitting.sensitivities import Sensitivity, mean_change
+from fmd.output.channels import ResultChannel
 from fmd.stages.pipeline import Pipeline
 
 

@@ -1,4 +1,4 @@
-"""Histories of chosen quantities as NetCDF or CSV, and tables of their extremes."""
+"""Histories of chosen quantities as NetCDF, CSV or charts, and tables of their extremes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fmd.accuracy.requested_stress import StressPlace, stress_at_elements, stres
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, whole_file, write_table
-from fmd.core.limits.shown import DIGITS
+from fmd.core.limits.shown import DIGITS, HARDLY_MOVES
 from fmd.core.netcdf import write_netcdf
 from fmd.output.output_kinds import OutputKind
 from fmd.output.variable_errors import VariableErrors, write_errors
@@ -27,6 +27,8 @@ from fmd.recovery.quantities import (
     reaction_variables,
 )
 from fmd.recovery.stress import stress_measure
+from fmd.render.calls import Drawer, draw_here
+from fmd.render.chart_data import HistoryFrame
 from fmd.scene.histories import ExtremesTable, History, Quantities
 from fmd.stages.pipeline import Pipeline
 
@@ -49,6 +51,22 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
     write_table(folder / output.file, header, number_texts(table))
     stated = [(name, variable.units, errors(variable)) for variable, name, _ in columns]
     return [output.file, write_errors(stated, folder / output.file)]
+
+
+def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = draw_here) -> list[str]:
+    """Draw the quantities of a history over the first run, a frame each, with their stated errors."""
+    errors, frames = VariableErrors(run), []
+    for variable in history_variables(run, output, run.motion):
+        columns = variable.values.reshape(len(variable.values), -1)
+        moving = np.ptp(columns, axis=0) > HARDLY_MOVES * np.ptp(columns, axis=0).max()
+        chosen = np.flatnonzero(moving) if moving.any() else np.arange(columns.shape[1])
+        components = tuple(_names_of(variable, columns.shape[1])[k] for k in chosen.tolist())
+        error = errors.of(variable, in_body=output.axes == "body") if errors.has_budget else ""
+        stated = error if isinstance(error, float) else None
+        frames.append(HistoryFrame(variable.name, variable.units, columns[:, chosen], components, stated))
+    title = output.title or f"{run.scene.title}: {Path(output.file).stem}"
+    draw("history_chart.draw_histories", run.motion.times, frames, folder / output.file, title=title)
+    return [output.file]
 
 
 def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[str]:
@@ -139,14 +157,19 @@ def number_columns(variables: Iterable[Variable], with_sizes: bool = False) -> I
         if not variable.dims:
             yield variable, variable.name, values[:, 0]
             continue
-        names = _COMPONENTS.get(variable.dims[0], [str(k + 1) for k in range(values.shape[1])])
-        for name, column in zip(names, values.T, strict=True):
+        for name, column in zip(_names_of(variable, values.shape[1]), values.T, strict=True):
             yield variable, f"{variable.name}.{name}", column
         if with_sizes and variable.dims == ("axis",):
             yield variable, f"{variable.name}.size", np.asarray(np.linalg.norm(values, axis=1))
 
 
+def _names_of(variable: Variable, count: int) -> tuple[str, ...]:
+    """Return the names of a variable's components."""
+    known = _COMPONENTS.get(variable.dims[0], "") if variable.dims else ""
+    return tuple(known) or tuple(str(k + 1) for k in range(count))
+
+
 KINDS = {
-    "history": OutputKind(write=write_history),
+    "history": OutputKind(draw=draw_history, write=write_history, charted=True),
     "table": OutputKind(write=write_extremes, summarise=summarise_extremes),
 }

@@ -85,6 +85,8 @@ class OutputKind:
         Returns the stated errors that a picture shows, as plain numbers; it is drawn when they are known.
     section : str
         Section of the report that has it; the view in motion has what films show.
+    charted : bool
+        The report shows its chart, whatever its file.
     gives_view : tuple of str
         What the first such output gives the report's view: ``scale``, ``camera``.
     """
@@ -97,6 +99,7 @@ class OutputKind:
     summarise: Callable[[Pipeline, Any], dict[str, dict[str, Any]]] | None = None
     shown_errors: Callable[[Pipeline, Any], Any] | None = None
     section: Literal["outputs", "charts", "modes", "motion"] = "outputs"
+    charted: bool = False
     gives_view: tuple[str, ...] = ()
 
     def make(self, run: Pipeline, output: Any, folder: Path) -> list[str]:

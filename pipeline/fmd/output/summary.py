@@ -236,13 +236,13 @@ def _division_warnings(run: Pipeline) -> list[dict[str, str]]:
 
 
 def _sampling_warnings(run: Pipeline) -> list[dict[str, str]]:
-    """Warn of sample times of controllers that make a closed loop unstable."""
+    """Warn of sample times of controllers that make a closed loop unstable, or its exchange with an FMU coarse."""
     if not run.scene.sampled:
         return []
-    from fmd.stages.sampling_check import find_unstable_sampling, states_of_motion
+    from fmd.stages.sampling_check import find_coarse_exchanges, find_unstable_sampling, states_of_motion
 
-    text = find_unstable_sampling(run, states_of_motion(run))
-    return [{"code": "sample-time", "text": text}] if text else []
+    texts = [find_unstable_sampling(run, states_of_motion(run)), *find_coarse_exchanges(run)]
+    return [{"code": "sample-time", "text": text} for text in texts if text]
 
 
 def _motion_warnings(run: Pipeline) -> list[dict[str, str]]:

@@ -92,7 +92,7 @@ class Sector:
 
 
 def cut_first_sector(fe: FEModel, sectors: int) -> Sector:
-    """Cut the first of a number of sectors off a cyclic body: the first cells of each of its parts.
+    """Cut the first of a number of sectors off a cyclic body, whose cells come sector by sector.
 
     Raises
     ------
@@ -104,11 +104,11 @@ def cut_first_sector(fe: FEModel, sectors: int) -> Sector:
     if sectors < 3:
         raise ValueError(f"a cyclic body needs at least 3 sectors, not {sectors}")
     mesh, x = fe.discretisation.mesh, fe.x
-    cells = np.concatenate([numbers[: len(numbers) // sectors] for numbers in mesh.parts.values()])
-    points, corners = np.unique(mesh.cells[cells], return_inverse=True)
-    own = SolidMesh(mesh.points[points], corners.reshape(len(cells), -1), mesh.cell_type, {}, {})
+    n_cells = len(mesh.cells) // sectors
+    points, corners = np.unique(mesh.cells[:n_cells], return_inverse=True)
+    own = SolidMesh(mesh.points[points], corners.reshape(n_cells, -1), mesh.cell_type, {}, {})
     space = fe.discretisation
-    sector = assemble(own, space.order, fe.material, space.formulation)
+    sector = assemble(own, space.order, fe.material.first_part(n_cells), space.formulation)
     tree = cKDTree(x)
     nearest = [tree.query(sector.x @ rotation_about_z(2 * np.pi * k / sectors).T) for k in range(sectors)]
     images = np.stack([image for _, image in nearest])

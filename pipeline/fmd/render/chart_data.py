@@ -43,3 +43,26 @@ class Band:
     low: float
     high: float
     label: str
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryFrame:
+    """A quantity over time with its components.
+
+    Attributes
+    ----------
+    name, unit : str
+        Its name and SI unit.
+    columns : ndarray, shape (n_times, n_components)
+        Values.
+    components : tuple of str
+        Names of the components, if there are several.
+    error : float, optional
+        Largest error over time.
+    """
+
+    name: str
+    unit: str
+    columns: Array
+    components: tuple[str, ...] = ()
+    error: float | None = None

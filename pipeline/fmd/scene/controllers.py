@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from fmd.core.units import PositiveTime
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.state_loads import FormulaVariables
-from fmd.scene.values import Number
+from fmd.scene.values import Number, SourceFile, Text
 
 
 class Controller(FormulaVariables):
@@ -218,4 +218,63 @@ class ExternalValue(SceneTable):
     value: Number = 0.0
 
 
-AnyController = Annotated[PidController | LagController | ExternalValue, Field(discriminator="type")]
+class FmuController(Controller):
+    """An FMU for co-simulation (FMI 2.0 or 3.0) that takes formulas of the motion and gives one output.
+
+    From sample to sample it advances by itself, and the mechanism with what it has given. How both exchange values sets
+    the order in which the error falls with the sample time, see docs/control.md. It takes the extra ``fmu``.
+
+    Parameters
+    ----------
+    file : str
+        The FMU, relative to the scene's file.
+    input : dict
+        Formulas of its inputs by their names in the FMU, in its units.
+    output : str
+        Name of the variable in the FMU that formulas of drives take under the controller's name.
+    parameters : dict
+        Values of its parameters by their names in the FMU, in its units.
+    variables : dict
+        Variables of the formulas, as those of a drive's.
+    sample_time : float
+        Time from one exchange to the next [s].
+    coupling : str
+        ``"gauss-seidel"``: the mechanism goes first and the FMU takes what it has come to; ``"jacobi"``: both go from
+        what they know at the last exchange.
+    order : int
+        1: values are held over a sample time; 2: both are extrapolated, or interpolated, to its middle.
+
+    Examples
+    --------
+    ::
+
+        [controller.valve]
+        type = "fmu"
+        file = "valve.fmu"
+        input = { "spool.x" = "0.1 - slide.position" }
+        output = "ram.force"
+        sample_time = "1 ms"
+        order = 2
+
+        [drive.ram]
+        type = "force"
+        joint = "slide"
+        force = { formula = "valve", unit = "N" }
+    """
+
+    type: Literal["fmu"]
+    file: SourceFile
+    input: dict[Text, str] = Field(default_factory=dict)
+    output: Text
+    parameters: dict[Text, Number] = Field(default_factory=dict)
+    sample_time: PositiveTime
+    coupling: Literal["gauss-seidel", "jacobi"] = "gauss-seidel"
+    order: Annotated[int, Field(strict=True, ge=1, le=2)] = 1
+
+    @property
+    def formulas(self) -> Mapping[str, str]:
+        """Formulas of its inputs, by their keys."""
+        return {f"input.{name}": text for name, text in self.input.items()}
+
+
+AnyController = Annotated[PidController | LagController | ExternalValue | FmuController, Field(discriminator="type")]

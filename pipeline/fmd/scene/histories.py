@@ -93,7 +93,12 @@ class History(Quantities):
     """A file of quantities over time, in SI units.
 
     A ``.csv`` has a column for each number, named with its unit, over the first run; a ``.nc`` has a variable for each
-    quantity, over all runs.
+    quantity, over all runs; a ``.png``, ``.pdf`` or ``.svg`` a chart for each quantity over the first run.
+
+    Parameters
+    ----------
+    title : str
+        Text above the charts.
 
     Examples
     --------
@@ -108,7 +113,8 @@ class History(Quantities):
     """
 
     type: Literal["history"]
-    file: Annotated[str, FileCheck((".csv", ".nc"))]
+    file: Annotated[str, FileCheck((".csv", ".nc", ".png", ".pdf", ".svg"))]
+    title: str = ""
 
 
 class ExtremesTable(Quantities):

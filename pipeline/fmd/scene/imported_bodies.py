@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from fmd.core.limits.scene import MOST_SECTORS
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import Deformable, DividedMesh, Poisson, Solid, require_interface
 from fmd.scene.links import FaceLink, MassOnLink, TiedFace
@@ -18,7 +19,28 @@ from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, SourceFile, Text, UnitCheck
 
 
-class MeshFile(DividedMesh):
+class SectorMesh(SceneTable):
+    """Keys of a mesh that may be that of one sector of a cyclic body, about the z axis.
+
+    Parameters
+    ----------
+    cyclic : int, optional
+        Number of sectors: the file has one of them, which is repeated.
+    cuts : tuple of str, optional
+        The sector's two faces that one turn carries into each other; a mesh has nodes at the same places of both.
+    """
+
+    cyclic: Annotated[int, Field(strict=True, ge=2, le=MOST_SECTORS)] | None = None
+    cuts: tuple[Text, Text] | None = None
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> Self:
+        if (self.cyclic is None) != (self.cuts is None):
+            raise FaultError("belong together: cyclic = 6, cuts = ['low', 'high']", "cyclic")
+        return self
+
+
+class MeshFile(DividedMesh, SectorMesh):
     """A mesh that another program made: Abaqus, Nastran, Gmsh, MED, VTK and more.
 
     Parameters
@@ -69,10 +91,12 @@ class MeshFile(DividedMesh):
             raise FaultError("is of solids: shells have three or four nodes, beams two", "order")
         if (self.shell is not None or self.beam is not None) and self.tie:
             raise FaultError("is of solids; link joins shells and beams", "tie")
+        if (self.shell is not None or self.beam is not None) and self.cyclic is not None:
+            raise FaultError("is of solids, not of shells or beams", "cyclic")
         return self
 
 
-class CadFile(SceneTable):
+class CadFile(SectorMesh):
     """A CAD file whose solids are meshed with tetrahedra that follow its curved faces.
 
     Parameters

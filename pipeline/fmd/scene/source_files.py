@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from fmd.core.errors import InputError
 from fmd.core.files import digest_file
 from fmd.scene.any_body import Flexible
+from fmd.scene.controllers import FmuController
 from fmd.scene.scene import Scene, load_scene
 
 
@@ -79,9 +81,14 @@ def load_repaired(name_or_path: str, overrides: Sequence[str]) -> Scene:
 
 
 def digest_files(scene: Scene) -> dict[str, dict[str, str]]:
-    """Return the digests of the files that bodies come from, by body; raises `SourceFiles.find`'s errors."""
+    """Return the digests of the files that bodies and FMUs come from; raises `SourceFiles.find`'s errors."""
     found = {name: SourceFiles.find(shape, scene.file, name) for name, shape in scene.flexible.items()}
-    return {name: source.digests for name, source in found.items() if source is not None}
+    digests = {name: source.digests for name, source in found.items() if source is not None}
+    for name, controller in scene.controller.items():
+        if isinstance(controller, FmuController):
+            with suppress(ValueError):  # a missing file is named where it is read
+                digests[f"controller {name}"] = {"file": digest_file(Path(scene.file).parent / controller.file)}
+    return digests
 
 
 def collect_inputs(scene: Scene) -> dict[str, Any]:

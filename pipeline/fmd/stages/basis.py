@@ -75,7 +75,8 @@ class ConstrainedModel:
         rigid = [marker for marker in self.markers.values() if marker.rigid]
         key = f"body.{self.name}"
         try:
-            if self.sectors > 2 and not rigid and self.fixed is None:
+            repeats = self.sectors > 2 and self.fe.material.repeats(self.sectors)
+            if repeats and not rigid and self.fixed is None:
                 return CyclicSolver(self.fe, self.sectors, self.factorise)
             return FreeBodySolver(self.fe, rigid, self.fixed, self.factorise)
         except ValueError as error:  # rigid faces that share nodes, with one another or with a support

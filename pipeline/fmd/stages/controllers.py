@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from fmd.dynamics.controllers import LinearLaw, SampledController
 from fmd.dynamics.links import Link, controller_state
 from fmd.dynamics.state_functions import HeldValue, JointValue, Measured, StateFunction
-from fmd.scene.controllers import ExternalValue, LagController, PidController
+from fmd.scene.controllers import ExternalValue, FmuController, LagController, PidController
+from fmd.stages.fmu_files import fmu_law
 from fmd.stages.state_functions import combine_functions
 
 if TYPE_CHECKING:
@@ -38,7 +39,8 @@ def add_controllers(functions: FunctionBuilder) -> tuple[list[Link], list[Sample
             functions.outputs[name] = _continuous(name, controller, given, states)
         else:
             functions.outputs[name] = value = HeldValue(held)
-            law, measured = sampled_law(controller), tuple(given.values())
+            measured, file = tuple(given.values()), functions.scene.file
+            law = fmu_law(controller, file, name) if isinstance(controller, FmuController) else sampled_law(controller)
             sampled.append(SampledController(name, controller.sample_time, measured, value, law))
             held += 1
     return states, sampled

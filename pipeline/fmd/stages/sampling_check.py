@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.stability import BISECTIONS, FINELY_SAMPLED, GROWING, SAMPLED_STATES
-from fmd.scene.controllers import PidController
+from fmd.core.limits.stability import BISECTIONS, COARSE_EXCHANGE, FINELY_SAMPLED, GROWING, SAMPLED_STATES
+from fmd.dynamics.fmu_law import FmuLaw
+from fmd.scene.controllers import FmuController, PidController
 from fmd.stability.sampled_loops import SampledLoops, linearise_loops
 from fmd.stability.tangent import OperatingPoint
 from fmd.stages.controllers import sampled_law
@@ -54,6 +55,8 @@ def find_unstable_sampling(run: BuiltScene, states: Sequence[tuple[OperatingPoin
     scene, system = run.scene, run.system
     controllers = system.mechanism.controllers
     given = [scene.controller[one.name] for one in controllers]
+    if any(isinstance(one, FmuController) for one in given):
+        return ""  # what is in an FMU isn't known; `find_coarse_exchanges` sees what comes of it
     duration, worst = scene.simulation.duration, ""
     most = GROWING
     for at, held in states:
@@ -84,6 +87,24 @@ def find_unstable_sampling(run: BuiltScene, states: Sequence[tuple[OperatingPoin
             f"about t = {at.time:.4g} s; {times} would do, or lower gains"
         )
     return worst
+
+
+def find_coarse_exchanges(run: BuiltScene) -> list[str]:
+    """Say which FMUs' outputs change so much within a sample time of the first run that its length matters."""
+    held, found = run.motion.trajectory.held, []
+    for one in run.system.mechanism.controllers:
+        if held is None or not isinstance(one.law, FmuLaw):
+            continue
+        values = np.array(held.values)[:, one.output.number]
+        largest = float(np.abs(values).max())
+        jump = float(np.abs(np.diff(values)).max(initial=0.0)) / largest if largest else 0.0
+        if jump > COARSE_EXCHANGE:
+            found.append(
+                f"{one.name}: the FMU's output changes by up to {100 * jump:.2g} % of its largest value from sample "
+                f"to sample; unless it samples by itself, a sample_time below {one.period:g} s, or order = 2, makes "
+                "results better"
+            )
+    return found
 
 
 def _round_down(time: float) -> float:

@@ -82,14 +82,7 @@ class FunctionBuilder:
         InputError
             It isn't one, or names what the scene doesn't have.
         """
-        table = FormulaVariables()
-        try:
-            parsed = table.parse(text)
-            faults = CrossCheck(self.scene).find_unknown_parts(table, text)
-        except ValueError as error:
-            raise InputError(self.scene.file, "observe", text, str(error)) from None
-        if faults:
-            raise InputError(self.scene.file, "observe", text, str(faults[0]))
+        table, parsed = read_observed(self.scene, text)
         return self.of_formula(table, parsed)
 
     def _variable(self, table: FormulaVariables, name: str | Formula, own: str | None) -> Measured:
@@ -108,6 +101,25 @@ class FunctionBuilder:
         if measured.axis < 0:
             return JointValue(_carried_by(self.scene, measured.place), measured.order)
         return PlaceValue(self.locate(measured.place)[0], measured.axis, measured.order)
+
+
+def read_observed(scene: Scene, text: str) -> tuple[FormulaVariables, StateFormula]:
+    """Read a formula of the motion that stands in no scene, but is of one.
+
+    Raises
+    ------
+    InputError
+        It isn't one, or names what the scene doesn't have.
+    """
+    table = FormulaVariables()
+    try:
+        parsed = table.parse(text)
+        faults = CrossCheck(scene).find_unknown_parts(table, text)
+    except ValueError as error:
+        raise InputError(scene.file, "observe", text, str(error)) from None
+    if faults:
+        raise InputError(scene.file, "observe", text, str(faults[0]))
+    return table, parsed
 
 
 def combine_functions(text: str, variables: Mapping[str, Measured | float]) -> StateFunction:

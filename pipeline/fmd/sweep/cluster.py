@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from fmd.core.errors import InputError
 from fmd.core.limits.patience import ANSWERS_WITHIN, WORKS_WITHIN
-from fmd.sweep.record import Record, interrupted_record
+from fmd.sweep.record import Record, Wanted, interrupted_record
 from fmd.sweep.work import compute_point
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _SCHEDULER = "--scheduler"
 
 
-def compute_on_cluster(scenes: Mapping[str, Scene], address: str, budget: bool = False) -> Iterator[tuple[str, Record]]:
+def compute_on_cluster(scenes: Mapping[str, Scene], address: str, wanted: Wanted) -> Iterator[tuple[str, Record]]:
     """Compute scenes on the workers of a Dask scheduler; yield key and record of each as it is done.
 
     Workers need this package, of the same version. A mesh that is read from a file must lie at the same place for them.
@@ -40,7 +40,7 @@ def compute_on_cluster(scenes: Mapping[str, Scene], address: str, budget: bool =
         raise InputError(_SCHEDULER, "", address, mend) from None
     with client:
         futures = {
-            client.submit(compute_point, key, _with_absolute_file(scene), budget, key=key, pure=False): key
+            client.submit(compute_point, key, _with_absolute_file(scene), wanted, key=key, pure=False): key
             for key, scene in scenes.items()
         }
         try:

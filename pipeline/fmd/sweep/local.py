@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING
 
 from fmd.core.limits.patience import POINT_TRIES
-from fmd.sweep.record import Record, interrupted_record
+from fmd.sweep.record import Record, Wanted, interrupted_record
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
@@ -42,7 +42,7 @@ class _Worker:
         self.connection.close()
 
 
-def compute_locally(scenes: Mapping[str, Scene], workers: int, budget: bool = False) -> Iterator[tuple[str, Record]]:
+def compute_locally(scenes: Mapping[str, Scene], workers: int, wanted: Wanted) -> Iterator[tuple[str, Record]]:
     """Compute scenes in processes of one thread each; yield key and record of each as it is done.
 
     A scene whose process dies is tried once more. If this process dies, its workers die too.
@@ -59,7 +59,7 @@ def compute_locally(scenes: Mapping[str, Scene], workers: int, budget: bool = Fa
                     worker = _Worker()
                 tries[key] += 1
                 with suppress(OSError):  # it died just now, which recv below notices
-                    worker.connection.send((key, scenes[key], budget))
+                    worker.connection.send((key, scenes[key], wanted))
                 busy[worker.connection] = worker, key
             for connection in wait(list(busy)):
                 assert isinstance(connection, Connection)
@@ -88,12 +88,12 @@ def _serve(connection: Connection) -> None:
     threading.Thread(target=_die_with_parent, daemon=True).start()
     while True:
         try:
-            key, scene, budget = connection.recv()
+            key, scene, wanted = connection.recv()
         except EOFError:
             return
         from fmd.sweep.work import compute_point
 
-        connection.send(compute_point(key, scene, budget))
+        connection.send(compute_point(key, scene, wanted))
 
 
 def _die_with_parent() -> None:

@@ -13,7 +13,7 @@ from fmd.core.arrays import Array
 from fmd.core.html import prefix_for
 from fmd.core.limits.shown import SWEPT_MODES, SWEPT_PANELS
 from fmd.sweep.points import Variation
-from fmd.sweep.study import Sweep
+from fmd.sweep.table import SweepTable
 
 if TYPE_CHECKING:
     from fmd.render.sweep_chart import SweepAxis, SweepPanel
@@ -30,15 +30,13 @@ _JOINT = "run.0.final.joint_positions."
 _NUMBER = re.compile(r"\s*[\"']?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\"']*?)\s*[\"']?\s*")
 
 
-def draw_sweep(sweep: Sweep, rows: Sequence[dict[str, Any]], folder: Path, title: str) -> list[str]:
-    """Draw the main figures of a sweep into ``sweep.png``: over one or two keys, or of a design over its first key.
+def draw_sweep(table: SweepTable, folder: Path, title: str) -> list[str]:
+    """Draw a sweep's results, or else its main figures, over one or two keys, or of a design over its first key.
 
     Parameters
     ----------
-    sweep : Sweep
-        Keys and points.
-    rows : sequence of dict
-        The table's rows, one a point.
+    table : SweepTable
+        Keys, points and their figures.
     folder : Path
         Folder of the picture.
     title : str
@@ -54,9 +52,11 @@ def draw_sweep(sweep: Sweep, rows: Sequence[dict[str, Any]], folder: Path, title
     OSError
         The folder can't be written.
     """
+    sweep, rows = table.sweep, table.rows
     shown = sweep.variations if sweep.is_grid else sweep.variations[:1]
     shape = tuple(len(variation.values) for variation in shown)
-    figures = [*_figures(rows)] if len(shape) in (1, 2) else []
+    asked = [figure for name, own in table.results.items() for figure in _results(name, *own, apart=len(shape) == 2)]
+    figures = (asked or _figures(rows)) if len(shape) in (1, 2) else []
     if not figures or max(shape) < 2:
         return []
     from fmd.render.sweep_chart import draw_sweep_lines, draw_sweep_maps
@@ -77,6 +77,13 @@ class _Figure(NamedTuple):
     label: str
     unit: str
     lines: dict[str, str]
+
+
+def _results(name: str, unit: str, columns: list[str], apart: bool) -> list[_Figure]:
+    """Return the figures of a result: all lines in one, or a line each for maps."""
+    if apart:
+        return [_Figure(column, unit, {"": column}) for column in columns]
+    return [_Figure(name, unit, {column.removeprefix(name).removeprefix("."): column for column in columns})]
 
 
 def _figures(rows: Sequence[dict[str, Any]]) -> list[_Figure]:

@@ -63,7 +63,7 @@ def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
     variations: list[Variation] = []
     for text in texts:
         key, equals, given = (part.strip() for part in text.partition("="))
-        parts = [part.strip() for part in _split(given)]
+        parts = [part.strip() for part in split_at_commas(given)]
         if not key or not equals or not all(parts):
             raise InputError(_VARY, "", text, "must look like simulation.step=1us,2us,5us or simulation.step=1..5:9 us")
         values = tuple(value for part in parts for value in _expand(key, part))
@@ -189,7 +189,7 @@ def _naming_vary(error: InputError, variations: Sequence[Variation]) -> InputErr
     return error
 
 
-def _split(text: str) -> list[str]:
+def split_at_commas(text: str) -> list[str]:
     """Split a text at its commas, but for those within brackets or quotes."""
     parts, depth, quote = [""], 0, ""
     for character in text:

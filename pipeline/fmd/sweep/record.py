@@ -14,6 +14,28 @@ STATUSES = ("ok", "refused", "failed")
 
 
 @dataclass(frozen=True)
+class Wanted:
+    """What is wanted of each point, beside the summary of its run.
+
+    Parameters
+    ----------
+    budget : bool
+        Errors.
+    results : tuple of str
+        Names of results, as `fmd.output.channels.find_channels` takes them.
+    histories : bool
+        Values over time of the results that are histories.
+    """
+
+    budget: bool = False
+    results: tuple[str, ...] = ()
+    histories: bool = False
+
+
+SUMMARY = Wanted()
+
+
+@dataclass(frozen=True)
 class Record:
     """The result of one point of a sweep.
 
@@ -34,11 +56,16 @@ class Record:
     summary: dict[str, Any] = field(default_factory=dict)
     lasting: bool = True
 
-    @property
-    def lacks_budget(self) -> bool:
-        """True for the summary of a motion whose errors nobody has estimated."""
-        errors = self.summary.get("stated_errors", {})
-        return any(isinstance(error, str) and NO_BUDGET in error for error in errors.values())
+    def lacks(self, wanted: Wanted) -> bool:
+        """Return true if a scene that was computed has to be computed anew for what is wanted."""
+        if not self.summary:
+            return False
+        errors, results = self.summary.get("stated_errors", {}), self.summary.get("results", {})
+        no_budget = any(isinstance(error, str) and NO_BUDGET in error for error in errors.values())
+        figures = [own for name in wanted.results for own in results.get(name, {}).values()]
+        no_history = any("rms" in own and "history" not in own for own in figures)
+        no_result = any(name not in results for name in wanted.results)
+        return (wanted.budget and no_budget) or no_result or (wanted.histories and no_history)
 
 
 def interrupted_record(message: str) -> Record:

@@ -11,7 +11,7 @@ from pathlib import Path
 from fmd.core.progress import Monitor, silent
 from fmd.scene.scene import Scene
 from fmd.sweep.points import Point, Variation
-from fmd.sweep.record import STATUSES, Record, read_record, write_record
+from fmd.sweep.record import STATUSES, SUMMARY, Record, Wanted, read_record, write_record
 
 Compute = Callable[[Mapping[str, Scene]], Iterator[tuple[str, Record]]]
 """A function that computes scenes by their keys, and yields key and record of each as it is done."""
@@ -58,7 +58,7 @@ def run_sweep(
     folder: Path,
     compute: Compute,
     monitor: Monitor = silent,
-    budget: bool = False,
+    wanted: Wanted = SUMMARY,
 ) -> Sweep:
     """Compute all points that have no record yet, and keep the record of each as soon as it is done.
 
@@ -70,8 +70,8 @@ def run_sweep(
         Folder of the records, one file a scene; made if it is missing.
     compute : callable
         `fmd.sweep.local.compute_locally` or `fmd.sweep.cluster.compute_on_cluster`, with its workers bound.
-    budget : bool
-        A record without an error budget is computed anew.
+    wanted : Wanted
+        What is computed of each point; a record that lacks some of it is computed anew.
 
     Raises
     ------
@@ -80,13 +80,13 @@ def run_sweep(
     """
     scenes = {point.key: point.scene for point in points if point.scene is not None}
     kept = {key: read_record(folder / f"{key}.json") for key in scenes}
-    known = {key: own for key, own in kept.items() if own is not None and not (budget and own.lacks_budget)}
-    wanted = {key: scene for key, scene in scenes.items() if key not in known}
-    with monitor(f"{len(wanted)} points") as advance:
-        for number, (key, record) in enumerate(compute(wanted) if wanted else (), start=1):
+    known = {key: own for key, own in kept.items() if own is not None and not own.lacks(wanted)}
+    missing = {key: scene for key, scene in scenes.items() if key not in known}
+    with monitor(f"{len(missing)} points") as advance:
+        for number, (key, record) in enumerate(compute(missing) if missing else (), start=1):
             if record.lasting:
                 write_record(record, folder / f"{key}.json")
             known[key] = record
-            advance(number / len(wanted))
+            advance(number / len(missing))
     records = [known[point.key] if point.key else Record("refused", point.refusal) for point in points]
-    return Sweep(tuple(variations), tuple(points), tuple(records), len(wanted))
+    return Sweep(tuple(variations), tuple(points), tuple(records), len(missing))

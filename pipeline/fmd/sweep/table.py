@@ -24,7 +24,7 @@ Place = tuple[str | int, ...]
 
 # Of a summary: equal at all points, names of files, and figures that the first run repeats.
 _LEFT_OUT = {"scene", "version", "files", "stages_run", "stages_cached", "stages_skipped", "reference_hz"}
-_LEFT_OUT |= {"mode_numbers", "final", "tip", "stated_errors", "error_budget"}
+_LEFT_OUT |= {"mode_numbers", "final", "tip", "stated_errors", "error_budget", "results", "times_s"}
 _ERROR = "error"  # last step of the place of a figure's error
 _NAMES = {"integrations": "run"}  # as in the scene: simulation.run.0
 _DIMENSIONS = {
@@ -49,6 +49,7 @@ class SweepTable:
     def __init__(self, sweep: Sweep) -> None:
         self.sweep = sweep
         self._why: dict[Place, str] = {}  # of figures without an error
+        self._units: dict[str, str] = {}  # of results, by their names
         self._figures = [dict(self._figures_of(record.summary)) for record in sweep.records]
 
     def _figures_of(self, summary: dict[str, Any]) -> Iterator[tuple[Place, Leaf]]:
@@ -66,6 +67,23 @@ class SweepTable:
                 self._why.setdefault(place, error)
             else:
                 yield (*place, _ERROR), error
+        for name, own in results_of(summary):
+            self._units[name] = own["unit"]
+            for figure in ("value", "smallest", "largest", "rms"):
+                if figure in own:
+                    place = (name,) if figure == "value" else (name, figure)
+                    yield place, own[figure]
+                    if isinstance(own["error"], str):
+                        self._why.setdefault(place, own["error"])
+                    else:
+                        yield (*place, _ERROR), own["error"]
+
+    @property
+    def results(self) -> dict[str, tuple[str, list[str]]]:
+        """Unit and columns of each result that was asked for, by its name."""
+        there = {_dotted(place) for place in self.places}
+        columns = {name: [name, f"{name}.smallest", f"{name}.largest"] for name in self._units}
+        return {name: (self._units[name], [each for each in columns[name] if each in there]) for name in columns}
 
     @cached_property
     def places(self) -> list[Place]:
@@ -118,8 +136,29 @@ class SweepTable:
                         array[(number, *(step for step in place if isinstance(step, int)))] = value
             data[name] = ((*axes, *dimensions), array.reshape(*shape, *full[1:]), self._attributes(name, places))
         along = {key: key if self.sweep.is_grid else "point" for key in values}
+        data |= self._histories(axes, shape)
         coordinates = {key: (along[key], list(numbers), {"units": unit}) for key, (numbers, unit) in values.items()}
         return xarray.Dataset(data, coordinates)
+
+    def _histories(self, axes: tuple[str, ...], shape: tuple[int, ...]) -> dict[str, Any]:
+        """Return the histories that were kept over the points and the output times, and these; NaN where one ended."""
+        found = [
+            {"time_s": record.summary["times_s"]}
+            | {name: own["history"] for name, own in results_of(record.summary) if "history" in own}
+            if "times_s" in record.summary
+            else {}
+            for record in self.sweep.records
+        ]
+        n_times = max((len(own.get("time_s", ())) for own in found), default=0)
+        data: dict[str, Any] = {}
+        for name in dict.fromkeys(name for own in found for name in own):
+            array = np.full((len(found), n_times), np.nan)
+            for row, own in zip(array, found, strict=True):
+                row[: len(own.get(name, ()))] = own.get(name, ())
+            unit = self._units.get(name, "s")
+            label = name if name == "time_s" else f"{name}.history"
+            data[label] = ((*axes, "sample"), array.reshape(*shape, n_times), {"units": unit})
+        return data
 
     @property
     def errors(self) -> list[tuple[str, str, str]]:
@@ -128,7 +167,7 @@ class SweepTable:
         for place in (place for place in self.places if place[-1] != _ERROR):
             name = _dotted(place)
             if place in self._why or (*place, _ERROR) in self.places:
-                found.append((name, _unit(name), self._error_of([place], name)))
+                found.append((name, self._unit(place), self._error_of([place], name)))
         return found
 
     def _error_of(self, places: Sequence[Place], name: str) -> str:
@@ -137,8 +176,14 @@ class SweepTable:
             return f"{name}.{_ERROR} has it"
         return next((self._why[place] for place in places if place in self._why), "")
 
+    def _unit(self, place: Place) -> str:
+        if place[0] in self._units:
+            return self._units[str(place[0])]
+        name = _dotted(place).removesuffix(f".{_ERROR}")
+        return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix)), "")
+
     def _attributes(self, name: str, places: Sequence[Place]) -> dict[str, str]:
-        unit, error = _unit(name.removesuffix(f".{_ERROR}")), self._error_of(places, name)
+        unit, error = self._unit(places[0]), self._error_of(places, name)
         return ({"units": unit} if unit else {}) | ({"error": error} if error else {})
 
     def write_netcdf(self, path: Path) -> None:
@@ -162,13 +207,17 @@ class SweepTable:
         return sizes
 
 
-def write_tables(sweep: Sweep, folder: Path) -> tuple[list[str], list[dict[str, Leaf]]]:
-    """Write ``sweep.csv``, ``sweep.nc`` and ``sweep-errors.csv`` into ``folder``; return their names and the rows."""
-    table = SweepTable(sweep)
+def write_tables(table: SweepTable, folder: Path) -> list[str]:
+    """Write ``sweep.csv``, ``sweep.nc`` and ``sweep-errors.csv`` into ``folder``; return their names."""
     table.write_csv(folder / "sweep.csv")
     table.write_netcdf(folder / "sweep.nc")
-    beside = write_errors(table.errors, folder / "sweep.csv")
-    return ["sweep.csv", "sweep.nc", beside], table.rows
+    return ["sweep.csv", "sweep.nc", write_errors(table.errors, folder / "sweep.csv")]
+
+
+def results_of(summary: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the results that were asked for, by their names, of a summary."""
+    for own in summary.get("results", {}).values():
+        yield from own.items()
 
 
 def axis_values(variation: Variation) -> tuple[tuple[Leaf, ...], str]:
@@ -210,7 +259,3 @@ def _inner_dimensions(place: Place) -> tuple[str, ...]:
         names.append(f"{names[-1]}_number" if isinstance(step, int) else step)
     lists = [name for name, step in zip(names, place, strict=True) if isinstance(step, int)]
     return tuple(_DIMENSIONS.get(name, name) for name in lists)
-
-
-def _unit(name: str) -> str:
-    return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix)), "")

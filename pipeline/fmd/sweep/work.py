@@ -8,19 +8,20 @@ import threading
 from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import AccuracyError, InputError
+from fmd.output.result_figures import result_figures
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import Scene
 from fmd.stages.pipeline import Pipeline
 from fmd.sweep.points import point_key
-from fmd.sweep.record import Record, interrupted_record
+from fmd.sweep.record import SUMMARY, Record, Wanted, interrupted_record
 
 _alone = threading.Lock()
 _last: list[Pipeline] = []
 """Stages of the last point that this process computed."""
 
 
-def compute_point(key: str, scene: Scene, budget: bool = False) -> Record:
-    """Run a scene without pictures, with or without its error budget; its record holds the summary or the error.
+def compute_point(key: str, scene: Scene, wanted: Wanted = SUMMARY) -> Record:
+    """Run a scene without pictures; its record holds the summary with the results that are wanted, or the error.
 
     Gmsh keeps one model a process, so a worker with several threads computes one point after the other.
     """
@@ -36,13 +37,17 @@ def compute_point(key: str, scene: Scene, budget: bool = False) -> Record:
             solved = SolvedScene(scene, like=_take_like(scene))
             solved.given.stands_alone = False  # other points run beside this one
             _last.append(solved.given)
-            if budget and scene.moves:
+            if wanted.budget and scene.moves:
                 solved.run.motions  # noqa: B018 - what it takes is what its budget may take
-            summary = summarise_solved(solved, (), budget, allowed_seconds(solved.run))
+            summary = summarise_solved(solved, (), wanted.budget, allowed_seconds(solved.run))
+            if wanted.results:
+                summary["results"] = result_figures(solved.run, wanted.results, wanted.histories)
+            if wanted.histories and scene.moves:
+                summary["times_s"] = solved.run.motion.times.tolist()
             unmet = solved.settings.unmet
             json.dumps(summary, allow_nan=False)
         except InputError as error:
-            return Record("refused", str(error))
+            return interrupted_record(str(error)) if error.file == "--of" else Record("refused", str(error))
         except AccuracyError as error:
             return Record("failed", str(error))
         except Exception as error:  # a point is a row of the table, not the end of the sweep

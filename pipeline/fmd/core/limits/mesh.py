@@ -33,6 +33,7 @@ FRAGMENT = 0.02  # of a piece's volume: loose elements up to this much move to t
 
 # Sectors.
 SAME_PLACE = 1e-6  # distance of nodes that coincide when turned, of the body's extent
+SAME_CUT = 1e-5  # the same of the two cuts of a sector in a file, which has fewer digits, of the sector's extent
 
 # Shapes.
 CAD_ELEMENTS = 4000  # of a mesh whose size nobody gave; around bores and fillets there are more

@@ -7,6 +7,7 @@ LONGEST_FORMULA = 500  # characters
 # Values.
 LONGEST_QUANTITY = 60  # characters of a number with its unit
 MOST_CUT_PIECES = 1000  # of a part
+MOST_SECTORS = 1000  # of a cyclic body
 MOST_POINTS = 100_000  # of a sweep
 RANGE_DIGITS = 9  # of a value between the ends of a range
 LONGEST_SYMBOL = 3  # letters; only words have a plural

@@ -18,6 +18,7 @@ COINCIDENT = 1e-6  # metres between markers that have one label
 # Charts.
 SWEPT_MODES = 6  # in the chart of a sweep
 SWEPT_PANELS = 6  # in the chart of a sweep
+CHARTED_QUANTITIES = 24  # in the chart of a history
 SEEN_ERROR = 0.003  # of what a chart's curve spans: a narrower band of stated error is hidden by the line
 HARDLY_MOVES = 1e-3  # of the largest movement of a component: what moves less isn't drawn
 
@@ -59,4 +60,7 @@ LEAST_OF_BAND = 1e-3  # of a magnitude: where a band ends that would reach zero 
 # Report.
 REPORTED_MODES = 6  # whose shapes are shown
 TICKS_OF_BAR = 5  # of a colour bar
-REPORTED_ROWS = 40  # of a table
+BRIEF_PICTURES = 3  # on the page for those who decide
+BRIEF_DOUBTS = 8  # sentences there about what is uncertain
+REPORTED_ROWS = 12  # of a table
+REPORTED_DIGITS = 5  # of a number in a table that is a file of its own

@@ -42,3 +42,4 @@ SAME_SAMPLES = 1e-9  # of a ratio of sample times: a whole number but for round-
 LONGEST_CYCLE = 10_000  # shortest sample times in a common multiple of all
 FINELY_SAMPLED = 1 / 64  # of the sample times: as good as continuous control
 SAMPLED_STATES = 5  # of a motion, evenly, at which its loops are checked
+COARSE_EXCHANGE = 0.1  # change of an FMU's output in a sample time over its largest value that is worth a warning

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import base64
 import platform
+from collections.abc import Iterator
 from importlib.metadata import version
+from itertools import islice, zip_longest
 from typing import Any
 
 import numpy as np
 
+from fmd.accuracy.error_estimates import SOURCES, percent
 from fmd.core.html import facts, scaled
-from fmd.core.limits.shown import REPORTED_MODES, TICKS_OF_BAR
+from fmd.core.limits.shown import BRIEF_PICTURES, REPORTED_MODES, TICKS_OF_BAR
 from fmd.core.version import __version__
 from fmd.output.key_figures import key_figures, run_time
 from fmd.output.notebook import draw_inline
@@ -25,6 +28,7 @@ from fmd.stages.pipeline import Pipeline
 
 _SMALL = [800, 450]  # pixels
 _LARGE = [1280, 720]
+_MEANT = {"mesh": "the mesh", "modes": "the modes", "time": "the integration", "model": "the model"}
 _PACKAGES = ("numpy", "scipy", "gmsh", "scikit-fem", "llvmlite", "pyvista", "vtk", "matplotlib")
 
 
@@ -34,9 +38,39 @@ def draw_pictures(run: Pipeline) -> dict[str, Any]:
     return {
         "motion": _collect_motion(run) if moves else None,
         "modes": _draw_modes(run) if run.wholes and run.part.has_mesh else [],
-        "charts": _draw_charts(run) if moves else [],
-        "shown": show_outputs(run) if moves else [],
+        "charts": [*_draw_charts(run)] if moves else [],
+        "shown": [*show_outputs(run)] if moves else [],
     }
+
+
+def draw_few_pictures(run: Pipeline) -> list[dict[str, str]]:
+    """Draw the worst instant and the first of the scene's charts and other pictures, or its first modes."""
+    return [*islice(_draw_in_turn(run), BRIEF_PICTURES)]
+
+
+def _draw_in_turn(run: Pipeline) -> Iterator[dict[str, str]]:
+    """Yield pictures, the most telling first; each is drawn when it is asked for."""
+    if run.scene.moves:
+        yield _draw_still(run)
+        shown = (picture for output in show_outputs(run) for picture in output["pictures"])
+        charts = _draw_charts(run)
+        for pair in zip_longest(charts, shown):
+            yield from (picture for picture in pair if picture is not None)
+    if run.wholes and run.part.has_mesh:
+        yield from _draw_modes(run)
+
+
+def list_uncertainties(summary: dict[str, Any]) -> list[str]:
+    """List what a run's error budget says of its key figures, and all warnings, as sentences."""
+    found = []
+    for row in summary.get("error_budget", {}).get("rows", ()):
+        parts = {source: row[source] for source in SOURCES if isinstance(row[source], float)}
+        if row["total"] is not None and parts:
+            most = max(parts, key=lambda source: parts[source])
+            found.append(f"{row['quantity']}: within {percent(row['total'])} %, most of it by {_MEANT.get(most, most)}")
+        elif row["total"] is None:
+            found.append(f"{row['quantity']}: no error is stated, {row['why'].removeprefix('not estimated: ')}")
+    return [*found, *(warning["text"] for warning in summary.get("warnings", ()))]
 
 
 def collect_tables(run: Pipeline, summary: dict[str, Any]) -> dict[str, Any]:
@@ -69,19 +103,30 @@ def versions_table() -> str:
 
 def _collect_motion(run: Pipeline) -> dict[str, Any]:
     """Collect the data of the viewer, its colour bar, and the picture that stands for it without WebGL."""
-    scaled_by, seen_by = (_giving_view(run, key) for key in ("scale", "camera"))
-    scale = scaled_by.scale if scaled_by else 1.0
+    seen_by, scale = _giving_view(run, "camera"), _scale_of(run)
     view = collect_view(run, scale, camera_of(run, seen_by) if seen_by else Camera())
     stressed = view["worst"] is not None
-    still = draw_inline(run, "stress" if stressed else "mechanism", scale=scale, size=_LARGE)[0]
     colours = np.frombuffer(base64.b64decode(view["colours"]), dtype=np.uint8).reshape(-1, 3)[::15]
     return {
         "view": view,
-        "still": image_of(still.png, f"{run.scene.title} at its worst instant" if stressed else run.scene.title),
+        "still": _draw_still(run),
         "strip": [f"rgb({r} {g} {b})" for r, g, b in colours.tolist()] if stressed else [],
         "n_ticks": TICKS_OF_BAR,
         "largest_scale": 2 * scale if scale > 1 else 10,
     }
+
+
+def _draw_still(run: Pipeline) -> dict[str, str]:
+    """Draw the mechanism at its worst instant, or at all if nothing is stressed."""
+    stressed = any(part.has_stress for part in run.wholes.values())
+    (still,) = draw_inline(run, "stress" if stressed else "mechanism", scale=_scale_of(run), size=_LARGE)
+    return image_of(still.png, f"{run.scene.title} at its worst instant" if stressed else run.scene.title)
+
+
+def _scale_of(run: Pipeline) -> float:
+    """Return the factor of the deformation that is shown."""
+    found = _giving_view(run, "scale")
+    return float(found.scale) if found else 1.0
 
 
 def _giving_view(run: Pipeline, key: str) -> Any:
@@ -96,14 +141,12 @@ def _draw_modes(run: Pipeline) -> list[dict[str, str]]:
     ]
 
 
-def _draw_charts(run: Pipeline) -> list[dict[str, str]]:
+def _draw_charts(run: Pipeline) -> Iterator[dict[str, str]]:
     charts: list[Any] = [output for output in run.scene.output if kind_of(output).section == "charts"]
-    images = []
     for chart in charts:
         settings = chart.model_dump(exclude={"type", "file", "band"}, exclude_defaults=True)
         title = chart.title or chart_title(chart)
-        images.append(image_of(draw_inline(run, chart.type, **settings)[0].png, title))
-    return images
+        yield image_of(draw_inline(run, chart.type, **settings)[0].png, title)
 
 
 def _frequencies(summary: dict[str, Any]) -> dict[str, Any]:

@@ -14,13 +14,23 @@ from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.files import refusing, whole_file
 from fmd.core.html import scaled
-from fmd.output.report.contents import collect_tables, draw_pictures, versions_table
+from fmd.core.limits.shown import BRIEF_DOUBTS
+from fmd.output.key_figures import key_figures
+from fmd.output.report.contents import (
+    collect_tables,
+    draw_few_pictures,
+    draw_pictures,
+    list_uncertainties,
+    versions_table,
+)
 from fmd.output.summary import summarise_solved
 
 _PACKAGE = "fmd.output.report"
 
 
-def write_report(solved: SolvedScene, path: Path, overrides: Sequence[str] = (), budget: bool = True) -> None:
+def write_report(
+    solved: SolvedScene, path: Path, overrides: Sequence[str] = (), budget: bool = True, brief: bool = False
+) -> None:
     """Compute all that a scene lists, and write it as one page.
 
     Parameters
@@ -33,13 +43,16 @@ def write_report(solved: SolvedScene, path: Path, overrides: Sequence[str] = (),
         Values that were set on the command line; the page's last line repeats them.
     budget : bool
         True to estimate the errors of the results.
+    brief : bool
+        True for the answer on one sheet, False for all results.
 
     Raises
     ------
     InputError
         The file can't be written.
     """
-    write_page(path, lambda: make_page(solved, overrides, budget))
+    make = make_brief if brief else make_page
+    write_page(path, lambda: make(solved, overrides, budget))
 
 
 def write_page(path: Path, make: Callable[[], str]) -> None:
@@ -70,6 +83,27 @@ def make_page(solved: SolvedScene, overrides: Sequence[str] = (), budget: bool =
         date=f"{datetime.now(UTC):%Y-%m-%d}",
         scene_table=solved.scene._repr_html_(),
         versions_table=versions_table(),
+    )
+
+
+def make_brief(solved: SolvedScene, overrides: Sequence[str] = (), budget: bool = True) -> str:
+    """Make the text of one page for those who decide: the question, the answer with its interval, pictures, doubts."""
+    run = solved.run
+    pictures = run.store.compute("pictures", lambda: draw_few_pictures(run))
+    summary = summarise_solved(solved, (), budget, allowed_seconds(run))
+    doubts = list_uncertainties(summary)
+    return render_page(
+        "brief.html",
+        title=run.scene.title,
+        source=run.scene.source,
+        scene=run.scene.name,
+        figures=key_figures(summary),
+        pictures=pictures,
+        doubts=doubts[:BRIEF_DOUBTS],
+        n_more=max(len(doubts) - BRIEF_DOUBTS, 0),
+        overrides=overrides,
+        date=f"{datetime.now(UTC):%Y-%m-%d}",
+        scene_table=solved.scene._repr_html_(),
     )
 
 

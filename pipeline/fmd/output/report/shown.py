@@ -5,38 +5,37 @@ from __future__ import annotations
 import base64
 import csv
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fmd.core.limits.shown import REPORTED_ROWS
+from fmd.core.limits.shown import REPORTED_DIGITS, REPORTED_ROWS
 from fmd.output.output_kinds import OutputKind, kind_of
 
 if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 
-def show_outputs(run: Pipeline) -> list[dict[str, Any]]:
-    """Draw the PNG pictures and write the CSV tables that a scene lists, and return what the page shows of them.
+def show_outputs(run: Pipeline) -> Iterator[dict[str, Any]]:
+    """Draw the pictures, and write the tables, that a scene lists, and yield what the page shows of them.
 
-    Returns
-    -------
-    list of dict
-        Of each output ``title``, ``pictures`` and ``table``, of which one is empty.
+    Yields
+    ------
+    dict
+        Of each output ``title``, ``pictures`` and ``table``, of which one is empty; of histories a chart.
     """
-    found = []
     with tempfile.TemporaryDirectory(prefix="fmd-") as name:
         folder = Path(name)
         for output in run.scene.output:
             kind = kind_of(output)
-            if kind.section != "outputs" or not output.file.endswith((".png", ".csv")):
+            if kind.section != "outputs" or not (kind.charted or output.file.endswith((".png", ".csv"))):
                 continue
             title = getattr(output, "title", "") or f"{output.type}: {output.file}"
-            pictures, tables = _make(run, output, kind, folder)
+            shown = output.model_copy(update={"file": "shown.png"}) if kind.charted else output
+            pictures, tables = _make(run, shown, kind, folder)
             images = [image_of(picture.read_bytes(), title) for picture in pictures]
-            found.append(
-                {"title": title[:1].upper() + title[1:], "pictures": images, "table": tables[0] if tables else None}
-            )
-    return found
+            table = tables[0] if tables else None
+            yield {"title": title[:1].upper() + title[1:], "pictures": images, "table": table}
 
 
 def _make(run: Pipeline, output: Any, kind: OutputKind, folder: Path) -> tuple[list[Path], list[dict[str, Any]]]:
@@ -49,8 +48,16 @@ def _make(run: Pipeline, output: Any, kind: OutputKind, folder: Path) -> tuple[l
         files, tables = [folder / file for file in summary["files"]], [kind.response.tabulate(summary)]
     for table in tables:
         table["left_out"] = max(len(table["rows"]) - REPORTED_ROWS, 0)
-        table["rows"] = table["rows"][:REPORTED_ROWS]
+        table["rows"] = [[_short(cell) for cell in row] for row in table["rows"][:REPORTED_ROWS]]
     return [file for file in files if file.suffix == ".png"], tables
+
+
+def _short(cell: Any) -> Any:
+    """Return a number's text with the digits that a page shows, and anything else as it is."""
+    try:
+        return f"{float(cell):.{REPORTED_DIGITS}g}" if isinstance(cell, str) and not cell.isdecimal() else cell
+    except ValueError:
+        return cell
 
 
 def image_of(png: bytes, text: str) -> dict[str, str]:

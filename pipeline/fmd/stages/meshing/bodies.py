@@ -13,8 +13,9 @@ from fmd.core.errors import InputError
 from fmd.core.units import unit_ratio
 from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
+from fmd.fem.sectors import repeat_sector
 from fmd.scene.beams import MeshedBeam
-from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart, SectorMesh
 from fmd.scene.reading import suggest_name
 from fmd.scene.shells import Plate, Tube
 from fmd.scene.source_files import SourceFiles
@@ -42,10 +43,12 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
         if given.shell is not None:
             return read_shell(source.path, unit, None if given.shell == "deck" else given.shell, mass, force)
         ties = [(tie.face, tie.onto, tie.within) for tie in given.tie]
-        return read_mesh(source.path, unit, given.repair, mass, force, ties)
+        return _complete(read_mesh(source.path, unit, given.repair, mass, force, ties), given, source)
     if shape.shape == "cad":
         assert source is not None
-        return mesh_cad_file(source.path, shape.mesh.size, shape.mesh.order)
+        table = shape.mesh
+        sector = None if table.cyclic is None or table.cuts is None else (table.cyclic, *table.cuts)
+        return _complete(mesh_cad_file(source.path, table.size, table.order, sector), table, source)
     assert not isinstance(shape, MatrixPart | ReducedPart)
     if isinstance(shape, MeshedBeam):
         return mesh_beams(shape)
@@ -57,6 +60,18 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     points, cells, edges, sides = module.sheet(shape)
     thickness = np.full(len(cells), shape.thickness)
     return thicken(Sheet(points, cells, thickness, {shape.shape: np.arange(len(cells))}, edges, {}, sides))
+
+
+def _complete(mesh: SolidMesh, table: SectorMesh, source: SourceFiles) -> SolidMesh:
+    """Return a mesh as it is or, of a sector, that of the whole body."""
+    if table.cyclic is None or table.cuts is None:
+        return mesh
+    file = str(source.path)
+    low, high = (find_name(mesh.faces, name, file, "mesh.cuts") for name in table.cuts)
+    try:
+        return repeat_sector(mesh, table.cyclic, (low, high))
+    except ValueError as error:
+        raise InputError(file, "mesh.cuts", [low, high], str(error)) from error
 
 
 def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:

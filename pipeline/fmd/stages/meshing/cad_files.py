@@ -76,7 +76,7 @@ def is_cad_file(path: Path) -> bool:
     return path.suffix.lower() in cad_suffixes()
 
 
-def mesh_cad_file(path: Path, size: float, order: int) -> SolidMesh:
+def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, str] | None = None) -> SolidMesh:
     """Mesh a CAD file with tetrahedra, and check what comes as a mesh from a file is checked.
 
     Parameters
@@ -87,6 +87,8 @@ def mesh_cad_file(path: Path, size: float, order: int) -> SolidMesh:
         Edge length of an element [m].
     order : int
         Polynomial order, 1 or 2.
+    sector : tuple, optional
+        Number of sectors in the whole body, and the faces of this one that are meshed alike.
 
     Raises
     ------
@@ -98,7 +100,7 @@ def mesh_cad_file(path: Path, size: float, order: int) -> SolidMesh:
 
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         arrays = Path(folder) / "arrays.npz"
-        _run_gmsh(path, arrays, repr(size), str(order))
+        _run_gmsh(path, arrays, repr(size), str(order), *map(str, sector or ()))
         mesh = load(arrays)
     cell_type = {1: "tetra", 2: "tetra10"}[order]
     raw = RawMesh(mesh.points, [(cell_type, mesh.cells)], {name: [cells] for name, cells in mesh.parts.items()})

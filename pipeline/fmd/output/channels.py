@@ -1,4 +1,4 @@
-"""Results of a run by their names: numbers, and histories as in files of histories."""
+"""Results of a run by their names: numbers, histories as in files of histories, and formulas of the motion."""
 
 from __future__ import annotations
 
@@ -14,16 +14,33 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import SAME_MODE
 from fmd.core.limits.round_off import SUMMED
 from fmd.output.histories import history_variables, number_columns
+from fmd.output.responses import compute_scene_response, response_unit
 from fmd.output.stress_fields import find_fatigue, lives_at
+from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import von_mises
 from fmd.scene.histories import Quantities
+from fmd.scene.outputs import FrequencyResponseChart
 from fmd.scene.reading import suggest_name
 from fmd.scene.rigid_bodies import Undeformable
+from fmd.scene.scene import Scene
 from fmd.scene.stress_outputs import Fatigue
+from fmd.stages.mechanism import add_observer
 from fmd.stages.pipeline import Pipeline
+from fmd.stages.state_functions import read_observed
 
 _OF_A_BODY = ("stress", "life", "frequency")
 _MARKERS = ("position", "displacement", "velocity", "acceleration")
+_ALONG_JOINTS = (
+    "position",
+    "rate",
+    "coordinates",
+    "rates",
+    "orientation",
+    "angular_velocity",
+    "displacement",
+    "velocity",
+)
+_BY, _SIZE = " by ", ".size"
 
 
 @dataclass(frozen=True)
@@ -45,6 +62,8 @@ class ResultChannel:
     largest, shortest : callable, optional
         Finds a run's largest value, or its shortest life, wherever and whenever it is; ``read`` follows it where this
         run has it.
+    errors_of : str or Variable
+        What the error budget knows it by.
     """
 
     name: str
@@ -55,6 +74,7 @@ class ResultChannel:
     mode: int = 0
     largest: Callable[[Pipeline], float] | None = None
     shortest: Callable[[Pipeline], float] | None = None
+    errors_of: str | Variable = ""
 
 
 def find_all_channels(run: Pipeline, names: Sequence[str]) -> list[ResultChannel]:
@@ -72,9 +92,11 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     name : str
         ``tip`` (the largest deflection of the tip), ``BODY.stress`` (the largest von Mises stress of a flexible body),
         ``BODY.life`` (repeats of the motion to failure, by the scene's output of type fatigue), ``BODY.frequency.N``,
-        of which the name of a scene's only flexible body may be left out, ``mass`` (of all bodies), ``BODY.mass``, or a
-        column of a file of histories without its unit, e.g. ``forearm.wrist.position.y``, ``elbow.position``,
-        ``shoulder.force.x`` or, for all components of a vector but those that are round-off, ``shoulder.force``.
+        of which the name of a scene's only flexible body may be left out, ``mass`` (of all bodies), ``BODY.mass``,
+        ``OUTPUT by INPUT`` (the largest magnitude of a frequency response that the scene lists), a column of a file of
+        histories without its unit, e.g. ``forearm.wrist.position.y``, ``elbow.position``, ``shoulder.force.x``,
+        ``shoulder.force.size`` or, for all components of a vector but those that are round-off, ``shoulder.force``, or
+        a formula of the motion with a name, ``error = forearm.wrist.y - 0.3``.
     origin : str
         Option that names it, for messages.
 
@@ -83,6 +105,10 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     InputError
         The run has no such result.
     """
+    if "=" in name:
+        return [_formula(run, name, origin)]
+    if _BY in name:
+        return [_response(run, name, origin)]
     if name.split(".", maxsplit=1)[0] in _OF_A_BODY and len(run.wholes) == 1:
         name = f"{next(iter(run.wholes))}.{name}"
     parts = name.split(".")
@@ -92,7 +118,8 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
         bodies = [*run.scene.body]
         return [ResultChannel(name, "kg", lambda other: np.sum([_mass(other, body) for body in bodies]), moves=False)]
     if len(parts) == 2 and parts[0] in run.scene.body and parts[1] == "mass":
-        return [ResultChannel(name, "kg", lambda other: np.asarray(_mass(other, parts[0])), moves=False)]
+        read, known = (lambda other: np.asarray(_mass(other, parts[0]))), f"{parts[0]}, mass"
+        return [ResultChannel(name, "kg", read, moves=False, errors_of=known)]
     run.scene.simulation  # noqa: B018 - refuses a scene without motion
     if name == "tip":
         return [_tip(run, origin)]
@@ -101,6 +128,19 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     if len(parts) == 2 and parts[0] in run.wholes and parts[1] == "life":
         return [_life(run, parts[0], origin)]
     return _histories(run, name, origin)
+
+
+def require_results(scene: Scene, names: Sequence[str], origin: str = "--of") -> None:
+    """Raise ``InputError`` for a name that no result has, before anything is computed."""
+    for name in names:
+        first, _, last = name.partition(".")
+        of_body = first in _OF_A_BODY or (first in scene.body and last.partition(".")[0] in (*_OF_A_BODY, "mass"))
+        if "=" in name:
+            _read_formula(scene, name, origin)
+        elif _BY in name:
+            _listed_response(scene, name, origin)
+        elif not (of_body or name in ("tip", "mass")):
+            _require_quantity(scene, name, origin)
 
 
 def _tip(run: Pipeline, origin: str) -> ResultChannel:
@@ -112,6 +152,7 @@ def _tip(run: Pipeline, origin: str) -> ResultChannel:
         "m",
         lambda other: other.motion.tip_size[frame],
         largest=lambda other: float(other.motion.tip_size.max()),
+        errors_of="tip, largest deflection",
     )
 
 
@@ -127,7 +168,13 @@ def _stress(run: Pipeline, body: str, origin: str) -> ResultChannel:
         stress = other.stress_of(body)
         return np.asarray(von_mises((stress.modal[node] @ stress.q[frame])[None])[0])
 
-    return ResultChannel(f"{body}.stress", "Pa", read, largest=lambda other: other.stress_of(body).worst()[2])
+    return ResultChannel(
+        f"{body}.stress",
+        "Pa",
+        read,
+        largest=lambda other: other.stress_of(body).worst()[2],
+        errors_of=f"{body}, largest von Mises stress",
+    )
 
 
 def _frequency(run: Pipeline, name: str, body: str, number: str, origin: str) -> ResultChannel:
@@ -138,7 +185,8 @@ def _frequency(run: Pipeline, name: str, body: str, number: str, origin: str) ->
 
 
 def _of_mode(name: str, body: str, mode: int) -> ResultChannel:
-    return ResultChannel(name, "Hz", lambda other: other.wholes[body].modes.frequencies_hz[mode], False, body, mode)
+    read, known = (lambda other: other.wholes[body].modes.frequencies_hz[mode]), f"{body}, frequency {mode + 1}"
+    return ResultChannel(name, "Hz", read, False, body, mode, errors_of=known)
 
 
 def follow_mode(channel: ResultChannel, run: Pipeline, other: Pipeline) -> ResultChannel:
@@ -193,48 +241,108 @@ def _life(run: Pipeline, body: str, origin: str) -> ResultChannel:
 
 
 def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:
-    asked = _asked_quantity(run, name)
-    if asked is None:
-        raise InputError(origin, name, None, f"no such result; {suggest_name(name, _examples(run), 'such as')}")
-    quantities = Quantities.model_validate({"file": "", **asked})
+    quantities = Quantities.model_validate({"file": "", **_require_quantity(run.scene, name, origin)})
 
-    def columns(other: Pipeline) -> dict[str, tuple[str, Array]]:
+    def columns(other: Pipeline) -> dict[str, tuple[Variable, Array]]:
         variables = history_variables(other, quantities, other.motion)
-        return {column: (variable.units, values) for variable, column, values in number_columns(variables)}
+        return {column: (variable, values) for variable, column, values in number_columns(variables, with_sizes=True)}
 
     there = columns(run)
-    chosen = [column for column in there if column == name or column.startswith(f"{name}.")]
+    of_vector = [column for column in there if column.startswith(f"{name}.") and not column.endswith(_SIZE)]
+    chosen = [name] if name in there else of_vector
     if not chosen:
         raise InputError(origin, name, None, f"no such result; {suggest_name(name, there, 'there are')}")
     size = max(float(np.abs(there[column][1]).max()) for column in chosen)
     kept = [column for column in chosen if column == name or np.abs(there[column][1]).max() > SUMMED * size]
-    return [ResultChannel(column, there[column][0], _reader(columns, column)) for column in kept]
+    return [
+        ResultChannel(column, there[column][0].units, _reader(columns, column), errors_of=there[column][0])
+        for column in kept
+    ]
 
 
-def _reader(columns: Callable[[Pipeline], dict[str, tuple[str, Array]]], name: str) -> Callable[[Pipeline], Array]:
+def _reader(columns: Callable[[Pipeline], dict[str, tuple[Variable, Array]]], name: str) -> Callable[[Pipeline], Array]:
     return lambda other: columns(other)[name][1]
 
 
-def _asked_quantity(run: Pipeline, name: str) -> dict[str, Any] | None:
+def _formula(run: Pipeline, given: str, origin: str) -> ResultChannel:
+    """Return a formula of the motion in SI units as a history."""
+    name, text = _read_formula(run.scene, given, origin)
+
+    def read(other: Pipeline) -> Array:
+        mechanism = add_observer(other.divided_scene, other.bodies, other.motion.mechanism, [text])
+        (function,) = mechanism.controllers[-1].measured
+        return other.motion.kinematics.effort(function)
+
+    return ResultChannel(name, "", read)
+
+
+def _read_formula(scene: Scene, given: str, origin: str) -> tuple[str, str]:
+    """Return name and text of a formula of the motion."""
+    name, _, text = (part.strip() for part in given.partition("="))
+    if not name or scene.controller:
+        raise InputError(origin, name, text, "a formula needs a name, name = formula, and a scene without controllers")
+    try:
+        read_observed(scene, text)
+    except InputError as error:
+        raise InputError(origin, name, text, error.mend) from None
+    return name, text
+
+
+def _response(run: Pipeline, name: str, origin: str) -> ResultChannel:
+    """Return the largest magnitude of a frequency response that the scene lists."""
+    listed, k = _listed_response(run.scene, name, origin)
+    here = compute_scene_response(run, listed)
+
+    def read(other: Pipeline) -> Array:
+        found = here if other is run else compute_scene_response(other, listed)
+        return np.asarray(np.abs(found.values[:, k, 0]).max())
+
+    return ResultChannel(name, response_unit(here.outputs[k][1], here.inputs[0][1]), read, moves=False)
+
+
+def _asked_quantity(scene: Scene, name: str) -> dict[str, Any] | None:
     """Return the keys of a history that holds a quantity; ``None`` if no quantity has such a name."""
     if name in ("kinetic_energy", "potential_energy"):
         return {"quantities": ["energy"]}
     parts = name.split(".")
     first, second, kind = parts[0], ".".join(parts[:2]), parts[2] if len(parts) > 2 else ""
-    if first in run.scene.body and kind in _MARKERS and parts[1] in run.scene.body[first].marker:
+    if first in scene.body and kind in _MARKERS and parts[1] in scene.body[first].marker:
         return {"quantities": [f"marker_{kind}"], "markers": [second]}
-    if first in run.wholes and kind and parts[1] in getattr(run.scene.body[first], "element", {}):
+    if first in scene.flexible and kind and parts[1] in getattr(scene.body[first], "element", {}):
         return {"quantities": ["element_stress"], "elements": [second], "components": [kind.replace("_", " ")]}
-    if first in run.scene.joint and len(parts) > 1:
+    if first in scene.joint and len(parts) > 1:
         if parts[1] in ("force", "moment"):
             return {"quantities": ["joint_reaction"], "joints": [first]}
-        return {"quantities": ["joint_position", "joint_rate"], "joints": [first]}
+        if parts[1] in _ALONG_JOINTS:
+            return {"quantities": ["joint_position", "joint_rate"], "joints": [first]}
     return None
 
 
-def _examples(run: Pipeline) -> list[str]:
+def _listed_response(scene: Scene, name: str, origin: str) -> tuple[FrequencyResponseChart, int]:
+    """Return the output of the scene that has a frequency response, and the response's number there."""
+    pairs = {
+        f"{output}{_BY}{each.input}": (each, k)
+        for each in scene.output
+        if isinstance(each, FrequencyResponseChart)
+        for k, output in enumerate(each.outputs)
+    }
+    if name not in pairs:
+        raise InputError(
+            origin, name, None, f"no [[output]] of type frf has it; {suggest_name(name, pairs, 'there are')}"
+        )
+    return pairs[name]
+
+
+def _require_quantity(scene: Scene, name: str, origin: str) -> dict[str, Any]:
+    asked = _asked_quantity(scene, name)
+    if asked is None:
+        raise InputError(origin, name, None, f"no such result; {suggest_name(name, _examples(scene), 'such as')}")
+    return asked
+
+
+def _examples(scene: Scene) -> list[str]:
     """Return names of results that a run has."""
-    found = ["tip", *(f"{body}.{kind}" for body in run.wholes for kind in ("stress", "frequency.1"))]
-    found += [f"{joint}.force" for joint in run.scene.joint]
-    markers = [f"{body}.{marker}" for body, table in run.scene.body.items() for marker in table.marker]
+    found = ["tip", *(f"{body}.{kind}" for body in scene.flexible for kind in ("stress", "frequency.1"))]
+    found += [f"{joint}.{kind}" for joint in scene.joint for kind in ("force", "position")]
+    markers = [f"{body}.{marker}" for body, table in scene.body.items() for marker in table.marker]
     return [*found, *(f"{marker}.position" for marker in markers)]

@@ -1,0 +1,131 @@
+"""Results of a sweep that are asked for by name, against closed forms, and what becomes of names that nothing has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmd.scene.scene import Scene, load_scene
+from fmd.sweep.plot import draw_sweep
+from fmd.sweep.points import Point, Variation, point_key
+from fmd.sweep.record import Record, Wanted
+from fmd.sweep.study import Sweep, run_sweep
+from fmd.sweep.table import SweepTable, write_tables
+from fmd.sweep.work import compute_point
+
+# A rod that falls from level, about its end, and a block on a spring beside it, of 4 rad/s and a damping of 5 %.
+SCENE = """
+title = "pendulum and oscillator"
+[body.rod]
+shape = "rod"
+mass = "1 kg"
+length = "1 m"
+marker = { top = { at = ["0 m", "0 m", "0 m"] }, end = { at = ["1 m", "0 m", "0 m"] } }
+[body.block]
+shape = "rigid"
+mass = "2 kg"
+inertia = ["1 kg m^2", "1 kg m^2", "1 kg m^2"]
+marker = { centre = { at = ["0 m", "0 m", "0 m"] } }
+[joint.hinge]
+type = "revolute"
+parent = "ground"
+child = "rod.top"
+axis = [0, 0, 1]
+[joint.slide]
+type = "prismatic"
+parent = "ground"
+child = "block.centre"
+axis = [1, 0, 0]
+spring = "32 N/m"
+damper = "0.8 N s/m"
+[simulation]
+duration = "0.8 s"
+output_step = "2 ms"
+tip = "rod.end"
+gravity = ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]
+run = [{ integrator = "runge-kutta", tolerance = 1e-6 }]
+[[output]]
+type = "frf"
+file = "frf.png"
+input = "block.centre.x"
+output = "block.centre.x"
+to = "2 Hz"
+"""
+OF = ("hinge.force.size", "gap = rod.end.y + 1", "block.centre.x by block.centre.x", "mass")
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("scene") / "both.toml"
+    path.write_text(SCENE)
+    return path
+
+
+def study(scene: Path, folder: Path, wanted: Wanted, masses: tuple[str, ...] = ("1 kg", "2 kg")) -> tuple[Sweep, int]:
+    """Return the sweep over the rod's mass, and how many points were computed."""
+    count = 0
+
+    def compute(scenes: Mapping[str, Scene]) -> Iterator[tuple[str, Record]]:
+        nonlocal count
+        for key, own in scenes.items():
+            count += 1
+            yield key, compute_point(key, own, wanted)
+
+    loaded = [load_scene(scene, [f"body.rod.mass={mass}"]) for mass in masses]
+    points = [Point((mass,), own, point_key(own)) for mass, own in zip(masses, loaded, strict=True)]
+    return run_sweep([Variation("body.rod.mass", masses)], points, folder, compute, wanted=wanted), count
+
+
+def test_results_by_name_are_columns_charts_and_histories_that_a_sweep_keeps(scene: Path, tmp_path: Path) -> None:
+    """The force of a rod's hinge is 5/2 of its weight when it hangs, its end then 1 m below the hinge."""
+    sweep, count = study(scene, tmp_path, Wanted(results=OF, histories=True))
+    assert count == 2
+    table = SweepTable(sweep)
+    for mass, row in zip((1.0, 2.0), table.rows, strict=True):
+        assert row["hinge.force.size.largest"] == pytest.approx(2.5 * mass * 9.81, rel=1e-4)
+        assert row["gap.smallest"] == pytest.approx(0.0, abs=1e-4)
+        assert row["gap.largest"] == pytest.approx(1.0, abs=1e-9)
+        peak = 1.0 / (2 * 0.05 * 32.0 * np.sqrt(1 - 0.05**2))
+        assert row["block.centre.x by block.centre.x"] == pytest.approx(peak, rel=1e-3)
+        assert row["mass"] == pytest.approx(mass + 2.0)
+    assert table.results["hinge.force.size"] == ("N", ["hinge.force.size.smallest", "hinge.force.size.largest"])
+    assert table.results["block.centre.x by block.centre.x"][0] == "m/N"
+    assert {*write_tables(table, tmp_path), *draw_sweep(table, tmp_path, "Study")} >= {"sweep.nc", "sweep.png"}
+    data = table.dataset
+    assert data["hinge.force.size.history"].units == "N"
+    np.testing.assert_allclose(data["gap.history"].max("sample"), 1.0)
+    np.testing.assert_allclose(data["time_s"][1], np.arange(401) * 2e-3, atol=1e-12)
+
+
+def test_a_sweep_computes_anew_what_lacks_a_result_and_nothing_else(scene: Path, tmp_path: Path) -> None:
+    assert study(scene, tmp_path, Wanted(results=OF[:1]))[1] == 2
+    assert study(scene, tmp_path, Wanted(results=OF[:1]))[1] == 0
+    assert study(scene, tmp_path, Wanted())[1] == 0
+    assert study(scene, tmp_path, Wanted(results=OF[:1], histories=True))[1] == 2
+    assert study(scene, tmp_path, Wanted(results=("mass",)))[1] == 2
+
+
+def test_a_result_that_a_point_lacks_is_its_message_and_is_not_kept(scene: Path, tmp_path: Path) -> None:
+    sweep, _ = study(scene, tmp_path, Wanted(results=("hinge.force.w",)), ("1 kg",))
+    assert sweep.records[0].status == "failed"
+    assert "--of: hinge.force.w: no such result; did you mean" in sweep.records[0].message
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("hinge.forces", "--of: hinge.forces: no such result; did you mean 'hinge.force'?"),
+        ("gap = rod.and.y + 1", "rod.and"),
+        ("gap = rod.end.y +", "gap = 'rod.end.y +'"),
+        ("block.centre.y by block.centre.x", "no [[output]] of type frf has it; did you mean"),
+    ],
+)
+def test_names_that_no_result_has_are_refused_before_anything_is_computed(
+    scene: Path, fmd, capsys, name: str, text: str
+) -> None:
+    assert fmd("sweep", scene, "--vary", "body.rod.mass=1..2:2 kg", "--of", name) == 2
+    assert text in capsys.readouterr().err
