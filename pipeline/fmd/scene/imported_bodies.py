@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from fmd.core.limits.scene import MOST_SECTORS
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import Deformable, DividedMesh, Poisson, Solid, require_interface
 from fmd.scene.links import FaceLink, MassOnLink, TiedFace
@@ -16,28 +15,8 @@ from fmd.scene.modes import ModeSettings, ReducedModes
 from fmd.scene.orientation import Orientation
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.sectors import SectorMesh
 from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, SourceFile, Text, UnitCheck
-
-
-class SectorMesh(SceneTable):
-    """Keys of a mesh that may be that of one sector of a cyclic body, about the z axis.
-
-    Parameters
-    ----------
-    cyclic : int, optional
-        Number of sectors: the file has one of them, which is repeated.
-    cuts : tuple of str, optional
-        The sector's two faces that one turn carries into each other; a mesh has nodes at the same places of both.
-    """
-
-    cyclic: Annotated[int, Field(strict=True, ge=2, le=MOST_SECTORS)] | None = None
-    cuts: tuple[Text, Text] | None = None
-
-    @model_validator(mode="after")
-    def _both_or_none(self) -> Self:
-        if (self.cyclic is None) != (self.cuts is None):
-            raise FaultError("belong together: cyclic = 6, cuts = ['low', 'high']", "cyclic")
-        return self
 
 
 class MeshFile(DividedMesh, SectorMesh):

@@ -1,0 +1,32 @@
+"""Sectors of cyclic bodies in a scene file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from fmd.core.limits.scene import MOST_SECTORS
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import Text
+
+
+class SectorMesh(SceneTable):
+    """Keys of a mesh that may be that of one sector of a cyclic body, about the z axis.
+
+    Parameters
+    ----------
+    cyclic : int, optional
+        Number of sectors: the file has one of them, which is repeated.
+    cuts : tuple of str, optional
+        The sector's two faces that one turn carries into each other; a mesh has nodes at the same places of both.
+    """
+
+    cyclic: Annotated[int, Field(strict=True, ge=2, le=MOST_SECTORS)] | None = None
+    cuts: tuple[Text, Text] | None = None
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> Self:
+        if (self.cyclic is None) != (self.cuts is None):
+            raise FaultError("belong together: cyclic = 6, cuts = ['low', 'high']", "cyclic")
+        return self
