@@ -98,7 +98,7 @@ def test_the_lightest_bar_of_a_given_frequency_is_as_narrow_as_may_be() -> None:
     assert "is mode 2 of the design" in found.warnings()[0]["text"]
 
 
-@pytest.mark.parametrize("limit", ["stress <= 90 MPa", "life >= 1e6"])
+@pytest.mark.parametrize("limit", ["stress <= 90 MPa", pytest.param("life >= 1e6", marks=pytest.mark.long)])
 def test_no_design_of_a_grid_around_is_lighter_and_within_the_limit(limit: str) -> None:
     """Of a beam with 2 F over its depth and F over its width the lightest is about twice as deep as wide.
 

@@ -158,7 +158,7 @@ def has_ended(group: int) -> bool:
     return False
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("grid")
 def test_a_killed_sweep_goes_on_where_it_was_and_a_killed_worker_costs_no_point(environment, tmp_path):
     arguments = [*FMD, "sweep", "beam-paper", *LONG, "--vary", f"drive.spin_up.speed={SPEEDS}", "--out", str(tmp_path)]

@@ -10,7 +10,7 @@ from fmd.stages.pipeline import Pipeline
 from tests.verification.test_large_deflection import FORCE, strip
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy isn't installed")
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
+pytestmark = [pytest.mark.long, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
 OVERRIDES = [
     "simulation.start=undeformed",
