@@ -246,6 +246,33 @@ def test_springs_and_equations_between_two_boxes_are_those_of_dense_algebra(
     assert FreeBodySolver(model).modes(4).n_rigid == 6
 
 
+def test_equations_that_hang_on_one_another_give_their_first_terms(tmp_path: Path) -> None:
+    """An edge whose nodes are each in the middle of two others, in any order of numbers, is a straight line."""
+    mesh = SolidMesh(*hexahedral_bar(0.8, 0.1, 0.1, (8, 1, 1)))
+    x = mesh.points
+    edge = np.flatnonzero((x[:, 1] < 0) & (x[:, 2] < 0))
+    edge = edge[np.argsort(x[edge, 0])] + 1
+    halves = [(4, 0, 8), (2, 0, 4), (6, 8, 4), (1, 2, 0), (3, 2, 4), (5, 6, 4), (7, 8, 6)]
+    cards = [
+        long_card("MPC", 1, edge[a], d, 1.0, edge[b], d, -0.5, "", "", edge[c], d, -0.5)
+        for a, b, c in halves
+        for d in (1, 2, 3)
+    ]
+    path = tmp_path / "bar.bdf"
+    path.write_text(nastran(mesh, *cards))
+    model = linked(read_mesh(path, 1.0))
+    fe = assemble(mesh, 1, ALUMINIUM)
+    T = np.eye(3 * len(x))
+    for k in range(1, 8):
+        rows = 3 * (edge[k] - 1) + np.arange(3)
+        T[rows] = (1 - k / 8) * T[3 * (edge[0] - 1) + np.arange(3)] + k / 8 * T[3 * (edge[8] - 1) + np.arange(3)]
+    root = np.flatnonzero(x[:, 0] == 0.0)
+    given = (3 * (np.concatenate([edge[1:8] - 1, root])[:, None]) + np.arange(3)).ravel()
+    T = np.delete(T, given, axis=1)
+    exact = np.sqrt(eigh(T.T @ fe.K @ T, T.T @ fe.M @ T, eigvals_only=True)[:6]) / (2 * np.pi)
+    assert clamped_hz(model, root) == pytest.approx(exact, rel=1e-9)
+
+
 def test_a_mass_on_springs_is_an_absorber(tmp_path: Path, box_mesh: Callable[..., SolidMesh]) -> None:
     """Three springs to a corner hold a point mass, whose rotations move nothing and are left out: m 2 kg, k 800 N/m."""
     mesh = box_mesh("hexahedron", (2, 1, 1))

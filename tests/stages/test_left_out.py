@@ -59,3 +59,19 @@ def test_nodes_that_an_order_adds_are_in_no_link_of_the_deck(tmp_path: Path, mon
         fmd.load(scene).modes  # noqa: B018
     scene["body"]["cube"]["mesh"]["order"] = 1  # type: ignore[index]
     assert fmd.load(scene).modes.n_rigid == 6
+
+
+def test_a_support_holds_all_nodes_of_a_set_that_is_no_face(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sets = "*NSET, NSET=EDGE\n1, 2\n*NSET, NSET=MORE\n1, 2, 3, 4, 5\n"
+    (tmp_path / "cube.inp").write_text(CUBE.partition("*RIGID")[0] + sets)
+    monkeypatch.chdir(tmp_path)
+
+    def frequencies(*support: dict[str, object]) -> list[float]:
+        scene = table(repair=False)
+        scene["body"]["cube"] |= {"support": support}  # type: ignore[index]
+        return fmd.load(scene).modes.frequencies_hz.tolist()  # type: ignore[no-any-return]
+
+    edge, upright = {"edge": [[0, 0, 0], [1, 0, 0]]}, {"point": [0, 0, 1]}
+    assert frequencies({"face": "EDGE"}) == pytest.approx(frequencies(edge), rel=1e-12)
+    more = edge, {"edge": [[0, 1, 0], [1, 1, 0]]}, upright
+    assert frequencies({"face": "MORE"}) == pytest.approx(frequencies(*more), rel=1e-12)

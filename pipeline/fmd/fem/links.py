@@ -277,12 +277,14 @@ def _rows(nodes: IntArray) -> IntArray:
 
 
 def _apply(equation: Relation, constraints: Constraints, links: Mapping[str, int], own_T: sp.csr_array) -> None:
-    """Give one of the unknowns of an equation by the others: the first that isn't given yet."""
-    nodes = np.array(list(equation.nodes), dtype=np.int64)
-    own = sp.csr_array(np.concatenate([np.zeros(0), *equation.nodes.values()])[None]) @ own_T[_rows(nodes)]
+    """Give one of the unknowns of an equation by the others: the first in its order that isn't given yet."""
+    rows = sp.csr_array(own_T[_rows(np.array(list(equation.nodes), dtype=np.int64))])
+    values = np.repeat(np.concatenate([np.zeros(0), *equation.nodes.values()]), np.diff(rows.indptr)) * rows.data
     grids = [constraints.grid(links[name]) for name in equation.links]
-    unknowns = np.concatenate([own.indices, *grids])
-    coefficients = np.concatenate([own.data, *equation.links.values()])
+    all_terms = np.concatenate([rows.indices, *grids]), np.concatenate([values, *equation.links.values()])
+    unknowns, first, place = np.unique(all_terms[0], return_index=True, return_inverse=True)
+    order = np.argsort(first)  # that of the deck, whose first term is meant to follow the others
+    unknowns, coefficients = unknowns[order], np.bincount(place, all_terms[1])[order]
     unknowns, coefficients = unknowns[coefficients != 0], coefficients[coefficients != 0]
     free = np.flatnonzero(~constraints.are_given(unknowns))
     if not free.size:

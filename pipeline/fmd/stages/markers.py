@@ -202,11 +202,19 @@ def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str)
                 nodes = node_at(space, np.array(support.point))
             else:
                 names = [find_name(space.mesh.faces, face, file, f"{key}.face") for face in support.faces]
-                nodes = nodes_on_faces(space, [space.mesh.faces[name] for name in names])
+                nodes = _supported_nodes(space, [space.mesh.faces[name] for name in names])
         except ValueError as error:
             raise InputError(file, key, support.edge or support.faces, str(error)) from error
         fixed += [3 * nodes + "xyz".index(axis) for axis in support.fixed]
     return np.unique(np.concatenate(fixed))
+
+
+def _supported_nodes(space: Discretisation, faces: Sequence[IntArray]) -> IntArray:
+    """Return the nodes of a support; a set of nodes holds all of its own, on facets or not, as a deck means it."""
+    one = faces[0]
+    if len(faces) > 1 or one.ndim == 2 or space.mesh.midsurface is not None:
+        return nodes_on_faces(space, faces)
+    return np.union1d(nodes_on_faces(space, faces), one) if len(facets_on_face(space, one)) else one
 
 
 def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], T], file: str, body: str) -> dict[str, T]:

@@ -78,3 +78,56 @@ def test_an_element_section_without_elements_is_skipped() -> None:
     nodes = "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n"
     raw = read_abaqus(f"{nodes}*ELEMENT,TYPE=C3D8\n*ELEMENT,TYPE=C3D4,ELSET=a\n7,1,2,3,4\n")
     assert [(kind, len(cells)) for kind, cells in raw.blocks] == [("tetra", 1)]
+
+
+AS_CALCULIX_TAKES_IT = """*NODE, NSET=ALL
+1, 0.D0, 0., 0.
+2, 1.d0, 0., 0.
+3, 0., 10.d-1, 0.
+4, 0., 0., 1.
+5, 2.,2.,2.
+*ELEMENT, TYPE=C3D4, ELSET=E1D2
+1, 1, 2, 3, 4
+*ELEMENT, TYPE=MASS, ELSET=M1D2
+9, 5
+*MASS, ELSET=M1D2
+1.5D-1
+*NSET, NSET=low
+1, 2, 3
+*SURFACE, NAME=LOW, TYPE=NODE
+low
+*RIGIDBODY, NSET=LOW, REFNODE=5
+"""
+
+
+def test_what_decks_of_calculix_have_beside_abaqus_own_is_read(tmp_path: Path) -> None:
+    """Exponents of D, names with a D between digits, a surface with the name of its set, and names without blanks."""
+    raw = read_abaqus(AS_CALCULIX_TAKES_IT)
+    assert raw.points[:3].tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert raw.connections.masses[0].mass == 0.15
+    assert raw.point_sets["low"].tolist() == [0, 1, 2]
+    assert raw.connections.rigid[0].points.tolist() == [4, 0, 1, 2]
+    assert set(raw.cell_sets) == {"E1D2", "M1D2"}
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("*EQUATION\nlow, 3\n", "aren't all numbers as they should be"),
+        (
+            "*TRANSFORM, NSET=LOW, TYPE=C\n0,0,0,0,0,1\n*EQUATION\n2\n4,1,1.,1,1,-1.\n",
+            r"\*EQUATION of node 4 is in directions that \*TRANSFORM turns",
+        ),
+        ("*SURFACE, NAME=E\nE1D2, E3\n*TIE\nE, E\n", "the surface E, which has no facets"),
+    ],
+)
+def test_links_that_make_no_sense_are_refused(more: str, message: str) -> None:
+    with pytest.raises(MeshFileError, match=message):
+        read_abaqus(AS_CALCULIX_TAKES_IT + more)
+
+
+def test_what_joins_or_cuts_and_is_not_read_is_named() -> None:
+    assert read_abaqus(AS_CALCULIX_TAKES_IT + "*PRE-TENSION SECTION, SURFACE=S, NODE=5\n").others == {
+        "*PRE-TENSION SECTION": 1
+    }
+    assert read_abaqus(AS_CALCULIX_TAKES_IT + "*EQUATION, REMOVE\nlow, 3\n").others == {"*EQUATION with REMOVE": 1}

@@ -17,20 +17,23 @@ import numpy as np
 from fmd.core.arrays import IntArray
 from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS
-from fmd.fem.formats.abaqus_links import POINT_ELEMENTS, AbaqusLinks, DeckPoints
+from fmd.fem.formats.abaqus_links import LINK_KEYWORDS, POINT_ELEMENTS, AbaqusLinks, DeckPoints
 from fmd.fem.formats.beam_sections import BeamElement, DeckBeams, take_abaqus_section
+from fmd.fem.formats.named_sets import cells_by_block, nodes_of_facets
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh, ShellSection
 from fmd.fem.formats.shell_sections import abaqus_section, of_sets
-from fmd.fem.mesh import rows_among
 
 SUFFIXES = (".inp",)
 _SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
 _PLANE = re.compile(r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)")
 _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
 _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
+_FORTRAN = re.compile(r"(?<![\w.+-])([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)(?![\w.])")
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE")
-_LINKS = ("DISTRIBUTING COUPLING", "MPC", "SHELL TO SOLID COUPLING", "EMBEDDED ELEMENT")
+_LINKS = ("DISTRIBUTING COUPLING", "MPC", "PRE-TENSION SECTION", "SHELL TO SOLID COUPLING", "EMBEDDED ELEMENT")
+_SECTIONS = ("SHELL SECTION", "BEAM SECTION", "BEAM GENERAL SECTION", "SHELL GENERAL SECTION")
+_SPACED = {keyword.replace(" ", ""): keyword for keyword in (*_LINKS, *_SECTIONS, *LINK_KEYWORDS)}
 _WRITE_FLAT = "write the mesh out flat, all nodes and elements in one file without parts and assemblies"
 
 
@@ -64,7 +67,12 @@ def read_abaqus(text: str) -> RawMesh:
             raise MeshFileError(
                 f"line {line}: the lines after *{keyword} aren't all numbers as they should be"
             ) from None
-    return deck.mesh()
+    try:
+        return deck.mesh()
+    except MeshFileError:
+        raise
+    except ValueError as error:
+        raise MeshFileError(f"links, masses or sections aren't all numbers as they should be: {error}") from None
 
 
 def _sections(text: str) -> Iterator[tuple[int, str, dict[str, str], list[list[str]]]]:
@@ -87,16 +95,22 @@ def _sections(text: str) -> Iterator[tuple[int, str, dict[str, str], list[list[s
             keyword, options = _keyword(header)
             header = ""
         elif keyword:
-            data.append([item.strip() for item in line.split(",")])
+            data.append([item.strip() for item in _with_exponents(line).split(",")])
     if keyword:
         yield start, keyword, options, data
+
+
+def _with_exponents(line: str) -> str:
+    """Return a line of data whose numbers have exponents of E in place of Fortran's D."""
+    return _FORTRAN.sub(r"\1E\2", line) if "d" in line or "D" in line else line
 
 
 def _keyword(line: str) -> tuple[str, dict[str, str]]:
     """Split a keyword line into the keyword and its options, in capitals."""
     name, *options = line.split(",")
     pairs = (option.partition("=") for option in options)
-    return " ".join(name[1:].split()).upper(), {
+    words = " ".join(name[1:].split()).upper()
+    return _SPACED.get(words.replace(" ", ""), words), {
         key.strip().upper(): value.strip().strip('"') for key, _, value in pairs if key.strip()
     }
 
@@ -133,7 +147,10 @@ class _Deck:
             case "SURFACE" if options.get("TYPE", "").upper() == "NODE":
                 if any(item for row in data for item in row[1:]):
                     raise MeshFileError("a surface of nodes with areas; leave these out")
-                self.node_sets[self._named(options.get("NAME", ""))] += [_number_or_name(row[0]) for row in data]
+                name = self._named(options.get("NAME", ""))  # may be that of a set, which is all of it then
+                self.node_sets[name] += [
+                    _number_or_name(row[0]) for row in data if row[0].casefold() != name.casefold()
+                ]
             case "INSTANCE":
                 self.instances += 1
                 if any(float(item or 0) for row in data for item in row):
@@ -152,6 +169,10 @@ class _Deck:
                 self.shells[self._named(options.get("ELSET", ""))] = ShellSection(float("nan"), fault=f"*{keyword}")
             case _ if keyword in _LINKS:
                 self.others[f"*{keyword}"] += 1
+            case "TIE" if "CYCLIC SYMMETRY" in options:
+                self.others["*TIE with CYCLIC SYMMETRY"] += 1
+            case "EQUATION" if "REMOVE" in options:
+                self.others["*EQUATION with REMOVE"] += 1
             case _:
                 self.links.takes(keyword, options, data)
         if self.instances > 1:
@@ -164,7 +185,7 @@ class _Deck:
         if options.get("SYSTEM", "R").upper() != "R":
             raise MeshFileError("the nodes are in cylindrical or spherical coordinates; Cartesian ones are read")
         for row in data:
-            x = [float(item.upper().replace("D", "E")) if item else 0.0 for item in row[1:4]]
+            x = [float(item) if item else 0.0 for item in row[1:4]]
             number = int(row[0])
             if number in self.nodes and self.nodes[number] != (*x, *[0.0] * (3 - len(x))):
                 raise MeshFileError(f"node {number} is given twice, at two places")
@@ -243,7 +264,7 @@ class _Deck:
             order = CELLS[block.kind].abaqus_order if block.kind in CELLS else ()
             blocks.append((block.kind, cells[:, order] if order else cells))
         cell_sets = {
-            name: _by_block([where[n] for n in self._members(name, self.element_sets, where)], len(blocks))
+            name: cells_by_block([where[n] for n in self._members(name, self.element_sets, where)], len(blocks))
             for name in self.element_sets
         }
         point_sets = {
@@ -308,7 +329,9 @@ class _Deck:
         def surface(name: str) -> tuple[list[IntArray], IntArray]:
             found = known(name, {**raw.facet_sets, **raw.point_sets}, "surface")
             facets = raw.facet_sets.get(found, [])
-            return facets, _nodes_of_facets(raw, facets) if facets else raw.point_sets[found]
+            if not facets and found not in raw.point_sets:
+                raise MeshFileError(f"a link names the surface {name}, which has no facets of solids or shells")
+            return facets, nodes_of_facets(raw, facets) if facets else raw.point_sets[found]
 
         def elements(name: str, numbers: Mapping[int, object]) -> list[int]:
             return sorted(self._members(known(name, element_sets, "element set"), element_sets, dict(numbers)))
@@ -367,27 +390,13 @@ class _Deck:
                 if kind.startswith(("triangle", "quad")):
                     facets.append(cells[chosen][:, : 3 if kind.startswith("triangle") else 4])
                 continue
-            corners = CELLS[kind].shape.abaqus_faces if kind in CELLS else ()
+            if kind not in CELLS:
+                continue  # edges of plane elements
+            corners = CELLS[kind].shape.abaqus_faces
             if face >= len(corners):
                 raise MeshFileError(f"surface {name}: elements of {cells.shape[1]} nodes have no face S{face + 1}")
             facets.append(cells[chosen][:, list(corners[face])])
         return facets
-
-
-def _nodes_of_facets(raw: RawMesh, facets: list[IntArray]) -> IntArray:
-    """Return the nodes of facets that are given by their corners, those between the corners too."""
-    wanted = np.concatenate([np.sort(corners, axis=1)[:, :3] for corners in facets])
-    found = [np.concatenate([corners.ravel() for corners in facets])]
-    for kind, block in raw.blocks:
-        if kind not in CELLS:
-            continue
-        x = CELLS[kind].nodes
-        for corners in map(list, CELLS[kind].shape.faces):
-            mine = rows_among(np.sort(block[:, corners], axis=1)[:, :3], wanted)
-            a, b = x[corners[1]] - x[corners[0]], x[corners[2]] - x[corners[0]]
-            on = np.abs((x - x[corners[0]]) @ np.cross(a, b)) < 1e-9
-            found.append(block[mine][:, on].ravel())
-    return np.unique(np.concatenate(found))
 
 
 def _cell_kind(name: str) -> tuple[str, int]:
@@ -408,11 +417,3 @@ def _cell_kind(name: str) -> tuple[str, int]:
 
 def _number_or_name(item: str) -> int | str:
     return int(item) if item.lstrip("+-").isdigit() else item.strip('"')
-
-
-def _by_block(places: list[tuple[int, int]], n_blocks: int) -> list[IntArray]:
-    """Return the cells of each block from pairs of block and cell."""
-    sets: list[list[int]] = [[] for _ in range(n_blocks)]
-    for block, cell in places:
-        sets[block].append(cell)
-    return [np.unique(np.array(cells, dtype=np.int64)) for cells in sets]

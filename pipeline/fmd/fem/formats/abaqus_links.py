@@ -23,6 +23,7 @@ POINT_ELEMENTS = ("MASS", "ROTARYI", "SPRING1", "SPRING2", "SPRINGA")
 _PROPERTIES = ("MASS", "ROTARY INERTIA", "SPRING")
 _JOINS = ("RIGID BODY", "COUPLING", "KINEMATIC COUPLING")
 _KINDS = ("KINEMATIC", "DISTRIBUTING")
+LINK_KEYWORDS = (*_JOINS, *_KINDS, *_PROPERTIES, "EQUATION", "TIE", "TRANSFORM")
 _ALL, _MOVES = {1, 2, 3, 4, 5, 6}, {1, 2, 3}
 
 Data = list[list[str]]
@@ -66,6 +67,7 @@ class AbaqusLinks:
     _properties: list[tuple[str, dict[str, str], Data]] = field(default_factory=list)
     _equations: list[Data] = field(default_factory=list)
     _ties: list[tuple[str, dict[str, str], Data]] = field(default_factory=list)
+    _turned: list[str] = field(default_factory=list)
 
     def takes(self, keyword: str, options: dict[str, str], data: Data) -> bool:
         """Add a section, and return whether it is one of those that are read."""
@@ -81,7 +83,9 @@ class AbaqusLinks:
             self._equations.append(data)
         elif keyword == "TIE":
             self._ties.append((f"*TIE {options.get('NAME') or len(self._ties) + 1}", options, data))
-        return keyword in (*_JOINS, *_KINDS, *_PROPERTIES, "EQUATION", "TIE")
+        elif keyword == "TRANSFORM":
+            self._turned.append(_option("*TRANSFORM", options, "NSET"))
+        return keyword in LINK_KEYWORDS
 
     def connections(self, points: DeckPoints) -> Connections:
         """Return all connections of the deck."""
@@ -111,6 +115,10 @@ class AbaqusLinks:
                 rigid.append(_rigid(label, reference, np.concatenate(tied), _turns(label, [row[1:] for row in data])))
         masses, springs = self._on_elements(points)
         equations = [each for data in self._equations for each in _equations(data, points)]
+        turned = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *map(points.nodes, self._turned)]))
+        for each in (*equations, *springs):
+            if np.isin(each.points, turned).any():
+                raise MeshFileError(f"{each.label} is in directions that *TRANSFORM turns, which isn't read")
         ties = [each for tie in self._ties for each in _tied(*tie, points)]
         return Connections(tuple(rigid), tuple(mean), tuple(equations), tuple(springs), tuple(masses), tuple(ties))
 
@@ -136,9 +144,10 @@ class AbaqusLinks:
 
 
 def _option(label: str, options: dict[str, str], key: str) -> str:
-    if not options.get(key):
+    given = options.get(key) or options.get(key.replace(" ", ""))  # CalculiX takes REFNODE, too
+    if not given:
         raise MeshFileError(f"{label} has no {key}")
-    return options[key]
+    return given
 
 
 def _place(points: DeckPoints, node: int, label: str) -> int:
@@ -245,8 +254,6 @@ def _equations(data: Data, points: DeckPoints) -> list[Equation]:
 
 def _tied(label: str, options: dict[str, str], data: Data, points: DeckPoints) -> list[TiedFaces]:
     """Return the ties of one section: the first surface of each line follows the second."""
-    if odd := set(options) & {"CYCLIC SYMMETRY", "MULTIPHYSICS"}:
-        raise MeshFileError(f"{label} has {odd.pop()}, which isn't read")
     within = float(options["POSITION TOLERANCE"]) if options.get("POSITION TOLERANCE") else None
     ties = []
     for row in data:

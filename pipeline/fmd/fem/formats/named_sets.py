@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from fmd.core.arrays import IntArray
-from fmd.fem.cells.table import is_solid
+from fmd.fem.cells.table import CELLS, is_solid
 from fmd.fem.connections import TiedFaces
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
+from fmd.fem.mesh import rows_among
 
 PLANE = ("triangle", "quad", "polygon")
 _NONE = np.empty(0, dtype=np.int64)
@@ -83,3 +84,27 @@ def faces_of_points(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
     """Return the nodes of each point set that has some among a mesh's."""
     faces = {name: place[nodes][place[nodes] >= 0] for name, nodes in raw.point_sets.items()}
     return {name: nodes for name, nodes in faces.items() if len(nodes)}
+
+
+def nodes_of_facets(raw: RawMesh, facets: list[IntArray]) -> IntArray:
+    """Return the nodes of facets that are given by their corners, those between the corners too."""
+    wanted = np.concatenate([np.sort(corners, axis=1)[:, :3] for corners in facets])
+    found = [np.concatenate([corners.ravel() for corners in facets])]
+    for kind, block in raw.blocks:
+        if kind not in CELLS:
+            continue
+        x = CELLS[kind].nodes
+        for corners in map(list, CELLS[kind].shape.faces):
+            mine = rows_among(np.sort(block[:, corners], axis=1)[:, :3], wanted)
+            a, b = x[corners[1]] - x[corners[0]], x[corners[2]] - x[corners[0]]
+            on = np.abs((x - x[corners[0]]) @ np.cross(a, b)) < 1e-9
+            found.append(block[mine][:, on].ravel())
+    return np.unique(np.concatenate(found))
+
+
+def cells_by_block(places: list[tuple[int, int]], n_blocks: int) -> list[IntArray]:
+    """Return the cells of each block from pairs of block and cell."""
+    sets: list[list[int]] = [[] for _ in range(n_blocks)]
+    for block, cell in places:
+        sets[block].append(cell)
+    return [np.unique(np.array(cells, dtype=np.int64)) for cells in sets]
