@@ -122,8 +122,8 @@ class Support(SceneTable):
     Parameters
     ----------
     face : str or tuple of str
-        One face, or the nodes that several faces have in common: two meet in an edge, three in a corner. A node set of a
-        file holds all of its nodes.
+        One face, or the nodes that several faces have in common: two meet in an edge, three in a corner. A
+        node set of a file holds all of its nodes.
     edge : tuple, optional
         Two ends of a straight line of nodes [m].
     point : tuple of float, optional
