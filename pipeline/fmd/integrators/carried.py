@@ -20,9 +20,18 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.system import System, accelerations, advance
-from fmd.integrators.fixed_step import Samples, begin_cycle, end_cycle, runs_away, sample_within, take_steps
+from fmd.integrators.fixed_step import (
+    Samples,
+    begin_cycle,
+    end_cycle,
+    runs_away,
+    sample_within,
+    take_cycles,
+    take_steps,
+)
 from fmd.integrators.protocol import State
-from fmd.kernels.kernel import inlined
+from fmd.kernels.kernel import contracted, inlined
+from fmd.kernels.library import fill_vector, read_vector, write_vector
 from fmd.kernels.table import Table, aligned
 
 DEGREES = {"frozen": 0, "carried": 2}
@@ -102,8 +111,7 @@ def _begin_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, sampled: boo
     n, H, offset, t = m.v.size, m.substeps * m.h, m.q.size - m.v.size, first * m.h
     for i in range(m.n_slow):
         m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
-    for i in range(m.n_slow, n):
-        m.v_now[i] = m.v[i] + 0.5 * m.h * m.a[i]
+    _go_half_a_step(m, n)
     accelerations(p, t, m.q, m.v_now, m.begin)
     for k in range(m.breakpoints.size):
         if t - H < m.breakpoints[k] <= t:
@@ -113,28 +121,102 @@ def _begin_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, sampled: boo
             m.q_begin[i] = m.q[i]
         for i in range(n):
             m.v_begin[i] = m.v[i]
-    degree = min(m.degree, int(m.memory[2 * n]))
-    for i in range(m.n_slow, n):
-        m.r[i] = m.begin[i] + m.k[i] * m.q[i + offset]
-    _cross(m, m.maps[degree], n, offset)
+    _cross(m, m.maps[min(m.degree, int(m.memory[2 * n]))], n, offset)
     for i in range(m.n_slow):
         m.a[i] = m.begin[i]
         m.v[i] += H * m.a[i]
     advance(p, m.q, m.v, H, 0, m.n_slow)
 
 
+@take_cycles.register(CarriedSteps)
+def _take_cycles(m: CarriedSteps, p: Any, nothing: Any, first: int, count: int) -> int:
+    for cycle in range(count):
+        begin_cycle(m, p, nothing, first + cycle * m.substeps, False)
+        _remember(m)
+        if runs_away(m.v):
+            return cycle + 1
+    return count
+
+
+# Some entries at a time, by the widths in which compiled accelerations read and write them: a processor waits before it
+# reads a vector where single numbers have just been written.
+
+
+def _half_step(width: int) -> Any:
+    """Make the rates half a step later of some fast coordinates, from one on."""
+
+    @contracted
+    def go(m: CarriedSteps, i: int) -> None:
+        half = fill_vector(0.5 * m.h, width)
+        write_vector(m.v_now, i, read_vector(m.v, i, width) + half * read_vector(m.a, i, width))
+
+    return go
+
+
+def _crossing(width: int) -> Any:
+    """Make the way of some fast coordinates over a cycle, from one on."""
+
+    @contracted
+    def cross(m: CarriedSteps, maps: Array, n: int, offset: int, i: int) -> None:
+        q, v, a = read_vector(m.q, i + offset, width), read_vector(m.v, i, width), read_vector(m.begin, i, width)
+        r1, r2 = read_vector(m.memory, i, width), read_vector(m.memory, n + i, width)
+        r = a + read_vector(m.k, i, width) * q
+        way = read_vector(maps, i, width) * v + read_vector(maps, n + i, width) * a
+        rate = read_vector(maps, 5 * n + i, width) * v + read_vector(maps, 6 * n + i, width) * a
+        last = read_vector(maps, 10 * n + i, width) * v + read_vector(maps, 11 * n + i, width) * a
+        way = way + read_vector(maps, 2 * n + i, width) * r + read_vector(maps, 3 * n + i, width) * r1
+        rate = rate + read_vector(maps, 7 * n + i, width) * r + read_vector(maps, 8 * n + i, width) * r1
+        last = last + read_vector(maps, 12 * n + i, width) * r + read_vector(maps, 13 * n + i, width) * r1
+        write_vector(m.q, i + offset, q + (way + read_vector(maps, 4 * n + i, width) * r2))
+        write_vector(m.v, i, rate + read_vector(maps, 9 * n + i, width) * r2)
+        write_vector(m.a, i, last + read_vector(maps, 14 * n + i, width) * r2)
+        write_vector(m.r, i, r)
+
+    return cross
+
+
+def _remembering(width: int) -> Any:
+    """Make the memory of some fast coordinates' forces, from one on."""
+
+    @inlined
+    def remember(m: CarriedSteps, n: int, i: int) -> None:
+        write_vector(m.memory, n + i, read_vector(m.memory, i, width))
+        write_vector(m.memory, i, read_vector(m.r, i, width))
+
+    return remember
+
+
+_half_step_of_four, _half_step_of_two, _half_step_of_one = (_half_step(width) for width in (4, 2, 1))
+_cross_four, _cross_two, _cross_one = (_crossing(width) for width in (4, 2, 1))
+_remember_four, _remember_two, _remember_one = (_remembering(width) for width in (4, 2, 1))
+
+
+@inlined
+def _go_half_a_step(m: CarriedSteps, n: int) -> None:
+    """Find the rates of the fast coordinates half a step later."""
+    i = m.n_slow
+    while i + 4 <= n:
+        _half_step_of_four(m, i)
+        i += 4
+    if i + 2 <= n:
+        _half_step_of_two(m, i)
+        i += 2
+    if i < n:
+        _half_step_of_one(m, i)
+
+
 @inlined
 def _cross(m: CarriedSteps, maps: Array, n: int, offset: int) -> None:
     """Take the fast coordinates over a cycle."""
-    memory = m.memory
-    for i in range(m.n_slow, n):
-        v, a, r, r1, r2 = m.v[i], m.begin[i], m.r[i], memory[i], memory[n + i]
-        way = maps[0, 0, i] * v + maps[0, 1, i] * a + maps[0, 2, i] * r + maps[0, 3, i] * r1 + maps[0, 4, i] * r2
-        rate = maps[1, 0, i] * v + maps[1, 1, i] * a + maps[1, 2, i] * r + maps[1, 3, i] * r1 + maps[1, 4, i] * r2
-        last = maps[2, 0, i] * v + maps[2, 1, i] * a + maps[2, 2, i] * r + maps[2, 3, i] * r1 + maps[2, 4, i] * r2
-        m.q[i + offset] += way
-        m.v[i] = rate
-        m.a[i] = last
+    i = m.n_slow
+    while i + 4 <= n:
+        _cross_four(m, maps, n, offset, i)
+        i += 4
+    if i + 2 <= n:
+        _cross_two(m, maps, n, offset, i)
+        i += 2
+    if i < n:
+        _cross_one(m, maps, n, offset, i)
 
 
 @take_steps.register(CarriedSteps)
@@ -179,9 +261,19 @@ def _sample_within(m: CarriedSteps, p: Any, done: int, s: float, q: Array, v: Ar
 
 @end_cycle.register(CarriedSteps)
 def _end_cycle(m: CarriedSteps, p: Any, nothing: Any, first: int, samples: Samples, first_sample: int) -> None:
-    """Remember the forces."""
-    n = m.v.size
-    for i in range(m.n_slow, n):
-        m.memory[n + i] = m.memory[i]
-        m.memory[i] = m.r[i]
+    _remember(m)
+
+
+@inlined
+def _remember(m: CarriedSteps) -> None:
+    """Remember the forces of a cycle."""
+    n, i = m.v.size, m.n_slow
+    while i + 4 <= n:
+        _remember_four(m, n, i)
+        i += 4
+    if i + 2 <= n:
+        _remember_two(m, n, i)
+        i += 2
+    if i < n:
+        _remember_one(m, n, i)
     m.memory[2 * n] = min(2.0, m.memory[2 * n] + 1.0)

@@ -95,6 +95,15 @@ def begin_cycle(m: Any, p: Any, frozen: Any, first: int, sampled: bool) -> None:
 
 
 @singledispatch
+def take_cycles(m: Any, p: Any, frozen: Any, first: int, count: int) -> int:
+    """Take ``count`` cycles without samples from step number ``first`` on, and return how many are taken.
+
+    Methods with a short way to it take all, or up to the one after which rates run away; the others none.
+    """
+    raise NotImplementedError
+
+
+@singledispatch
 def take_steps(m: Any, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     """Take ``count`` steps of a cycle after ``done`` ones, and return how many before `runs_away`.
 
@@ -113,6 +122,11 @@ def sample_within(m: Any, p: Any, done: int, s: float, q: Array, v: Array) -> No
 def end_cycle(m: Any, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Complete a cycle, and its samples from number ``first_sample`` to the cursor."""
     raise NotImplementedError
+
+
+@take_cycles.register(Table)
+def _take_no_cycles(m: Any, p: Any, frozen: Any, first: int, count: int) -> int:
+    return 0
 
 
 @begin_cycle.register(SingleSteps)
@@ -147,8 +161,19 @@ def _march_cycles(
     """March some cycles from step number ``first`` on, and return how many steps are done before rates run away."""
     n_samples, cursor = samples.step.size, samples.cursor[0]
     next_sample = samples.step[cursor] if cursor < n_samples else -1
-    for cycle in range(n_cycles):
+    cycle = 0
+    while cycle < n_cycles:
         start, done, first_sample = first + cycle * substeps, 0, cursor
+        free = n_cycles - cycle
+        if next_sample >= 0:
+            free = min(free, (next_sample - start) // substeps)
+        if free > 0 and log.bounds.elongations == 0:
+            taken = take_cycles(m, p, frozen, start, free)
+            if taken > 0:
+                if runs_away(m.v):
+                    return (cycle + taken - 1) * substeps
+                cycle += taken
+                continue
         begin_cycle(m, p, frozen, start, start <= next_sample < start + substeps)
         while done < substeps:
             count, until_sample = substeps - done, next_sample - start - done
@@ -172,6 +197,7 @@ def _march_cycles(
         note_elongations(log, start + substeps, m.q, m.v)
         for k in range(first_sample, cursor):
             project(p, samples.times[k], samples.q[k], samples.v[k])
+        cycle += 1
     return n_cycles * substeps
 
 

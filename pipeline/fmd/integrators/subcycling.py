@@ -22,7 +22,7 @@ from fmd.dynamics.system import (
     System,
     accelerations,
     advance,
-    begin_whole_cycle,
+    begin_whole_cycles,
     cross_cycle,
     fast_steps,
     freeze_slow,
@@ -38,6 +38,7 @@ from fmd.integrators.fixed_step import (
     end_cycle,
     runs_away,
     sample_within,
+    take_cycles,
     take_steps,
 )
 from fmd.integrators.protocol import (
@@ -238,17 +239,26 @@ def _begin_whole_cycle(m: WholeSteps, p: Any, cycle: Any, first: int, sampled: b
     if sampled:
         for i in range(m.v.size):
             m.q_begin[i], m.v_begin[i], m.a_begin[i] = m.q[i], m.v[i], m.a[i]
-    begin_whole_cycle(p, cycle, first, m.h)
+    begin_whole_cycles(p, cycle, first, m.h, 1)
     cross_cycle(p, cycle, m.substeps, m.q, m.v, m.a, m.begin)
+
+
+@take_cycles.register(WholeSteps)
+def _take_whole_cycles(m: WholeSteps, p: Any, cycle: Any, first: int, count: int) -> int:
+    done = 0
+    while done < count:
+        last = done + begin_whole_cycles(p, cycle, first + done * m.substeps, m.h, count - done)
+        while done < last:
+            cross_cycle(p, cycle, m.substeps, m.q, m.v, m.a, m.begin)
+            done += 1
+            if runs_away(m.v):
+                return done
+    return count
 
 
 @take_steps.register(WholeSteps)
 def _take_whole_steps(m: WholeSteps, p: Any, cycle: Any, first: int, done: int, count: int, sampled: bool) -> int:
-    if sampled and done == 0:
-        for i in range(m.v.size):
-            step = m.substeps * m.h if i < m.n_slow else m.h
-            m.q_now[i], m.v_now[i], m.a_now[i] = m.q_begin[i], m.v_begin[i] + step * m.begin[i], m.begin[i]
-    elif sampled:
+    if sampled and done > 0:
         for i in range(m.v.size):
             m.q_now[i], m.v_now[i], m.a_now[i] = m.q_begin[i], m.v_begin[i], m.a_begin[i]
         cross_cycle(p, cycle, done + 1, m.q_now, m.v_now, m.a_now, m.begin)
@@ -262,9 +272,12 @@ def _sample_whole(m: WholeSteps, p: Any, done: int, s: float, q: Array, v: Array
     H = m.substeps * m.h
     for i in range(v.size):  # Taylor's polynomial, which the next step continues
         step, ahead = (H, s + done * m.h) if i < m.n_slow else (m.h, s)
-        rate = m.v_now[i] - 0.5 * (step - ahead) * m.a_now[i]
-        v[i] = rate + 0.5 * ahead * m.a_now[i]
-        q[i] = m.q_now[i] + ahead * rate
+        if done == 0:
+            a, rate, q[i] = m.begin[i], m.v_begin[i] + 0.5 * (step + ahead) * m.begin[i], m.q_begin[i]
+        else:
+            a, rate, q[i] = m.a_now[i], m.v_now[i] - 0.5 * (step - ahead) * m.a_now[i], m.q_now[i]
+        v[i] = rate + 0.5 * ahead * a
+        q[i] += ahead * rate
 
 
 @end_cycle.register(WholeSteps)

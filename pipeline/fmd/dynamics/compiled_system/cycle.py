@@ -10,21 +10,22 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.kernels import inputs_at, set_inputs
 from fmd.dynamics.compiled_system.parameters import TreeParameters, WholeCycle
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import begin_whole_cycle, cross_cycle
+from fmd.dynamics.system import begin_whole_cycles, cross_cycle
 from fmd.kernels.kernel import inlined
 from fmd.kernels.library import call_native
 
 
-@begin_whole_cycle.register(TreeParameters)
-def _begin_whole_cycle(p: TreeParameters, cycle: WholeCycle, first: int, h: float) -> None:
+@begin_whole_cycles.register(TreeParameters)
+def _begin_whole_cycles(p: TreeParameters, cycle: WholeCycle, first: int, h: float, count: int) -> int:
     """Evaluate loads and motions at a cycle's begin and, if any of them varies in it, at its fast steps."""
     if p.signals == 0:
-        return
-    t, end = first * h, (first + cycle.count) * h
+        return count
+    t, end, still = first * h, (first + cycle.count) * h, 1
     cycle.varying[0] = cycle.count
     for k in range(cycle.quiet.shape[0]):
         if cycle.quiet[k, 0] < t and end <= cycle.quiet[k, 1]:  # what ends acts at its end, too
             cycle.varying[0] = 0
+            still = _whole_cycles_before(cycle.quiet[k, 1], first, h, cycle.count, count)
             if cycle.quiet[k, 0] < p.clock[0] < cycle.quiet[k, 1]:
                 p.clock[0] = t
     if cycle.varying[0] == 0:
@@ -33,7 +34,7 @@ def _begin_whole_cycle(p: TreeParameters, cycle: WholeCycle, first: int, h: floa
             cycle.known[1], cycle.steps[4] = -1, 0.0
             for k in range(cycle.now.size):
                 cycle.ahead[0, k, 0] = p.inputs[k]
-        return
+        return still
     if first < cycle.known[0] or cycle.known[1] < first + cycle.count:
         _look_ahead(p, cycle, first, h)
     place = first - cycle.known[0]
@@ -41,6 +42,16 @@ def _begin_whole_cycle(p: TreeParameters, cycle: WholeCycle, first: int, h: floa
     for k in range(cycle.now.size):
         p.inputs[k] = cycle.ahead[place // LANES, k, place % LANES]
     p.clock[0] = t
+    return 1
+
+
+@inlined
+def _whole_cycles_before(end: float, first: int, h: float, steps: int, most: int) -> int:
+    """Return how many cycles, ``most`` at most, end before a time [s], one at least."""
+    if (first + most * steps) * h <= end:
+        return most
+    count = int((end / h - first) / steps)
+    return max(1, min(most, count - 1))
 
 
 @inlined

@@ -31,17 +31,18 @@ _Values = dict[tuple[int, ...], Scalar | Vector]
 
 
 class _Cycle(NamedTuple):
-    """Graph, numbers of coordinates and inputs, tangents by their places in arguments, and late accelerations."""
+    """Graph, numbers of coordinates, steps and inputs, tangents by their places, and late accelerations."""
 
     graph: Graph
     n: int
+    count: int
     n_inputs: int
     tangents: Mapping[Place, Scalar | Vector]
     late: Mapping[int, Scalar | Vector]
 
 
-def trace_cycle(inputs: Coordinates, frames: list[MovingFrame], damped: bool) -> list[Output]:
-    """Trace a cycle; the argument ``steps`` has the fast step, the cycle and its number of steps."""
+def trace_cycle(inputs: Coordinates, frames: list[MovingFrame], damped: bool, count: int) -> list[Output]:
+    """Trace a cycle, usually of ``count`` steps; ``steps`` has the fast step, the cycle and its number of steps."""
     graph, mechanism = inputs.graph, inputs.mechanism
     found = _in_places(mechanism, trace_accelerations(frames, ActingForces(inputs, frames)))
     residual = trace_residual(inputs, frames)
@@ -55,7 +56,8 @@ def trace_cycle(inputs: Coordinates, frames: list[MovingFrame], damped: bool) ->
     frozen = rates | _replaced_inputs(graph, "a", a)
     values = iter(substitute(graph, [output.value for output in tangents], frozen))
     at_places = {output.place: next(values) for output in tangents}
-    cycle = _Cycle(graph, mechanism.n, 3 * len(inputs.signals), at_places, {place: a[(place,)] for place in late})
+    late_values = {place: a[(place,)] for place in late}
+    cycle = _Cycle(graph, mechanism.n, count, 3 * len(inputs.signals), at_places, late_values)
     H, outputs = graph.scalar_input("steps", 1), [Output(value, ("begin", places)) for places, value in a.items()]
     for places, value in a.items():
         slow = [k for k, place in enumerate(places) if place < mechanism.n_slow]
@@ -93,7 +95,7 @@ def _take_fast_steps(
     oscillators = Oscillators(
         x, v, _part(a, part), inverse_mass, tangent("by_positions"), tangent("drift"), late, damping, moved
     )
-    taken = oscillators.take_steps(cycle.n_inputs)
+    taken = oscillators.take_steps(cycle.n_inputs, cycle.count)
     return [Output(value, (name, at)) for name, value in zip(("q", "v", "a"), taken, strict=True)]
 
 
@@ -132,6 +134,6 @@ def _replaced_inputs(graph: Graph, argument: str, values: _Values) -> dict[int, 
     for number, node in enumerate(list(graph.nodes)):
         if node.operation in ("input", "vector input"):
             name, places = node.data  # type: ignore[misc]
-            if name == argument:
+            if name == argument and places in values:  # not parts of vectors, which cycles themselves take
                 out[number] = values[places]
     return out

@@ -5,9 +5,12 @@ After a first step by the acceleration b at the cycle's begin, each goes on by
 far a load is from its value at the begin. In units of a step, with ``z = h² k`` and without damping, the way after j
 steps is ``d u_j + b S_j + g R_j`` for the increment d that it came with and the slope g: u_j are Chebyshev's
 polynomials of the second kind of ``1 − z/2``, by ``u_{j+1} = (2 − z) u_j − u_{j−1}``, S_j and R_j their sums and the
-sums of these. So nothing is divided by k, which may be 0. A load that changes at step s adds ``u_{j−s}`` times the
-change. With damping a recurrence of three terms would take as many operations as the steps themselves, so these are
-taken one by one, and what varying loads add is stepped from rest beside them.
+sums of these. So nothing is divided by k, which may be 0. The number of steps in a whole cycle is known when it is
+compiled, and j is doubled up to it: ``u_{2j} = u_j (u_{j+1} − u_{j−1})``, ``S_{2j} = u_j (u_{j+1} + u_j)`` and
+``R_{2j} = 2 R_j + u_j (2 S_j − u_j)``. A load that changes at step s adds ``u_{j−s}`` times the change, for which
+the polynomials follow one after the other, as they do up to a sample. With damping a recurrence of three terms would
+take as many operations as the steps themselves, so these are taken one by one, and what varying loads add is stepped
+from rest beside them.
 """
 
 from __future__ import annotations
@@ -57,8 +60,8 @@ class Oscillators:
     damping: tuple[Vector, ...]
     levers: tuple[tuple[int, Vector], ...]
 
-    def take_steps(self, n_inputs: int) -> tuple[Vector, Vector, Vector]:
-        """Return positions, rates and the last accelerations at the cycle's end.
+    def take_steps(self, n_inputs: int, count: int) -> tuple[Vector, Vector, Vector]:
+        """Return positions, rates and the last accelerations at the cycle's end; most cycles have ``count`` steps.
 
         The argument ``steps`` has the fast step, the cycle, the number of steps in it, through how many of them loads
         vary, which is none or all but the first, and which step the first one is of those whose loads the argument
@@ -71,7 +74,7 @@ class Oscillators:
         vectors = [self.x, self.v, self.a, self.inverse_mass, self.by_positions, self.drift, *self.damping]
         vectors += [vector for _, vector in (*self.late, *self.levers)]
         arguments = (*(x.node for x in scalars), *(x.node for x in vectors))
-        data = ("ahead", (n_inputs, len(self.damping), len(self.late), *(number for number, _ in self.levers)))
+        data = ("ahead", (count, n_inputs, len(self.damping), len(self.late), *(number for number, _ in self.levers)))
         names = ("oscillated x", "oscillated v", "oscillated a")
         x, v, a = (Vector(graph, graph.add(name, arguments, data, self.x.size), self.x.size) for name in names)
         return x, v, a
@@ -85,7 +88,7 @@ def step_oscillators(
     which: str, data: tuple[str, tuple[int, ...]], arguments: Mapping[str, Array], *values: Array
 ) -> Array:
     """Evaluate one of `OSCILLATED` by its steps, one after the other, at one state."""
-    n_inputs, n_damping, n_late, *numbers = data[1]
+    _, n_inputs, n_damping, n_late, *numbers = data[1]
     h, count, varying, first = (float(np.ravel(x)[0]) for x in values[:4])
     n_scalars = 4 + len(numbers) + n_late
     begin, factors = values[4 : 4 + len(numbers)], values[4 + len(numbers) : n_scalars]
@@ -113,6 +116,10 @@ def step_oscillators(
     return np.asarray({"x": x, "v": v, "a": a}[which[-1]])[:, None]
 
 
+_End = tuple[str, str, str]
+"""Values of positions, of an increment and of its change at the end, or what loads add to them."""
+
+
 class OscillatorWriter:
     """Writes the steps of oscillators in LLVM's language, a few chunks side by side through each loop.
 
@@ -135,7 +142,7 @@ class OscillatorWriter:
         scalars: Sequence[str],
         vectors: Sequence[list[Chunk]],
     ) -> None:
-        self._out, (self._n_inputs, n_damping, n_late, *self._numbers) = out, data[1]
+        self._out, (self._usual, self._n_inputs, n_damping, n_late, *self._numbers) = out, data[1]
         (self._h, count, varying, first), n_scalars = scalars[:4], 4 + len(self._numbers)
         self._begin, self._factors = scalars[4:n_scalars], scalars[n_scalars:]
         self._vectors, others = vectors[: 6 + n_damping], vectors[6 + n_damping :]
@@ -158,20 +165,35 @@ class OscillatorWriter:
                     each.append((value, width))
         return found
 
-    def _write_some(self, some: range, widths: list[int]) -> list[tuple[int, tuple[str, str, str]]]:
+    def _write_some(self, some: range, widths: list[int]) -> list[tuple[int, _End]]:
         groups = (self._vectors, self._late, self._levers)
         chunks = [_Chunk(self, widths[k], *([x[k][0] for x in group] for group in groups)) for k in some]
         if self._damped:
-            ways = self._take_damped_steps(chunks)
-            more = self._follow_loads(chunks) if self._levers else None
+            ends = self._take_damped_steps(chunks)
+            if self._levers:
+                pairs = zip(chunks, ends, self._follow_loads(chunks), strict=True)
+                ends = [chunk.added(end, more) for chunk, end, more in pairs]
         else:
-            ways, more = self._sum_steps(chunks)
-        if more is not None:
-            ways = [chunk.added(way, other) for chunk, way, other in zip(chunks, ways, more, strict=True)]
-        return [(chunk.width, chunk.end(way)) for chunk, way in zip(chunks, ways, strict=True)]
+            ends = self._sum_steps(chunks)
+        return [(chunk.width, chunk.end(end)) for chunk, end in zip(chunks, ends, strict=True)]
 
-    def _sum_steps(self, chunks: list[_Chunk]) -> tuple[list[tuple[str, str, str]], list[tuple[str, str, str]] | None]:
-        """Write way, increment and its change at the end, by the polynomials and their sums, and those by loads."""
+    def _sum_steps(self, chunks: list[_Chunk]) -> list[_End]:
+        """Write the end by polynomials and their sums: of a whole cycle in which no load varies, or of any steps."""
+        out = self._out
+        usual = out.value(f"icmp eq i64 {self._following}, {self._usual - 1}")
+        if self._levers:
+            still = out.value(f"icmp eq i64 {self._varying}, 0")
+            usual = out.value(f"and i1 {usual}, {still}")
+        found = out.either(
+            usual,
+            [chunk.width for chunk in chunks for _ in range(3)],
+            lambda: [x for chunk in chunks for x in chunk.sum_up(*chunk.polynomials(self._usual))],
+            lambda: [x for end in self._follow_polynomials(chunks) for x in end],
+        )
+        return [(found[3 * k], found[3 * k + 1], found[3 * k + 2]) for k in range(len(chunks))]
+
+    def _follow_polynomials(self, chunks: list[_Chunk]) -> list[_End]:
+        """Write the end by polynomials and sums that follow one after the other, each with a load's change."""
         start = [(value, chunk.width) for chunk in chunks for value in chunk.one_step]
 
         def follow(_: str, now: list[str]) -> list[str]:
@@ -179,9 +201,10 @@ class OscillatorWriter:
 
         if not self._levers:
             found = self._out.repeat(self._following, start, follow)
-            return [chunk.sum_up(*found[4 * k : 4 * k + 4]) for k, chunk in enumerate(chunks)], None
+            return [chunk.sum_up(*found[4 * k : 4 * k + 4]) for k, chunk in enumerate(chunks)]
+        levers = [chunk.levers() for chunk in chunks]
         found = self._out.repeat(self._out.value(f"sub i64 {self._following}, {self._varying}"), start, follow)
-        last = self._forces(chunks, self._varying)
+        last = self._forces(chunks, levers, self._varying)
         start = [
             (value, chunk.width)
             for k, chunk in enumerate(chunks)
@@ -190,7 +213,7 @@ class OscillatorWriter:
 
         def respond(number: str, now: list[str]) -> list[str]:
             before, following = self._out.value(f"sub i64 {self._varying}, {number}"), list[str]()
-            forces = self._forces(chunks, self._out.value(f"sub i64 {before}, 1"))
+            forces = self._forces(chunks, levers, self._out.value(f"sub i64 {before}, 1"))
             for k, chunk in enumerate(chunks):
                 *polynomial, way, way_before, force = now[7 * k : 7 * k + 7]
                 way = self._out.accumulate(way, polynomial[0], force, chunk.width)
@@ -199,14 +222,14 @@ class OscillatorWriter:
             return following
 
         found = self._out.repeat(self._varying, start, respond)
-        ways, more = [], []
+        ends = []
         for k, chunk in enumerate(chunks):
-            ways.append(chunk.sum_up(*found[7 * k : 7 * k + 4]))
             way, before = found[7 * k + 4 : 7 * k + 6]
-            more.append((way, chunk.binary("fsub", way, before), chunk.less_spring(last[k], before)))
-        return ways, more
+            more = (way, chunk.binary("fsub", way, before), chunk.less_spring(last[k], before))
+            ends.append(chunk.added(chunk.sum_up(*found[7 * k : 7 * k + 4]), more))
+        return ends
 
-    def _forces(self, chunks: list[_Chunk], step: str) -> list[str]:
+    def _forces(self, chunks: list[_Chunk], levers: list[list[str]], step: str) -> list[str]:
         """Write the changes of forces by the loads' changes from the begin up to a step."""
         out, changes, forces = self._out, list[str](), list[str]()
         at = out.value(f"add i64 {step}, {self._first}")
@@ -215,15 +238,15 @@ class OscillatorWriter:
         for load, begin in zip(self._numbers, self._begin, strict=True):
             place = out.value(f"getelementptr double, ptr %ahead, i64 {out.value(f'add i64 {first}, {load * LANES}')}")
             changes.append(out.value(f"fsub double {out.value(f'load double, ptr {place}, align 8')}, {begin}"))
-        for chunk in chunks:
+        for chunk, own in zip(chunks, levers, strict=True):
             force: str | None = None
-            for change, lever in zip(changes, chunk.levers, strict=True):
+            for change, lever in zip(changes, own, strict=True):
                 force = out.accumulate(force, out.splat(change, chunk.width), lever, chunk.width)
             assert force is not None
             forces.append(force)
         return forces
 
-    def _take_damped_steps(self, chunks: list[_Chunk]) -> list[tuple[str, str, str]]:
+    def _take_damped_steps(self, chunks: list[_Chunk]) -> list[_End]:
         forces = [chunk.damped_force for chunk in chunks]
 
         def step(number: str, now: list[str]) -> list[str]:
@@ -235,13 +258,15 @@ class OscillatorWriter:
 
         start = [(value, chunk.width) for chunk in chunks for value in chunk.after_first]
         found = self._out.repeat(self._following, start, step)
-        return [(found[3 * k], found[3 * k + 1], found[3 * k + 2]) for k in range(len(chunks))]
+        ends = [(found[3 * k], found[3 * k + 1], found[3 * k + 2]) for k in range(len(chunks))]
+        return [(chunk.binary("fadd", chunk.x, way), d, b) for chunk, (way, d, b) in zip(chunks, ends, strict=True)]
 
-    def _follow_loads(self, chunks: list[_Chunk]) -> list[tuple[str, str, str]]:
+    def _follow_loads(self, chunks: list[_Chunk]) -> list[_End]:
         """Write way, increment and its change by the loads' changes alone, with damping."""
+        levers = [chunk.levers() for chunk in chunks]
 
         def step(number: str, now: list[str]) -> list[str]:
-            forces = self._forces(chunks, self._out.value(f"add i64 {number}, 1"))
+            forces = self._forces(chunks, levers, self._out.value(f"add i64 {number}, 1"))
             pairs = enumerate(zip(chunks, forces, strict=True))
             return [x for k, (chunk, force) in pairs for x in chunk.step(force, now[3 * k : 3 * k + 3])]
 
@@ -256,7 +281,7 @@ class _Chunk:
     def __init__(
         self, of: OscillatorWriter, width: int, vectors: list[str], late: list[str], levers: list[str]
     ) -> None:
-        self._factors, self._out, self.width = of._factors, of._out, width
+        self._out, self.width = of._out, width
         self.x, v, a, inverse_mass, by_positions, drift, *damping = vectors
         out, multiply = self._out, partial(self.binary, "fmul")
         h, square = out.splat(of._h, width), out.splat(of._square, width)
@@ -266,13 +291,14 @@ class _Chunk:
         per_slope = multiply(h, self._negative)
         self.g = zero(width) if is_zero(drift) else multiply(per_slope, drift)
         self.late = [multiply(per_slope, slope) for slope in late]
-        self.levers = [multiply(self._negative, lever) for lever in levers]
+        self._levers = levers
+        self._factors = [out.splat(factor, width) for factor in of._factors]
         self.two_less_z = self.binary("fsub", self.splat(2.0), self.z)
-        self._per_step, self._per_square = (out.splat(x, width) for x in (of._per_step, of._per_square))
+        self._per_step, self._per_square = of._per_step, of._per_square
         if damping:
             self._c = multiply(multiply(h, inverse_mass), damping[0])
-            for factor, slope in zip(of._factors, self.late, strict=True):
-                self.g = out.accumulate(self.g, out.splat(factor, width), slope, width)
+            for factor, slope in zip(self._factors, self.late, strict=True):
+                self.g = out.accumulate(self.g, factor, slope, width)
             self.damped_force = out.accumulate(self.b, self._c, multiply(h, damping[1]), width)
         self._damped = bool(damping)
 
@@ -281,6 +307,33 @@ class _Chunk:
         """Polynomials and sums after one step."""
         one, nothing = self.splat(1.0), zero(self.width)
         return one, nothing, one, nothing
+
+    def levers(self) -> list[str]:
+        """Write how the forces change with each load."""
+        return [self.binary("fmul", self._negative, lever) for lever in self._levers]
+
+    def polynomials(self, number: int) -> list[str]:
+        """Write polynomials and sums after some steps, by those after half of them."""
+        if number < 2:
+            return list(self.one_step)
+        if number < 4:
+            one = self.splat(1.0)
+            even = [self.two_less_z, one, self.binary("fadd", one, self.two_less_z), one]
+        else:
+            even = self._doubled(self.polynomials(number // 2))
+        return self.next_polynomial(even) if number % 2 else even
+
+    def _doubled(self, now: list[str]) -> list[str]:
+        """Write polynomials and sums after twice as many steps."""
+        add, subtract, multiply = (partial(self.binary, operation) for operation in ("fadd", "fsub", "fmul"))
+        u, before, total, of_totals = now
+        following = subtract(multiply(self.two_less_z, u), before)
+        return [
+            multiply(u, subtract(following, before)),
+            multiply(subtract(u, before), add(u, before)),
+            multiply(u, add(following, u)),
+            add(add(of_totals, of_totals), multiply(u, subtract(add(total, total), u))),
+        ]
 
     @property
     def after_first(self) -> list[str]:
@@ -314,35 +367,35 @@ class _Chunk:
         u, before = self.binary("fsub", self.binary("fmul", self.two_less_z, u), before), u
         return [u, before, self.binary("fadd", total, u), of_totals]
 
-    def sum_up(self, u: str, before: str, total: str, of_totals: str) -> tuple[str, str, str]:
+    def sum_up(self, u: str, before: str, total: str, of_totals: str) -> _End:
         """Write the end by the polynomials; what is known late, the accelerations, comes last."""
         multiply = self._out.accumulate
 
-        def combine(by_d: str, by_b: str, by_g: str) -> str:
-            value = multiply(self.binary("fmul", self.d, by_d), self.b, by_b, self.width)
+        def combine(start: str | None, by_d: str, by_b: str, by_g: str) -> str:
+            value = multiply(multiply(start, self.d, by_d, self.width), self.b, by_b, self.width)
             value = value if is_zero(self.g) else multiply(value, self.g, by_g, self.width)
             for factor, slope in zip(self._factors, self.late, strict=True):
                 ready = self.binary("fmul", slope, by_g)
-                value = multiply(value, self._out.splat(factor, self.width), ready, self.width)
+                value = multiply(value, factor, ready, self.width)
             return value
 
         change = self.binary("fsub", u, before)
         of_way = self.binary("fmul", self.binary("fmul", self.splat(-1.0), self.z), before)
         return (
-            combine(u, total, of_totals),
-            combine(change, u, self.binary("fsub", total, u)),
-            combine(of_way, change, before),
+            combine(self.x, u, total, of_totals),
+            combine(None, change, u, self.binary("fsub", total, u)),
+            combine(None, of_way, change, before),
         )
 
-    def added(self, one: tuple[str, str, str], other: tuple[str, str, str]) -> tuple[str, str, str]:
-        way, d, b = (self.binary("fadd", x, y) for x, y in zip(one, other, strict=True))
-        return way, d, b
+    def added(self, one: _End, other: _End) -> _End:
+        x, d, b = (self.binary("fadd", x, y) for x, y in zip(one, other, strict=True))
+        return x, d, b
 
-    def end(self, found: tuple[str, str, str]) -> tuple[str, str, str]:
+    def end(self, found: _End) -> _End:
         """Write positions, rates and accelerations."""
-        way, d, b = found
-        rates, accelerations = self.binary("fmul", d, self._per_step), self.binary("fmul", b, self._per_square)
-        return self.binary("fadd", self.x, way), rates, accelerations
+        x, d, b = found
+        per_step, per_square = (self._out.splat(factor, self.width) for factor in (self._per_step, self._per_square))
+        return x, self.binary("fmul", d, per_step), self.binary("fmul", b, per_square)
 
 
 def as_vector(value: Scalar | Vector) -> Vector:

@@ -71,8 +71,8 @@ from fmd.dynamics.compiler.residual import trace_residual
 from fmd.dynamics.compiler.tangents import trace_tangents
 from fmd.dynamics.mechanism import Mechanism
 
-Trace = Callable[[Coordinates, list[MovingFrame]], list[Output]]
-"""Traces a function's outputs for the frames of a mechanism."""
+Trace = Callable[..., list[Output]]
+"""Traces a function's outputs for the frames of a mechanism, of a cycle also for a number of steps."""
 
 
 class Definition(NamedTuple):
@@ -86,9 +86,11 @@ class Definition(NamedTuple):
 
 
 def trace_program(name: str, inputs: Coordinates, frames: list[MovingFrame]) -> Program:
-    """Trace one of `DEFINITIONS`."""
-    arguments, trace, lanes, in_place, seldom = DEFINITIONS[name]
-    return Program(name, inputs.graph, arguments, tuple(trace(inputs, frames)), lanes, in_place, seldom)
+    """Trace one of `DEFINITIONS`; behind the name of a cycle's stands the number of its steps, as in ``cycle10``."""
+    stem = name.rstrip("0123456789")
+    arguments, trace, lanes, in_place, seldom = DEFINITIONS[stem]
+    numbers = [int(name[len(stem) :])] if name != stem else []
+    return Program(name, inputs.graph, arguments, tuple(trace(inputs, frames, *numbers)), lanes, in_place, seldom)
 
 
 def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -160,12 +162,12 @@ def _freeze_single(inputs: Coordinates, frames: list[MovingFrame]) -> list[Outpu
     return trace_single(inputs, trace_residual(inputs, frames))
 
 
-def _cycle(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return trace_cycle(inputs, frames, damped=False)
+def _cycle(inputs: Coordinates, frames: list[MovingFrame], count: int) -> list[Output]:
+    return trace_cycle(inputs, frames, False, count)
 
 
 def _damped_cycle(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return trace_cycle(inputs, frames, damped=True)
+    return trace_cycle(inputs, frames, True, 0)  # a loop of steps, however many
 
 
 def _fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:

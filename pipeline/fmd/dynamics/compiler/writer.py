@@ -148,6 +148,29 @@ class Writer:
             for (value, width), _, updated in pairs
         ]
 
+    def either(
+        self, condition: str, widths: Sequence[int], first: Callable[[], list[str]], second: Callable[[], list[str]]
+    ) -> list[str]:
+        """Write two ways to values of some widths, of which a condition takes the first, and return the values.
+
+        What a way shares with other code has to be written before.
+        """
+        number, ends = self._n_loops, list[tuple[list[str], str]]()
+        self._n_loops += 1
+        self.lines.append(f"br i1 {condition}, label %way{number}, label %detour{number}")
+        for label, write in ((f"way{number}", first), (f"detour{number}", second)):
+            self.lines.append(f"{label}:")
+            self._block = label
+            ends.append((write(), self._block))
+            self.lines.append(f"br label %joined{number}")
+        self._block = f"joined{number}"
+        self.lines.append(f"{self._block}:")
+        (ones, before), (others, after) = ends
+        return [
+            self.value(f"phi {type_of(width)} [ {one}, %{before} ], [ {other}, %{after} ]")
+            for width, one, other in zip(widths, ones, others, strict=True)
+        ]
+
     def fma(self, a: str, b: str, c: str, width: int = 1) -> str:
         """Write ``a b + c``, rounded once."""
         kind = type_of(width)
