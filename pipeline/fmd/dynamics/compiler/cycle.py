@@ -35,7 +35,7 @@ class _Cycle(NamedTuple):
 
     graph: Graph
     n: int
-    count: int
+    n_steps: int
     n_inputs: int
     tangents: Mapping[Place, Scalar | Vector]
     late: Mapping[int, Scalar | Vector]
@@ -95,7 +95,7 @@ def _take_fast_steps(
     oscillators = Oscillators(
         x, v, _part(a, part), inverse_mass, tangent("by_positions"), tangent("drift"), late, damping, moved
     )
-    taken = oscillators.take_steps(cycle.n_inputs, cycle.count)
+    taken = oscillators.take_steps(cycle.n_inputs, cycle.n_steps)
     return [Output(value, (name, at)) for name, value in zip(("q", "v", "a"), taken, strict=True)]
 
 
