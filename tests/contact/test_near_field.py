@@ -86,6 +86,12 @@ def test_a_grid_that_is_too_small_or_too_coarse_is_warned_of(ball: Pipeline) -> 
     assert "are pressed, of which 32 give" in " ".join(own["text"] for own in contact_warnings(wide))
 
 
+def test_few_points_of_a_curved_mesh_are_warned_of(ball: Pipeline) -> None:
+    meshed = ball.variant(ball_by('contact.floor.near_field="mesh"').scene)
+    (coarse,) = [own for own in contact_warnings(meshed) if own["code"] == "contact-coarse"]
+    assert "points of a curved face are pressed, of which 12 give the force to 2 %" in coarse["text"]
+
+
 def test_stress_under_forces_on_points_is_in_equilibrium_with_them_and_itself() -> None:
     """Its divergence is 0, planes below bear the whole force, and the surface beside it bears nothing."""
     nu, step, force = 0.3, 1e-3, np.array([[2.0, 0.7, -0.4]])

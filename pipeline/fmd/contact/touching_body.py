@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.contact.recorded import ContactRecord
+from fmd.contact.surface_fit import is_flat
 from fmd.core.arrays import Array, BoolArray, IntArray, require_shape
 from fmd.core.limits.contact import CARRYING
 
@@ -95,6 +96,10 @@ class ContactPoints:
     def on_nodes(self, forces: Array) -> Array:
         """Return the forces on `nodes` of forces on points, (n_times, n, 3) and (n_times, n_nodes, 3)."""
         return forces if self.weights is None else np.einsum("np,tna->tpa", self.weights, forces)
+
+    def is_flat(self, face: str) -> bool:
+        """Return true if the points of a face are all but in a plane."""
+        return is_flat(self.x[self.faces[face]])
 
     @property
     def under_grids(self) -> IntArray:

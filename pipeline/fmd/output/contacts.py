@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.contact import FEW_POINTS, LOST_ENERGY, UNSEEN_DEPTH
+from fmd.core.limits.contact import FEW_ON_MESH, FEW_POINTS, LOST_ENERGY, UNSEEN_DEPTH
 from fmd.recovery.motion import Motion
-from fmd.recovery.stress_below import largest_stress_below
 from fmd.stages.pipeline import Pipeline
-
-if TYPE_CHECKING:
-    from fmd.contact.touching_body import ContactPlane, TouchingBody
 
 
 def contact_figures(run: Pipeline) -> dict[str, Any]:
@@ -23,20 +19,12 @@ def contact_figures(run: Pipeline) -> dict[str, Any]:
     figures = {name: {"near_field": "mesh", **own.figures} for name, own in histories.items()}
     for body in run.motion.mechanism.contacts:
         for plane in body.planes:
-            figures[plane.name] |= {"near_field": plane.near_field, **_stress_below(run.motion, body, plane)}
+            figures[plane.name] |= {"near_field": plane.near_field}
+            own = run.contact_deformation(body.body, run.motion)
+            if own is not None and plane.face in body.points.grids:
+                stress, depth = own.stress_below(plane.face, run.motion)
+                figures[plane.name] |= {"largest_stress_below_pa": stress, "its_depth_m": depth}
     return {"contacts": figures} if histories else {}
-
-
-def _stress_below(motion: Motion, body: TouchingBody, plane: ContactPlane) -> dict[str, float]:
-    """Return the largest stress below a near field's grid at the output time of the largest pressure, and its depth."""
-    grid = body.points.grids.get(plane.face)
-    if grid is None or motion.touched is None:
-        return {}
-    E_nu, own = body.points.elastic, body.points.faces[plane.face]
-    frame = int(motion.touched.pressures[body.body][:, own].max(axis=1).argmax())
-    forces = motion.touched.forces[body.body][frame, own] @ grid.axes.T
-    stress, depth = largest_stress_below(grid.places, grid.cell, forces, E_nu[1] if E_nu else 0.0)
-    return {"largest_stress_below_pa": stress, "its_depth_m": depth}
 
 
 def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
@@ -53,6 +41,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                 )
                 found.append({"code": "contact-energy", "text": text})
         found += [{"code": "contact-grid", "text": text} for text in _grid_faults(motion)]
+        found += [{"code": "contact-coarse", "text": text} for text in _coarse_faults(motion)]
     for name, body, face in run.scene.touching_faces:
         if raised := run.parts[body].contact_points.raised:
             text = (
@@ -89,6 +78,20 @@ def _grid_faults(motion: Motion) -> Iterator[str]:
                 f"{key}: at most {pressed:.0f} points of its near field's grid are pressed, of which {FEW_POINTS} give "
                 f"the largest pressure to 2 %; a smaller {key}.width or more {key}.points help"
             )
+
+
+def _coarse_faults(motion: Motion) -> Iterator[str]:
+    """Yield which contacts of curved faces press few points of the mesh, so that their force isn't sure."""
+    for body in motion.mechanism.contacts:
+        for name in body.names:
+            own = body.points.faces[body.face_of(name)]
+            gridded = body.face_of(name) in body.points.grids
+            pressed = int((motion.contact_pressures[body.body][:, own] > 0.0).sum(axis=1).max())
+            if not gridded and 0 < pressed < FEW_ON_MESH and not body.points.is_flat(body.face_of(name)):
+                yield (
+                    f"contact.{name}: at most {pressed} points of a curved face are pressed, of which {FEW_ON_MESH} "
+                    "give the force to 2 % and 50 the largest pressure to 3 %; smaller elements there help"
+                )
 
 
 def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> tuple[float, str]:

@@ -53,5 +53,5 @@ def _quantities(run: Pipeline, summary: Mapping[str, Any]) -> Iterator[tuple[str
         for measure in own:
             yield f"envelope.{body}.{measure}.value_pa", f"{body}, {EXTREMES[measure]}"
     for contact, figures in summary.get("contacts", {}).items():
-        for figure in figures:
+        for figure in (key for key in figures if key != "near_field"):
             yield f"contacts.{contact}.{figure}", f"{contact}.{figure}"

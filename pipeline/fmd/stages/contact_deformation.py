@@ -10,10 +10,12 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.recovery.stress import StressHistory, element_stress, modal_stress
+from fmd.recovery.stress_below import largest_stress_below
 
 if TYPE_CHECKING:
     from fmd.contact.flexibility import ResidualFields
     from fmd.contact.touching_body import ContactPoints
+    from fmd.recovery.motion import Motion
     from fmd.stages.part import FlexiblePart
 
 
@@ -53,6 +55,18 @@ class ContactDeformation:
     def displacements(self, nodes: IntArray, frames: IntArray) -> Array:
         """Return the displacements of nodes at output times, shape (n_nodes, 3, n_frames) [m]."""
         return np.asarray(self.fields.shapes[nodes] @ self.fields.sizes[frames].T)
+
+    def stress_below(self, face: str, motion: Motion) -> tuple[float, float]:
+        """Return the largest von Mises stress below a face's grid [Pa], and its depth [m].
+
+        That is of a half-space, at the output time at which the pressure is largest.
+        """
+        touched, points, grid = motion.touched, self.points, self.points.grids[face]
+        assert touched is not None
+        own, (_, nu) = points.faces[face], points.elastic or (0.0, 0.0)
+        frame = int(touched.pressures[self.part.name][:, own].max(axis=1).argmax())
+        forces = touched.forces[self.part.name][frame, own] @ grid.axes.T
+        return largest_stress_below(grid.places, grid.cell, forces, nu)
 
     def nodal_stress(self, frame: int) -> Array:
         """Return the stress at all nodes at an output time, shape (n_nodes, 6) [Pa]."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.contact.near_field import CurvedPlace, find_curved_place, with_near_field
-from fmd.contact.surface_fit import is_flat
 from fmd.contact.touching_body import ContactPlane, ContactPoints
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
@@ -58,7 +57,7 @@ def refine_near_field(
         _require_mesh(scene, plane, "is of several materials, or touches a body, too")
         return points, "mesh"
     at = None
-    if not is_flat(points.x[points.faces[plane.face]]):
+    if not points.is_flat(plane.face):
         at = find_curved_place(points, plane.face, start.frame(body)[1].T @ plane.normal)
     if at is None:
         _require_mesh(scene, plane, "is no sphere, cylinder, cone or ellipsoid that is lowest within it at the start")
