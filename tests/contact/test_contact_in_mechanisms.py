@@ -103,3 +103,17 @@ def test_generalised_alpha_gives_the_contact_of_central_differences(friction: fl
     first, other = impulse("central-difference", 0.1 * limit), impulse("generalized-alpha", 0.25 * limit)
     assert first[1] > 0.1
     np.testing.assert_allclose(other, first, atol=0.01 * np.abs(first).max())
+
+
+def test_a_step_left_open_is_halved_where_contact_makes_energy() -> None:
+    slapping = ('joint.hinge.rate="-8 rad/s"', "contact.stop.clearance=15 mm", "simulation.duration=0.2 ms")
+
+    def made(run: Pipeline) -> float:
+        motion = run.motion
+        return float(np.abs(motion.contacts["stop"].energy_error).max() / motion.energies[0].max())
+
+    free = arm(*slapping)
+    first = 0.25 * free.system.largest_step
+    assert made(arm(*slapping, f"simulation.step={first} s")) > 0.01
+    assert made(free) <= 0.01
+    assert free.motion.trajectory.step < 0.6 * first

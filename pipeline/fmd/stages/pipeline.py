@@ -104,7 +104,7 @@ def _own_inputs(run: Pipeline) -> Any:
     """Return all that results depend on that no other scene's bodies make; ``None`` if there are such bodies."""
     if run.has_other_bodies or run.has_other_loads or not run.stands_alone:
         return None
-    return run.inputs | {"whole energy": run.whole_energy}
+    return run.inputs | {"whole energy": run.whole_energy, "contact step": run.results.get("contact step")}
 
 
 def _inputs_to_keep(run: Pipeline) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InertiaError, InputError, StabilityError
-from fmd.core.limits.contact import CHOSEN_STEP, DEEP_START, LARGEST_STEP
+from fmd.core.limits.contact import CHOSEN_STEP, DEEP_START, HALVED_STEPS, LARGEST_STEP, LOST_ENERGY
 from fmd.core.limits.mechanism import NO_FORCE
 from fmd.core.limits.stability import ALLOWED_GROWTH, LEAST_CYCLES, SURELY_STABLE, TRIED_PART, TRIED_TIMES
 from fmd.dynamics.compiled_system.shared import share_system
@@ -248,7 +248,8 @@ def _limit_contact_step(built: BuiltScene, plan: Plan, limit: float, free: bool)
     _require_free_start(built, plan)
     step = plan.integrator.step
     if free:
-        return Growth(plan.system.resolving_step(CHOSEN_STEP * plan.system.largest_step)[0])
+        share = built.results.get("contact step", CHOSEN_STEP)
+        return Growth(plan.system.resolving_step(share * plan.system.largest_step)[0])
     if step > LARGEST_STEP * limit:  # which an implicit method has none of
         raise InputError(
             built.scene.file,
@@ -336,10 +337,29 @@ def compile_plans(built: BuiltScene) -> dict[str, Plan]:
 
 
 def find_motions(run: BuiltScene) -> dict[str, Motion]:
-    """Return the motion by each run; one that lost its inertia is found anew with the whole energy of second order.
+    """Return the motion by each run; where contact made or lost much energy by steps left open, with shorter ones.
 
     The errors are those of `Pipeline.motions`.
     """
+    motions, simulation = _find_whole_motions(run), run.scene.simulation
+    free = run.scene.contact and simulation.step == "auto" and not any(each.step for each in simulation.run)
+    for _ in range(HALVED_STEPS if free else 0):
+        if not any(_loses_energy(motion) for motion in motions.values()):
+            break
+        run.results["contact step"] = 0.5 * run.results.get("contact step", CHOSEN_STEP)
+        forget(run, "stability")
+        motions = _find_whole_motions(run)
+    return motions
+
+
+def _loses_energy(motion: Motion) -> bool:
+    """Return true if contact's steps made or lost more energy than is let pass without a warning."""
+    allowed = LOST_ENERGY * float(motion.energies[0].max())
+    return any(float(np.abs(own.energy_error).max()) > allowed for own in motion.contacts.values())
+
+
+def _find_whole_motions(run: BuiltScene) -> dict[str, Motion]:
+    """Return the motion by each run; one that lost its inertia is found anew with the whole energy of second order."""
     try:
         return _find_motions(run)
     except InertiaError:

@@ -22,6 +22,7 @@ SMALL_FORCE = 1e-10  # of the largest force: what is below counts as none, and s
 # Steps.
 LARGEST_STEP = 0.5  # of 2/ω with all points closed: beyond it, opening and closing feed the highest modes
 CHOSEN_STEP = 0.25  # of the same, where the step is left to the program
+HALVED_STEPS = 4  # times that a step left to the program is halved where contact makes or loses energy
 
 STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from which on they aren't placed
 
