@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
+from scipy.linalg import eigh
 
 from fmd.core.errors import AccuracyError, InputError
 from fmd.fem.formats.matrices import node_marker, nodes_in_plane, read_matrices
@@ -195,3 +196,29 @@ def test_a_marker_on_too_few_nodes_is_refused(model: MatrixModel) -> None:
         node_marker(model, np.array([10, 11]))
     with pytest.raises(ValueError, match="three nodes at least that don't lie in a line"):
         node_marker(model, np.array([10, 12]))
+
+
+def test_matrices_of_calculix_have_the_rows_of_its_deck_in_ascending_order(tmp_path: Path) -> None:
+    """By CalculiX 2.20, MATRIXSTORAGE; nodes of the deck come in another order, and one is of no element."""
+    decks = Path(__file__).parent / "decks"
+    model = read_matrices(decks / "two.sti", decks / "two.mas", decks / "two.inp", UNITS)
+    assert model.labels.tolist() == [3, 12, 13, 21, 22, 31, 41, 42, 43, 51, 52, 53]
+    free = np.flatnonzero(np.repeat(model.x[:, 0] > 0, 3))
+    K, M = (A.toarray()[np.ix_(free, free)] for A in (model.K, model.M))
+    # of the same deck, with the nodes at x = 0 held
+    hz = [1565.293, 1687.008, 4251.57, 7058.731]
+    assert np.sqrt(eigh(K, M, eigvals_only=True)[:4]) / (2 * np.pi) == pytest.approx(hz, rel=1e-6)
+    for more, message in (
+        (
+            "*RIGID BODY, NSET=ALL, REF NODE=99\n",
+            r"\*RIGID BODY 1 gives unknowns by others, which the matrices leave out",
+        ),
+        ("*ELEMENT, TYPE=C3D4\n9, 31, 12, 22, 99\n", "its last row is 36, and 13 nodes have 39 displacements"),
+        ("*NODE\n99, 2, 2, 2\n", "node 99 is given twice"),
+    ):
+        (tmp_path / "two.inp").write_text((decks / "two.inp").read_text() + more)
+        with pytest.raises(InputError, match=message):
+            read_matrices(decks / "two.sti", decks / "two.mas", tmp_path / "two.inp", UNITS)
+    (tmp_path / "two.inp").write_text((decks / "two.inp").read_text().partition("*ELEMENT")[0])
+    with pytest.raises(InputError, match="has no elements, whose nodes are wanted"):
+        read_matrices(decks / "two.sti", decks / "two.mas", tmp_path / "two.inp", UNITS)

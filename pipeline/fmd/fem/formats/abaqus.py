@@ -278,6 +278,7 @@ class _Deck:
                     found = [blocks[b][1][cells].ravel() for b, cells in enumerate(chosen)]
                     point_sets[name] = np.unique(np.concatenate([point_sets[name], *found]))
         raw = RawMesh(np.array(list(self.nodes.values())), blocks, cell_sets, point_sets, {}, dict(self.others))
+        raw.numbers = np.array(list(self.nodes))
         for name, rows in self.surfaces.items():
             raw.facet_sets[name] = self._facets(name, rows, raw, where)
         if self.shells:

@@ -16,6 +16,7 @@ from fmd.core.files import read_text
 from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, SYMMETRIC
 from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.connections import Connections
+from fmd.fem.formats import abaqus
 from fmd.fem.formats.free_body import require_free_body
 from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.formats.nastran import SUFFIXES as DECKS
@@ -42,9 +43,10 @@ def read_matrices(
         value (``FORMAT=MATRIX INPUT`` or ``LABELS``) or of row, column, value (``FORMAT=COORDINATE``). Rows and columns
         without node numbers are x, y, z of the first node in ``nodes``, then of the second; with six unknowns a node
         the rotations about x, y, z behind each. Nastran's OUTPUT4 (``.op4``), whose rows are of the nodes in ascending
-        order, and DMIG cards (``.pch``); of several matrices in a file those whose names begin with K and M.
+        order, as those of CalculiX (``.sti``, ``.mas``) are, and DMIG cards (``.pch``); of several matrices in a file
+        those whose names begin with K and M.
     nodes : Path
-        Rows of number, x, y, z, or a deck of Nastran.
+        Rows of number, x, y, z, or a deck of Nastran, Abaqus or CalculiX.
     units : tuple of float
         The files' units of length [m], stiffness [N/m] and mass [kg].
     unknowns : int
@@ -122,6 +124,8 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
             return read_grid_points(_text(path))
         except MeshFileError as error:
             raise InputError(str(path), "", None, str(error)) from error
+    if path.suffix.lower() in abaqus.SUFFIXES:
+        return *_nodes_of_deck(path), Connections()
     rows: list[list[float]] = []
     for number, line in enumerate(_text(path).splitlines(), start=1):
         items = [item for item in re.split(r"[,;\s]+", line.strip()) if item]
@@ -136,6 +140,23 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
     if np.abs(table[:, 0]).max() > 2**53 or len(np.unique(table[:, 0])) < len(table):
         raise InputError(str(path), "", None, "gives a node twice, or one without a number")
     return table[:, 0].astype(np.int64), table[:, 1:], Connections()
+
+
+def _nodes_of_deck(path: Path) -> tuple[IntArray, Array]:
+    """Read the nodes of the elements of a deck of Abaqus or CalculiX, in ascending order, as CalculiX's rows are."""
+    try:
+        raw = abaqus.read_abaqus(_text(path))
+    except MeshFileError as error:
+        raise InputError(str(path), "", None, str(error)) from error
+    found = raw.connections
+    if joined := [*found.rigid, *found.mean, *found.equations, *found.ties]:
+        what = "gives unknowns by others, which the matrices leave out; write them without"
+        raise InputError(str(path), "", None, f"{joined[0].label} {what}")
+    used = np.unique(np.concatenate([found.points, *(cells.ravel() for _, cells in raw.blocks)]))
+    order = used[np.argsort(raw.numbers[used])]
+    if len(order) < 3:
+        raise InputError(str(path), "", None, "has no elements, whose nodes are wanted")
+    return raw.numbers[order], raw.points[order]
 
 
 def _read(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
@@ -230,6 +251,9 @@ def _read_text(path: Path, labels: IntArray, unknowns: int) -> sp.csr_array:
     by_numbers = bool(lines) and len(lines[0][1]) == 3
     row, column, values = (_coordinate_entries if by_numbers else _label_entries)(lines, labels, unknowns)
     n = unknowns * len(labels)
+    last = 1 + int(max(row.max(initial=-1), column.max(initial=-1)))
+    if by_numbers and last < n - (unknowns - 3):  # rotations of a last node may have no stiffness
+        raise ValueError(f"its last row is {last}, and {len(labels)} nodes have {n} {_WHAT[unknowns]}")
     if _is_half(row, column, n):
         row, column, values = _both_halves(row, column, values)
     return _real_matrix((n, n), row, column, values)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from fmd.core.arrays import Array, IntArray
 from fmd.fem.connections import Connections
 from fmd.fem.formats.beam_sections import DeckBeams
@@ -59,6 +61,8 @@ class RawMesh:
         What of the sections of shells isn't read.
     beams : DeckBeams
         Sections and orientation of beams of two nodes.
+    numbers : ndarray, shape (n_points,)
+        Numbers of the points in the file, if it is a deck of Abaqus.
     notes : list of str
         What was done to the mesh on the way.
     """
@@ -73,6 +77,7 @@ class RawMesh:
     shells: list[tuple[Array, Array]] = field(default_factory=list)
     shell_faults: list[str] = field(default_factory=list)
     beams: DeckBeams = field(default_factory=DeckBeams)
+    numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     notes: list[str] = field(default_factory=list)
 
     def count_elements(self) -> dict[str, int]:
