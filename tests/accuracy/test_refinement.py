@@ -73,7 +73,7 @@ def test_a_refined_propeller_keeps_its_cells_between_the_joints_and_can_be_meshe
 
 def test_of_the_frequencies_only_the_scenes_own_count() -> None:
     rows = [Row(f"beam, frequency {k}", "Hz", 1.0, False, {"time": 0.1}) for k in (1, 5, 6, 900)]
-    found = accuracy._counting(Budget(tuple(rows)), load_scene("beam-paper", []))
+    found = Budget(tuple(rows)).results(load_scene("beam-paper", []))
     assert [row.name for row in found] == ["beam, frequency 1", "beam, frequency 5"]
 
 

@@ -16,6 +16,7 @@ from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_q
 from fmd.accuracy.requested_stress import EXTREMES, request_key
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
+from fmd.scene.scene import Scene
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage
@@ -58,6 +59,16 @@ class Budget:
         """Row with the largest total."""
         return max(self.rows, key=lambda row: row.total)
 
+    def results(self, scene: Scene) -> list[Row]:
+        """Return the rows that count: not those of modes that only serve the basis."""
+        asked = {f"{name}, frequency": body.modes.count for name, body in scene.flexible.items()}
+
+        def counts(name: str) -> bool:
+            label, _, number = name.rpartition(" ")
+            return label not in asked or int(number) <= asked[label]
+
+        return [row for row in self.rows if counts(row.name)]
+
     def summary(self) -> dict[str, Any]:
         """Return the budget as plain numbers and texts."""
         return {
@@ -85,8 +96,8 @@ def true_errors(run: Pipeline, finer: Pipeline, details: bool = False) -> dict[s
         exact |= stress_quantities(finer, motion, np.arange(len(motion.times)), places=places)
     if details:
         exact |= detail_quantities(finer.scene, motion)
-    left_out = () if details else estimates.details
-    return {name: own.error(exact[name]) for name, own in estimates.quantities.items() if name not in left_out}
+    compared = exact.keys() - (() if details else estimates.details)
+    return {name: own.error(exact[name]) for name, own in estimates.quantities.items() if name in compared}
 
 
 def state_errors(run: Pipeline, seconds: float = math.inf) -> Budget:

@@ -18,6 +18,8 @@ from fmd.core.limits.errors import LEAST_SHOWN, MOST_OF_EIGENVALUE, NEAR_PEAK, S
 from fmd.reduction.body import FlexibleBody
 
 NO_PART = "no part in it"
+NO_VIBRATION = "not estimated: no vibration of the mesh is alike; more modes help"
+"""Of a frequency of few fixed-interface modes and static responses: they make up none of the mesh's own."""
 MORE_OF_MODEL = "model, left out"
 """Part of a row for causes of the model's error that were not estimated: what is stated is a lower bound then."""
 MORE_OF_MESH = "discretisation, left out"

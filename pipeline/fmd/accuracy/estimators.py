@@ -18,17 +18,19 @@ import numpy as np
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.comparison import Comparison, change_fineness
 from fmd.accuracy.corner_stress import CornerStress, find_corner_stress
-from fmd.accuracy.error_estimates import NO_PART, shifted_frequencies, soften_body
+from fmd.accuracy.error_estimates import NO_PART, NO_VIBRATION, shifted_frequencies, soften_body
 from fmd.accuracy.model_errors import ModelErrors
-from fmd.accuracy.quantities import mesh_quantities
+from fmd.accuracy.quantities import find_counterparts, mesh_quantities
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from fmd.accuracy.truncation import compare_bases
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.errors import (
     ACROSS_SHARE,
+    ALIKE_MODES,
     COARSE_SHARE,
     FINER_WORK,
+    MORE_COARSE_MODES,
     MOST_OF_CHANGE,
     MOST_REFINEMENTS,
     OF_TOLERANCE,
@@ -36,7 +38,7 @@ from fmd.core.limits.errors import (
 )
 from fmd.integrators.march_pairs import motion_difference
 from fmd.recovery.stress import von_mises
-from fmd.scene.variants import enrich_bases
+from fmd.scene.variants import change_modes, enrich_bases
 from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
@@ -91,7 +93,8 @@ class Estimates(Comparison):
         if not self.run.parts:
             return found
         found["discretisation"] = self._discretisation(found["recovery"])
-        found["truncation"] = self._within_limit("truncation", self._truncation)
+        of_frequencies = self._interface_modes()
+        found["truncation"] = self._within_limit("truncation", self._truncation) | of_frequencies
         with self.run.store.monitor("error budget: model"):
             self.model.estimate_left_out()
         self.left_out += self.model.left_out
@@ -143,6 +146,33 @@ class Estimates(Comparison):
         self.correct_by(theirs, -1 / gain if coarser else 1 / gain)
         changes = self.changes(theirs).items()
         return {name: max(error / gain, least) if error else 0.0 for name, error in changes}
+
+    def _interface_modes(self) -> dict[str, float | str]:
+        """Compare frequencies of bases with fixed-interface modes, which are upper bounds, with those of the mesh."""
+        names = [name for name in self.run.wholes if self.run.wholes[name].shape.modes.boundary == "interface"]
+        if not names:
+            return {}
+        rows = [row for row in self.of_mesh if row.startswith(tuple(f"{name}, frequency" for name in names))]
+        most = max(len(self.run.parts[name].modes.omega) for name in names)
+        free = {"boundary": "free", "interface": (), "enrich": "none", "count": math.ceil(MORE_COARSE_MODES * most)}
+        scene = change_modes(self.run.scene, lambda body: free if body.modes.boundary == "interface" else {})
+        others, found = self.run.variant(scene).parts, dict[str, float | str]()
+        try:
+            self.require_modes(1.0)
+            modes = {name: others[name].modes for name in names}
+        except (LeftOutError, *FAULTS) as why:
+            self.left_out.append(f"truncation of frequencies: {why}")
+            return dict.fromkeys(rows, f"not estimated: {f'{why}'.removeprefix('not estimated: ')}")
+        for name in names:
+            own, theirs, m = self.run.parts[name], modes[name], others[name].fe.m
+            numbers, alike = find_counterparts(own.fe.x, own.modes.shapes, own.fe.x, m, theirs.shapes, theirs.omega)
+            for k, hertz in enumerate(theirs.frequencies_hz[numbers]):
+                row, value = f"{name}, frequency {k + 1}", own.modes.frequencies_hz[k]
+                found[row] = NO_VIBRATION
+                if alike[k] > ALIKE_MODES:
+                    found[row] = abs(float(value / hertz - 1))
+                    self.correct(row, float(hertz - value))
+        return found
 
     def _truncation(self) -> dict[str, float | str]:
         """Estimate modal truncation by a richer basis."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fmd.accuracy.deflection import find_deflection_error
-from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
+from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.error_estimates import NUMERICAL, Row, percent
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.errors import SAFETY, TOO_LARGE
@@ -157,7 +157,7 @@ def meet_accuracy(run: Pipeline) -> Refinement:
                 raise
             ended_by = f"{_FAILED}: {error}"
             break
-        rows = _counting(budget, run.scene)
+        rows = budget.results(run.scene)
         stated.append({row.name: row.numerical for row in rows})
         stalled = {name for name in stated[-1] if _is_stalled([past[name] for past in stated], required, left)}
         stalled |= {row.name for row in rounds[-1].given_up if row.numerical > required} if rounds else set()
@@ -182,17 +182,6 @@ def _start(scene: Scene, required: float) -> Scene:
     scene = change_simulation(scene, run=(AutoRun(integrator="auto"),), error=error)
     scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
     return replace_order(coarsen_meshes(scene) or scene, 2)
-
-
-def _counting(budget: Budget, scene: Scene) -> list[Row]:
-    """Return the rows that count: not those of modes that only serve the basis."""
-    asked = {f"{name}, frequency": body.modes.count for name, body in scene.flexible.items()}
-
-    def counts(name: str) -> bool:
-        label, _, number = name.rpartition(" ")
-        return label not in asked or int(number) <= asked[label]
-
-    return [row for row in budget.rows if counts(row.name)]
 
 
 def _is_stalled(stated: list[float], required: float, left: int) -> bool:

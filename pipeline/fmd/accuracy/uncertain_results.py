@@ -15,7 +15,7 @@ _OWN_WARNING = ("large deflection", "stretching", "stiffening left off")  # caus
 def uncertain_warnings(scene: Scene, budget: Budget) -> list[dict[str, str]]:
     """Warn of results that are uncertain by more than `TOO_UNCERTAIN`, by source, and by cause if that is the model."""
     by_source: dict[str, list[Row]] = {}
-    for row in sorted(budget.rows, key=lambda row: -row.numerical):
+    for row in sorted(budget.results(scene), key=lambda row: -row.numerical):
         if row.numerical > TOO_UNCERTAIN:
             by_source.setdefault(row.dominant, []).append(row)
     texts = [f"{_name(rows)}: {_source(source, scene)}" for source, rows in by_source.items()]

@@ -7,7 +7,13 @@ from typing import Any
 from fmd.cli.inputs import DEFAULTS, Options, read_quantity
 from fmd.cli.options import Repair, SceneName, print_json
 from fmd.cli.tables import open_console, print_frequencies, print_table, print_warnings
-from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings, rotating_table
+from fmd.output.frequencies import (
+    frequencies_by_body,
+    frequency_table,
+    interface_warnings,
+    mode_warnings,
+    rotating_table,
+)
 
 
 def modes(
@@ -30,7 +36,7 @@ def modes(
     if speed is not None:
         result |= rotating_table(pipeline, read_quantity("--speed", speed, "angular rate"))
     result["bodies"] = frequencies_by_body(pipeline)
-    result["warnings"] = mode_warnings(pipeline)
+    result["warnings"] = mode_warnings(pipeline) + interface_warnings(pipeline)
     if result.get("rotating_growth_1_s"):
         text = f"at {speed} a motion of {pipeline.part.name} grows by {result['rotating_growth_1_s']:.3g} 1/s"
         result["warnings"].append({"code": "unstable-rotation", "body": pipeline.part.name, "text": text})

@@ -92,6 +92,16 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
     return found
 
 
+def interface_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warn of frequencies of fixed-interface modes, whose errors only an error budget states."""
+    text = (
+        "frequencies of few fixed-interface modes and static deflections are upper bounds, and the higher ones may be "
+        "half too high: the error budget of fmd run has their errors, modes.boundary = 'free' the mesh's own"
+    )
+    names = [name for name, part in run.wholes.items() if part.shape.modes.boundary == "interface"]
+    return [{"code": "interface-modes", "body": name, "text": f"{name}: {text}"} for name in names]
+
+
 def _cost_of_lumping(part: FlexiblePart) -> float:
     """Return the largest relative change of a frequency by lumped masses of matrices with rotations."""
     if not isinstance(part.shape, MatrixPart) or part.shape.matrices.unknowns == 3:
