@@ -1,25 +1,20 @@
-"""Hexahedra side by side: cantilevers beside CalculiX' on the same meshes, the propeller, and rules of quadrature.
+"""Hexahedra side by side: cantilevers beside CalculiX' on the same meshes, and the propeller.
 
-Run from the project's root: ``python benchmarks/elements.py [cantilevers] [propeller] [hexahedra] [tetrahedra]``; each
-part prints its table and writes it beside itself. CalculiX (``apt-get install calculix-ccx``) gets the same nodes,
-elements and nodal forces; without it its columns are empty. Processor seconds on one thread.
+Run from the project's root: ``python benchmarks/elements.py [cantilevers] [propeller]``; each part prints its table
+and writes it beside itself. CalculiX (``apt-get install calculix-ccx``) gets the same nodes, elements and nodal forces;
+without it its columns are empty. Processor seconds on one thread.
 """
 
 from __future__ import annotations
 
-import itertools
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-import scipy.linalg
-from modes import STUDIES
 from scipy.spatial import cKDTree
 from table_format import machine, write_rows
 from threadpoolctl import threadpool_limits
@@ -29,14 +24,11 @@ from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.quantities import match_shapes
 from fmd.core.cache import Cache
 from fmd.fem.assembly import _mass, _stiffness, assemble
-from fmd.fem.elements import ElementKind
 from fmd.fem.markers import face_marker
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
-from fmd.fem.model import FEModel
 from fmd.fem.space import Discretisation
 from fmd.meshes.bar import hexahedral_bar
-from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor.factor import factorise
 
 HERE = Path(__file__).parent
@@ -187,93 +179,6 @@ def propeller():
         yield [name, *(f"{100 * figure:.2g} %" for figure in figures), f"{min(matrices):.2g}", f"{modes:.3g}"]
 
 
-# Rules of quadrature ------------------------------------------------------------------------------------------------
-
-
-class Irons(ElementKind):
-    """An element whose stiffness is integrated by the 14 points of Irons (Int J Num Meth Eng 3, 1971)."""
-
-    def quadrature(self, order):
-        """Return the rule in place of an order of 14."""
-        if order != 14:
-            return super().quadrature(order)
-        a, b = np.sqrt(19 / 30), np.sqrt(19 / 33)
-        points = [s * a * e for e in np.eye(3) for s in (1, -1)]
-        points += [b * np.array(signs) for signs in itertools.product((1, -1), repeat=3)]
-        return (np.array(points).T + 1) / 2, np.array([320 / 361] * 6 + [121 / 361] * 8) / 8
-
-
-def with_orders(mesh, stiffness, mass):
-    """Return a space of second order with other orders of quadrature."""
-    space = Discretisation(mesh, 2)
-    kind = Irons(*(getattr(space.kind, name) for name in space.kind.__dataclass_fields__))
-    space.__dict__["kind"] = replace(kind, stiffness_order=stiffness, mass_order=mass)
-    return space
-
-
-def spectrum(space):
-    """Return all frequencies of a small mesh, those of zero among them."""
-    K, M = _stiffness(space, METAL).toarray(), np.kron(_mass(space, METAL).toarray(), np.eye(3))
-    values = scipy.linalg.eigh(K, M, eigvals_only=True)
-    return np.sqrt(np.where(values < 1e-10 * values[-1], 0.0, values))
-
-
-def frequencies(space, count, material=METAL):
-    """Return the lowest elastic frequencies of a mesh."""
-    fe = FEModel(space, material, _stiffness(space, material), _mass(space, material))
-    return FreeBodySolver(fe).modes(count).omega
-
-
-def bar(divisions, distortion=0.0):
-    """Mesh a bar of cubes whose corners are moved at random."""
-    points, *rest = hexahedral_bar(*map(float, divisions), divisions)
-    return SolidMesh(points + np.random.default_rng(0).uniform(-distortion, distortion, points.shape), *rest)
-
-
-def seconds_of(make):
-    """Return the least processor time of some repetitions."""
-    times = []
-    for _ in range(REPEATS):
-        tick = time.process_time()
-        make()
-        times.append(time.process_time() - tick)
-    return f"{min(times):.3g}"
-
-
-def hexahedra():
-    """Count what hex20 with fewer points lets through in free bars, and compare frequencies and seconds."""
-    rows, crooked = ((1, 1, 1), (6, 1, 1), (24, 1, 1), (3, 3, 3)), bar((24, 1, 1), 0.2)
-    beam = SolidMesh(*hexahedral_bar(0.34, 0.025, 0.01, (30, 3, 1)))
-    exact = frequencies(Discretisation(SolidMesh(*hexahedral_bar(0.34, 0.025, 0.01, (96, 8, 3))), 2), 8)
-    whole = Pipeline(load_scene("propeller", ["body.propeller.mesh.order=2"]), Cache(None)).parts["propeller"].mesh
-    limit = spectrum(Discretisation(crooked, 2))[26]
-    for points, order in ((27, 5), (14, 14), (8, 3)):
-        zeros = [(spectrum(with_orders(bar(row), order, 5)) == 0).sum() for row in rows]
-        beyond = (spectrum(with_orders(crooked, order, 5)) < limit).sum() - 26
-        error = np.abs(frequencies(with_orders(beam, order, 5), 8) / exact - 1).max()
-        space = with_orders(whole, order, 7)
-        space.structure  # noqa: B018
-        yield [points, *zeros, beyond, f"{100 * error:.3g} %", seconds_of(partial(_stiffness, space, METAL))]
-
-
-def tetrahedra():
-    """Compare frequencies and seconds of propellers of curved tet10 by rules of quadrature for K and M."""
-    study = next(study for study in STUDIES if study.scene == "propeller")
-    limits = next(line for line in (HERE / "modes.csv").read_text().splitlines() if line.startswith("# propeller:"))
-    exact = np.array(limits.split(":")[1].split("Hz")[0].split(), dtype=float)
-    for element, name, overrides in study.meshes:
-        if element != "tet10" or name.startswith("9"):
-            continue
-        part = Pipeline(load_scene("propeller", overrides), Cache(None)).parts["propeller"]
-        for orders in ((2, 5), (2, 6), (5, 5)):
-            space = with_orders(part.mesh, *orders)
-            space.structure  # noqa: B018
-            points = [space.kind.quadrature(order)[1].size for order in orders]
-            error = np.abs(frequencies(space, 6, part.material) / (2 * np.pi * exact) - 1).max()
-            times = (seconds_of(partial(make, space, part.material)) for make in (_stiffness, _mass))
-            yield [f"{3 * len(space.x):,}", *points, f"{100 * error:.2g} %", *times]
-
-
 PARTS = {
     "cantilevers": (cantilevers, ("cantilever", "plain", "enhanced", "CalculiX C3D8", "CalculiX C3D8I")),
     "propeller": (
@@ -282,17 +187,6 @@ PARTS = {
             *("element", "largest error of 24 frequencies", "rms error", "spin displacement"),
             *("stated: worst frequency", "stated: tip deflection", "stated: joint stress", "K + M, s", "modes, s"),
         ),
-    ),
-    "hexahedra": (
-        hexahedra,
-        (
-            *("points", "zeros of 1 × 1 × 1", "of 6 × 1 × 1", "of 24 × 1 × 1", "of 3 × 3 × 3"),
-            *("too many below the 21st of a crooked row", "error of a frequency", "K, s"),
-        ),
-    ),
-    "tetrahedra": (
-        tetrahedra,
-        ("unknowns", "points of K", "points of M", "error of a frequency", "K, s", "M, s"),
     ),
 }
 

@@ -51,7 +51,7 @@ METHODS = (
     "Exudyn RK44",
     "Exudyn RK67",
 )
-ELEMENTS = ("cantilevers", "propeller", "hexahedra", "tetrahedra")
+ELEMENTS = ("cantilevers", "propeller")
 PEER = "Exudyn"
 
 
