@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,20 +25,7 @@ if TYPE_CHECKING:
     from fmd.scene.contacts import Contact
     from fmd.scene.scene import Scene
     from fmd.stages.part import FlexiblePart
-
-
-class ScenesParts(Protocol):
-    """A scene with its flexible parts."""
-
-    scene: Scene
-
-    @property
-    def divided_scene(self) -> Scene:
-        """The scene with pieces as bodies of their own."""
-
-    @property
-    def parts(self) -> Mapping[str, FlexiblePart]:
-        """Parts by name."""
+    from fmd.stages.pipeline import Pipeline
 
 
 class MovingParts(ScenesParts, Protocol):
@@ -82,7 +69,7 @@ def _find_triangles(part: FlexiblePart) -> dict[str, IntArray]:
     return found
 
 
-def add_contacts(run: ScenesParts, mechanism: Mechanism) -> Mechanism:
+def add_contacts(run: Pipeline, mechanism: Mechanism) -> Mechanism:
     """Give a mechanism the contacts of its scene."""
     bodies = {body: TouchingBody(body, run.parts[body].contact_points) for _, body, _ in run.scene.touching_faces}
     start = StartPose(run.divided_scene, mechanism)

@@ -37,20 +37,13 @@ if TYPE_CHECKING:
     from fmd.scene.scene import Scene
 
 
-def build_mechanism(
-    scene: Scene,
-    bodies: Mapping[str, FlexibleBody],
-    fast_joints: Sequence[str] | None = None,
-    slow_modes: Mapping[str, int] | None = None,
-) -> Mechanism:
+def build_mechanism(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechanism:
     """Build the mechanism of a scene; each body's frame sits at the marker of the joint that carries it.
 
     Parameters
     ----------
     bodies : mapping of str to FlexibleBody
         The scene's flexible bodies, reduced.
-    fast_joints, slow_modes
-        As in `Mechanism`; by default the joints that the scene lists as fast, and no mode slow.
 
     Raises
     ------
@@ -59,8 +52,7 @@ def build_mechanism(
     """
     require_sound_drives(scene)
     places = _Places(scene, bodies)
-    if fast_joints is None:
-        fast_joints = [scene.joint[name].child.partition(".")[0] for name in scene.simulation.fast]
+    fast_joints = [scene.joint[name].child.partition(".")[0] for name in scene.simulation.fast]
     functions = FunctionBuilder(scene, places.on_either)
     states, sampled = add_controllers(functions)
     links = [*(_link(scene, places, functions, body) for body in places.order), *states]
@@ -72,9 +64,8 @@ def build_mechanism(
             fast_joints,
             gravity,
             loads,
-            slow_modes or {},
-            scene.simulation.duration,
-            closures,
+            horizon=scene.simulation.duration,
+            closures=closures,
             controllers=sampled,
         )
     except ValueError as error:

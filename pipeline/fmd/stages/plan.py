@@ -1,15 +1,12 @@
-"""Plans of a scene's runs: an integrator, a mechanism and a start each; and what planning needs of a scene."""
+"""Plans of a scene's runs: an integrator, a mechanism and a start each."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.positive_mass import require_positive_over
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -17,15 +14,6 @@ from fmd.dynamics.excited_modes import Excited
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import Integrator, Progress, Trajectory
 from fmd.stages.run_checks import describe_fastest
-
-if TYPE_CHECKING:
-    from fmd.recovery.motion import Motion
-    from fmd.reduction.body import FlexibleBody
-    from fmd.scene.scene import Scene
-    from fmd.stages.buckling import StiffnessChange
-    from fmd.stages.part import FlexiblePart
-    from fmd.stages.stiffening_check import StiffeningLoads
-    from fmd.stages.store import StageStore
 
 
 @dataclass(frozen=True)
@@ -125,103 +113,3 @@ class Growth:
     step: float | None = None
     factor: float = 1.0
     carried: bool = False
-
-
-class BuiltScene(Protocol):
-    """A scene with its mechanism, as a `Pipeline` has it.
-
-    Attributes
-    ----------
-    scene : Scene
-        The scene.
-    keep_all : bool
-        Integrate modes that nothing can excite, too.
-    store : StageStore
-        Times what is compiled.
-    results : dict of str to object
-        Results of stages by their names.
-    while_timed : callable
-        Makes a context in which each run is timed.
-    stands_alone : bool
-        False for one scene of many: its run times aren't compared, and results of the whole scene aren't kept.
-    whole_energy : bool
-        Displacements of second order count with their whole kinetic energy.
-    has_other_bodies : bool
-        Bodies are given in place of the scene's own.
-    """
-
-    scene: Scene
-    keep_all: bool
-    store: StageStore
-    results: dict[str, Any]
-    while_timed: Callable[[], AbstractContextManager[None]]
-    stands_alone: bool
-    whole_energy: bool
-    has_other_bodies: bool
-
-    @property
-    def divided_scene(self) -> Scene:
-        """The scene with pieces as bodies of their own."""
-
-    @property
-    def parts(self) -> Mapping[str, FlexiblePart]:
-        """Flexible parts and pieces."""
-
-    @property
-    def stiffening_loads(self) -> Mapping[str, StiffeningLoads]:
-        """Loads through each of them, and if they count."""
-
-    @property
-    def bodies(self) -> Mapping[str, FlexibleBody]:
-        """Reduced flexible bodies."""
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """Mechanism with the scene's own slow joints."""
-
-    @property
-    def system(self) -> CompiledSystem:
-        """System that marches it."""
-
-    @property
-    def start(self) -> tuple[Array, Array]:
-        """Positions and rates at the start."""
-
-    @property
-    def reference_matrices(self) -> tuple[Array, Array]:
-        """Mass and stiffness of the undeformed mechanism."""
-
-    @property
-    def drafts(self) -> tuple[Plan, ...]:
-        """Runs whose stability isn't known yet."""
-
-    @property
-    def growths(self) -> tuple[Growth, ...]:
-        """Safe step of each run, and the growth of small vibrations by its method."""
-
-    @property
-    def compiled_plans(self) -> Mapping[str, Plan]:
-        """Runs, ready to be integrated, whose machine code is there."""
-
-    @property
-    def stiffness_changes(self) -> Mapping[str, StiffnessChange]:
-        """Change of each stiffened body's stiffness by the loads through it."""
-
-    @property
-    def output_times(self) -> Array:
-        """Times of the results [s]."""
-
-    def motion_by(self, plan: Plan, trajectory: Trajectory) -> Motion:
-        """Return the motion that a trajectory describes."""
-
-    @property
-    def plans(self) -> dict[str, Plan]:
-        """Runs with stable steps."""
-
-    @property
-    def motion(self) -> Motion:
-        """Motion by the first run."""
-
-    @property
-    def fine_times(self) -> tuple[Array, IntArray]:
-        """Output times with many more around the tip's largest deflections [s]; which of them are output times."""

@@ -24,7 +24,7 @@ from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
 from fmd.stages.mechanism import find_start, place_joints
-from fmd.stages.plan import BuiltScene, Growth, Plan, repeat_choice
+from fmd.stages.plan import Growth, Plan, repeat_choice
 from fmd.stages.run_checks import (
     require_countable_steps,
     require_inertia,
@@ -40,12 +40,13 @@ if TYPE_CHECKING:
     from fmd.reduction.body import FlexibleBody
     from fmd.scene.runs import Run
     from fmd.stability.operating_points import OperatingPoints
+    from fmd.stages.pipeline import Pipeline
 
 MACHINE_CODE = "machine code"
 """Name of the stage that compiles, or reads, all that marches call."""
 
 
-def check_loads(run: BuiltScene) -> Mapping[str, StiffeningLoads]:
+def check_loads(run: Pipeline) -> Mapping[str, StiffeningLoads]:
     """Check the loads through each part and piece of a run; raises as `check_stiffening_loads`."""
     run.scene.simulation  # noqa: B018 - a scene of parts alone is refused before anything is reduced
     if not run.parts:
@@ -55,7 +56,7 @@ def check_loads(run: BuiltScene) -> Mapping[str, StiffeningLoads]:
     return check_stiffening_loads(run.divided_scene, bodies, meshed)
 
 
-def stiffen_bodies(run: BuiltScene) -> Mapping[str, FlexibleBody]:
+def stiffen_bodies(run: Pipeline) -> Mapping[str, FlexibleBody]:
     """Return the reduced bodies of a run, those stiffened whose loads count."""
     simulation, loads = run.scene.simulation, run.stiffening_loads
     linear = {name: part.body for name, part in run.parts.items()}
@@ -64,12 +65,12 @@ def stiffen_bodies(run: BuiltScene) -> Mapping[str, FlexibleBody]:
     return linear | stiff | keep_inertia_of_pieces(linear, stiff, loads, error)
 
 
-def find_stiffness_changes(run: BuiltScene) -> Mapping[str, StiffnessChange]:
+def find_stiffness_changes(run: Pipeline) -> Mapping[str, StiffnessChange]:
     """Return the changes of stiffness of a run's bodies; none where bodies were given in place of the scene's own."""
     return {} if run.has_other_bodies else find_changes(run.mechanism, run.stiffening_loads)
 
 
-def draft_plans(built: BuiltScene) -> tuple[Plan, ...]:
+def draft_plans(built: Pipeline) -> tuple[Plan, ...]:
     """Make a scene's runs ready to be integrated, with steps whose stability isn't known yet.
 
     Raises
@@ -82,7 +83,7 @@ def draft_plans(built: BuiltScene) -> tuple[Plan, ...]:
     return tuple(_draft_plan(built, k, given) for k in range(len(built.scene.simulation.run)))
 
 
-def measure_growths(built: BuiltScene) -> tuple[Growth, ...]:
+def measure_growths(built: Pipeline) -> tuple[Growth, ...]:
     """Measure the growth of small vibrations by the method of each run.
 
     Raises
@@ -100,7 +101,7 @@ def measure_growths(built: BuiltScene) -> tuple[Growth, ...]:
     return tuple(growths)
 
 
-def _carry_forces(built: BuiltScene, plan: Plan, run: Run, known: list[OperatingPoints]) -> Growth | None:
+def _carry_forces(built: Pipeline, plan: Plan, run: Run, known: list[OperatingPoints]) -> Growth | None:
     """Return the growth of a run with carried forces, if that is cheapest at the wanted error; else nothing.
 
     Its error is that of the first part of the motion, beside plain central differences, as if it went on growing.
@@ -136,7 +137,7 @@ def _relative_difference(found: Array, exact: Array) -> float:
     return difference / float(np.abs(exact).max()) if difference else 0.0
 
 
-def finish_plans(built: BuiltScene) -> dict[str, Plan]:
+def finish_plans(built: Pipeline) -> dict[str, Plan]:
     """Return a scene's runs with stable steps, each under a label of its integrator and ratio; raises as `growths`."""
     plans: dict[str, Plan] = {}
     for k, (plan, growth) in enumerate(zip(built.drafts, built.growths, strict=True)):
@@ -152,7 +153,7 @@ def finish_plans(built: BuiltScene) -> dict[str, Plan]:
     return plans
 
 
-def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
+def plan_like(plan: Plan, variant: Pipeline) -> Plan:
     """Plan the first run of a scene's variant by the method and the step of a run whose growth is known.
 
     The step is a shorter one where the variant's highest frequency takes that.
@@ -163,13 +164,13 @@ def plan_like(plan: Plan, variant: BuiltScene) -> Plan:
     return first if method.step < limit else replace(first, integrator=replace(method, step=SURELY_STABLE * limit))
 
 
-def plan_frozen(plan: Plan, variant: BuiltScene) -> Plan:
+def plan_frozen(plan: Plan, variant: Pipeline) -> Plan:
     """Plan the first run of a scene's variant by the method and the step of a run, whatever the variant's limit."""
     first = _draft_plan(variant, 0, _given_step(variant))
     return _leave_out_modes(variant, replace(first, integrator=plan.integrator))
 
 
-def _draft_plan(built: BuiltScene, k: int, given: float | None) -> Plan:
+def _draft_plan(built: Pipeline, k: int, given: float | None) -> Plan:
     """Plan a run as the scene has it, whose stability isn't known yet."""
     simulation = built.scene.simulation
     run = simulation.run[k]
@@ -180,7 +181,7 @@ def _draft_plan(built: BuiltScene, k: int, given: float | None) -> Plan:
     return Plan(key, method, built.mechanism, built.system, built.start)
 
 
-def _leave_out_modes(built: BuiltScene, plan: Plan, alike: Plan | None = None) -> Plan:
+def _leave_out_modes(built: Pipeline, plan: Plan, alike: Plan | None = None) -> Plan:
     """Leave the modes out of a run that nothing excites, unless all are to be kept; as in a plan of the same motion."""
     if alike is not None:
         return replace(plan, excited=alike.excited, excited_system=alike.excited_system)
@@ -192,7 +193,7 @@ def _leave_out_modes(built: BuiltScene, plan: Plan, alike: Plan | None = None) -
     return replace(plan, excited=part, excited_system=share_system(part.mechanism))
 
 
-def _measure_growth(built: BuiltScene, plan: Plan, run: Run, known: list[OperatingPoints]) -> Growth:
+def _measure_growth(built: Pipeline, plan: Plan, run: Run, known: list[OperatingPoints]) -> Growth:
     """Measure the growth of small vibrations by a run's method; shorten its step for that if the scene gives none.
 
     The operating points of a system are the same for all of its runs; those ``known`` are taken, new ones added.
@@ -239,7 +240,7 @@ def _measure_growth(built: BuiltScene, plan: Plan, run: Run, known: list[Operati
     return Growth(None, float(np.exp(folds)))
 
 
-def _limit_contact_step(built: BuiltScene, plan: Plan, limit: float, free: bool) -> Growth:
+def _limit_contact_step(built: Pipeline, plan: Plan, limit: float, free: bool) -> Growth:
     """Shorten the step of a run with contacts, or refuse it: from half of its limit on the highest modes gain energy.
 
     They do so without damping, by opening and closing, though each of the two is stable by itself. Operating points,
@@ -262,7 +263,7 @@ def _limit_contact_step(built: BuiltScene, plan: Plan, limit: float, free: bool)
     return Growth()
 
 
-def _require_free_start(built: BuiltScene, plan: Plan) -> None:
+def _require_free_start(built: Pipeline, plan: Plan) -> None:
     """Raise ``InputError`` if a body begins in what it touches, not at rest: what presses it there isn't known."""
     if built.scene.simulation.start == "equilibrium":
         return
@@ -287,7 +288,7 @@ def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
     return f"{method.name}{ratio} is unstable here: it makes small vibrations grow {grows}; {mend}"
 
 
-def _given_step(built: BuiltScene) -> float | None:
+def _given_step(built: Pipeline) -> float | None:
     """Return the scene's step; "auto" is plain central difference's for the required error, about the reference state.
 
     It is short enough for the loads, too, also where runs freeze them over a cycle of steps.
@@ -303,7 +304,7 @@ def _given_step(built: BuiltScene) -> float | None:
     return built.system.resolving_step(longest * most)[0] / most
 
 
-def plan_sub_cycled(built: BuiltScene, run: SubCycledRun, key: str, given: float | None) -> Plan:
+def plan_sub_cycled(built: Pipeline, run: SubCycledRun, key: str, given: float | None) -> Plan:
     """Plan a sub-cycled run; each split of the coordinates has a mechanism with an order of its own."""
     simulation = built.scene.simulation
     step = run.step or given or 0.0
@@ -329,14 +330,14 @@ def plan_sub_cycled(built: BuiltScene, run: SubCycledRun, key: str, given: float
     return Plan(key, method, mechanism, system, find_start(built.divided_scene, system))
 
 
-def compile_plans(built: BuiltScene) -> dict[str, Plan]:
+def compile_plans(built: Pipeline) -> dict[str, Plan]:
     """Return a scene's runs, whose machine code is there, so that it counts for no run time."""
     for plan in built.plans.values() if built.stands_alone else ():
         plan.compile()
     return built.plans
 
 
-def find_motions(run: BuiltScene) -> dict[str, Motion]:
+def find_motions(run: Pipeline) -> dict[str, Motion]:
     """Return the motion by each run; where contact made or lost much energy by steps left open, with shorter ones.
 
     The errors are those of `Pipeline.motions`.
@@ -358,7 +359,7 @@ def _loses_energy(motion: Motion) -> bool:
     return any(float(np.abs(own.energy_error).max()) > allowed for own in motion.contacts.values())
 
 
-def _find_whole_motions(run: BuiltScene) -> dict[str, Motion]:
+def _find_whole_motions(run: Pipeline) -> dict[str, Motion]:
     """Return the motion by each run; one that lost its inertia is found anew with the whole energy of second order."""
     try:
         return _find_motions(run)
@@ -370,7 +371,7 @@ def _find_whole_motions(run: BuiltScene) -> dict[str, Motion]:
     return _find_motions(run)
 
 
-def _find_motions(run: BuiltScene) -> dict[str, Motion]:
+def _find_motions(run: Pipeline) -> dict[str, Motion]:
     require_room(run.scene, run.mechanism)
     require_unbuckled(run.scene, run.stiffness_changes)
     plans = run.compiled_plans  # refuses a step before anything is timed
@@ -383,7 +384,7 @@ def _find_motions(run: BuiltScene) -> dict[str, Motion]:
     return {label: run.motion_by(plan, trajectories[label]) for label, plan in plans.items()}
 
 
-def _march(run: BuiltScene, label: str, plan: Plan) -> Trajectory:
+def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
     """Integrate a run of the scene; where sampled controllers make the loop unstable, its failure says so."""
     try:
         with run.store.monitor(label) as advance, run.while_timed():
@@ -399,7 +400,7 @@ def _march(run: BuiltScene, label: str, plan: Plan) -> Trajectory:
         raise AccuracyError(f"{error}; {cause}") from error
 
 
-def march_finely(built: BuiltScene) -> Motion:
+def march_finely(built: Pipeline) -> Motion:
     """Return the motion by the first run at the output times and many more around the tip's largest deflections."""
     times, _ = built.fine_times
     if len(times) == len(built.output_times):  # nothing flexible is at the tip

@@ -17,10 +17,10 @@ from fmd.stability.tangent import OperatingPoint
 from fmd.stages.controllers import sampled_law
 
 if TYPE_CHECKING:
-    from fmd.stages.plan import BuiltScene
+    from fmd.stages.pipeline import Pipeline
 
 
-def states_of_motion(run: BuiltScene) -> list[tuple[OperatingPoint, Array]]:
+def states_of_motion(run: Pipeline) -> list[tuple[OperatingPoint, Array]]:
     """Return some states of the first run's motion with the values that controllers hold there, (n_held,) each."""
     trajectory = run.motion.trajectory
     assert trajectory.held is not None
@@ -33,13 +33,13 @@ def states_of_motion(run: BuiltScene) -> list[tuple[OperatingPoint, Array]]:
     ]
 
 
-def state_of_start(run: BuiltScene) -> list[tuple[OperatingPoint, Array]]:
+def state_of_start(run: Pipeline) -> list[tuple[OperatingPoint, Array]]:
     """Return the state at the start, for a motion that can't be found; controllers hold nothing there."""
     q, v = run.start
     return [(OperatingPoint(0.0, q, v), np.zeros(len(run.system.mechanism.controllers)))]
 
 
-def find_unstable_sampling(run: BuiltScene, states: Sequence[tuple[OperatingPoint, Array]]) -> str:
+def find_unstable_sampling(run: Pipeline, states: Sequence[tuple[OperatingPoint, Array]]) -> str:
     """Say if sampling makes small vibrations grow that fine sampling would not, and which sample times would do.
 
     Parameters
