@@ -23,42 +23,16 @@ class Heading(NamedTuple):
 
 def describe_fmi2(heading: Heading, interface: Interface) -> bytes:
     """Write ``modelDescription.xml`` of FMI 2.0."""
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=heading.name,
-        guid=heading.token,
-        description=heading.title,
-        generationTool=f"fmd {heading.version}",
-        variableNamingConvention="structured",
-        numberOfEventIndicators="0",
-    )
-    abilities = {
-        "modelIdentifier": heading.identifier,
-        "canGetAndSetFMUstate": "true",
-        "canSerializeFMUstate": "true",
-        "providesDirectionalDerivative": "true",
-    }
-    exchange = SubElement(root, "ModelExchange", abilities)
-    simulation = SubElement(root, "CoSimulation", abilities, canHandleVariableCommunicationStepSize="true")
-    for kind in (exchange, simulation):
+    root = _root("2.0", heading, guid=heading.token, numberOfEventIndicators="0")
+    for kind in _add_ways(root, heading, "canGetAndSetFMUstate", "canSerializeFMUstate", "DirectionalDerivative"):
         files = SubElement(kind, "SourceFiles")
         for name in heading.sources:
             SubElement(files, "File", name=name)
-    _add_units(root, interface)
-    _add_log_categories(root)
-    _add_experiment(root, heading)
-    variables = SubElement(root, "ModelVariables")
+    variables = _add_variables(root, heading, interface)
     for own in interface.variables:
-        causes = {"causality": own.causality, "variability": own.variability}
-        causes |= {"initial": own.initial} if own.initial else {}
-        entry = SubElement(
-            variables, "ScalarVariable", {"name": own.name, "valueReference": str(own.reference)} | causes
-        )
+        entry = SubElement(variables, "ScalarVariable", _name(own))
         _say(entry, own)
-        real = SubElement(entry, "Real", _common(own))
-        if own.state is not None:
-            real.set("derivative", str(own.state))
+        SubElement(entry, "Real", _common(own))
     structure = SubElement(root, "ModelStructure")
     outputs = interface.of("output")
     _add_unknowns(structure, "Outputs", outputs)
@@ -69,56 +43,25 @@ def describe_fmi2(heading: Heading, interface: Interface) -> bytes:
 
 
 def _add_unknowns(structure: Element, kind: str, members: list[FmuVariable]) -> None:
-    if not members:
-        return
-    group = SubElement(structure, kind)
+    group = SubElement(structure, kind) if members else structure
     for own in members:
-        unknown = SubElement(group, "Unknown", index=str(own.reference))
-        if own.depends is not None:
-            unknown.set("dependencies", " ".join(map(str, own.depends)))
+        _add_unknown(group, "Unknown", "index", own)
 
 
 def describe_fmi3(heading: Heading, interface: Interface) -> bytes:
     """Write ``modelDescription.xml`` of FMI 3.0."""
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion="3.0",
-        modelName=heading.name,
-        instantiationToken=heading.token,
-        description=heading.title,
-        generationTool=f"fmd {heading.version}",
-        variableNamingConvention="structured",
-    )
-    abilities = {
-        "modelIdentifier": heading.identifier,
-        "canGetAndSetFMUState": "true",
-        "canSerializeFMUState": "true",
-        "providesDirectionalDerivatives": "true",
-    }
-    SubElement(root, "ModelExchange", abilities)
-    SubElement(root, "CoSimulation", abilities, canHandleVariableCommunicationStepSize="true")
-    _add_units(root, interface)
-    _add_log_categories(root)
-    _add_experiment(root, heading)
-    variables = SubElement(root, "ModelVariables")
+    root = _root("3.0", heading, instantiationToken=heading.token)
+    _add_ways(root, heading, "canGetAndSetFMUState", "canSerializeFMUState", "DirectionalDerivatives")
+    variables = _add_variables(root, heading, interface)
     clock = {"causality": "independent", "variability": "continuous", "description": "time", "unit": "s"}
     SubElement(variables, "Float64", {"name": "time", "valueReference": "0"} | clock)
     for own in interface.variables:
-        causes = {"causality": own.causality, "variability": own.variability}
-        causes |= {"initial": own.initial} if own.initial else {}
-        entry = SubElement(variables, "Float64", {"name": own.name, "valueReference": str(own.reference)} | causes)
-        _say(entry, own)
-        for key, value in _common(own).items():
-            entry.set(key, value)
-        if own.state is not None:
-            entry.set("derivative", str(own.state))
+        _say(SubElement(variables, "Float64", _name(own) | _common(own)), own)
     structure = SubElement(root, "ModelStructure")
     outputs = interface.of("output")
     for kind, members in (("Output", outputs), ("ContinuousStateDerivative", interface.derivatives)):
         for own in members:
-            unknown = SubElement(structure, kind, valueReference=str(own.reference))
-            if own.depends is not None:
-                unknown.set("dependencies", " ".join(map(str, own.depends)))
+            _add_unknown(structure, kind, "valueReference", own)
     for own in [*outputs, *interface.derivatives]:
         SubElement(structure, "InitialUnknown", valueReference=str(own.reference))
     return _bytes(root)
@@ -134,10 +77,51 @@ def describe_build(heading: Heading) -> bytes:
     return _bytes(root)
 
 
+def _root(version: str, heading: Heading, **more: str) -> Element:
+    return Element(
+        "fmiModelDescription",
+        fmiVersion=version,
+        modelName=heading.name,
+        description=heading.title,
+        generationTool=f"fmd {heading.version}",
+        variableNamingConvention="structured",
+        **more,
+    )
+
+
+def _add_ways(root: Element, heading: Heading, *abilities: str) -> tuple[Element, Element]:
+    """Add model exchange and co-simulation, with what both can do."""
+    *states, derivatives = abilities
+    able = dict.fromkeys((*states, f"provides{derivatives}"), "true") | {"modelIdentifier": heading.identifier}
+    simulation = able | {"canHandleVariableCommunicationStepSize": "true"}
+    return SubElement(root, "ModelExchange", able), SubElement(root, "CoSimulation", simulation)
+
+
+def _add_variables(root: Element, heading: Heading, interface: Interface) -> Element:
+    """Add units, categories of the log and the experiment; return the element of the variables, which come next."""
+    _add_units(root, interface)
+    _add_log_categories(root)
+    _add_experiment(root, heading)
+    return SubElement(root, "ModelVariables")
+
+
+def _add_unknown(group: Element, kind: str, key: str, own: FmuVariable) -> None:
+    unknown = SubElement(group, kind, {key: str(own.reference)})
+    if own.depends is not None:
+        unknown.set("dependencies", " ".join(map(str, own.depends)))
+
+
+def _name(own: FmuVariable) -> dict[str, str]:
+    found = {"name": own.name, "valueReference": str(own.reference)}
+    found |= {"causality": own.causality, "variability": own.variability}
+    return found | ({"initial": own.initial} if own.initial else {})
+
+
 def _common(own: FmuVariable) -> dict[str, str]:
     found = {"unit": own.unit} if own.unit else {}
     found |= {"start": repr(own.start)} if own.start is not None else {}
-    return found | ({"nominal": repr(own.nominal)} if own.nominal != 1.0 else {})
+    found |= {"nominal": repr(own.nominal)} if own.nominal != 1.0 else {}
+    return found | ({"derivative": str(own.state)} if own.state is not None else {})
 
 
 def _say(entry: Element, own: FmuVariable) -> None:
