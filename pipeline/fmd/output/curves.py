@@ -34,33 +34,37 @@ class Drawn(NamedTuple):
         Of a motion, shape (n_times,) or (n_times, n_components).
     components : tuple of str
         Their names; empty for a single curve.
+    stated : tuple of str
+        Names under which the error budget has the components, or all of them.
     """
 
     label: str
     values: Callable[[Motion], Array]
     components: tuple[str, ...] = _XYZ
+    stated: tuple[str, ...] = ()
 
 
 _QUANTITIES: Mapping[str, Drawn] = {
-    "centre_of_mass": Drawn("position of the centre of mass [m]", lambda motion: motion.centre_of_mass),
+    "centre_of_mass": Drawn(
+        "position of the centre of mass [m]", lambda motion: motion.centre_of_mass, stated=("centre_of_mass",)
+    ),
     "com_velocity": Drawn("velocity of the centre of mass [m/s]", lambda motion: motion.centre_velocity),
     "com_angular_velocity": Drawn("angular velocity [rad/s]", lambda motion: motion.centre_angular_velocity, ()),
-    "momentum": Drawn("momentum [kg m/s]", lambda motion: motion.kinematics.momentum),
-    "angular_momentum": Drawn("angular momentum [kg m²/s]", lambda motion: motion.kinematics.angular_momentum),
-    "tip_position": Drawn("position of the tip [m]", lambda motion: motion.tip_position),
-    "tip_deflection": Drawn("deflection of the tip [m]", lambda motion: motion.tip_deflection),
+    "momentum": Drawn("momentum [kg m/s]", lambda motion: motion.kinematics.momentum, stated=("momentum",)),
+    "angular_momentum": Drawn(
+        "angular momentum [kg m²/s]", lambda motion: motion.kinematics.angular_momentum, stated=("angular_momentum",)
+    ),
+    "tip_position": Drawn("position of the tip [m]", lambda motion: motion.tip_position, stated=("tip.position",)),
+    "tip_deflection": Drawn(
+        "deflection of the tip [m]", lambda motion: motion.tip_deflection, stated=("tip.deflection",)
+    ),
     "tip_displacement": Drawn("displacement by deformation [m]", lambda motion: motion.tip_displacement),
     "energy": Drawn(
-        "energy [J]", lambda motion: np.stack(motion.energies, axis=1), components=("kinetic", "potential")
+        "energy [J]",
+        lambda motion: np.stack(motion.energies, axis=1),
+        ("kinetic", "potential"),
+        ("kinetic_energy", "potential_energy"),
     ),
-}
-# Names under which the error budget has a chart's quantities.
-_STATED = {
-    "centre_of_mass": "centre_of_mass",
-    "momentum": "momentum",
-    "angular_momentum": "angular_momentum",
-    "tip_position": "tip.position",
-    "tip_deflection": "tip.deflection",
 }
 _OF_CONTACTS: Mapping[str, tuple[str, Callable[[ContactHistory], Array]]] = {
     "contact_force": ("force of contact [N]", lambda own: np.linalg.norm(own.force, axis=1)),
@@ -107,9 +111,9 @@ def errors_of_curve(run: Pipeline, output: Chart) -> tuple[float, ...]:
     stated, quantity = VariableErrors(run), _FORMER.get(output.quantity, output.quantity)
     if not stated.has_budget:  # nothing is computed for it
         return ()
-    if quantity == "energy":
-        names, units = ["kinetic_energy", "potential_energy"], None
-    elif quantity == "element_stress":
+    drawn, units = _QUANTITIES.get(quantity), None
+    names = [*drawn.stated] * (len(drawn.components) // max(len(drawn.stated), 1)) if drawn else []
+    if quantity == "element_stress":
         name = f"{output.element}, von Mises stress"
         names = [name if output.component == "von Mises" else f"{output.element}.{output.component}"]
         units = "Pa", output.unit or "MPa"
@@ -118,11 +122,10 @@ def errors_of_curve(run: Pipeline, output: Chart) -> tuple[float, ...]:
         rate = quantity == "joint_rate"
         unit = run.motion.joint_unit(joint) + ("/s" if rate else "")
         names, units = [f"{joint}.{'rate' if rate else 'position'}"], (unit, output.unit or unit)
-    else:
-        name = f"{output.marker}.position" if quantity == "marker_position" else _STATED.get(quantity, "")
-        names, units = [name] * 3, None
-    sizes = [stated.of_quantity(name) if name else "" for name in names]
-    if any(isinstance(size, str) for size in sizes):
+    elif quantity == "marker_position":
+        names = [f"{output.marker}.position"] * 3
+    sizes = [stated.of_quantity(name) for name in names]
+    if not names or any(isinstance(size, str) for size in sizes):
         return ()
     errors = np.array(sizes, dtype=float)
     return tuple(float(x) for x in (errors if units is None else convert_values(errors, *units)))
