@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, Names, SceneName, Several, print_json
 from fmd.cli.sensitivities import split_names
-from fmd.cli.tables import open_console, print_files, print_table, print_warnings
+from fmd.cli.tables import open_console, print_files, print_records, print_table, print_warnings
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.limits.fitting import FRONT
@@ -53,21 +54,17 @@ def optimise(
     if points is not None and (len(aims) != 2 or points < 3):
         raise InputError("--points", "", points, "must be 3 or more, and belongs to two aims")
     run = settle(options.open(scene))
-    limits, varied = (
-        read_limits(run, split_names("--subject", subject or [])),
-        read_varied(run, split_names("--vary", vary)),
-    )
+    limits = read_limits(run, split_names("--subject", subject or []))
+    varied = read_varied(run, split_names("--vary", vary))
     folder, given = out or Path("out") / f"{run.scene.name}-design", options.set_ or ()
     if len(aims) == 2:
         found = find_front(run, (aims[0], aims[1]), limits, varied, points or FRONT)
+        write = partial(write_front, found, title=f"{run.scene.title}: front")
     else:
         found = [optimise_scene(run, aims[0][0], limits, varied, aims[0][1])]
+        write = partial(write_design, found[0])
     with refusing("--out", folder):
-        files = (
-            write_front(found, folder, scene, given, f"{run.scene.title}: front")
-            if len(aims) == 2
-            else write_design(found[0], folder, scene, given)
-        )
+        files = write(folder, scene, given)
     if options.json:
         print_json({"scene": run.scene.name, "designs": [each.summary() for each in found], "files": files})
         return
@@ -80,38 +77,18 @@ def optimise(
 
 def _print(found: Optimum) -> None:
     summary = found.summary()
-    columns = {"number": "{}", "first": "{:.5g}", "best": "{:.6g}", "unit": "{}", "": "{}"}
-    rows: list[tuple[Any, ...]] = [
-        (
-            row["key"],
-            row["start"],
-            row["value"],
-            row["unit"],
-            f"at its {row['at_bound']} bound" if row["at_bound"] else "",
-        )
-        for row in summary["parameters"]
-    ]
-    print_table("Design", columns, rows)
-    columns = {
-        "result": "{}",
-        "first": "{:.5g}",
-        "best": "{:.6g}",
-        "unit": "{}",
-        "limit": "{}",
-        "% per % of it": "{:+.3g}",
-    }
-    rows = [
-        (
-            row["name"],
-            row["start"],
-            row["value"],
-            row["unit"],
-            None if row["limit"] is None else f"{row['must']} {row['limit']:.6g}",
-            row["per_cent_of_aim"] if row["active"] else None,
-        )
+    columns = {"number": "key", "first": "start:.5g", "best": "value:.6g", "unit": "unit", "": "at"}
+    designs = [row | {"at": row["at_bound"] and f"at its {row['at_bound']} bound"} for row in summary["parameters"]]
+    print_records("Design", columns, designs)
+    columns = {"result": "name", "first": "start:.5g", "best": "value:.6g", "unit": "unit", "limit": "must"}
+    columns["% per % of it"] = "per_cent:+.3g"
+    results = [
+        row
+        | {"must": None if row["limit"] is None else f"{row['must']} {row['limit']:.6g}"}
+        | {"per_cent": row["per_cent_of_aim"] if row["active"] else None}
         for row in summary["results"]
     ]
-    print_table(f"Results: {summary['aim']} {summary['results'][0]['name']}", columns, rows)
+    print_records(f"Results: {summary['aim']} {summary['results'][0]['name']}", columns, results)
     open_console().print(
         f"{summary['designs']} designs; {100 * summary['gradient_left']:.2g} % of the gradient is left"
     )
@@ -122,9 +99,6 @@ def _print_front(found: list[Optimum]) -> None:
     first = found[0].design
     names = [parameter.key for parameter in first.values] + [channel.name for channel in first.channels]
     columns = {"design": "{}", **dict.fromkeys(names, "{:.5g}")}
-    print_table(
-        "Front",
-        columns,
-        [(k, *each.design.values.values(), *each.design.results) for k, each in enumerate(found, start=1)],
-    )
+    rows = [(k, *each.design.values.values(), *each.design.results) for k, each in enumerate(found, start=1)]
+    print_table("Front", columns, rows)
     print_warnings([warning for each in found for warning in each.warnings()], "design-N.json")

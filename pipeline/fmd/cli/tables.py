@@ -41,6 +41,13 @@ def print_table(title: str, columns: Mapping[str, str], rows: Iterable[Sequence[
     open_console().print(table)
 
 
+def print_records(title: str, columns: Mapping[str, str], records: Iterable[Mapping[str, Any]]) -> None:
+    """Print a table of records, whose columns are named by ``"key"`` or ``"key:format"`` of their values."""
+    keys = [form.partition(":")[0] for form in columns.values()]
+    forms = {name: f"{{{form[len(key) :]}}}" for (name, form), key in zip(columns.items(), keys, strict=True)}
+    print_table(title, forms, ([record[key] for key in keys] for record in records))
+
+
 def print_frequencies(summary: dict[str, Any]) -> None:
     """Print a table of each flexible body's frequencies; those of the first stand beside the scene's reference."""
     beside = [
