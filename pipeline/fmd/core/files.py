@@ -20,12 +20,12 @@ from fmd.core.limits.shown import DIGITS
 
 
 @contextmanager
-def refusing(option: str, path: Path, what: str = "written") -> Iterator[None]:
+def refusing(option: str, path: Path) -> Iterator[None]:
     """Raise what the system says of a file or folder that an option names as ``InputError``."""
     try:
         yield
     except OSError as error:
-        raise InputError(option, "", str(path), f"can't be {what}: {error.strerror or error}") from error
+        raise InputError(option, "", str(path), f"can't be written: {error.strerror or error}") from error
 
 
 def read_text(path: Path) -> str:

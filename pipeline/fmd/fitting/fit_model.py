@@ -40,11 +40,6 @@ class FitModel:
         """Number of motions and of linear models that have been computed."""
         return sum(each.solved for each in self.experiments)
 
-    @property
-    def n_data(self) -> int:
-        """Number of measured values."""
-        return sum(channel.values.size for channel in self.channels)
-
     def residuals(self, shares: Array) -> Array:
         """Return results less measurements over their noise, and priors over theirs, shape (n_residuals,)."""
         values = self._numbers(shares)

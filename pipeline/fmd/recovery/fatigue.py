@@ -191,9 +191,7 @@ class _Findley(_NormalStress):
 _Measure = _SignedVonMises | _NormalStress
 
 
-def fatigue_by_signed_von_mises(
-    stress: StressHistory, law: FatigueLaw, worst: int, share: float, workers: int | None = None
-) -> FatigueLife:
+def fatigue_by_signed_von_mises(stress: StressHistory, law: FatigueLaw, worst: int, share: float) -> FatigueLife:
     """Assess the von Mises stress with the sign of the principal stress that is the largest by size.
 
     Parameters
@@ -204,27 +202,19 @@ def fatigue_by_signed_von_mises(
         Number of nodes whose damage is wanted, those with the most.
     share : float
         Part of the largest damage down to which damage is wanted of all nodes, 1 for the worst nodes alone.
-    workers : int, optional
-        Threads; all cores by default. It changes no number.
     """
     modal, q = _decorrelated(stress)
-    return _assess(_SignedVonMises(modal), stress.nodes, q, law, worst, share, workers)
+    return _assess(_SignedVonMises(modal), stress.nodes, q, law, worst, share)
 
 
 def fatigue_by_critical_plane(
-    stress: StressHistory,
-    normals: Array,
-    law: FatigueLaw,
-    worst: int,
-    share: float,
-    planes: int = 18,
-    workers: int | None = None,
+    stress: StressHistory, normals: Array, law: FatigueLaw, worst: int, share: float, planes: int = 18
 ) -> FatigueLife:
     """Assess the normal stress on planes across the surface, and keep the plane with the most damage.
 
     Parameters
     ----------
-    stress, worst, share, workers
+    stress, worst, share
         As for `fatigue_by_signed_von_mises`.
     normals : ndarray, shape (n_nodes, 3)
         Unit normals of the surface at the nodes.
@@ -232,17 +222,11 @@ def fatigue_by_critical_plane(
         Number of planes, evenly over half a turn about the surface's normal.
     """
     rows, axes, q = _in_surface(stress, normals)
-    return _assess(_NormalStress(rows, axes, planes), stress.nodes, q, law, worst, share, workers)
+    return _assess(_NormalStress(rows, axes, planes), stress.nodes, q, law, worst, share)
 
 
 def fatigue_by_findley(
-    stress: StressHistory,
-    normals: Array,
-    law: FatigueLaw,
-    worst: int,
-    share: float,
-    planes: int = 18,
-    workers: int | None = None,
+    stress: StressHistory, normals: Array, law: FatigueLaw, worst: int, share: float, planes: int = 18
 ) -> FatigueLife:
     """Assess Findley's parameter ``τ_a + k σ_n`` on planes of all directions, and keep the plane with the most damage.
 
@@ -254,7 +238,7 @@ def fatigue_by_findley(
     bending, J Eng Ind 81 (1959) 301-306.
     """
     rows, axes, q = _in_surface(stress, normals)
-    return _assess(_Findley(rows, axes, planes, law.findley), stress.nodes, q, law, worst, share, workers)
+    return _assess(_Findley(rows, axes, planes, law.findley), stress.nodes, q, law, worst, share)
 
 
 def _in_surface(stress: StressHistory, normals: Array) -> tuple[Array, Array, Array]:
@@ -290,9 +274,7 @@ def _floor(damage: Array, worst: int, share: float) -> float:
     return float(min(last, share * damage.max()))
 
 
-def _assess(
-    measure: _Measure, nodes: IntArray, q: Array, law: FatigueLaw, worst: int, share: float, workers: int | None
-) -> FatigueLife:
+def _assess(measure: _Measure, nodes: IntArray, q: Array, law: FatigueLaw, worst: int, share: float) -> FatigueLife:
     """Assess nodes in the order of the bounds of their damage, down to what is wanted."""
     from fmd.recovery.kernels.rainflow import bound_damage
 
@@ -312,7 +294,7 @@ def _assess(
         measure.damage(tensors, numbers, own, numbered)
         damage[chosen], planes[chosen] = own, numbered
 
-    with threadpool_limits(1), ThreadPoolExecutor(workers or os.cpu_count()) as threads:
+    with threadpool_limits(1), ThreadPoolExecutor(os.cpu_count()) as threads:
         for start in range(0, n_nodes, FATIGUE_ROUND):
             if bounds[order[start]] <= (_floor(damage, worst, share) if start else -math.inf):
                 break

@@ -16,6 +16,7 @@ from fmd.render.figure import open_figure
 
 LEAST_GROWTH, MOST_GROWTH = 1e-6, 10.0  # ends of the colour scale
 SURFACE_LINES = 50
+_STABLE = 1e-9  # excess of a spectral radius over 1 that counts as stable
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ class Panel:
         require_shape("rho", self.rho, (len(self.omega_l), len(self.omega_s)))
 
 
-def draw_stability(panels: Sequence[Panel], path: Path, *, title: str, tolerance: float = 1e-9) -> None:
+def draw_stability(panels: Sequence[Panel], path: Path, *, title: str) -> None:
     """Draw stability maps side by side; a single one stands beside its surface of 0 (stable) and 1.
 
     Parameters
@@ -52,8 +53,6 @@ def draw_stability(panels: Sequence[Panel], path: Path, *, title: str, tolerance
         PNG, PDF or SVG.
     title : str
         Heading.
-    tolerance : float
-        Excess of a spectral radius over 1 that counts as stable.
     """
     single = len(panels) == 1
     columns = 2 if single else min(len(panels), 3)
@@ -62,16 +61,16 @@ def draw_stability(panels: Sequence[Panel], path: Path, *, title: str, tolerance
     with open_figure(path, size, 90) as figure:
         figure.suptitle(title, fontsize=15)
         if single:
-            _add_surface(figure.add_subplot(1, 2, 1, projection="3d"), panels[0], tolerance)
+            _add_surface(figure.add_subplot(1, 2, 1, projection="3d"), panels[0])
         maps = [figure.add_subplot(rows, columns, 2 if single else number) for number in range(1, len(panels) + 1)]
-        colours = [_add_map(axes, panel, tolerance) for axes, panel in zip(maps, panels, strict=True)]
+        colours = [_add_map(axes, panel) for axes, panel in zip(maps, panels, strict=True)]
         bar = figure.colorbar(colours[-1], ax=maps, shrink=0.85)
         bar.set_label("growth of a major cycle, ρ − 1", fontsize=11)
 
 
-def _add_map(axes: Axes, panel: Panel, tolerance: float) -> Any:
+def _add_map(axes: Axes, panel: Panel) -> Any:
     """Add a panel's growth in colours and the limits of central differences; return the colours."""
-    growth = np.where(panel.rho > 1 + tolerance, np.clip(panel.rho - 1, LEAST_GROWTH, MOST_GROWTH), np.nan)
+    growth = np.where(panel.rho > 1 + _STABLE, np.clip(panel.rho - 1, LEAST_GROWTH, MOST_GROWTH), np.nan)
     axes.set_facecolor("#eef3ee")
     colours = axes.pcolormesh(
         panel.omega_s,
@@ -92,10 +91,10 @@ def _add_map(axes: Axes, panel: Panel, tolerance: float) -> Any:
     return colours
 
 
-def _add_surface(axes: Any, panel: Panel, tolerance: float) -> None:
+def _add_surface(axes: Any, panel: Panel) -> None:
     """Add a panel as a surface that is 0 where the scheme is stable and 1 elsewhere."""
     every_s, every_l = (max(1, len(omega) // SURFACE_LINES) for omega in (panel.omega_s, panel.omega_l))
-    unstable = (panel.rho > 1 + tolerance)[::every_l, ::every_s].astype(float)
+    unstable = (panel.rho > 1 + _STABLE)[::every_l, ::every_s].astype(float)
     x, y = np.meshgrid(panel.omega_s[::every_s], panel.omega_l[::every_l])
     axes.plot_surface(x, y, unstable, color="#e8a13a", linewidth=0, rcount=SURFACE_LINES, ccount=SURFACE_LINES)
     axes.set_zlim(0, 1)

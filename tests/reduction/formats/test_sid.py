@@ -14,7 +14,7 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.fem.assembly import assemble
 from fmd.integrators.protocol import evaluate
 from fmd.reduction.formats.sid_file import read_sid, write_sid
-from fmd.reduction.formats.sid_terms import Taylor, equations_of_motion, modal_data_of, sid_terms
+from fmd.reduction.formats.sid_terms import Taylor, modal_data_of, sid_terms
 from fmd.reduction.inertia import inertia_integrals
 from fmd.reduction.modal_data import ModalData
 from fmd.scene.joints.free import FREE
@@ -25,6 +25,25 @@ BODY = point_body()
 
 def tilde(v):
     return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+def equations_of_motion(mass, terms, q, rates, spin):
+    """Mass matrix (6 + n, 6 + n), and what stands beside it on the left, (6 + n,), from SID's terms as published."""
+    at = {name: term.at(q) for name, term in terms.items()}
+    J = at["J"] if at["J"].shape == (3, 3) else at["J"][np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]]), 0]
+    n, c, W = len(q), at["mdCM"][:, 0], tilde(spin)
+    M = np.zeros((6 + n, 6 + n))
+    M[:3, :3], M[3:6, 3:6], M[6:, 6:] = mass * np.eye(3), J, at["Me"]
+    M[3:6, :3], M[:3, 3:6] = tilde(c), -tilde(c)
+    M[6:, :3], M[6:, 3:6] = at["Ct"], at["Cr"]
+    M[:3, 6:], M[3:6, 6:] = at["Ct"].T, at["Cr"].T
+    rotation = np.einsum("ajb,j,b->a", at["Gr"].reshape(3, n, 3), rates, spin)
+    modal = np.einsum("ijb,j,b->i", at["Ge"].reshape(n, n, 3), rates, spin)
+    x, y, z = spin
+    modal += at["Oe"] @ np.array([x * x, y * y, z * z, x * y, y * z, x * z])
+    modal += at["Ke"] @ q + at["De"] @ rates
+    translation = W @ W @ c + 2 * W @ at["Ct"].T @ rates
+    return M, np.concatenate([translation, W @ J @ spin + rotation, modal])
 
 
 def test_terms_are_the_integrals_over_a_part_of_tetrahedra(box_mesh, steel):

@@ -66,11 +66,6 @@ class MarkerMotion:
     turns: list[Vector]
     angle: tuple[Array, Scalar] | None = None
 
-    @property
-    def bent(self) -> bool:
-        """True if slopes and turns change with the modal coordinates."""
-        return bool(self.shapes.displacement2.any())
-
 
 def trace_marker(graph: Graph, at: MarkerShapes, q: Vector, v: Vector) -> MarkerMotion:
     """Trace the motion of a marker for the modal coordinates and rates of its body."""

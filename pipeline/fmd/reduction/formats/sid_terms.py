@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import EPSILON, Array
+from fmd.core.arrays import Array
 from fmd.core.limits.files import LOST_BY_SUBTRACTION, SAME_INTEGRAL, STIFFENS
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
@@ -192,46 +192,3 @@ def _compare(name: str, term: Array, expected: Array, others: str) -> list[str]:
     if apart <= SAME_INTEGRAL * size:
         return []
     return [f"{name} is not what {others} give, by {apart / size:.1e} of its largest entry; the latter are taken"]
-
-
-def equations_of_motion(
-    mass: float, terms: Mapping[str, Taylor], q: Array, rates: Array, spin: Array
-) -> tuple[Array, Array]:
-    """Evaluate a body's mass matrix and the terms of its velocities from SID.
-
-    Parameters
-    ----------
-    mass : float
-        Mass [kg].
-    terms : mapping of str to Taylor
-        The terms `PARTS`.
-    q, rates : ndarray, shape (n,)
-        Modal coordinates and their rates.
-    spin : ndarray, shape (3,)
-        Angular velocity along the frame's axes [rad/s].
-
-    Returns
-    -------
-    (ndarray, ndarray), shapes (6 + n, 6 + n) and (6 + n,)
-        Mass matrix of translation, rotation and modes, and what stands beside it on the left: inertia forces of
-        velocities, elastic and damping forces.
-    """
-    at = {name: (_tensor(term) if name == "J" else term).at(q) for name, term in terms.items()}
-    n, c, W = len(q), at["mdCM"][:, 0], _tilde(spin)
-    M = np.zeros((6 + n, 6 + n))
-    M[:3, :3], M[3:6, 3:6], M[6:, 6:] = mass * np.eye(3), at["J"], at["Me"]
-    M[3:6, :3], M[:3, 3:6] = _tilde(c), -_tilde(c)
-    M[6:, :3], M[6:, 3:6] = at["Ct"], at["Cr"]
-    M[:3, 6:], M[3:6, 6:] = at["Ct"].T, at["Cr"].T
-    rotation = np.einsum("ajb,j,b->a", at["Gr"].reshape(3, n, 3), rates, spin)
-    modal = np.einsum("ijb,j,b->i", at["Ge"].reshape(n, n, 3), rates, spin)
-    x, y, z = spin
-    modal += at["Oe"] @ np.array([x * x, y * y, z * z, x * y, y * z, x * z])
-    modal += at["Ke"] @ q + at["De"] @ rates
-    translation = W @ W @ c + 2 * W @ at["Ct"].T @ rates
-    return M, np.concatenate([translation, W @ at["J"] @ spin + rotation, modal])
-
-
-def _tilde(v: Array) -> Array:
-    """Matrix of the cross product ``v ×``."""
-    return np.asarray(-EPSILON @ v)
