@@ -56,12 +56,12 @@ class CornerStress:
 
     @property
     def text(self) -> str:
-        """What is wrong with the largest stress."""
+        """Text about a largest stress that grows with each finer mesh."""
         return f"stress has no limit at the re-entrant edge of {np.degrees(self.angle):.0f} degrees where it is largest"
 
     @property
     def warning(self) -> str:
-        """What was seen, and what helps."""
+        """Warning with the growth that was measured, and a remedy."""
         part, (coarse, own) = part_of(self.body) or self.body, self.stress
         at = ", ".join(f"{1e3 * x:.4g}" for x in self.place)
         return (

@@ -1,4 +1,4 @@
-"""What the forces on points do to the frames and modes of their bodies: equal and opposite, at one place in space."""
+"""Loads on frames and modes of bodies by forces on points: equal and opposite, at one place in space."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ class ContactTable(Table):
 
     @property
     def memory(self) -> Array:
-        """What a march needs of its last step to go on."""
+        """State of the contacts after a step, from which a march goes on."""
         return np.concatenate([own.ravel() for own in self._remembered])
 
     @property

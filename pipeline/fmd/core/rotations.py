@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +42,11 @@ def rotation_matrix(angle: Array) -> Array:
     sine = (1.0 - square * two)[:, None, None]
     skew = _skew(angle)
     return np.asarray(np.eye(3) + sine * skew + one[:, None, None] * (skew @ skew))
+
+
+def rotation_by(vector: Sequence[float] | Array) -> Array:
+    """Rotation by one vector (3,) [rad], shape (3, 3)."""
+    return np.asarray(rotation_matrix(np.array([vector], dtype=float))[0])
 
 
 def _coefficients(square: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""What a deck connects to its solid elements: rigid and average links, equations, springs and lumped masses.
+"""Connections of a deck's solid elements: rigid and average links, equations, springs and lumped masses.
 
 Points are those of the solid's mesh, and behind them others, which have displacement and rotation. `fem.deck_links`
 turns this into links of the finite element model.

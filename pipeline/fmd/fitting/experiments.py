@@ -1,4 +1,4 @@
-"""What is measured on a scene: histories of its first run, which the scene with other numbers has, too."""
+"""Measured histories of a scene's first run, which the scene with other numbers has, too."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Experiment(Protocol):
 
     @property
     def channels(self) -> tuple[MeasuredChannel, ...]:
-        """What is measured."""
+        """Channels that are measured."""
 
     @property
     def axis(self) -> tuple[str, Array]:

@@ -64,14 +64,14 @@ class Fit:
 
     @property
     def intervals(self) -> list[tuple[float, float]]:
-        """Their 95 % intervals [SI]."""
+        """95 % intervals of the fitted numbers [SI]."""
         half = self.half_widths
         ends = zip(self.model.values(self.shares - half), self.model.values(self.shares + half), strict=True)
         return [(min(pair), max(pair)) for pair in ends]
 
     @property
     def at_bounds(self) -> list[bool]:
-        """Whether each number has come to one of its bounds."""
+        """True for each number that has come to one of its bounds."""
         found = []
         for varied, share in zip(self.model.varied, self.shares, strict=True):
             ends = np.array([varied.to_share(varied.low), varied.to_share(varied.high)])

@@ -1,4 +1,4 @@
-"""What data can tell of numbers: bounds of their errors, correlations, and tests of residuals."""
+"""Information of data on numbers: bounds of their errors, correlations, and tests of residuals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 
 @dataclass(frozen=True)
 class Information:
-    """What residuals with unit noise tell of the numbers that they depend on.
+    """Information in residuals with unit noise on the numbers that they depend on.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is measured on a scene's small motions: modes, and frequency responses."""
+"""Measured small motions of a scene: modes, and frequency responses."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _LIMIT = re.compile(r"\s*(\S+?)\s*(>=|<=)\s*(.+?)\s*")
 
 @dataclass(frozen=True)
 class Limit:
-    """What a result of a design must reach, or not exceed.
+    """Value that a result of a design must reach, or not exceed.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Optimum:
 
     @cached_property
     def active(self) -> BoolArray:
-        """Whether each limit is met with nothing to spare, shape (n_limits,)."""
+        """True for each limit that is met with nothing to spare, shape (n_limits,)."""
         return np.abs(margins(self.design, self.limits)) <= MET
 
     @cached_property

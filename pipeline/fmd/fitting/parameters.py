@@ -41,7 +41,7 @@ class Parameter:
 
     @property
     def meaning(self) -> str:
-        """What stands after the value: its unit, or that it is a factor."""
+        """Text after the value: a unit, or that it is a factor."""
         return self.unit or ("times the scene's" if self.is_factor else "")
 
 

@@ -52,7 +52,7 @@ class Sensitivity:
 
     @property
     def relative_error(self) -> float:
-        """What `relative` may be off by."""
+        """Possible error of `relative`."""
         return abs(self._share(self.error))
 
     @property

@@ -1,4 +1,4 @@
-"""What tolerances of a scene's numbers make of its results, and which number most of it comes from."""
+"""Uncertainty of results by tolerances of a scene's numbers, and which number most of it comes from."""
 
 from __future__ import annotations
 

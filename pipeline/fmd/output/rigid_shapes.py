@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.rotations import rotation_matrix
+from fmd.core.rotations import rotation_by
 from fmd.stages.visual_files import read_visual
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def _given_surface(run: Pipeline, body: str, number: int) -> Surface:
     visual = table.visual[number]
     match visual.type:
         case "box":
-            return make_box(np.array(visual.size), np.array(visual.at), _turn(visual.rotation))
+            return make_box(np.array(visual.size), np.array(visual.at), rotation_by(visual.rotation))
         case "cylinder":
             return make_cylinder(np.array(visual.start), np.array(visual.end), visual.radius)
         case "rod":
@@ -58,12 +58,8 @@ def _given_surface(run: Pipeline, body: str, number: int) -> Surface:
                 raise InputError(run.scene.file, key, "rod", "needs two markers at different places; the body has one")
             return join_surfaces([make_cylinder(one, other, visual.radius) for one, other in pairwise(places)])
     points, triangles = read_visual(run.scene, body, number, run.store.cache)
-    placed = points @ _turn(visual.rotation).T + np.array(visual.at)
+    placed = points @ rotation_by(visual.rotation).T + np.array(visual.at)
     return Surface(placed, triangles, np.empty((0, 2), dtype=np.int64))
-
-
-def _turn(vector: Sequence[float]) -> Array:
-    return np.asarray(rotation_matrix(np.array([vector], dtype=float))[0])
 
 
 def _usual_surface(table: Any, size: float) -> Surface:

@@ -13,7 +13,7 @@ from fmd.scene.values import Axis, Number, PlaceName
 
 
 class Contact(SceneTable):
-    """What a face of a flexible body may touch, a plane of the ground or a face of another body, and its friction.
+    """A contact of a flexible body's face with a plane of the ground or a face of another body, and its friction.
 
     A face is that of an averaged marker; its points are those that a constant pressure acts on. What the bodies' modes
     leave out of the deflection by forces on them is known from the meshes, and so is the pressure.

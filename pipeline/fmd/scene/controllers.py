@@ -29,7 +29,7 @@ class Controller(FormulaVariables):
 
     @property
     def formulas(self) -> Mapping[str, str]:
-        """Its formulas, by their keys."""
+        """Formulas of the controller, by their keys."""
         given = ((key, getattr(self, key)) for key in self.inputs)
         return {key: text for key, text in given if text is not None}
 

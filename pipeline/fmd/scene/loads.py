@@ -36,7 +36,7 @@ class JointDrive(SceneTable):
 
     @property
     def load(self) -> TimeFunction | None:
-        """Its force or torque over time; ``None`` for a pulse and for a motion."""
+        """Force or torque over time; ``None`` for a pulse and for a motion."""
         return None
 
     def pulse(self, _inertia: float) -> tuple[float, float, float] | None:
@@ -122,7 +122,7 @@ class TorqueDrive(JointDrive):
 
     @property
     def load(self) -> TimeFunction:
-        """Its torque over time."""
+        """Torque over time."""
         return self.torque
 
 
@@ -152,7 +152,7 @@ class ForceDrive(JointDrive):
 
     @property
     def load(self) -> TimeFunction:
-        """Its force over time."""
+        """Force over time."""
         return self.force
 
 
@@ -189,7 +189,7 @@ class MotionDrive(JointDrive):
 
     @property
     def motion(self) -> TimeFunction:
-        """Its angle or position over time."""
+        """Angle or position over time."""
         given = self.angle or self.position
         assert given is not None  # the scene's own check
         return given
@@ -217,7 +217,7 @@ class MarkerLoad(SceneTable):
 
     @property
     def size(self) -> TimeFunction:
-        """Its force or torque over time."""
+        """Force or torque over time."""
         raise NotImplementedError
 
 
@@ -245,7 +245,7 @@ class PointForce(MarkerLoad):
 
     @property
     def size(self) -> TimeFunction:
-        """Its force over time."""
+        """Force over time."""
         return self.force
 
 
@@ -277,7 +277,7 @@ class PointTorque(MarkerLoad):
 
     @property
     def size(self) -> TimeFunction:
-        """Its torque over time."""
+        """Torque over time."""
         return self.torque
 
 

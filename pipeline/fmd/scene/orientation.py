@@ -11,7 +11,7 @@ from pydantic import model_validator
 from fmd.core.arrays import Array
 from fmd.core.limits.round_off import EXACT
 from fmd.core.limits.scene import SQUARE
-from fmd.core.rotations import rotation_matrix
+from fmd.core.rotations import rotation_by
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Axis, Turn
 
@@ -90,7 +90,7 @@ class Orientation(SceneTable):
         if not self.is_turned:
             return np.eye(3)
         if self.axes is None:
-            axes = rotation_matrix(np.array([self.rotate]))[0]
+            axes = rotation_by(self.rotate)
             whole = np.rint(axes) + 0.0  # 90° has zeros and ones
             return np.asarray(np.where(np.abs(axes - whole) <= EXACT, whole, axes))
         (name, first), (other, near) = ((name, np.array(axis)) for name, axis in self.axes.given.items())

@@ -1,4 +1,4 @@
-"""Which contacts have a grid with a half-space's near field, where it is on its face, and how wide."""
+"""Grids of contacts with a half-space's near field: which contacts have one, where on its face, and how wide."""
 
 from __future__ import annotations
 

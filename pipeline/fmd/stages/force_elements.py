@@ -11,7 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.formula import parse_formula
-from fmd.core.rotations import rotation_matrix
+from fmd.core.rotations import rotation_by
 from fmd.dynamics.closures import Place
 from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
@@ -85,9 +85,9 @@ def _spring(name: str, given: Spring, locate: Locate) -> PointSpring:
 
 def _bushing(scene: Scene, name: str, given: Bushing, locate: Locate) -> SixAxisSpring:
     first, second = _ends(given.between, locate)
-    first = replace(first, axes=first.axes @ _rotation(given.rotation))
+    first = replace(first, axes=first.axes @ rotation_by(given.rotation))
     if given.turn != "start":
-        second = replace(second, axes=second.axes @ _rotation(given.turn).T)
+        second = replace(second, axes=second.axes @ rotation_by(given.turn).T)
     K, C = (_matrix(*pair) for pair in ((given.stiffness, given.stiffness_matrix), (given.damper, given.damper_matrix)))
     position = np.zeros(3) if given.position == "start" else np.array(given.position, dtype=float)
     try:
@@ -110,7 +110,7 @@ def _relaxed(bushing: SixAxisSpring, strain: Array, position: bool, turn: bool) 
     """Move the rest of a bushing to where it is, by its position, by its turn, or by both."""
     first, second = bushing.ends
     if turn and bushing.twists:
-        second = replace(second, axes=second.axes @ _rotation(strain[3:]).T)
+        second = replace(second, axes=second.axes @ rotation_by(strain[3:]).T)
     moved = bushing.position + strain[:3] if position else bushing.position
     return replace(bushing, position=moved, ends=(first, second))
 
@@ -140,10 +140,6 @@ def _matrix(diagonal: Sequence[float] | None, full: Sequence[Sequence[float]] | 
     if full is not None:
         return np.array(full, dtype=float)
     return np.zeros((6, 6)) if diagonal is None else np.diag(np.array(diagonal, dtype=float))
-
-
-def _rotation(vector: Sequence[float] | Array) -> Array:
-    return np.asarray(rotation_matrix(np.array([vector], dtype=float))[0])
 
 
 def _turned_to(axis: Array) -> Array:

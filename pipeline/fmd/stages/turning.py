@@ -12,7 +12,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.rotors import ALIKE_AROUND, COMPARED_TURN, ECCENTRIC, ON_AXIS, SHORTEST_RATE, STEADY_RATE
 from fmd.core.limits.round_off import EXACT
-from fmd.core.rotations import matrix_of_quaternion, quaternion_of_matrix, rotation_matrix
+from fmd.core.rotations import matrix_of_quaternion, quaternion_of_matrix, rotation_by
 from fmd.dynamics.kinematics import Kinematics
 from fmd.integrators.protocol import evaluate_projection
 from fmd.responses.linearisation import Linearisation
@@ -61,7 +61,7 @@ class InBearings:
     def turned(self, q: Array, angle: float) -> tuple[Array, Rotation]:
         """Return positions turned as a whole by an angle [rad], and the rotation at no rate there."""
         out, place = q.copy(), slice(self.at, self.at + 4)
-        turn = rotation_matrix(angle * (self.into_place @ self.axis)[None])[0]
+        turn = rotation_by(angle * (self.into_place @ self.axis))
         out[place] = quaternion_of_matrix((turn @ matrix_of_quaternion(q[None, place])[0])[None])[0]
         return out, self.rotation(0.0, out)
 

@@ -51,7 +51,7 @@ class Range:
 
     @property
     def values(self) -> tuple[str, ...]:
-        """Its values, evenly spaced, both ends among them."""
+        """Values of the range, evenly spaced, both ends among them."""
         return self.at(np.linspace(0.0, 1.0, self.count))
 
 

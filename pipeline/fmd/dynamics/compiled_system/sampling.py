@@ -13,7 +13,7 @@ from fmd.dynamics.controllers import HeldValues, SampledController
 
 
 class Measurement:
-    """What a mechanism's sampled controllers measure, by its compiled function, into arrays that are made once.
+    """Measurements of a mechanism's sampled controllers by a compiled function, into arrays that are made once.
 
     Parameters
     ----------

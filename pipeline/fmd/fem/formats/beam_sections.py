@@ -31,7 +31,7 @@ class DrawnSection(NamedTuple):
 
 
 class BeamElement(NamedTuple):
-    """What the card of a beam says beside its nodes.
+    """Section, orientation and offsets of a beam by its card.
 
     Attributes
     ----------
