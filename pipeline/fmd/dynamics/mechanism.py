@@ -223,6 +223,12 @@ class Mechanism:
         """Joints that close loops, without couplers."""
         return tuple(closure for closure in self.closures if isinstance(closure, Closure))
 
+    @property
+    def joint_children(self) -> dict[str, str]:
+        """Name of the body that each joint holds at its child's place, by the joints' names; empty for the ground."""
+        children = {link.joint_name: link.name for link in self.links}
+        return children | {joint.name: joint.second.body for joint in self.closing_joints}
+
     def closed_places(self, body: str) -> list[MarkerShapes]:
         """Places of a body that joints which close loops constrain."""
         ends = [place for joint in self.closing_joints for place in (joint.first, joint.second)]

@@ -96,9 +96,7 @@ class VariableErrors:
     def _with_turn(self, name: str, size: float) -> float | str:
         """Add what the error of a body's orientation makes of a vector in its axes; a frame that rests has none."""
         owner = name.rpartition(".")[0]
-        children = {link.joint_name: link.name for link in self._run.motion.mechanism.links}
-        children |= {joint.name: joint.second.body for joint in self._run.motion.mechanism.closing_joints}
-        body = children.get(owner, owner.partition(".")[0])
+        body = self._run.motion.mechanism.joint_children.get(owner, owner.partition(".")[0])
         turn = self._rows.get(f"{body}.orientation")
         if turn is None:
             return size

@@ -29,8 +29,7 @@ def coordinate_variables(motion: Motion, joints: Sequence[str], rates: bool) -> 
 
 def reaction_variables(motion: Motion, joints: Sequence[str], in_body: bool) -> Iterator[Variable]:
     """Return force and moment of some joints on their children, in space or in the children's axes."""
-    children = {link.joint_name: link.name for link in motion.mechanism.links}
-    children |= {joint.name: joint.second.body for joint in motion.mechanism.closing_joints}
+    children = motion.mechanism.joint_children
     for joint in joints:
         child, both = children[joint], motion.joint_loads.reactions[joint][:, 1]
         where = f"in the axes of {child}" if in_body and child else "in space"

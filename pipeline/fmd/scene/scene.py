@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, get_origin
 
 from pydantic import PrivateAttr, ValidationError, ValidationInfo, model_validator
 
@@ -22,18 +22,8 @@ from fmd.scene.scene_tables import SceneTables
 from fmd.scene.simulation import Simulation
 from fmd.scene.tolerances import split_tolerances
 
-_NAMED = (
-    "body",
-    "ground",
-    "joint",
-    "drive",
-    "controller",
-    "coupler",
-    "spring",
-    "bushing",
-    "bearing",
-    "contact",
-)  # tables of tables by name
+# Tables of tables by name.
+_NAMED = tuple(name for name, field in SceneTables.model_fields.items() if get_origin(field.annotation) is dict)
 
 
 class PublishedResults(SceneTable):
