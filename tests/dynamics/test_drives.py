@@ -25,6 +25,7 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import evaluate
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
+from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import inertia_integrals
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
@@ -107,9 +108,10 @@ class Arm:
     def section(self, load: PointLoad, z: Array) -> tuple[Array, Array]:
         """Where a load's point is, and how its section is turned."""
         origin, R = self.frames(z)[NAMES.index(load.body)]
-        if not load.shapes.size:
-            return origin + R @ load.place, R
-        return origin + R @ (load.place + load.shapes @ z[3:]), R @ expm(tilde(load.rotations @ z[3:]))
+        at = load.marker
+        if not at.translation.size:
+            return origin + R @ at.position, R
+        return origin + R @ (at.position + at.translation @ z[3:]), R @ expm(tilde(at.rotation @ z[3:]))
 
     def places(self, z: Array) -> Array:
         """All points in space, shape (n_points, 3)."""
@@ -153,8 +155,11 @@ class Arm:
             place = R @ link.place + (shift if link.parent < 0 else 0.0)
             inner = {"place_shapes": R @ link.place_shapes, "place_rotations": R @ link.place_rotations}
             links.append(replace(link, integrals=integrals, place=place, axis=R @ link.axis, **inner))
-        vectors = ("direction", "place", "shapes", "rotations")
-        loads = [replace(at, **{name: R @ getattr(at, name) for name in vectors}) for at in self.tree.loads]
+        loads = []
+        for load in self.tree.loads:
+            at = load.marker
+            marker = MarkerShapes(R @ at.position, R @ at.translation, R @ at.rotation)
+            loads.append(replace(load, direction=R @ load.direction, marker=marker))
         tree = replace(self.tree, links=links, loads=loads, gravity=R @ self.tree.gravity)
         return Arm(tree, tuple(points))
 
@@ -187,9 +192,8 @@ def at(body: str, size: Signal, seed: int = 0, **kind: bool) -> PointLoad:
     """A load at a random point of a body."""
     rng = np.random.default_rng(seed)
     shapes, rotations = (0.5 * rng.normal(size=(2, 3, 2))) if body == "lower" else np.zeros((2, 3, 0))
-    return PointLoad(
-        body, rng.normal(size=3), size, place=rng.normal(size=3), shapes=shapes, rotations=rotations, **kind
-    )
+    direction, place = rng.normal(size=3), rng.normal(size=3)
+    return PointLoad(body, direction, size, marker=MarkerShapes(place, shapes, rotations), **kind)
 
 
 class Case(NamedTuple):

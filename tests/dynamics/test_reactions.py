@@ -41,10 +41,10 @@ def load_wrench(made: PointMechanism, load: PointLoad, q: Array) -> tuple[Array,
     """Force and moment of a load about the ground's origin, by its place and section."""
     k = made.mechanism.number_of(load.body)
     origin, R, z = kane.frames(made, TIME, q)[k]
-    bent, turned = kane.marker_motion(load.shapes, load.rotations, load.displacement2, z)
+    bent, turned = kane.marker_motion(load.marker.translation, load.marker.rotation, load.marker.displacement2, z)
     value = load.size.value(TIME)[0] * load.direction / np.linalg.norm(load.direction)
     value = R @ kane.expm(kane.tilde(turned)) @ value if load.following else value
-    value, place = value.real, (origin + R @ (load.place + bent)).real
+    value, place = value.real, (origin + R @ (load.marker.position + bent)).real
     return (np.zeros(3), value) if load.torque else (value, np.cross(place, value))
 
 

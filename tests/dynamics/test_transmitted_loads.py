@@ -12,6 +12,7 @@ from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
 from fmd.dynamics.transmitted_loads import geometric_stiffness_over, transmitted_loads, without_negligible_terms
+from fmd.reduction.body import MarkerShapes
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.free import FREE
 from fmd.scene.joints.revolute import REVOLUTE
@@ -32,7 +33,9 @@ def test_joints_transmit_the_torques_that_drive_them() -> None:
         Link("upper", ROD, REVOLUTE, axis=np.array([0.0, 0.0, 1.0]), load=constant(3.0)),
         Link("lower", ROD, REVOLUTE, 0, AT_END, np.array([0.0, 1.0, 0.0]), spring=5.0, rest=0.3, load=constant(-0.7)),
     ]
-    twist = PointLoad("lower", np.array([0.0, 0.6, 0.8]), constant(0.4), torque=True, following=True, place=AT_END)
+    twist = PointLoad(
+        "lower", np.array([0.0, 0.6, 0.8]), constant(0.4), torque=True, following=True, marker=MarkerShapes(AT_END)
+    )
     mechanism = Mechanism(links, gravity=np.array([1.0, -9.8, 2.0]), loads=[twist])
     compiled, times = compile_mechanism(mechanism), np.linspace(0.0, 1.0, 2001)
     done = solve_ivp(

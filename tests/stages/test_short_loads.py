@@ -62,7 +62,7 @@ def closed_form(run: Pipeline) -> np.ndarray[Any, Any]:
     (link,), (load,) = run.mechanism.links, run.mechanism.loads
     h = 1e-6
     t = h * np.arange(round(run.output_times[-1] / h) + 1)
-    force = np.outer(load.direction @ load.shapes, load.size.values(t)[:, 0])
+    force = np.outer(load.direction @ load.marker.translation, load.size.values(t)[:, 0])
     pole = link.omega * (-link.damping + 1j * np.sqrt(1 - link.damping**2))
     from scipy.signal import lfilter
 

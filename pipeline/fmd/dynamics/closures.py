@@ -40,8 +40,7 @@ class Place:
 
 def fixed_place(position: Array) -> Place:
     """Make a place on the ground, shape (3,) [m]."""
-    nothing = np.zeros((3, 0))
-    return Place(GROUND, MarkerShapes(np.asarray(position, dtype=float), nothing, nothing))
+    return Place(GROUND, MarkerShapes(np.asarray(position, dtype=float)))
 
 
 @dataclass(frozen=True)

@@ -110,8 +110,9 @@ def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
         forces.append(link.joint_rotation * inertia)
     for load in mechanism.loads:
         if load.body == link.name:
-            forces += list((load.rotations * inertia) if load.torque else (load.shapes * size))
-            couplings += list(load.displacement2)
+            at = load.marker
+            forces += list((at.rotation * inertia) if load.torque else (at.translation * size))
+            couplings += list(at.displacement2)
     for element in mechanism.elements:
         for end in element.ends:
             if end.body == link.name:

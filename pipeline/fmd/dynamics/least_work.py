@@ -75,12 +75,9 @@ def _least_work(mechanism: Mechanism, loads: Sequence[BodyLoads], states: Sequen
 
 def _modal(mechanism: Mechanism, body: int, wrenches: Array) -> Array:
     """Return the modal forces (n,) of loads (n_loads, 6) on a body, in its axes."""
-    carried, points, frozen = loaded_places(mechanism, body)
-    shapes = [(mechanism.links[k].place_shapes, mechanism.links[k].place_rotations) for k in carried]
-    shapes += [(at.shapes, at.rotations) for at in points] + [(at.translation, at.rotation) for *_, at in frozen]
     f = np.zeros(len(mechanism.links[body].omega))
-    for wrench, pair in zip(wrenches, shapes, strict=True):
-        for part, shape in zip((wrench[:3], wrench[3:]), pair, strict=True):
+    for wrench, at in zip(wrenches, loaded_places(mechanism, body).markers, strict=True):
+        for part, shape in ((wrench[:3], at.translation), (wrench[3:], at.rotation)):
             f += part @ shape if shape.size else 0.0
     return f
 

@@ -233,12 +233,8 @@ class PointLoad:
         Whether it is a torque.
     following : bool
         Whether its direction turns with the section.
-    place : ndarray, shape (3,)
-        The point in the body's frame [m].
-    shapes, rotations : ndarray, shape (3, n)
-        Displacement and rotation of the point for unit modal coordinates of the body.
-    displacement2 : ndarray, shape (6, n, n)
-        Their second order, as in `MarkerShapes.displacement2`; empty if it is left out.
+    marker : MarkerShapes
+        The point in the body's frame.
     effort : StateFunction, optional
         Size by the mechanism's state, beside ``size``.
     """
@@ -248,21 +244,12 @@ class PointLoad:
     size: Signal
     torque: bool = False
     following: bool = False
-    place: Array = field(default_factory=lambda: np.zeros(3))
-    shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    displacement2: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
+    marker: MarkerShapes = field(default_factory=lambda: MarkerShapes(np.zeros(3)))
     effort: StateFunction | None = None
-
-    @property
-    def marker(self) -> MarkerShapes:
-        """Motion of the point on its body."""
-        return MarkerShapes(self.place, self.shapes, self.rotations, self.displacement2)
 
     def with_modes(self, kept: IntArray) -> PointLoad:
         """Return the load on its body with some of its modes alone, by their numbers."""
-        at = self.marker.with_modes(kept)
-        return replace(self, shapes=at.translation, rotations=at.rotation, displacement2=at.displacement2)
+        return replace(self, marker=self.marker.with_modes(kept))
 
 
 def controller_state(name: str, start: StateFunction | float, slope: StateFunction) -> Link:

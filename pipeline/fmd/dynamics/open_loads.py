@@ -148,7 +148,6 @@ def _hand_on(motion: Kinematics, state: State, compliance: float) -> SelfStress:
 
 def _places_on(mechanism: Mechanism, body: int) -> list[tuple[int | tuple[str, int], Array]]:
     """Places of loads on a body, in the order of `BodyLoads.wrenches`: of a carried body its number is the key."""
-    carried, points, joined = loaded_places(mechanism, body)
-    places: list[tuple[int | tuple[str, int], Array]] = [(k, mechanism.links[k].place) for k in carried]
-    places += [(_KNOWN, load.place) for load in points]
-    return places + [((name, side), at.position) for name, side, at in joined]
+    carried, loads, joined, markers = loaded_places(mechanism, body)
+    keys: list[int | tuple[str, int]] = [*carried, *[_KNOWN] * len(loads), *((name, side) for name, side, _ in joined)]
+    return [(key, at.position) for key, at in zip(keys, markers, strict=True)]

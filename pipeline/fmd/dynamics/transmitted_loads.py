@@ -8,7 +8,7 @@ From the leaves to the ground, Newton's and Euler's laws give what each joint tr
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -67,14 +67,13 @@ def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
         into_body = frame.rotation.swapaxes(1, 2)
         spin, velocity = turned(into_body, frame.spin), turned(into_body, frame.velocity)
         acceleration = _rate(motion, velocity) + np.cross(spin, velocity) - into_body @ mechanism.gravity
-        carried, loads, joined = loaded_places(mechanism, body)
-        pulls = [_on_carrier(motion, k, *joints[k]) for k in carried] + [_of_load(motion, body, at) for at in loads]
-        pulls += [(reactions[name][:, side, :3], reactions[name][:, side, 3:]) for name, side, _ in joined]
+        loaded = loaded_places(mechanism, body)
+        pulls = [_on_carrier(motion, k, *joints[k]) for k in loaded.carried]
+        pulls += [_of_load(motion, body, at) for at in loaded.loads]
+        pulls += [(reactions[name][:, side, :3], reactions[name][:, side, 3:]) for name, side, _ in loaded.joined]
         wrenches = np.array([np.concatenate([turned(into_body, part) for part in pull], axis=1) for pull in pulls])
         wrenches = wrenches.reshape(len(pulls), len(motion.times), 6)
-        places = [mechanism.links[k].place for k in carried] + [at.place for at in loads]
-        places += [at.position for _, _, at in joined]
-        force, moment = _joint_load(motion, body, places, wrenches)
+        force, moment = _joint_load(motion, body, [at.position for at in loaded.markers], wrenches)
         found[body] = BodyLoads(
             spin,
             _rate(motion, spin),
@@ -91,16 +90,10 @@ def geometric_stiffness_over(mechanism: Mechanism, body: int, loads: BodyLoads) 
     """Return what loads add to the modal stiffness of a body, shape (n_times, n, n) [1/s²]."""
     link = mechanism.links[body]
     integrals, n = link.integrals, len(link.omega)
-    carried, points, joined = loaded_places(mechanism, body)
     K = np.zeros((len(loads.spin), n, n))
-    displacements2 = (
-        [mechanism.links[k].place_displacement2 for k in carried]
-        + [at.displacement2 for at in points]
-        + [at.displacement2 for *_, at in joined]
-    )
-    for wrench, displacement2 in zip(loads.wrenches, displacements2, strict=True):
-        if displacement2.size:
-            K = K - np.einsum("tk,kij->tij", wrench, displacement2)
+    for wrench, at in zip(loads.wrenches, loaded_places(mechanism, body).markers, strict=True):
+        if at.displacement2.size:
+            K = K - np.einsum("tk,kij->tij", wrench, at.displacement2)
     if link.joint_displacement2.size:
         K = K - np.einsum(
             "t,ij->tij", loads.joint[:, 3:] @ link.axis / np.linalg.norm(link.axis), link.joint_displacement2
@@ -178,24 +171,19 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
         joint_displacement2 = counting(joint_displacement2[None], (loads.joint[:, 3:] @ axis)[:, None])[0]
     links[body] = replace(links[body], integrals=integrals, joint_displacement2=joint_displacement2)
     wrenches = zip(loads.wrenches, loads.open, strict=True)
+
+    def counting_marker(at: MarkerShapes) -> MarkerShapes:
+        return replace(at, displacement2=counting_displacement2(at.displacement2, *next(wrenches)))
+
     for k, link in enumerate(links):
         if link.parent == body:
-            links[k] = replace(
-                link, place_displacement2=counting_displacement2(link.place_displacement2, *next(wrenches))
-            )
+            links[k] = replace(link, place_displacement2=counting_marker(link.place_marker).displacement2)
     for k, load in enumerate(points):
         if load.body == links[body].name:
-            points[k] = replace(load, displacement2=counting_displacement2(load.displacement2, *next(wrenches)))
+            points[k] = replace(load, marker=counting_marker(load.marker))
 
     def counting_place(place: AnyPlace) -> AnyPlace:
-        if place.body != links[body].name:
-            return place
-        return replace(
-            place,
-            marker=replace(
-                place.marker, displacement2=counting_displacement2(place.marker.displacement2, *next(wrenches))
-            ),
-        )
+        return replace(place, marker=counting_marker(place.marker)) if place.body == links[body].name else place
 
     closures, elements = list(mechanism.closures), list(mechanism.elements)
     for k, closure in enumerate(closures):
@@ -207,20 +195,38 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
     return replace(mechanism, links=links, loads=points, closures=closures, elements=elements)
 
 
-def loaded_places(
-    mechanism: Mechanism, body: int
-) -> tuple[list[int], list[PointLoad], list[tuple[str, int, MarkerShapes]]]:
-    """Return the numbers of the bodies that a body carries, the point loads on it, and what else acts on it.
+class LoadedPlaces(NamedTuple):
+    """Places of a body at which something acts on it, in the order of `BodyLoads.wrenches`.
 
-    Of a joint that closes a loop, and of a force element, there are its name, the number of its place, and the marker.
+    Attributes
+    ----------
+    carried : list of int
+        Numbers of the bodies that it carries.
+    loads : list of PointLoad
+        Point loads on it.
+    joined : list of tuple
+        Of each joint that closes a loop, and of each force element, its name, the number of its place, and the marker.
+    markers : list of MarkerShapes
+        All these places.
     """
+
+    carried: list[int]
+    loads: list[PointLoad]
+    joined: list[tuple[str, int, MarkerShapes]]
+    markers: list[MarkerShapes]
+
+
+def loaded_places(mechanism: Mechanism, body: int) -> LoadedPlaces:
+    """Return the places of a body at which something acts on it."""
     carried, name = [k for k, other in enumerate(mechanism.links) if other.parent == body], mechanism.links[body].name
     pairs = [(joint.name, (joint.first, joint.second)) for joint in mechanism.closing_joints]
     pairs += [(f"{ELEMENT}{element.name}", element.ends) for element in mechanism.elements]
     joined = [
         (key, side, place.marker) for key, places in pairs for side, place in enumerate(places) if place.body == name
     ]
-    return carried, [load for load in mechanism.loads if load.body == name], joined
+    loads = [load for load in mechanism.loads if load.body == name]
+    markers = [mechanism.links[k].place_marker for k in carried] + [load.marker for load in loads]
+    return LoadedPlaces(carried, loads, joined, markers + [at for *_, at in joined])
 
 
 def _element_reactions(motion: Kinematics) -> dict[str, Array]:

@@ -37,8 +37,8 @@ class MarkerShapes:
     """
 
     position: Array
-    translation: Array
-    rotation: Array
+    translation: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    rotation: Array = field(default_factory=lambda: np.zeros((3, 0)))
     displacement2: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
 
     def with_modes(self, kept: IntArray) -> MarkerShapes:

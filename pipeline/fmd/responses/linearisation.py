@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.linalg import qr
@@ -84,15 +83,8 @@ class Linearisation:
         loads = [replace(load, size=sizes.get(k, load.size)) for k, load in enumerate(self.mechanism.loads)]
         for port, probe in self._probes.items():
             if isinstance(port, MarkerPort):
-                at = port.marker
-                place: dict[str, Any] = {
-                    "place": at.position,
-                    "shapes": at.translation,
-                    "rotations": at.rotation,
-                    "displacement2": at.displacement2,
-                }
                 body = self.mechanism.links[port.body].name
-                loads.append(PointLoad(body, np.array(port.direction), probe, port.turns, **place))
+                loads.append(PointLoad(body, np.array(port.direction), probe, port.turns, marker=port.marker))
         return replace(self.mechanism, links=links, loads=loads, horizon=0.0)
 
     def at(self, state: OperatingPoint, motions: Motions | None = None) -> StateSpace:

@@ -185,12 +185,15 @@ def _turns_at_unit_rates(mechanism: Mechanism, t: float, q: Array) -> list[Array
 def _work_of_turning(mechanism: Mechanism, body: int, loads: BodyLoads, turns: Array) -> Array:
     """Return the stiffness (n, n) by loads that keep their direction in space while the body turns."""
     link, modes = mechanism.links[body], mechanism.modes_of(body)
-    carried, points, closures = loaded_places(mechanism, body)
-    places = [(mechanism.links[k].place, mechanism.links[k].place_shapes, False) for k in carried]
-    places += [(at.place, at.shapes, at.following) for at in points]
+    carried, points, closures, markers = loaded_places(mechanism, body)
     # A joint pulls on in its direction as the body turns; a force element turns with it.
-    places += [(at.position, at.translation, key.startswith(ELEMENT)) for key, _, at in closures]
-    forces = [(wrench[0, :3], *at) for wrench, at in zip(loads.wrenches, places, strict=True)]
+    turning = (
+        [False] * len(carried) + [at.following for at in points] + [key.startswith(ELEMENT) for key, *_ in closures]
+    )
+    forces = [
+        (wrench[0, :3], at.position, at.translation, turns_too)
+        for wrench, at, turns_too in zip(loads.wrenches, markers, turning, strict=True)
+    ]
     forces.append((-loads.acceleration[0], link.integrals.S[:, 0], link.integrals.S[:, 1:], False))
     K = np.zeros((mechanism.n, mechanism.n))
     for F, r, shapes, following in forces:

@@ -168,8 +168,8 @@ class _Places:
         if body in self.bodies:
             return self.bodies[body].markers
         given: Any = self.scene.body[body].marker
-        nothing, origin = np.zeros((3, 0)), self.origin(body)
-        return {name: MarkerShapes(np.subtract(at.at, origin), nothing, nothing) for name, at in given.items()}
+        origin = self.origin(body)
+        return {name: MarkerShapes(np.subtract(at.at, origin)) for name, at in given.items()}
 
     def origin(self, body: str) -> Array:
         """Place of a rigid body's joint, the origin of its frame, in the scene's coordinates of the body [m]."""
@@ -294,11 +294,5 @@ def _point_loads(scene: Scene, places: _Places, functions: FunctionBuilder) -> l
             if drive.following:
                 direction = place_axes(scene, drive.marker) @ direction
             body = drive.marker.partition(".")[0]
-            place = {
-                "place": at.position,
-                "shapes": at.translation,
-                "rotations": at.rotation,
-                "displacement2": at.displacement2,
-            }
-            loads.append(PointLoad(body, direction, size, drive.turns, drive.following, effort=effort, **place))
+            loads.append(PointLoad(body, direction, size, drive.turns, drive.following, at, effort))
     return loads

@@ -205,8 +205,8 @@ def power(made: PointMechanism, load: object, t: float, q: Array, v: Array) -> f
     k = [link.name for link in made.mechanism.links].index(load.body)
     moved = frames(made, t, q + 1j * STEP * rate_of_positions(made, q, v))
     origin, R, z = moved[k]
-    bent, turned = marker_motion(load.shapes, load.rotations, load.displacement2, z)
-    point, section = origin + R @ (load.place + bent), R @ expm(tilde(turned))
+    bent, turned = marker_motion(load.marker.translation, load.marker.rotation, load.marker.displacement2, z)
+    point, section = origin + R @ (load.marker.position + bent), R @ expm(tilde(turned))
     force = load.size.value(t)[0] * load.direction / np.linalg.norm(load.direction)
     force = section.real @ force if load.following else force
     return float(force @ (spin(section) if load.torque else point.imag / STEP))

@@ -217,9 +217,11 @@ def _random_load(link: Link, rng: np.random.Generator, plane: bool) -> PointLoad
         _random_signal(rng),
         torque,
         bool(rng.random() < 0.5),
-        rng.normal(size=3) * [1, 1, not plane],
-        0.3 * rng.normal(size=(3, n)) * np.array([[1], [1], [not plane]]),
-        _random_rotations(n, np.array([0.0, 0.0, 1.0]), rng, plane),
+        MarkerShapes(
+            rng.normal(size=3) * [1, 1, not plane],
+            0.3 * rng.normal(size=(3, n)) * np.array([[1], [1], [not plane]]),
+            _random_rotations(n, np.array([0.0, 0.0, 1.0]), rng, plane),
+        ),
     )
 
 
@@ -256,12 +258,13 @@ def _with_second_order(
                 else _random_displacement2(6, n, rng),
             )
     counts = {link.name: len(link.omega) for link in links}
-    loads = [
-        replace(at, displacement2=_random_displacement2(6, counts[at.body], rng) * (_IN_PLANE if plane else 1.0))
-        if counts[at.body] and rng.random() < 0.7
-        else at
-        for at in mechanism.loads
-    ]
+    loads = []
+    for load in mechanism.loads:
+        marker = load.marker
+        if counts[load.body] and rng.random() < 0.7:
+            displacement2 = _random_displacement2(6, counts[load.body], rng) * (_IN_PLANE if plane else 1.0)
+            marker = replace(marker, displacement2=displacement2)
+        loads.append(replace(load, marker=marker))
     return PointMechanism(replace(mechanism, links=links, loads=loads), tuple(bodies))
 
 

@@ -192,7 +192,8 @@ def with_other_numbers(mechanism: Mechanism, factor: float) -> Mechanism:
         integrals = replace(integrals, G=factor * integrals.G) if not len(link.omega) else link.integrals
         own = replace(link, integrals=integrals, place=factor * link.place, omega=factor * link.omega)
         links.append(replace(own, spring=factor * link.spring, rest=factor * link.rest, damper=factor * link.damper))
-    loads = [replace(load, place=factor * load.place) for load in mechanism.loads]
+    points = [replace(load.marker, position=factor * load.marker.position) for load in mechanism.loads]
+    loads = [replace(load, marker=point) for load, point in zip(mechanism.loads, points, strict=True)]
     return replace(mechanism, links=links, loads=loads, gravity=factor * mechanism.gravity)
 
 

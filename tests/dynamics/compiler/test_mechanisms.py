@@ -26,7 +26,7 @@ def traits(seed: int) -> Iterator[tuple[object, ...]]:
             ),
         )
     for load in made.mechanism.loads:
-        yield "load", load.torque, load.following, len(load.rotations.T) > 0
+        yield "load", load.torque, load.following, len(load.marker.rotation.T) > 0
     yield "carries several", max(Counter(link.parent for link in links).values()) > 1
     yield "bodies", len(links)
     yield "fast joints", bool(made.mechanism.fast_joints)

@@ -195,15 +195,5 @@ def _with_marker_loads(mechanism: Mechanism, markers: list[tuple[int, str]]) -> 
         at = link.markers[name]
         for torque in (False, True):
             for axis in np.eye(3):
-                own = PointLoad(
-                    link.name,
-                    axis,
-                    constant(0.0),
-                    torque,
-                    place=at.position,
-                    shapes=at.translation,
-                    rotations=at.rotation,
-                    displacement2=at.displacement2,
-                )
-                loads.append(own)
+                loads.append(PointLoad(link.name, axis, constant(0.0), torque, marker=at))
     return replace(mechanism, loads=loads)
