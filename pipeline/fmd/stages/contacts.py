@@ -21,19 +21,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from fmd.core.arrays import IntArray
-    from fmd.recovery.motion import Motion
     from fmd.scene.contacts import Contact
     from fmd.scene.scene import Scene
     from fmd.stages.part import FlexiblePart
     from fmd.stages.pipeline import Pipeline
-
-
-class MovingParts(ScenesParts, Protocol):
-    """A scene with its flexible parts and their motion."""
-
-    @property
-    def motions(self) -> Mapping[str, Motion]:
-        """Motion by each run, by its label."""
 
 
 def find_contact_points(part: FlexiblePart) -> ContactPoints:
@@ -88,7 +79,7 @@ def add_contacts(run: Pipeline, mechanism: Mechanism) -> Mechanism:
     return replace(mechanism, contacts=list(bodies.values()))
 
 
-def find_deformations(run: MovingParts) -> dict[str, dict[str, ContactDeformation]]:
+def find_deformations(run: Pipeline) -> dict[str, dict[str, ContactDeformation]]:
     """Find what contacts deform bodies beside their modes in each run, by the run's label and the body."""
     found: dict[str, dict[str, ContactDeformation]] = {}
     for label, motion in run.motions.items():
