@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.transmitted_loads import loaded_places
 from fmd.reduction.inertia import InertiaIntegrals
 
 
@@ -108,21 +109,12 @@ def _acting(mechanism: Mechanism, b: int) -> tuple[list[Array], list[Array]]:
     couplings += [*integrals.rotation2, link.joint_displacement2]
     if link.motion is None and len(link.joint_rotation):
         forces.append(link.joint_rotation * inertia)
-    for load in mechanism.loads:
-        if load.body == link.name:
-            at = load.marker
-            forces += list((at.rotation * inertia) if load.torque else (at.translation * size))
-            couplings += list(at.displacement2)
-    for element in mechanism.elements:
-        for end in element.ends:
-            if end.body == link.name:
-                forces += [*(end.marker.translation * size), *(end.marker.rotation * inertia)]
-                couplings += list(end.marker.displacement2)
-    for other in mechanism.links:
-        if other.parent == b:
-            forces += [*(other.place_shapes * size), *(other.place_rotations * inertia)]
-            couplings += list(other.place_displacement2)
-    for at in mechanism.closed_places(link.name):
+    loaded = loaded_places(mechanism, b)
+    for load in loaded.loads:
+        at = load.marker
+        forces += list((at.rotation * inertia) if load.torque else (at.translation * size))
+        couplings += list(at.displacement2)
+    for at in [*loaded.markers[: len(loaded.carried)], *(at for *_, at in loaded.joined)]:
         forces += [*(at.translation * size), *(at.rotation * inertia)]
         couplings += list(at.displacement2)
     return [force for force in forces if len(force) == n], [pairs for pairs in couplings if len(pairs) == n]
