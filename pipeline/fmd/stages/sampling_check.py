@@ -89,7 +89,7 @@ def find_unstable_sampling(run: Pipeline, states: Sequence[tuple[OperatingPoint,
     return worst
 
 
-def find_coarse_exchanges(run: BuiltScene) -> list[str]:
+def find_coarse_exchanges(run: Pipeline) -> list[str]:
     """Say which FMUs' outputs change so much within a sample time of the first run that its length matters."""
     held, found = run.motion.trajectory.held, []
     for one in run.system.mechanism.controllers:
