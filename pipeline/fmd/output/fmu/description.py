@@ -78,15 +78,9 @@ def describe_build(heading: Heading) -> bytes:
 
 
 def _root(version: str, heading: Heading, **more: str) -> Element:
-    return Element(
-        "fmiModelDescription",
-        fmiVersion=version,
-        modelName=heading.name,
-        description=heading.title,
-        generationTool=f"fmd {heading.version}",
-        variableNamingConvention="structured",
-        **more,
-    )
+    named = {"fmiVersion": version, "modelName": heading.name, "description": heading.title}
+    made = {"generationTool": f"fmd {heading.version}", "variableNamingConvention": "structured"}
+    return Element("fmiModelDescription", named | made | more)
 
 
 def _add_ways(root: Element, heading: Heading, *abilities: str) -> tuple[Element, Element]:
