@@ -256,6 +256,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "auto-choice": auto_choice,
     "auto-error": auto_error,
     "fmu": fmu,
+    "tangents": partial(as_written, "tangents"),
 }
 
 

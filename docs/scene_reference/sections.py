@@ -11,6 +11,7 @@ from fmd.scene.constraints import Gear, Rack
 from fmd.scene.contacts import Contact
 from fmd.scene.controllers import ExternalValue, FmuController, LagController, PidController
 from fmd.scene.curves import ForceByElongation, TimeFunction
+from fmd.scene.fit import FitTable, MeasuredFile
 from fmd.scene.force_elements import (
     AngleStop,
     Bearing,
@@ -305,6 +306,8 @@ SECTIONS = (
     Section("## Runs", None, _RUNS),
     *(Section(f"### {run.title}", run) for run in RUNS),
     Section("## Published results", PublishedResults),
+    Section("## Fit", FitTable),
+    Section("### Experiment of a fit", MeasuredFile),
     Section("## Outputs", None, _OUTPUTS),
     Section("### Chart", Chart),
     Section("### Every picture and film", PictureSettings),

@@ -18,9 +18,11 @@ from fmd.fitting.experiment_files import read_experiments
 from fmd.fitting.fit import fit_scene
 from fmd.fitting.fit_model import FitModel
 from fmd.fitting.linear_experiments import assurance
+from fmd.fitting.measured_tables import read_table
 from fmd.fitting.varied import read_varied
 from fmd.stages.linear_model import linearise_scene
 from tests.fitting.test_fit import measure
+from tests.fitting.test_measured_files import universal_text
 from tests.fitting.test_sensitivities import OSCILLATOR
 
 PLATE: dict[str, Any] = {
@@ -102,7 +104,7 @@ def write_responses(path: Path, run: Any, outputs: Sequence[str], hertz: Array) 
     for name, c, d in zip(outputs, model.C, model.D, strict=True):
         eye = np.eye(len(model.A))
         values = np.array([c @ np.linalg.solve(2j * np.pi * f * eye - model.A, model.B[:, 0]) + d[0] for f in hertz])
-        columns |= {f"{name} by plate.e.z real [m/N]": values.real, f"{name} by plate.e.z imaginary [m/N]": values.imag}
+        columns |= {f"{name} by plate.e.z real": values.real, f"{name} by plate.e.z imaginary": values.imag}
     return write_table(path, columns)
 
 
@@ -146,12 +148,17 @@ def test_modes_are_paired_by_their_shapes_whatever_their_order(true_plate: Any, 
 def test_responses_after_modes_find_the_numbers_from_a_start_with_other_resonances(
     true_plate: Any, tmp_path: Path
 ) -> None:
-    """A modulus 29 % and a spring 55 % off: the search by modes comes near, that by responses ends at the truth."""
+    """A modulus 29 % and a spring 55 % off: the search by modes comes near, that by responses ends at the truth.
+
+    Accelerations by a force come from a universal file, in which one accelerometer looks the other way.
+    """
     keys = ["body.plate.E", "joint.clamp.spring", "body.plate.modes.damping"]
-    responses = write_responses(
-        tmp_path / "frf.csv", true_plate, ["plate.e.z", "plate.a.z"], np.linspace(20.0, 400.0, 120)
-    )
-    noise = {f"{name} by plate.e.z": 1e-6 for name in ("plate.e.z", "plate.a.z")}
+    hertz, outputs = np.linspace(20.0, 400.0, 120), ["plate.e.z.acceleration", "plate.a.z.acceleration"]
+    _, *columns = read_table(write_responses(tmp_path / "frf.csv", true_plate, outputs, hertz)).columns
+    response, other = columns[0] + 1j * columns[1], columns[2] + 1j * columns[3]
+    (tmp_path / "frf.uff").write_text(universal_text(4, 12, [(5, 3, hertz, response), (1, -3, hertz, -other)]))
+    responses = f"{tmp_path / 'frf.uff'}; 5=plate.e; 1=plate.a"
+    noise = {f"{name} by plate.e.z": 1e-1 for name in outputs}
     modes = write_modes(tmp_path / "modes.csv", true_plate, 5, OUTPUTS, off=5e-4)
     far = package.load(PLATE, "body.plate.E=150 GPa", "joint.clamp.spring=900 N m", "body.plate.modes.damping=0.02").run
     runs = [(far, modes), (far, responses)]

@@ -19,6 +19,7 @@ from fmd.fitting.experiments import HistoryExperiment
 from fmd.fitting.fit import fit_scene
 from fmd.fitting.fit_model import FitModel
 from fmd.fitting.information import find_information, whiteness
+from fmd.fitting.measured_tables import read_table
 from fmd.fitting.measurements import estimate_noise, read_measurements
 from fmd.fitting.parameters import find_parameter
 from fmd.fitting.varied import VariedNumber, read_varied
@@ -173,14 +174,14 @@ def test_a_wrong_table_is_refused(table: str, words: str, tmp_path: Path) -> Non
     path = tmp_path / "measured.csv"
     path.write_text(table)
     with pytest.raises(InputError, match=words):
-        read_measurements(package.load(OSCILLATOR).run, str(path), {})
+        read_measurements(package.load(OSCILLATOR).run, read_table(str(path)), {})
 
 
 def test_displacements_count_from_the_start_though_the_measurement_begins_later(tmp_path: Path) -> None:
     true = package.load(OSCILLATOR)
     path = tmp_path / "measured.csv"
     path.write_text("time [s],block.hook.displacement.x [m]\n" + "".join(f"{t},0\n" for t in (0.1, 0.2, 0.3)))
-    measured = read_measurements(true.run, str(path), {"block.hook.displacement.x": 1e-3})
+    measured = read_measurements(true.run, read_table(str(path)), {"block.hook.displacement.x": 1e-3})
     model = FitModel((HistoryExperiment(true.run, measured),), read_varied(true.run, ["joint.slide.spring"]))
     expected: Array = 0.01 * (np.cos(20.0 * np.array([0.1, 0.2, 0.3])) - 1.0)
     np.testing.assert_allclose(model.predict(np.zeros(1))[0][0], expected, atol=1e-7)

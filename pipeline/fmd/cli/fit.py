@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmd.cli.inputs import DEFAULTS, Options, settle
-from fmd.cli.options import Folder, Names, SceneName, Several, print_json
+from fmd.cli.options import Folder, SceneName, Several, print_json
 from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.limits.fitting import SAME_CHI2
 from fmd.core.units import parse_percentage, parse_quantity
+from fmd.scene.fit import FitTable
 
 if TYPE_CHECKING:
     from fmd.fitting.fit import Fit
@@ -24,22 +25,26 @@ if TYPE_CHECKING:
 def fit(
     scene: SceneName,
     *,
-    to: Names,
-    vary: Names,
+    to: Several = None,
+    vary: Several = None,
     sigma: Several = None,
     prior: Several = None,
-    starts: int = 1,
+    shift: Several = None,
+    starts: int | None = None,
     out: Folder = None,
     options: Options = DEFAULTS,
 ) -> None:
     """Fit numbers of a scene to measurements; what the data can't determine is refused first.
 
+    What isn't given stands in the scene's table [fit], if it has one.
+
     Parameters
     ----------
     to
-        CSV file of histories ("time [s]", "forearm.wrist.position.y [mm]", …), of modes ("frequency [Hz]", "damping",
-        shapes), or of responses as fmd frf writes them. Several are fitted together; what an experiment has of its own
-        follows its file: "heavy.csv; body.gripper.mass=0.8 kg", also another scene, "heavy.csv; heavy.toml".
+        File of histories ("time [s]", "forearm.wrist.position.y [mm]", …), of modes ("frequency [Hz]", "damping",
+        shapes), or of responses as fmd frf writes them: CSV, MAT, NetCDF, or UFF with markers for its nodes,
+        "test.uff; 1=plate.a; 2=plate.b". Several are fitted together; what an experiment has of its own follows its
+        file: "heavy.csv; body.gripper.mass=0.8 kg", also another scene, "heavy.csv; heavy.toml".
     vary
         Keys of numbers, with bounds or without: joint.elbow.spring=10..200, or body.arm.length="0.5 m..0.7 m".
     sigma
@@ -47,30 +52,40 @@ def fit(
         estimated from the data by default.
     prior
         Standard deviation of what is known of a number beforehand, about the scene's value: body.arm.E=5%.
+    shift
+        Bounds of how much later the clock of a channel, or of all (time), starts than the motion: time="-5ms..5ms".
     starts
         Number of searches, one from the scene's values and others from between the bounds.
     """
     from fmd.fitting.experiment_files import read_experiments
     from fmd.fitting.fit import fit_scene
     from fmd.fitting.fit_files import write_fit
-    from fmd.fitting.varied import read_varied
+    from fmd.fitting.varied import read_shifts, read_varied
 
-    if starts < 1:
+    if starts is not None and starts < 1:
         raise InputError("--starts", "", starts, "must be 1 or more")
     run = settle(options.open(scene, linear=True))
-    sigmas = dict(_read_sigma(text) for text in split_names("--sigma", sigma or []))
-    varied = read_varied(run, split_names("--vary", vary), split_names("--prior", prior or []))
+    table, folder = run.scene.fit or FitTable(), Path(run.scene.file).parent
+    files = to or [each.text(str(folder / each.file)) for each in table.experiment]
+    if not files:
+        mend = "is missing: a file of measurements, here or in the scene, [[fit.experiment]]"
+        raise InputError("--to", "", None, mend)
+    sigmas = dict(_read_sigma(text) for text in split_names("--sigma", sigma or table.sigma))
+    varied = read_varied(run, split_names("--vary", vary or table.vary), split_names("--prior", prior or table.prior))
     keys = [each.parameter.key for each in varied]
-    runs = [_open_experiment(run, scene, options, text, keys) for text in to]
-    found = fit_scene(read_experiments(runs, sigmas), varied, starts)
+    runs = [_open_experiment(run, scene, options, text, keys) for text in files]
+    experiments = read_experiments(runs, sigmas)
+    histories = [channel.name for each in experiments if each.in_time for channel in each.channels]
+    varied += read_shifts(split_names("--shift", shift or table.shift), histories)
+    found = fit_scene(experiments, varied, starts or table.starts)
     folder = out or Path("out") / f"{run.scene.name}-fit"
     with refusing("--out", folder):
-        files = write_fit(found, run.scene, folder, scene, [file for _, file in runs], options.set_ or ())
+        written = write_fit(found, run.scene, folder, scene, [file for _, file in runs], options.set_ or ())
     if options.json:
-        print_json({"scene": run.scene.name, **found.summary(), "files": files})
+        print_json({"scene": run.scene.name, **found.summary(), "files": written})
     else:
         _print(found)
-        print_files(folder, files)
+        print_files(folder, written)
 
 
 def _open_experiment(
@@ -78,6 +93,8 @@ def _open_experiment(
 ) -> tuple[Pipeline, str]:
     """Return the stages of an experiment's scene, and its file, from ``FILE; SCENE; key=value``."""
     file, *own = (part.strip() for part in text.split(";"))
+    nodes = [part for part in own if part.partition("=")[0].strip().isdigit()]
+    own, file = [part for part in own if part not in nodes], "; ".join([file, *nodes])
     if not own:
         return run, file
     scenes, settings = [part for part in own if "=" not in part], [part for part in own if "=" in part]

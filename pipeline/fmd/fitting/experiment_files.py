@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -12,10 +11,10 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fitting.experiments import Experiment, HistoryExperiment
 from fmd.fitting.linear_experiments import ModeExperiment, ResponseExperiment
+from fmd.fitting.measured_tables import MeasuredTable, read_table
 from fmd.fitting.measurements import MeasuredChannel, name_and_unit, read_measurements, unit_factor
 from fmd.output.responses import response_unit
-from fmd.scene.reading import FaultError, suggest_name
-from fmd.scene.table_files import read_columns, read_header
+from fmd.scene.reading import suggest_name
 from fmd.stages.linear_model import linearise_scene
 from fmd.stages.pipeline import Pipeline
 
@@ -31,7 +30,7 @@ def read_experiments(runs: Sequence[tuple[Pipeline, str]], sigmas: Mapping[str, 
     Parameters
     ----------
     runs : sequence of tuple
-        Stages of a scene, and the CSV file of what was measured on it.
+        Stages of a scene, and the file of what was measured on it, as `read_table` takes it.
     sigmas : mapping of str to float
         Standard deviations of the noise by channels [SI]; those of ``frequency`` and ``damping`` are relative.
 
@@ -40,7 +39,8 @@ def read_experiments(runs: Sequence[tuple[Pipeline, str]], sigmas: Mapping[str, 
     InputError
         A file can't be read or fits no kind of measurement, or a channel of ``sigmas`` isn't in any.
     """
-    found = [_reader(file)(run, file, sigmas) for run, file in runs]
+    tables = [(run, read_table(file)) for run, file in runs]
+    found = [_reader(table)(run, table, sigmas) for run, table in tables]
     names = [channel.name for each in found for channel in each.channels]
     for name in sigmas:
         if name not in names and f"{name} real" not in names:
@@ -48,21 +48,21 @@ def read_experiments(runs: Sequence[tuple[Pipeline, str]], sigmas: Mapping[str, 
     return tuple(found)
 
 
-def _reader(file: str) -> Callable[[Pipeline, str, Mapping[str, float]], Experiment]:
+def _reader(table: MeasuredTable) -> Callable[[Pipeline, MeasuredTable, Mapping[str, float]], Experiment]:
     """Return what reads a table, by its first column and the others' names."""
-    header = _header(file)
-    if not re.match(r"frequency", header[0]):
+    if not re.match(r"frequency", table.header[0]):
         return _read_histories
-    return _read_responses if any(_PART.fullmatch(name_and_unit(file, text)[0]) for text in header[1:]) else _read_modes
+    responds = any(_PART.fullmatch(name_and_unit(table.file, text)[0]) for text in table.header[1:])
+    return _read_responses if responds else _read_modes
 
 
-def _read_histories(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> HistoryExperiment:
-    return HistoryExperiment(run, read_measurements(run, file, sigmas))
+def _read_histories(run: Pipeline, table: MeasuredTable, sigmas: Mapping[str, float]) -> HistoryExperiment:
+    return HistoryExperiment(run, read_measurements(run, table, sigmas))
 
 
-def _read_modes(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> ModeExperiment:
+def _read_modes(run: Pipeline, table: MeasuredTable, sigmas: Mapping[str, float]) -> ModeExperiment:
     """Read a table of modes: frequency, damping ratio if there is one, and amplitudes of the scene's outputs."""
-    columns = _columns(file)
+    file, columns = table.file, _columns(table)
     data = {"frequency": columns.pop(next(iter(columns)))}
     if "damping" in columns:
         data["damping"] = columns.pop("damping")
@@ -81,9 +81,9 @@ def _read_modes(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> ModeEx
     return ModeExperiment(run, tuple(channels), (), outputs, shapes=shapes)
 
 
-def _read_responses(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> ResponseExperiment:
+def _read_responses(run: Pipeline, table: MeasuredTable, sigmas: Mapping[str, float]) -> ResponseExperiment:
     """Read a table of frequency responses as ``fmd frf`` writes it; magnitudes and phases are left out."""
-    columns = _columns(file)
+    file, columns = table.file, _columns(table)
     frequencies = columns.pop(next(iter(columns)))
     found = {match.groups(): values for name, values in columns.items() if (match := _PART.fullmatch(name))}
     pairs = list(dict.fromkeys((output, of) for output, of, _ in found))
@@ -108,22 +108,10 @@ def _read_responses(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> Re
     return ResponseExperiment(run, tuple(channels), inputs, outputs, frequencies_hz=frequencies, pairs=numbers)
 
 
-def _header(file: str) -> list[str]:
-    try:
-        return read_header(Path(), file)
-    except FaultError as fault:
-        raise InputError(file, "", None, str(fault)) from None
-
-
-def _columns(file: str) -> dict[str, Array]:
+def _columns(table: MeasuredTable) -> dict[str, Array]:
     """Return a table's columns by their names; the first is a frequency in Hz, others are taken in their units."""
-    header = _header(file)
-    try:
-        numbers = range(2, 1 + len(header)) if len(header) > 1 else [1]
-        table = [read_columns(Path(), file, ("frequency", 1), ("column", k), fewest=1) for k in numbers]
-    except FaultError as fault:
-        raise InputError(file, "", None, str(fault)) from None
+    file, header, columns = table
     _, unit = name_and_unit(file, header[0])
-    frequency = np.array(table[0].arguments) * unit_factor(file, header[0], unit or "Hz", "Hz")
-    rest = {name_and_unit(file, text)[0]: np.array(own.values) for text, own in zip(header[1:], table, strict=False)}
-    return {"": frequency, **rest}
+    frequency = columns[0] * unit_factor(file, header[0], unit or "Hz", "Hz")
+    rest = zip(header[1:], columns[1:], strict=True)
+    return {"": frequency, **{name_and_unit(file, text)[0]: values for text, values in rest}}

@@ -52,7 +52,7 @@ def write_fit(
             FittedHistory(f"{own.name} [{own.unit}]".removesuffix(" []"), own.values, before, after, own.sigma)
             for own, before, after in channels
         ]
-        title = f"{scene.title}: fit to {Path(data[number - 1]).name}"
+        title = f"{scene.title}: fit to {Path(data[number - 1].partition(';')[0]).name}"
         draw_fit(experiment.axis, histories, folder / f"{name}.png", title=title)
         columns = [
             (f"{own.label} {kind}", getattr(own, kind)) for own in histories for kind in ("measured", "first", "fitted")
@@ -64,7 +64,8 @@ def write_fit(
         write_table(folder / f"{name}.csv", header, number_texts(table))
         files += [f"{name}.png", f"{name}.csv"]
     write_text(folder / "fit.json", json.dumps(fit.summary(), indent=1))
-    fitted_numbers = dict(zip([each.parameter for each in model.varied], fit.values, strict=True))
+    pairs = zip([each.parameter for each in model.varied], fit.values, strict=True)
+    fitted_numbers = {parameter: value for parameter, value in pairs if not parameter.clock}
     write_changed_scene(
         scene, fitted_numbers, folder / "fitted.toml", given, _describe(fit, given, ", ".join(data)), overrides
     )

@@ -13,9 +13,9 @@ from fmd.core.errors import InputError
 from fmd.core.limits.fitting import DIFFERENCE, NEAR_DIFFERENCE, SAME_SHAPE
 from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.dynamics.compiler.program import LANES
-from fmd.fitting.neighbours import PartedMarch, goes_in_parts, march_in_parts, march_neighbours
+from fmd.fitting.neighbours import PartedMarch, find_all_turns, goes_in_parts, march_in_parts, march_neighbours
 from fmd.fitting.parameters import Parameter, change_parameters
-from fmd.fitting.tangents import Tangent, changes_in_line, find_direction, march_tangents
+from fmd.fitting.tangents import Side, Tangent, changes_in_line, find_direction, march_tangents
 from fmd.integrators.protocol import Trajectory
 from fmd.scene.variants import change_simulation
 from fmd.stages.pipeline import Pipeline
@@ -140,9 +140,9 @@ class FrozenRun:
     def beside(self, motion: FrozenMotion, parameter: Parameter, share: float = 1.0, moves: bool = True) -> Beside:
         """Return the scene a little below and above one of its numbers.
 
-        Where the number is an input of the equations, and the method carries tangents, both motions are the scene's own
-        with its tangent. Else, where neither the method nor the basis of a body stands against it, they are drawn back
-        to that between them, so that their difference is the derivative of the steps, too.
+        Where the method carries tangents, and the number doesn't turn shapes into others, both motions are the scene's
+        own with its tangent. Else, where neither the method nor the basis of a body stands against it, they are drawn
+        back to that between them, so that their difference is the derivative of the steps, too.
 
         Parameters
         ----------
@@ -180,23 +180,27 @@ class FrozenRun:
     def _direction(self, motion: FrozenMotion, parameter: Parameter) -> Direction | None:
         """Return how the equations change with a number's logarithm: by two variants, by four if not in a line."""
         assert motion.plan is not None
-        far = self._variants(motion, parameter, NEAR_DIFFERENCE).plans
+        far = self._variants(motion, parameter, NEAR_DIFFERENCE)
         weight = 0.5 / NEAR_DIFFERENCE
-        sides = list(zip(far, (-weight, weight), strict=True))
-        found = find_direction(motion.plan, sides)
-        if found is None or changes_in_line(motion.plan, *far):
+        found = find_direction(motion.plan, self._sides(motion, far, weight))
+        if found is None or changes_in_line(motion.plan, found, *far.plans):
             return found
-        near = self._variants(motion, parameter, 0.5 * NEAR_DIFFERENCE).plans
-        sides = [(plan, -own / 3.0) for plan, own in sides]
-        sides += zip(near, (-8.0 * weight / 3.0, 8.0 * weight / 3.0), strict=True)
+        near = self._variants(motion, parameter, 0.5 * NEAR_DIFFERENCE)
+        sides = self._sides(motion, far, -weight / 3.0) + self._sides(motion, near, 8.0 * weight / 3.0)
         return find_direction(motion.plan, sides)
+
+    def _sides(self, motion: FrozenMotion, beside: Beside, weight: float) -> list[Side]:
+        pairs = zip((beside.low, beside.high), beside.plans, (-weight, weight), strict=True)
+        return [Side(plan, own, _signs_of_shapes(run, motion.run)) for run, plan, own in pairs]
 
     def _move_along(self, motion: FrozenMotion, parameter: Parameter, tangent: Tangent, share: float) -> Beside:
         """Return variants whose motions are the scene's own less and more a part of its tangent."""
         part = share * NEAR_DIFFERENCE
         found = self._variants(motion, parameter, part)
-        own = motion.run.motion.trajectory
-        moved = [tangent.move(own, side, motion.run.mechanism) for side in (-part, part)]
+        own, mechanism = motion.run.motion.trajectory, motion.run.mechanism
+        turns = [find_all_turns(mechanism, _signs_of_shapes(run, motion.run) or {}) for run in (found.low, found.high)]
+        pairs = zip((-part, part), turns, strict=True)
+        moved = [tangent.move(own, side, mechanism, turn) for side, turn in pairs]
         return replace(self._with_motions(found, moved), by_tangents=True)
 
     def _variants(self, motion: FrozenMotion, parameter: Parameter, share: float, moves: bool = True) -> Beside:

@@ -49,7 +49,9 @@ class _LinearExperiment:
         return self._read(self._known[key])
 
     def slopes(self, values: Mapping[Parameter, float], parameter: Parameter) -> list[Array]:
-        """Return the derivatives of that by a number, from a central difference."""
+        """Return the derivatives of that by a number, from a central difference; by a shift of a clock 0."""
+        if parameter.clock:
+            return [np.zeros(channel.values.shape) for channel in self.channels]
         middle = values.get(parameter, parameter.value)
         step = DIFFERENCE * abs(middle)
         low, high = (self._read(self._linearise({**values, parameter: middle + side * step})) for side in (-1.0, 1.0))

@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -14,9 +13,8 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import NOISE_ORDER
 from fmd.core.units import unit_ratio
+from fmd.fitting.measured_tables import MeasuredTable
 from fmd.output.channels import ResultChannel, find_channels
-from fmd.scene.reading import FaultError
-from fmd.scene.table_files import read_columns, read_header
 from fmd.stages.pipeline import Pipeline
 
 _COLUMN = re.compile(r"(.+?)\s*(?:\[(.*)\])?\s*")
@@ -71,16 +69,16 @@ class Measurements:
     results: tuple[ResultChannel, ...]
 
 
-def read_measurements(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> Measurements:
+def read_measurements(run: Pipeline, table: MeasuredTable, sigmas: Mapping[str, float]) -> Measurements:
     """Read measured histories from a table as `History` writes them: times in the first column, a result in each other.
 
     Parameters
     ----------
     run : Pipeline
         The scene whose results they are.
-    file : str
-        CSV file. Its first row has names with units, ``time [s]`` and e.g. ``forearm.wrist.position.y [mm]``; a column
-        without a unit is in SI units.
+    table : MeasuredTable
+        Its columns' names have units, ``time [s]`` and e.g. ``forearm.wrist.position.y [mm]``; a column without a unit
+        is in SI units.
     sigmas : mapping of str to float
         Standard deviations of the noise by names of results [SI]; that of another is estimated from differences of its
         successive values, in which a smooth history cancels.
@@ -88,27 +86,23 @@ def read_measurements(run: Pipeline, file: str, sigmas: Mapping[str, float]) -> 
     Raises
     ------
     InputError
-        The file can't be read, a column is no result of the scene or in a wrong unit, or times lie outside the motion.
+        A column is no result of the scene or in a wrong unit, or times lie outside the motion.
     """
-    try:
-        header = read_header(Path(), file)
-        table = [read_columns(Path(), file, ("time", 1), ("column", k + 1)) for k in range(1, len(header))]
-    except FaultError as fault:
-        raise InputError(file, "", None, str(fault)) from None
-    if not table:
+    file, header, table_columns = table
+    if len(header) < 2:
         raise InputError(file, "", None, "has one column; give times and, in each further column, a result")
     names, units = zip(*(name_and_unit(file, text) for text in header), strict=True)
-    times = np.array(table[0].arguments) * unit_factor(file, header[0], units[0] or "s", "s")
+    times = table_columns[0] * unit_factor(file, header[0], units[0] or "s", "s")
     end = run.scene.simulation.duration
     if times[0] < 0.0 or times[-1] > end * (1.0 + 1e-9):
         mend = f"times go from {times[0]:g} s to {times[-1]:g} s, the scene's motion from 0 s to {end:g} s"
         raise InputError(file, header[0], None, mend)
     channels, results = [], []
-    for text, name, unit, columns in zip(header[1:], names[1:], units[1:], table, strict=True):
+    for text, name, unit, column in zip(header[1:], names[1:], units[1:], table_columns[1:], strict=True):
         found = find_channels(run, name, file)
         if len(found) != 1 or found[0].name != name or not found[0].moves or found[0].largest is not None:
             raise InputError(file, text, None, "is no history of one number; those of a vector have .x, .y and .z")
-        values = np.array(columns.values) * unit_factor(file, text, unit or found[0].unit, found[0].unit)
+        values = column * unit_factor(file, text, unit or found[0].unit, found[0].unit)
         sigma = sigmas.get(name) or estimate_noise(values)
         if not sigma > 0.0:
             mend = f"shows no noise, which would give it infinite weight; give it, e.g. --sigma {name}=1e-6"

@@ -15,6 +15,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.limits.fitting import PARTS
 from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.fixed_step import locate_samples
 from fmd.integrators.protocol import ResumableIntegrator, State, Trajectory
 from fmd.stages.plan import Plan
@@ -34,17 +35,15 @@ class PartedMarch:
         States after the parts.
     trajectory : Trajectory
         At the output times.
+    draws_back : bool
+        True if positions, rates and accelerations are all that the method remembers of the motion.
     """
 
     times: Array
     stops: tuple[int, ...]
     ends: tuple[State, ...]
     trajectory: Trajectory
-
-    @property
-    def draws_back(self) -> bool:
-        """True if positions, rates and accelerations are all that the method remembers of the motion."""
-        return not any(state.memory.size for state in self.ends)
+    draws_back: bool
 
 
 def goes_in_parts(plan: Plan) -> bool:
@@ -66,7 +65,10 @@ def march_in_parts(plan: Plan, times: Array) -> PartedMarch:
         part = _march_part(plan, whole[first:stop], ends[-1] if ends else None)
         ends.append(part.end)
         found.append(part)
-    return PartedMarch(whole, stops, tuple(ends), _join(plan, found, whole, times))
+    method = plan.integrator
+    assert isinstance(method, ResumableIntegrator)
+    forgets = not any(method.remembered(state).size for state in ends)
+    return PartedMarch(whole, stops, tuple(ends), _join(plan, found, whole, times), forgets)
 
 
 def march_neighbours(
@@ -87,7 +89,7 @@ def march_neighbours(
     """
     found: list[list[Trajectory]] = [[], []]
     states: list[State | None] = [None, None]
-    turns = [_find_turns(plan, own) for plan, own in zip(plans, signs, strict=True)]
+    turns = [find_turns(plan, own) for plan, own in zip(plans, signs, strict=True)]
     for first, stop, middle in zip((0, *run.stops[:-1]), run.stops, run.ends, strict=True):
         for own, plan, state in zip(found, plans, states, strict=True):
             own.append(_march_part(plan, run.times[first:stop], state))
@@ -105,24 +107,29 @@ def _draw_back(middle: State, low: State, high: State, side: float) -> State:
     return replace(middle, **moved)
 
 
-def _find_turns(plan: Plan, signs: Mapping[str, Array]) -> dict[str, Array]:
+def find_turns(plan: Plan, signs: Mapping[str, Array]) -> dict[str, Array]:
     """Return the signs of all coordinates that are integrated, by the arrays of a state."""
-    mechanism = plan.mechanism
+    whole, part = find_all_turns(plan.mechanism, signs), plan.excited
+    if part is None or plan.excited_system is None:
+        return whole
+    positions, rates = whole["q"][part.positions], whole["v"][part.rates]
+    return {"q": positions, "v": rates, "a": rates}
+
+
+def find_all_turns(mechanism: Mechanism, signs: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the signs of all coordinates of a mechanism for those of its bodies' modes, by the arrays of a state."""
     rates = np.ones(mechanism.n)
     for number, link in enumerate(mechanism.links):
         if link.name in signs:
             rates[mechanism.modes_of(number)] = signs[link.name]
     joints = mechanism.position_shift
-    positions = np.r_[np.ones(joints), rates]  # modes come last, and joints have no sign
-    part = plan.excited
-    if part is not None and plan.excited_system is not None:
-        positions, rates = positions[part.positions], rates[part.rates]
-    return {"q": positions, "v": rates, "a": rates}
+    return {"q": np.r_[np.ones(joints), rates], "v": rates, "a": rates}  # modes come last, and joints have no sign
 
 
 def _turn(state: State, turns: Mapping[str, Array]) -> State:
     """Return a state with the signs of other shapes."""
-    return replace(state, **{name: getattr(state, name) * signs for name, signs in turns.items()})
+    arrays = {name: getattr(state, name) for name in turns}  # a method may have several accelerations of a coordinate
+    return replace(state, **{name: x * np.resize(turns[name], x.shape) for name, x in arrays.items()})
 
 
 def _march_part(plan: Plan, times: Array, state: State | None) -> Trajectory:

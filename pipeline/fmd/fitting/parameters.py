@@ -32,12 +32,15 @@ class Parameter:
         SI unit; empty for a plain number and for a factor.
     is_factor : bool
         True if it is a factor of a formula or of a table.
+    clock : str
+        Measured channel whose clock it shifts, ``time`` for those of all; empty for a number of the scene.
     """
 
     key: str
     value: float
     unit: str = ""
     is_factor: bool = False
+    clock: str = ""
 
     @property
     def meaning(self) -> str:
@@ -90,8 +93,10 @@ def find_parameter(scene: Scene, key: str, origin: str = "--to") -> Parameter:
 
 
 def change_parameters(scene: Scene, values: Mapping[Parameter, float]) -> Scene:
-    """Return the scene with other values of some of its numbers, in SI units."""
+    """Return the scene with other values of some of its numbers, in SI units; shifts of clocks are none of it."""
     for parameter, value in values.items():
+        if parameter.clock:
+            continue
         scene = _replace(scene, parameter.key.split("."), value)
     return scene
 

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.fitting import TRIED_TIMES
+from fmd.core.limits.fitting import TRIED_MOVES, TRIED_TIMES
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem
+from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem, Variant
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.mechanism import Mechanism
+from fmd.fitting.neighbours import find_turns
 from fmd.integrators.protocol import Trajectory
 from fmd.stages.plan import Plan
 
@@ -25,58 +26,109 @@ class Tangent(NamedTuple):
     q: Array
     v: Array
 
-    def move(self, own: Trajectory, side: float, mechanism: Mechanism) -> Trajectory:
-        """Return the motion beside a mechanism's own, by so much of this; quaternions stay unit ones."""
+    def move(self, own: Trajectory, side: float, mechanism: Mechanism, turns: Mapping[str, Array]) -> Trajectory:
+        """Return the motion beside a mechanism's own, by so much of this and with other signs of modal coordinates.
+
+        Quaternions stay unit ones.
+        """
         q = own.q + side * self.q
         for link, first in zip(mechanism.links, mechanism.layout.position, strict=True):
             if link.joint.turns_in_space:
                 at = int(first) + link.n_scalars
                 q[:, at : at + 4] /= np.linalg.norm(q[:, at : at + 4], axis=1, keepdims=True)
-        return replace(own, q=q, v=own.v + side * self.v)
+        return replace(own, q=q * turns["q"], v=(own.v + side * self.v) * turns["v"])
 
 
-def find_direction(plan: Plan, sides: Sequence[tuple[Plan, float]]) -> Direction | None:
+@dataclass(frozen=True)
+class Side:
+    """A run at another value of a number.
+
+    Attributes
+    ----------
+    plan : Plan
+        The run there.
+    weight : float
+        In the weighted sum of what is smooth that is its derivative.
+    signs : dict of str to ndarray, optional
+        By what to multiply modal coordinates there for those of the run itself, by bodies; ``None`` if shapes differ
+        by more than their sign.
+    """
+
+    plan: Plan
+    weight: float
+    signs: Mapping[str, Array] | None
+
+
+def find_direction(plan: Plan, sides: Sequence[Side]) -> Direction | None:
     """Find how a run's equations and start change with a number.
 
     Parameters
     ----------
     plan : Plan
         The run.
-    sides : sequence of tuple
-        The same run at other values of the number, four at most, with weights: the weighted sum of what is smooth is
-        its derivative.
+    sides : sequence of Side
+        The same run at other values of the number, four at most.
 
     Returns
     -------
     Direction or None
-        ``None`` where the number changes more than inputs of the equations, such as a body's shapes, or where tangents
-        can't be marched by the run's method.
+        ``None`` where the number turns a body's shapes into others, or where tangents can't be marched by the run's
+        method.
     """
     system, q0, v0 = plan.marched
-    if not (plan.integrator.marches_tangents and system.has_tangents):
+    own, marched = system.compiled, [side.plan.marched for side in sides]
+    if not (system.has_tangents and plan.integrator.carries_tangent(system, [other for other, _, _ in marched])):
         return None
-    own, marched = system.compiled, [side.marched for side, _ in sides]
-    for (other, q, _), (side, _) in zip(marched, sides, strict=True):
-        same = other.compiled.digest == own.digest and other.compiled.numbers.shape == own.numbers.shape
-        if not (same and q.shape == q0.shape and _leaves_out_the_same(plan, side)):
+    if not all(_has_like_coordinates(plan, side.plan) for side in sides):
+        return None
+    weights = np.array([side.weight for side in sides])
+    turns = [find_turns(side.plan, side.signs or {}) for side in sides]
+    q = weights @ [turn["q"] * (there - turn["q"] * q0) for (_, there, _), turn in zip(marched, turns, strict=True)]
+    v = weights @ [turn["v"] * (there - turn["v"] * v0) for (_, _, there), turn in zip(marched, turns, strict=True)]
+    if any(other.compiled.digest != own.digest for other, _, _ in marched):
+        if any(side.signs is None for side in sides):
             return None
-    weights = np.array([weight for _, weight in sides])
+        others = zip(marched, weights, turns, strict=True)
+        variants = [Variant(other.compiled, weight, turn["q"], turn["v"]) for (other, _, _), weight, turn in others]
+        return Direction(np.zeros(own.numbers.shape), [], q, v, variants)
     numbers = weights @ [other.compiled.numbers - own.numbers for other, _, _ in marched]
-    beside = [(other.compiled.signals, weight) for (other, _, _), (_, weight) in zip(marched, sides, strict=True)]
+    beside = [(other.compiled.signals, weight) for (other, _, _), weight in zip(marched, weights, strict=True)]
     vary = any(signals != own.signals for signals, _ in beside)
-    q, v = weights @ [q - q0 for _, q, _ in marched], weights @ [v - v0 for _, _, v in marched]
     return Direction(numbers, beside if vary else [], q, v)
 
 
-def changes_in_line(plan: Plan, low: Plan, high: Plan) -> bool:
+def _has_like_coordinates(plan: Plan, other: Plan) -> bool:
+    """Return whether two runs have as many positions, constraints and inputs of their equations."""
+    (own, q, _), (theirs, there, _) = plan.marched, other.marched
+    mine, its = own.compiled, theirs.compiled
+    sizes = [(len(each.rows), each.numbers.size, len(each.signals)) for each in (mine, its)]
+    return q.shape == there.shape and sizes[0] == sizes[1] and _leaves_out_the_same(plan, other)
+
+
+def changes_in_line(plan: Plan, direction: Direction, low: Plan, high: Plan) -> bool:
     """Return whether a run's equations and start lie in the middle between those at two values of a number."""
     (own, q0, v0), *others = (each.marched for each in (plan, low, high))
-    times = np.random.default_rng(0).uniform(0.0, plan.mechanism.horizon or 1.0, TRIED_TIMES)
+    rng = np.random.default_rng(0)
+    times = rng.uniform(0.0, plan.mechanism.horizon or 1.0, TRIED_TIMES)
+    states = q0 + TRIED_MOVES * rng.normal(size=(TRIED_TIMES, len(q0)))
+    rest = rng.normal(size=(TRIED_TIMES, 2 * len(v0) + max(len(own.compiled.rows), 1)))
+    turns = [(np.ones(len(q0)), np.ones(len(v0))), *((each.signs_q, each.signs_v) for each in direction.variants)]
 
-    def values(system: CompiledSystem, q: Array, v: Array) -> list[Array]:
+    def residuals(system: CompiledSystem, signs_q: Array, signs_v: Array) -> Array:
+        found, n = np.zeros((TRIED_TIMES, len(v0))), len(v0)
+        for r, t, q, more in zip(found, times, states, rest, strict=True):
+            state = (np.array(signs_q * q), np.array(signs_v * more[:n]))
+            known = (np.array(more[2 * n :]), np.array(signs_v * more[n : 2 * n]))
+            system.compiled.call("pulled_residual", system.compiled.signal_values(t), *state, *known, r)
+        return np.asarray(signs_v * found)
+
+    def values(number: int, system: CompiledSystem, q: Array, v: Array) -> list[Array]:
+        if direction.variants:
+            signs_q, signs_v = turns[number]
+            return [signs_q * q, signs_v * v, *residuals(system, signs_q, signs_v).T]
         return [system.compiled.numbers, q, v, *(signal.values(times) for signal in system.compiled.signals)]
 
-    triples = zip(values(own, q0, v0), *(values(*each) for each in others), strict=True)
+    triples = zip(values(0, own, q0, v0), *(values(k, *each) for k, each in enumerate(others, start=1)), strict=True)
     return all(np.abs(a + b - 2.0 * x).max(initial=0.0) <= SOLVED * np.abs(x).max(initial=0.0) for x, a, b in triples)
 
 

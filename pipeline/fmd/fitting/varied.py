@@ -11,6 +11,7 @@ import numpy as np
 from fmd.core.errors import InputError
 from fmd.core.units import parse_percentage, parse_quantity
 from fmd.fitting.parameters import Parameter, find_parameter
+from fmd.scene.reading import suggest_name
 from fmd.stages.pipeline import Pipeline
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
@@ -20,7 +21,8 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 class VariedNumber:
     """A number of a scene that a fit varies.
 
-    A fit counts in its logarithm if it and its bounds are above 0, else in shares of its value at the start.
+    A fit counts in its logarithm if it and its bounds are above 0, else in shares of its value at the start, or of the
+    distance between its bounds if that is 0.
 
     Attributes
     ----------
@@ -42,21 +44,26 @@ class VariedNumber:
         """True if a fit counts in the number's logarithm."""
         return self.parameter.value > 0.0 and (self.low > 0.0 or not np.isfinite(self.low))
 
+    @property
+    def scale(self) -> float:
+        """What shares are of, where a fit doesn't count in the number's logarithm [SI]."""
+        return abs(self.parameter.value) or self.high - self.low
+
     def to_share(self, value: float) -> float:
         """Return a value [SI] as a fit counts it: 0 is that in the scene."""
         if self.by_logarithm:
             return float(np.log(value / self.parameter.value)) if value > 0.0 else -np.inf
-        return (value - self.parameter.value) / abs(self.parameter.value)
+        return (value - self.parameter.value) / self.scale
 
     def from_share(self, share: float) -> float:
         """Return the value [SI] of what a fit counts."""
         if self.by_logarithm:
             return float(self.parameter.value * np.exp(share))
-        return self.parameter.value + share * abs(self.parameter.value)
+        return self.parameter.value + share * self.scale
 
     def per_share(self, value: float) -> float:
         """Return how fast the number [SI] changes with what a fit counts, at a value."""
-        return value if self.by_logarithm else abs(self.parameter.value)
+        return value if self.by_logarithm else self.scale
 
 
 def read_varied(run: Pipeline, vary: Sequence[str], priors: Sequence[str] = ()) -> tuple[VariedNumber, ...]:
@@ -86,13 +93,39 @@ def read_varied(run: Pipeline, vary: Sequence[str], priors: Sequence[str] = ()) 
             raise InputError("--vary", key, given, "is varied twice")
         found.append(VariedNumber(parameter, low, high, known.pop(key, np.inf)))
     if not found:
-        raise InputError("--vary", "", None, "is missing: numbers to vary, e.g. --vary joint.elbow.spring=10..200")
+        raise InputError(
+            "--vary",
+            "",
+            None,
+            "is missing: numbers to vary, e.g. --vary joint.elbow.spring=10..200, or in the scene's table [fit]",
+        )
     if known:
         raise InputError("--prior", next(iter(known)), None, "isn't varied: a prior belongs to a number of --vary")
     return tuple(found)
 
 
-def _read_bounds(key: str, given: str, unit: str) -> tuple[float, float]:
+def read_shifts(texts: Sequence[str], channels: Sequence[str]) -> tuple[VariedNumber, ...]:
+    """Read how much later clocks may start than the motion, ``elbow.position=-5 ms..5 ms``; ``time`` is that of all.
+
+    Raises
+    ------
+    InputError
+        There is no such channel, or a text isn't of this form, with 0 between the bounds.
+    """
+    found: dict[str, VariedNumber] = {}
+    for text in texts:
+        name, _, given = (part.strip() for part in text.partition("="))
+        if name not in ("time", *channels):
+            mend = f"no such history; {suggest_name(name, ['time', *channels], 'measured are')}"
+            raise InputError("--shift", name, None, mend)
+        low, high = _read_bounds(name, given, "s", "--shift")
+        if not low <= 0.0 <= high or not low < high or name in found:
+            raise InputError("--shift", name, given, "must be given once, with two bounds around 0, e.g. -5 ms..5 ms")
+        found[name] = VariedNumber(Parameter(f"shift of {name}", 0.0, "s", clock=name), low, high)
+    return tuple(found.values())
+
+
+def _read_bounds(key: str, given: str, unit: str, option: str = "--vary") -> tuple[float, float]:
     """Read bounds, ``10..200`` in the SI unit or ``10..200 N mm``."""
     low, dots, high = (part.strip() for part in given.partition(".."))
     try:
@@ -105,7 +138,7 @@ def _read_bounds(key: str, given: str, unit: str) -> tuple[float, float]:
         elif end_unit:
             begin, _ = read_number(f"{low} {end_unit}", unit)
     except ValueError as error:
-        raise InputError("--vary", key, given, str(error)) from None
+        raise InputError(option, key, given, str(error)) from None
     return begin, end
 
 

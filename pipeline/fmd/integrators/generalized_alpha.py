@@ -28,6 +28,7 @@ from fmd.core.limits.newton import (
     VANISHED,
 )
 from fmd.core.newton import settles
+from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import System, accelerations, advance, project, remember_contacts
 from fmd.integrators.fixed_step import (
     FixedMarch,
@@ -45,6 +46,7 @@ from fmd.integrators.protocol import (
     State,
     Trajectory,
     balanced_accelerations,
+    motion_of,
     require_step,
     start_state,
 )
@@ -70,6 +72,7 @@ class GeneralizedAlpha(ResumableIntegrator):
     rho: float = 0.8
 
     name = "generalized-alpha"
+    marches_tangents = True
 
     def __post_init__(self) -> None:
         require_step(self.step)
@@ -98,9 +101,16 @@ class GeneralizedAlpha(ResumableIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0 with both accelerations, and memory for a tangent."""
-        start = _two_accelerations(start_state(system, q0, v0, np.zeros(system.n)))
-        start.memory[-1] = balanced_accelerations(system, start).max(initial=0.0)
-        return start
+        start, own = start_state(system, q0, v0, np.zeros(system.n)), motion_of(system)
+        memory = np.zeros(own.n * own.n + 2)
+        alone = replace(start, q=start.q[: own.n_positions], v=start.v[: own.n], a=start.a[: own.n])
+        memory[-1] = balanced_accelerations(own, alone).max(initial=0.0)
+        return replace(start, a=np.concatenate([start.a, start.a]), memory=memory)  # equal accelerations at first
+
+    def remembered(self, state: State) -> Array:
+        """Return what contacts remember: a tangent of Newton's only helps to find what the rest determines."""
+        n = state.v.size
+        return state.memory[n * n + 2 :]
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -110,11 +120,11 @@ class GeneralizedAlpha(ResumableIntegrator):
         AccuracyError
             Newton's iteration did not converge; the message has the time.
         """
-        h, n = self.step, system.n
+        h, n, own = self.step, system.n, motion_of(system).n
         counts = np.array([0.0, np.nan])
 
         def make(state: State) -> NewmarkSteps:
-            tangent, marks = state.memory[: n * n].reshape(n, n), state.memory[n * n : n * n + 2]
+            tangent, marks = state.memory[: own * own].reshape(own, own), state.memory[own * own : own * own + 2]
             alpha_m, alpha_f, beta, gamma = self.weights.tolist()
             room = aligned(n, n, n, n, n, n, system.n_positions)
             begin = (state.q, state.v, state.a, tangent, marks, counts)
@@ -122,7 +132,7 @@ class GeneralizedAlpha(ResumableIntegrator):
 
         contacts = np.full((times.size, getattr(system, "n_contact_values", 0)), np.nan)
         try:
-            march = FixedMarch(self.name, make, system, 0, h, own_memory=n * n + 2)
+            march = FixedMarch(self.name, make, system, 0, h, own_memory=own * own + 2)
             end, q, v, seconds = march.run(start, times, progress, contacts)
         except StabilityError:
             if np.isnan(counts[1]):
@@ -131,12 +141,6 @@ class GeneralizedAlpha(ResumableIntegrator):
                 f"{self.name}: Newton's iteration did not converge at t = {counts[1]:.6g} s; take a smaller step"
             ) from None
         return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)
-
-
-def _two_accelerations(start: State) -> State:
-    """Complete a state at time 0 by auxiliary and true accelerations, equal at first, and memory for a tangent."""
-    n = start.a.size
-    return replace(start, a=np.concatenate([start.a, start.a]), memory=np.zeros(n * n + 2))
 
 
 @dataclass(frozen=True)
@@ -153,8 +157,8 @@ class NewmarkSteps(Table):
         Positions and rates.
     a : ndarray, shape (2 n,)
         Auxiliary and true accelerations.
-    tangent : ndarray, shape (n, n)
-        Factors of Newton's tangent.
+    tangent : ndarray, shape (n_own, n_own)
+        Factors of Newton's tangent, of the motion itself: those of tangents that are marched with it are the same.
     marks : ndarray, shape (2,)
         1 while the tangent is valid, and the largest acceleration so far.
     counts : ndarray, shape (2,)
@@ -200,14 +204,23 @@ def _factor(A: Array) -> None:
 
 @inner
 def _solve(A: Array, x: Array) -> None:
+    """Solve for the motion's entries of x, then for those of its tangents, which are the last ones, in lanes."""
+    _solve_part(A, x, 0, 1)
+    if x.size > A.shape[0]:
+        for lane in range(LANES):
+            _solve_part(A, x, x.size - LANES * A.shape[0] + lane, LANES)
+
+
+@inner
+def _solve_part(A: Array, x: Array, first: int, apart: int) -> None:
     n = A.shape[0]
     for i in range(n):
         for j in range(i):
-            x[i] -= A[i, j] * x[j]
+            x[first + apart * i] -= A[i, j] * x[first + apart * j]
     for i in range(n - 1, -1, -1):
         for j in range(i + 1, n):
-            x[i] -= A[i, j] * x[j]
-        x[i] /= A[i, i]
+            x[first + apart * i] -= A[i, j] * x[first + apart * j]
+        x[first + apart * i] /= A[i, i]
 
 
 @inner
@@ -233,7 +246,7 @@ def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
         m.new[i] = m.a[n + i]
     for trial in range(2):  # a loop, since a call with True and one with False would be compiled each
         if _converges(m, p, end, trial == 0):
-            return True
+            return m.tangent.shape[0] == n or _carry_tangents(m, p, end)
         # The last accelerations, frozen over a long step, carry a stiff coordinate far out to where no tangent is of
         # use.
         for i in range(n):
@@ -246,10 +259,11 @@ def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
 @inner
 def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
     """Factor the tangent at the trial accelerations, by differences; ``found`` are the accelerations there."""
-    n, size = m.v.size, VANISHED
-    for i in range(n):
+    n, size = m.tangent.shape[0], VANISHED
+    for i in range(m.v.size):
         m.base[i] = m.found[i]
-        size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[n + i]))
+    for i in range(n):
+        size = max(size, abs(m.found[i]), abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
     for j in range(n):
         keep = m.new[j]
         nudge = 1e-6 * (abs(keep) + 1e-3 * max(size, m.marks[1]))
@@ -260,7 +274,7 @@ def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
             m.tangent[i, j] = (1.0 if i == j else 0.0) - (m.shifted[i] - m.base[i]) / nudge
     _factor(m.tangent)
     m.marks[0] = 1.0
-    for i in range(n):
+    for i in range(m.v.size):
         m.found[i] = m.base[i]
 
 
@@ -271,21 +285,18 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
     Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
     to the last, is good enough if it is small beside the largest one so far, or moves positions by their round-off.
     """
-    n, largest_before, peak = m.v.size, math.inf, m.marks[1]
+    n, largest_before, peak = m.tangent.shape[0], math.inf, m.marks[1]
     to_position = m.h * m.h * m.beta * (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
     for iteration in range(STEP_ITERATIONS):
         _evaluate_end(m, p, end, m.found)
         size, largest, reached = VANISHED, 0.0, 1.0
         if m.marks[0] == 0.0 or (iteration > 0 and iteration % 4 == 0):
             _renew_tangent(m, p, end)
+        _correct(m)
         for i in range(n):
-            m.found[i] -= m.new[i]
-        _solve(m.tangent, m.found)
-        for i in range(n):
-            m.new[i] += m.found[i]
             largest += abs(m.found[i])  # a sum: it keeps a NaN, which max would lose
             # Auxiliary ones too: their round-off is in what is found, and the guess's in new.
-            size = max(size, abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[n + i]))
+            size = max(size, abs(m.new[i]), abs(m.a[i]), OF_GUESS * abs(m.a[m.v.size + i]))
         for i in range(m.q.size):
             reached = max(reached, abs(m.q_new[i]))
         slow = largest > STALLED * largest_before
@@ -300,6 +311,39 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
         if slow:
             m.marks[0] = 0.0  # too slow: a fresh tangent
         largest_before = largest
+    return False
+
+
+@inner
+def _correct(m: NewmarkSteps) -> None:
+    """Correct the trial accelerations by those that the equations of motion give for them."""
+    for i in range(m.v.size):
+        m.found[i] -= m.new[i]
+    _solve(m.tangent, m.found)
+    for i in range(m.v.size):
+        m.new[i] += m.found[i]
+
+
+@inner
+def _carry_tangents(m: NewmarkSteps, p: Any, end: float) -> bool:
+    """Find the tangents' accelerations where the motion's have been found, until round-off is left; or return false."""
+    n, before, size = m.tangent.shape[0], math.inf, VANISHED
+    for _ in range(STEP_ITERATIONS):
+        for i in range(n):
+            m.base[i] = m.new[i]
+        _correct(m)
+        largest = 0.0
+        for i in range(n):
+            m.new[i] = m.base[i]
+        for i in range(n, m.v.size):
+            largest = max(largest, abs(m.found[i]))
+            size = max(size, abs(m.new[i]))
+        _evaluate_end(m, p, end, m.found)
+        if largest <= OF_GUESS * CONVERGED * size or (largest <= CONVERGED * size and largest > STALLED * before):
+            return True
+        if largest > STALLED * before:
+            _renew_tangent(m, p, end)
+        before = largest
     return False
 
 

@@ -176,6 +176,10 @@ class Integrator(ABC):
         """Tell whether the method integrates a system's kinds of coordinates."""
         return True
 
+    def carries_tangent(self, system: System, others: Sequence[System]) -> bool:
+        """Tell whether a tangent of a system's motion towards others can be marched beside it, exactly as steps go."""
+        return self.marches_tangents
+
     def load_cycle(self, system: System) -> int:
         """Return the number of steps between two samples of the loads."""
         return 1
@@ -234,6 +238,10 @@ class ResumableIntegrator(Integrator):
         trajectory = self.resume(system, self.start(system, q0, v0), times, progress)
         return replace(trajectory, evaluations=trajectory.evaluations + self.start_evaluations)
 
+    def remembered(self, state: State) -> Array:
+        """Return what the method remembers of a motion beside positions, rates and accelerations."""
+        return state.memory
+
     @abstractmethod
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.
@@ -260,6 +268,12 @@ class ResumableIntegrator(Integrator):
             last = np.array([(step + n_cycles * self.substeps - 1) * self.step])
             row[:] = self.resume(system, replace(start.with_values(own), step=step), last).end.values
         return found
+
+
+def motion_of(system: System) -> System:
+    """Return the system of a motion, beside which tangents may be marched."""
+    own: System = getattr(system, "motion", system)
+    return own
 
 
 def require_step(step: float) -> None:

@@ -60,7 +60,7 @@ def call_native(address: int, arrays: tuple[Array, ...]) -> None:
         if not (x.flags.c_contiguous and x.dtype == np.float64):
             raise TypeError("compiled functions take C-contiguous arrays of doubles")
     prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))
-    prototype(address)(*(x.__array_interface__["data"][0] for x in arrays))
+    prototype(int(address))(*(x.__array_interface__["data"][0] for x in arrays))
 
 
 def _known_width(width: Value) -> int:

@@ -83,6 +83,8 @@ class Scene(SceneTables):
         Published results to compare with.
     output : tuple
         Charts, pictures, films and files that a run writes.
+    fit : FitTable, optional
+        What ``fmd fit`` finds from measurements.
 
     Notes
     -----

@@ -10,6 +10,7 @@ from fmd.scene.any_body import Body, Flexible, wanted_pieces
 from fmd.scene.constraints import AnyCoupler
 from fmd.scene.contacts import Contact
 from fmd.scene.controllers import AnyController
+from fmd.scene.fit import FitTable
 from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
 from fmd.scene.joints.any_joint import Joint, closing_joints
 from fmd.scene.loads import Drive
@@ -36,6 +37,7 @@ class SceneTables(SceneTable):
     contact: dict[Name, Contact] = Field(default_factory=dict)
     simulation_table: Simulation | None = Field(default=None, alias="simulation")
     output: tuple[Output, ...] = ()
+    fit: FitTable | None = None
 
     @field_validator("output", mode="before")
     @classmethod

@@ -104,6 +104,7 @@ def collect_inputs(scene: Scene) -> dict[str, Any]:
         "source": True,
         "reference": True,
         "output": True,
+        "fit": True,
         "body": {"__all__": {"visual"}},
     }
     inputs: dict[str, Any] = scene.model_dump(mode="json", exclude=shown_only)

@@ -77,21 +77,36 @@ def read_columns(
     if named or not _is_number(header[0], comma):
         rows = rows[1:]
     numbers = [_find_column(header, *column) for column in (argument, value)]
+    arguments, values = _read_rows(rows, header, numbers, comma, argument[0], fewest)
+    return TableColumns(arguments, values)
+
+
+def read_all_columns(path: Path, *, fewest: int = FEWEST_ROWS) -> tuple[list[str], list[tuple[float, ...]]]:
+    """Read the first row of a CSV file and all columns under it, of which the first ascends.
+
+    Raises
+    ------
+    FaultError
+        The file can't be read, a cell holds no number, or the first column doesn't ascend.
+    """
+    (first, *rows), comma = _split_rows(_read_text(path), str(path))
+    return first.cells, _read_rows(rows, first.cells, range(len(first.cells)), comma, first.cells[0], fewest)
+
+
+def _read_rows(
+    rows: Sequence[_Row], header: Sequence[str], numbers: Sequence[int], comma: bool, argument: str, fewest: int
+) -> list[tuple[float, ...]]:
+    """Return columns by their numbers, of which the first holds arguments and ascends."""
     if len(rows) < fewest:
         raise FaultError(f"has {len(rows)} rows of numbers; a table needs {fewest} at least", "file")
     if len(rows) > MOST_ROWS:
         raise FaultError(f"has {len(rows)} rows; {MOST_ROWS} are the most", "file")
-    arguments, values = (tuple(_read_number(row, header, k, comma) for row in rows) for k in numbers)
-    for row, (before, after) in zip(rows[1:], pairwise(arguments), strict=True):
+    columns = [tuple(_read_number(row, header, k, comma) for row in rows) for k in numbers]
+    for row, (before, after) in zip(rows[1:], pairwise(columns[0]), strict=True):
         if not after > before:
-            message = f"must be above {before:g}, the {argument[0]} in the row before"
+            message = f"must be above {before:g}, the {argument} in the row before"
             raise _fault_in(row, header, numbers[0], message)
-    return TableColumns(arguments, values)
-
-
-def read_header(folder: Path, file: str) -> list[str]:
-    """Return the cells of a CSV file's first row; raises ``FaultError`` if the file can't be read."""
-    return _split_rows(_read_text(folder / file), file)[0][0].cells
+    return columns
 
 
 def _read_text(path: Path) -> str:

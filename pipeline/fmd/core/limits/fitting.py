@@ -6,6 +6,7 @@ NEAR_DIFFERENCE = 2e-4  # of a number, between motions that a tangent moves or t
 SAME_SHAPE = 0.02  # of a shape's size: what it may change by where motions are drawn back
 PARTS = 200  # of a motion
 TRIED_TIMES = 8  # at which loads are compared, to see if they change in proportion to a number
+TRIED_MOVES = 1e-2  # of positions beside the start [m, rad or modal coordinate], at which equations are compared so
 FEWEST_SAMPLES = 40  # scenes within tolerances, of whose results an interval of 95 % is told
 JUMP = 0.05  # per cent per per cent that a largest value gains elsewhere, from which on it is said to jump
 
@@ -25,6 +26,7 @@ NORMAL_95 = 1.959963984540054  # standard deviations to each side that hold 95 %
 DETERMINED = 0.5  # largest half-width of a 95 % interval, of the number's logarithm or relative, that a fit begins with
 NOISE_ORDER = 4  # of the differences of successive values by which the noise of a channel is estimated
 STRONG_CORRELATION = 0.9  # from which on two numbers are named together
+CLOCK_DIFFERENCE = 0.05  # of the time between two samples: a step for derivatives by shifts of clocks
 AT_BOUND = 1e-4  # of the way between two bounds: a number so near to one is said to be at it
 WHITE = 1e-3  # probability of white residuals' correlations, below which they are said not to be white
 LAGS = 10  # samples up to which correlations of residuals are looked at

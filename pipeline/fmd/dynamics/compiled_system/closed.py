@@ -68,7 +68,7 @@ def _factor(m: Multipliers) -> None:
 
 
 @inner
-def _push(m: Multipliers, w: Array) -> None:
+def push(m: Multipliers, w: Array) -> None:
     """Solve ``S λ = −w`` for the independent constraints, the others' λ being 0, and ``push = X λ``."""
     rank, S, order, y = m.rank[0], m.S, m.order, m.room
     for k in range(w.size):
@@ -86,13 +86,20 @@ def _push(m: Multipliers, w: Array) -> None:
         y[k] /= S[row, row]
     for k in range(rank):
         m.multiplier[order[k]] = y[k] * m.scale[order[k]]
-    for i in range(m.push.size):
-        m.push[i] = 0.0
-    for k in range(rank):
-        row = order[k]
-        block, lane, size = row // LANES, row % LANES, m.multiplier[row]
-        for i in range(m.push.size):
-            m.push[i] += m.x[block, i, lane] * size
+        m.total[order[k]] += m.multiplier[order[k]]
+    pull(m, m.multiplier, m.push)
+
+
+@inner
+def pull(m: Multipliers, multiplier: Array, out: Array) -> None:
+    """Set ``out = X λ`` for multipliers λ of the independent constraints."""
+    for i in range(out.size):
+        out[i] = 0.0
+    for k in range(m.rank[0]):
+        row = m.order[k]
+        block, lane, size = row // LANES, row % LANES, multiplier[row]
+        for i in range(out.size):
+            out[i] += m.x[block, i, lane] * size
 
 
 @accelerations.register(ClosedParameters)
@@ -107,7 +114,7 @@ def keep_closed(p: ClosedParameters, q: Array, a: Array) -> None:
     """Change the tree's accelerations so that the loops stay closed, once X, S and w of the first block are there."""
     _spread(p, q, 1)
     _factor(p.whole)
-    _push(p.whole, p.w)
+    push(p.whole, p.w)
     for i in range(a.size):
         a[i] += p.whole.push[i]
 
@@ -124,6 +131,14 @@ def _widest(values: Array) -> float:
 
 @project.register(ClosedParameters)
 def _project(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
+    project_positions(p, t, q, v)
+    project_rates(p, q, v)
+    p.whole.fresh[0] = 1.0
+
+
+@inner
+def project_positions(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
+    """Bring positions at a time t [s] onto the constraints; a rate is NaN after where they don't come there."""
     set_inputs(p, float(t))
     last = math.inf
     for k in range(PROJECTIONS + 1):
@@ -139,14 +154,18 @@ def _project(p: ClosedParameters, t: float, q: Array, v: Array) -> None:
             v[0] = math.nan  # which ends the march
             break
         last = widest
-        _push(p.whole, p.g)
+        push(p.whole, p.g)
         advance(p, q, p.whole.push, 1.0, 0, v.size)
+
+
+@inner
+def project_rates(p: ClosedParameters, q: Array, v: Array) -> None:
+    """Bring rates onto the constraints after `project_positions`, with its factors."""
     for _ in range(2):  # the second takes the first one's round-off away
         call_native(p.residuals, (p.inputs, q, v, p.g, p.rates))
-        _push(p.whole, p.rates)
+        push(p.whole, p.rates)
         for i in range(v.size):
             v[i] += p.whole.push[i]
-    p.whole.fresh[0] = 1.0
 
 
 @leapfrog_step.register(ClosedParameters)
@@ -175,7 +194,7 @@ def _project_onto_constraints(p: ClosedParameters, t: float, h: float, q: Array,
             _spread(p, q, 0)
             _factor(p.whole)
         last = widest
-        _push(p.whole, p.g)
+        push(p.whole, p.g)
         advance(p, q, p.whole.push, 1.0, 0, v.size)
         for i in range(v.size):
             v[i] += p.whole.push[i] / h
@@ -243,7 +262,7 @@ def _close_reaction(p: ClosedParameters, x: Array, first: int, count: int, n_slo
             p.w[k] = -J[k // LANES, first + lane, k % LANES]
             for i in range(n_slow):
                 p.w[k] += J[k // LANES, i, k % LANES] * x[i, lane]
-        _push(p.slow, p.w)
+        push(p.slow, p.w)
         for i in range(n_slow):
             x[i, lane] += p.slow.push[i]
 
@@ -256,6 +275,6 @@ def _close_response(p: ClosedParameters, f: Array, x: Array) -> None:
             p.w[k] = 0.0
             for i in range(f.shape[0]):
                 p.w[k] += X[k // LANES, i, k % LANES] * f[i, lane]
-        _push(p.whole, p.w)
+        push(p.whole, p.w)
         for i in range(f.shape[0]):
             x[i, lane] += p.whole.push[i]

@@ -37,6 +37,7 @@ class Multipliers(Table):
     rank: IntArray  # (1,): how many are independent
     fresh: Array  # (1,): 1 if order and rank are to be found at the next state
     multiplier: Array  # (n_rows,)
+    total: Array  # (n_rows,): what multipliers have added up to since it was set to 0
     push: Array  # (n,): change of accelerations, rates or positions by the multipliers
     room: Array  # (n_rows,)
 

@@ -151,7 +151,7 @@ class CompiledSystem(ReferenceState):
         """Room for how the constraints push the mechanism."""
         n_rows = len(self.compiled.rows)
         n_blocks = -(-n_rows // LANES)
-        multiplier, room = aligned(n_rows, n_rows)
+        multiplier, total, room = aligned(n_rows, n_rows, n_rows)
         (push,) = aligned(self.n)
         return Multipliers(
             x=np.zeros((n_blocks, self.n, LANES)),
@@ -162,6 +162,7 @@ class CompiledSystem(ReferenceState):
             rank=np.zeros(1, dtype=np.int64),
             fresh=np.ones(1),
             multiplier=multiplier,
+            total=total,
             push=push,
             room=room,
         )
@@ -271,8 +272,8 @@ class CompiledSystem(ReferenceState):
 
     @property
     def has_tangents(self) -> bool:
-        """True if tangents of a motion can be marched beside it: no loops close, nothing touches, nothing samples."""
-        return not (self.has_loops or self.is_sampled or self.mechanism.contacts)
+        """True if tangents of a motion can be marched beside it: nothing touches, nothing samples."""
+        return not (self.is_sampled or self.mechanism.contacts)
 
     @property
     def takes_whole_cycles(self) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.forces import ActingForces
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
-from fmd.dynamics.compiler.graph import Scalar, Vector
+from fmd.dynamics.compiler.graph import Scalar, Vector, combine
 from fmd.dynamics.compiler.reaction import TracedForces
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from fmd.dynamics.compiler.residual import trace_residual
@@ -19,18 +19,32 @@ from fmd.dynamics.compiler.tangents import flatten, trace_tangents, unflatten
 
 
 def trace_acceleration_tangents(
-    inputs: Coordinates, frames: list[MovingFrame]
+    inputs: Coordinates, frames: list[MovingFrame], acting: ActingForces, beside: list[BodyValues]
 ) -> tuple[list[BodyValues], list[BodyValues]]:
-    """Trace accelerations, and their derivatives along ``dinputs``, ``dq`` and ``dv``."""
+    """Trace accelerations by what acts, and their derivatives along ``dinputs``, ``dq`` and ``dv``.
+
+    ``beside`` is what the residual changes by apart from these, such as by a body's mass; empty if nothing.
+    """
     graph, mechanism = inputs.graph, inputs.mechanism
-    found = trace_accelerations(frames, ActingForces(inputs, frames))
-    slopes = trace_tangents(inputs, trace_residual(inputs, frames), ("inputs", "q", "v"))
+    found = trace_accelerations(frames, acting)
+    slopes = trace_tangents(inputs, trace_residual(inputs, frames, acting), ("inputs", "q", "v"))
     replaced: dict[int, Scalar | Vector] = {}
     for number, own in enumerate(found):
         pairs = zip(inputs.inputs_of_joint(number, "a"), own.joint, strict=True)
         replaced |= {given.node: value for given, value in pairs}
         replaced[inputs.inputs_of_modes(number, "a").node] = own.modes
-    at_motion = substitute(graph, [-x for x in flatten(slopes)], replaced)
+    whole = flatten(slopes)
+    if beside:
+        whole = [_add(one, other) for one, other in zip(whole, flatten(beside), strict=True)]
+    at_motion = substitute(graph, [-x for x in whole], replaced)
     resting = RestingCoordinates(graph, mechanism)
     forces = TracedForces(resting, unflatten(at_motion, slopes), range(mechanism.n))
     return found, trace_accelerations(trace_frames(resting), forces)
+
+
+def _add(one: Scalar | Vector, other: Scalar | Vector) -> Scalar | Vector:
+    if isinstance(one, Scalar):
+        assert isinstance(other, Scalar)
+        return one + other
+    assert isinstance(other, Vector)
+    return combine([(1.0, one), (1.0, other)])

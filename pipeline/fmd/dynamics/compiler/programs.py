@@ -12,12 +12,15 @@ are filled:
 - ``a`` (n,): accelerations, and ``r`` (n,): the residual ``M̂ a − Q̂``;
 - ``dinputs`` (3 n_signals + n_numbers, 8), ``dq`` (n_positions, 8), ``dv`` and ``da`` (n, 8): eight directions, and
   ``dr`` (n, 8): the residual's derivatives; ``M̂ da`` by ``inertia``;
-- ``da`` (n, 8) as an output, of ``acceleration_tangents``: derivatives of the accelerations along eight directions;
+- ``da`` (n, 8) as an output, of ``acceleration_tangents``: derivatives of the accelerations along eight directions at
+  multipliers ``f`` (n_rows,), which ``pulled_residual`` has, too; of ``changed_tangents`` also by ``dr`` (n, 8), what
+  the residual changes by beside;
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
   zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
 - of a mechanism with loops (see `closures`) ``f`` (n_rows, 8): eight sets of multipliers, ``x`` and ``s`` (n_rows, 8):
   ``M̂⁻¹ Jᵀ f`` and ``J M̂⁻¹ Jᵀ f``, ``w`` (n_rows,): accelerations of the residuals by the tree's, which are ``a`` then,
-  ``g`` and ``rates`` (n_rows,): residuals and their rates, and
+  ``g`` and ``rates`` (n_rows,): residuals and their rates, ``dg``, ``drates`` and ``dw`` (n_rows, 8): their derivatives
+  along eight directions and those of their accelerations, and
   ``wrenches`` (n_joints, 2, 6): force and moment in space on both places of each joint by multipliers ``f`` (n_rows,);
 - ``motions`` (n_bodies, 6): accelerations of the bodies' frames in space by ``a`` and multipliers ``f`` (n_rows,), and
   ``loads`` (n_bodies, 2, 6): force and moment of each body's joint on its parent and on the body, see `joint_loads`;
@@ -45,18 +48,19 @@ Arrays must not overlap. Functions keep no state, so threads may call them at on
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from fmd.dynamics.compiler.acceleration_tangents import trace_acceleration_tangents
 from fmd.dynamics.compiler.algebra import times
-from fmd.dynamics.compiler.closures import MultiplierForces, trace_reactions, trace_rows
+from fmd.dynamics.compiler.closures import ConstrainedForces, MultiplierForces, trace_reactions, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
 from fmd.dynamics.compiler.cycle import trace_cycle
+from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.forces import ActingForces, GivenForces, PushedForces, trace_effort, trace_elongations
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.frozen import trace_drift, trace_fast_step, trace_single
-from fmd.dynamics.compiler.graph import Scalar, combine
+from fmd.dynamics.compiler.graph import Scalar, Vector, combine
 from fmd.dynamics.compiler.joint_loads import trace_joint_loads
 from fmd.dynamics.compiler.program import Output, Program
 from fmd.dynamics.compiler.quantities import (
@@ -67,8 +71,8 @@ from fmd.dynamics.compiler.quantities import (
 )
 from fmd.dynamics.compiler.reaction import trace_reaction
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
-from fmd.dynamics.compiler.residual import trace_residual
-from fmd.dynamics.compiler.tangents import trace_tangents
+from fmd.dynamics.compiler.residual import trace_motion, trace_residual
+from fmd.dynamics.compiler.tangents import direction_inputs, trace_tangents
 from fmd.dynamics.mechanism import Mechanism
 
 Trace = Callable[..., list[Output]]
@@ -102,8 +106,28 @@ def _pushed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
 
 
 def _acceleration_tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    values, slopes = trace_acceleration_tangents(inputs, frames)
+    return _with_tangents(inputs, frames, [])
+
+
+def _changed_tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    numbers = range(len(frames))
+    beside = [BodyValues(inputs.inputs_of_joint(k, "dr"), inputs.inputs_of_modes(k, "dr")) for k in numbers]
+    return _with_tangents(inputs, frames, beside)
+
+
+def _with_tangents(inputs: Coordinates, frames: list[MovingFrame], beside: list[BodyValues]) -> list[Output]:
+    values, slopes = trace_acceleration_tangents(inputs, frames, _acting(inputs, frames), beside)
     return [*_in_order_of_rates(inputs.mechanism, "a", values), *_in_order_of_rates(inputs.mechanism, "da", slopes)]
+
+
+def _pulled_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _in_order_of_rates(inputs.mechanism, "r", trace_residual(inputs, frames, _acting(inputs, frames)))
+
+
+def _acting(inputs: Coordinates, frames: list[MovingFrame]) -> ActingForces:
+    """Return all that acts on a mechanism, with given multipliers of its constraints."""
+    rows = trace_rows(inputs, frames)
+    return ConstrainedForces(inputs, frames, rows) if rows else ActingForces(inputs, frames)
 
 
 def _leap(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -241,6 +265,31 @@ def _residuals(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return [*_in_row("g", 0, [row.residual for row in rows]), *_in_row("rates", 0, rates)]
 
 
+def _residual_tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    rows = trace_rows(inputs, frames)
+    both = [row.residual for row in rows], [row.rate(inputs) for row in rows]
+    seeds = direction_inputs(inputs.graph, ("inputs", "q", "v"))
+    named = zip(("dg", "drates"), both, strict=True)
+    return [x for name, values in named for x in _in_row(name, 0, differentiate(inputs.graph, values, seeds))]
+
+
+def _closing_tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    seeds = direction_inputs(inputs.graph, ("inputs", "q", "v", "a"))
+    return _in_row("dw", 0, differentiate(inputs.graph, _row_accelerations(inputs, frames), seeds))
+
+
+def _closing(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return _in_row("w", 0, _row_accelerations(inputs, frames))
+
+
+def _row_accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Scalar]:
+    """Accelerations of the constraints' residuals by those of the coordinates, the argument ``a``."""
+    acting, numbers = ActingForces(inputs, frames), range(len(frames))
+    own = [(inputs.inputs_of_joint(k, "a"), inputs.inputs_of_modes(k, "a")) for k in numbers]
+    motion = [BodyValues(*a, x) for a, x in zip(own, trace_motion(inputs, frames, acting), strict=True)]
+    return [row.acceleration(inputs, acting.ground, motion) + row.bias for row in trace_rows(inputs, frames)]
+
+
 def _reactions(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     both = [x for sides in trace_reactions(inputs, frames, "f") for wrench in sides for x in wrench]
     return _in_row("wrenches", 0, both)
@@ -303,7 +352,7 @@ def _in_order_of_rates(mechanism: Mechanism, argument: str, values: list[BodyVal
     return outputs
 
 
-def _in_row(argument: str, row: int, values: list[Scalar]) -> list[Output]:
+def _in_row(argument: str, row: int, values: Sequence[Scalar | Vector]) -> list[Output]:
     return [Output(value, (argument, (len(values) * row + k,))) for k, value in enumerate(values)]
 
 
@@ -315,10 +364,14 @@ _FROZEN = ("constant", "slope", "load", "K")
 _CYCLE = ("inputs", "steps", "inverse_mass", "ahead", "q", "v", "a", "begin")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 _ALONG = _DIRECTIONS[:3]
+_BESIDE = (*_ALONG, "dr")
+_CHANGES = ("dg", "drates")
+_PULLED = (*_DIRECTIONS[:4], "dw")
 
 DEFINITIONS = {
     "accelerations": Definition((*_STATE, "a"), _accelerations),
-    "acceleration_tangents": Definition((*_STATE, *_ALONG, "a", "da"), _acceleration_tangents, lanes=_DIRECTIONS[:4]),
+    "acceleration_tangents": Definition((*_STATE, "f", *_ALONG, "a", "da"), _acceleration_tangents, _DIRECTIONS[:4]),
+    "changed_tangents": Definition((*_STATE, "f", *_BESIDE, "a", "da"), _changed_tangents, (*_BESIDE, "da")),
     "pushed": Definition((*_STATE, *_PUSH, "a"), _pushed),
     "leap": Definition(("inputs", "step", *_STATE[1:], "a"), _leap, in_place=True),
     "residual": Definition((*_STATE, "a", "r"), _residual, seldom=True),
@@ -341,6 +394,10 @@ DEFINITIONS = {
     "pushed_closed": Definition((*_STATE, "f", *_PUSH, "a", "w", "x", "s"), _pushed_closed, lanes=("f", "x", "s")),
     "multipliers": Definition(("inputs", "q", "f", "x", "s"), _multipliers, lanes=("f", "x", "s")),
     "residuals": Definition((*_STATE, "g", "rates"), _residuals),
+    "pulled_residual": Definition((*_STATE, "f", "a", "r"), _pulled_residual),
+    "closing": Definition((*_STATE, "a", "w"), _closing),
+    "residual_tangents": Definition((*_STATE, *_ALONG, *_CHANGES), _residual_tangents, lanes=(*_ALONG, *_CHANGES)),
+    "closing_tangents": Definition((*_STATE, "a", *_PULLED), _closing_tangents, lanes=_PULLED),
     "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
     "joint_loads": Definition((*_STATE, "a", "f", *_PUSH, "motions", "loads"), _joint_loads),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),

@@ -1,0 +1,224 @@
+"""Steps and projections of a mechanism with loops, with eight tangents of its motion.
+
+Multipliers λ of the constraints push the mechanism by ``X λ``, ``X = M̂⁻¹ Jᵀ``. So how accelerations change has two
+parts: at fixed multipliers, by the graph, and ``X δλ``. The second keeps the tangents on the constraints: what leaves
+the residual 0 is found by the factors of the motion itself, which are those of a step's begin, and corrected until
+round-off is left.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fmd.core.arrays import Array
+from fmd.core.limits.newton import PROJECTIONS, STALLED
+from fmd.dynamics.compiled_system.closed import project_positions, project_rates, pull, push
+from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog
+from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, pulled, set_time, take_state
+from fmd.dynamics.compiler.program import LANES
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints
+from fmd.kernels.kernel import inner
+from fmd.kernels.library import call_native
+
+
+@dataclass(frozen=True)
+class ClosedTangentParameters(TangentParameters):
+    """Parameters of a mechanism with n_rows constraints of loops and of eight tangents of its motion."""
+
+    own: ClosedParameters  # the mechanism's
+    n_positions: int  # the motion's own positions
+    residuals: int  # addresses of the compiled functions
+    closing: int
+    other: Array  # (n_rows,): that have changed rates
+    none: Array  # (n_rows,): zeros
+    w: Array  # (n_rows,), room to work in
+    dg: Array  # (n_rows, 8): tangents of the residuals, or of their accelerations
+    drates: Array  # (n_rows, 8): and of their rates
+    q_now: Array  # positions with tangents, at a step's begin
+    moved: Array  # and room for these
+    v_now: Array  # rates with tangents
+    rates: Array
+    a_free: Array  # accelerations with tangents, without multipliers and with some
+    a_pulled: Array
+
+
+@inner
+def _copy(x: Array, out: Array) -> None:
+    for i in range(out.size):
+        out[i] = x[i]
+
+
+@inner
+def _change_by(p: ClosedTangentParameters, d: Array, lane: int) -> None:
+    """Set ``own.whole.push = X δλ`` so that one lane of d (n_rows, 8) becomes 0."""
+    for k in range(p.w.size):
+        p.w[k] = d[k, lane]
+    push(p.own.whole, p.w)
+
+
+@accelerations.register(ClosedTangentParameters)
+def _accelerations(p: ClosedTangentParameters, t: float, q: Array, v: Array, a: Array) -> None:
+    set_time(p, float(t))
+    whole = p.own.whole
+    accelerations(p.own, t, q[: p.n_positions], v[: p.n], a[: p.n])
+    _copy(whole.multiplier, p.multiplier)
+    pulled(p, q, v, p.multiplier, a, a)
+    along = (p.directions, q[p.n_position_lines :], v[p.n_lines :], a[p.n_lines :])
+    call_native(p.closing, (p.inputs, q, v, a, along[0], along[1], along[2], along[3], p.dg))
+    m = p.variants
+    for k in range(m.closing.size if m.any != 0 else 0):
+        if m.closing[k] != 0:
+            take_state(m, k, q, v, a)
+            call_native(m.closing[k], (m.inputs[k], m.q, m.v, m.a, m.g))
+            for row in range(m.g.size):
+                p.dg[row, k // 4] += m.weights[k] * m.g[row]
+    for lane in range(LANES):
+        _change_by(p, p.dg, lane)
+        for i in range(p.n):
+            a[p.n_lines + LANES * i + lane] += whole.push[i]
+
+
+@leapfrog_step.register(ClosedTangentParameters)
+def _leapfrog_step(
+    p: ClosedTangentParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array
+) -> None:
+    """Take a step with the motion alone, then with its tangents at the multipliers that have closed it."""
+    n, first, whole, v_now = p.n, p.n_lines, p.own.whole, leapfrog.v_now
+    _copy(q, p.q_now)
+    for i in range(v.size):
+        v_now[i] = v[i] + 0.5 * h * a[i]
+    whole.fresh[0] = 1.0
+    accelerations(p.own, t, q[: p.n_positions], v_now[:n], a[:n])
+    _copy(whole.multiplier, p.multiplier)
+    for i in range(n):
+        v[i] += h * a[i]
+        p.rates[i] = v[i]
+    advance(p.own, q, v, h, 0, n)
+    for k in range(whole.total.size):
+        whole.total[k] = 0.0
+    project_onto_constraints(p.own, t + h, h, q[: p.n_positions], v[:n], a[:n])
+    for k in range(whole.total.size):
+        p.multiplier[k] += whole.total[k] / (h * h)
+    set_time(p, float(t))
+    pulled(p, p.q_now, v_now, p.multiplier, a, p.a_pulled)
+    for i in range(first, v.size):
+        a[i] = p.a_pulled[i]
+        v[i] += h * a[i]
+        p.rates[i] = v[i]
+    _copy(q, p.moved)
+    _copy(p.q_now[: p.n_positions], q[: p.n_positions])
+    advance(p, q, p.rates, h, 0, v.size)
+    for i in range(n):  # what closed the loops turns bodies once more
+        p.rates[i] = h * (v[i] - p.rates[i])
+    _turn(p, q)
+    _copy(p.moved[: p.n_positions], q[: p.n_positions])
+    set_time(p, float(t + h))
+    _close(p, q, v)
+    for i in range(n * LANES):
+        v[first + i] += p.rates[first + i] / h
+        a[first + i] += p.rates[first + i] / (h * h)
+
+
+@inner
+def _turn(p: ClosedTangentParameters, q: Array) -> None:
+    """Move positions by ``rates``, whose tangents are 0."""
+    for i in range(p.n_lines, p.rates.size):
+        p.rates[i] = 0.0
+    advance(p, q, p.rates, 1.0, 0, p.rates.size)
+
+
+@inner
+def _close(p: ClosedTangentParameters, q: Array, v: Array) -> None:
+    """Bring the tangents of positions onto the constraints; ``rates`` has how far they have moved."""
+    n, first, whole, last = p.n, p.n_lines, p.own.whole, math.inf
+    for i in range(p.rates.size):
+        p.rates[i] = 0.0
+    _copy(q, p.moved)
+    for _ in range(2 * PROJECTIONS):
+        widest = _find_changes(p, q, v, p.dg)
+        if widest == 0.0 or not widest < STALLED * last:
+            break
+        last = widest
+        for i in range(n):
+            p.a_free[i] = 0.0
+        for lane in range(LANES):
+            _change_by(p, p.dg, lane)
+            for i in range(n):
+                p.a_free[first + LANES * i + lane] = whole.push[i]
+                p.rates[first + LANES * i + lane] += whole.push[i]
+        advance(p, q, p.a_free, 1.0, 0, v.size)
+    _copy(p.moved[: p.n_positions], q[: p.n_positions])
+
+
+@inner
+def _find_changes(p: ClosedTangentParameters, q: Array, v: Array, wanted: Array) -> float:
+    """Evaluate the tangents of residuals and rates; return the largest of those that are to become 0."""
+    along = (p.directions, q[p.n_position_lines :], v[p.n_lines :])
+    call_native(p.residuals, (p.inputs, q, v, along[0], along[1], along[2], p.dg, p.drates))
+    m = p.variants
+    for k in range(m.residuals.size if m.any != 0 else 0):
+        if m.residuals[k] != 0:
+            take_state(m, k, q, v, v)
+            call_native(m.residuals[k], (m.inputs[k], m.q, m.v, m.g, m.rates))
+            for row in range(m.g.size):
+                p.dg[row, k // 4] += m.weights[k] * m.g[row]
+                p.drates[row, k // 4] += m.weights[k] * m.rates[row]
+    widest = 0.0
+    for k in range(wanted.shape[0]):
+        for lane in range(LANES):
+            widest = max(widest, abs(wanted[k, lane]))
+    return widest
+
+
+@project.register(ClosedTangentParameters)
+def _project(p: ClosedTangentParameters, t: float, q: Array, v: Array) -> None:
+    n, first, whole, last = p.n, p.n_lines, p.own.whole, math.inf
+    set_time(p, float(t))
+    _copy(q, p.q_now)
+    _copy(v, p.v_now)
+    for k in range(whole.total.size):
+        whole.total[k] = 0.0
+    project_positions(p.own, t, q[: p.n_positions], v[:n])
+    _copy(whole.total, p.multiplier)
+    for k in range(whole.total.size):
+        whole.total[k] = 0.0
+    project_rates(p.own, q[: p.n_positions], v[:n])
+    _copy(whole.total, p.other)
+    _copy(q, p.moved)
+    _copy(p.q_now[: p.n_positions], q[: p.n_positions])
+    _move_by(p, p.multiplier)
+    advance(p, q, p.rates, 1.0, 0, v.size)
+    _copy(p.moved[: p.n_positions], q[: p.n_positions])
+    _move_by(p, p.other)
+    for i in range(first, v.size):
+        v[i] += p.rates[i]
+    _close(p, q, v)
+    for _ in range(2 * PROJECTIONS):
+        widest = _find_changes(p, q, v, p.drates)
+        if widest == 0.0 or not widest < STALLED * last:
+            break
+        last = widest
+        for lane in range(LANES):
+            _change_by(p, p.drates, lane)
+            for i in range(n):
+                v[first + LANES * i + lane] += whole.push[i]
+    whole.fresh[0] = 1.0
+
+
+@inner
+def _move_by(p: ClosedTangentParameters, multiplier: Array) -> None:
+    """Set ``rates`` to ``X λ`` and its tangents at fixed λ, at the state before a projection."""
+    pull(p.own.whole, multiplier, p.rates[: p.n])
+    _pull_anew(p, p.none, p.a_free)
+    _pull_anew(p, multiplier, p.a_pulled)
+    for i in range(p.n_lines, p.rates.size):
+        p.rates[i] = p.a_pulled[i] - p.a_free[i]
+
+
+@inner
+def _pull_anew(p: ClosedTangentParameters, multiplier: Array, a: Array) -> None:
+    """Evaluate accelerations by multipliers, then their tangents: variants of the mechanism ask for the first."""
+    pulled(p, p.q_now, p.v_now, multiplier, a, a)
+    if p.variants.any != 0:
+        pulled(p, p.q_now, p.v_now, multiplier, a, a)

@@ -1,0 +1,182 @@
+"""Tangents of motions by all methods that march them, in trees and loops, against extrapolated differences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fmd as package
+from fmd.core.arrays import Array
+from fmd.fitting.frozen_run import FrozenRun
+from fmd.fitting.parameters import Parameter, find_parameter
+from fmd.output.channels import ResultChannel, find_all_channels
+from tests.verification.test_random_mechanisms import SI, random_scene
+
+SMALL_ARM = ("simulation.run=[{integrator='central-difference'}]", "body.forearm.modes.count=3")
+ZERO = ["0 m", "0 m", "0 m"]
+
+
+def rod(length: float, **more: Any) -> dict[str, Any]:
+    markers = {"a": {"at": ZERO}, "b": {"at": [f"{length} m", "0 m", "0 m"]}}
+    return {"shape": "rod", "mass": "0.7 kg", "length": f"{length} m", "marker": markers, **more}
+
+
+def revolute(parent: str, child: str, **more: Any) -> dict[str, Any]:
+    return {"type": "revolute", "parent": parent, "child": child, "axis": [0, 0, 1], **more}
+
+
+RUNS = {
+    "central-difference": {"integrator": "central-difference", "step": "0.2 ms"},
+    "runge-kutta": {"integrator": "runge-kutta", "tolerance": 1e-10},
+    "generalized-alpha": {"integrator": "generalized-alpha", "step": "1 ms"},
+    "exponential": {"integrator": "exponential", "step": "1 ms"},
+}
+
+
+def scene(method: str, **tables: Any) -> dict[str, Any]:
+    simulation = {"duration": "0.15 s", "output_step": "7.3 ms", "run": [RUNS[method]], **tables.pop("simulation")}
+    return {"title": "Loop", "simulation": simulation, **tables}
+
+
+def four_bar(method: str) -> dict[str, Any]:
+    """A crank on a spring, driven by a torque; all hinges are parallel, so two constraints of three are redundant."""
+    torque = {"formula": "4*sin(30*t)", "unit": "N m"}
+    return scene(
+        method,
+        simulation={"tip": "crank.b", "gravity": ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]},
+        body={"crank": rod(0.3), "coupler": rod(0.5), "rocker": rod(0.4)},
+        ground={"foot": {"at": ["0.6 m", "0 m", "0 m"]}},
+        joint={
+            "drive": revolute("ground", "crank.a", angle="80 deg", spring="20 N m", damper="0.2 N m s"),
+            "pin": revolute("crank.b", "coupler.a", angle="-70 deg", spring="5 N m"),
+            "foot": revolute("ground.foot", "rocker.a", angle="100 deg"),
+            "close": revolute("coupler.b", "rocker.b"),
+        },
+        drive={"push": {"type": "torque", "joint": "drive", "torque": torque}},
+    )
+
+
+def swing(method: str) -> dict[str, Any]:
+    """Two bodies on balls between two points of the ground: rotations in space are quaternions."""
+    markers = {"a": {"at": ZERO}, "b": {"at": ["0.5 m", "0 m", "0 m"]}}
+    inertia, centre = ["0.01 kg m^2", "0.03 kg m^2", "0.02 kg m^2"], ["0.2 m", "0.01 m", "0 m"]
+    body = {"shape": "rigid", "mass": "0.7 kg", "inertia": inertia, "centre": centre, "marker": markers}
+    push = {"type": "point force", "marker": "left.b", "direction": [0, 0, 1]}
+    return scene(
+        method,
+        simulation={"tip": "left.b", "gravity": ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]},
+        body={"left": body, "right": {**body, "marker": {**markers, "b": {"at": ["0.3 m", "-0.4 m", "0 m"]}}}},
+        ground={"far": {"at": ["0.8 m", "-0.4 m", "0 m"]}, "hook": {"at": ["0.3 m", "0.6 m", "0.1 m"]}},
+        joint={
+            "near": {"type": "spherical", "parent": "ground", "child": "left.a"},
+            "middle": {"type": "spherical", "parent": "left.b", "child": "right.a"},
+            "far": {"type": "spherical", "parent": "ground.far", "child": "right.b"},
+        },
+        spring={"hang": {"between": ["ground.hook", "left.b"], "stiffness": "150 N/m", "length": "0.4 m"}},
+        drive={"push": {**push, "force": {"formula": "8*sin(40*t)", "unit": "N"}}},
+    )
+
+
+def differences(frozen: FrozenRun, parameter: Parameter) -> tuple[Array, Array]:
+    """Extrapolate the derivatives of positions and rates by a number's logarithm from whole marches."""
+    found: list[tuple[Array, Array]] = []
+    for share in (4e-3, 2e-3, 1e-3):
+        sides = [frozen.at({parameter: parameter.value * (1.0 + side * share)}) for side in (-1.0, 1.0)]
+        low, high = (side.run.motion.trajectory for side in sides)
+        found.append(((high.q - low.q) / (2.0 * share), (high.v - low.v) / (2.0 * share)))
+    q, v = ((64.0 * c - 20.0 * b + a) / 45.0 for a, b, c in zip(*found, strict=True))
+    return q, v
+
+
+def chain(method: str) -> dict[str, Any]:
+    """The crank and the coupler of the four-bar, whose end is free."""
+    tables = four_bar(method)
+    tables["body"].pop("rocker")
+    tables["joint"] = {name: tables["joint"][name] for name in ("drive", "pin")}
+    return tables
+
+
+SPRINGS = ["joint.drive.spring", "joint.pin.spring"]
+OTHERS = ["joint.drive.damper", "drive.push.torque"]
+MASSES = ["body.coupler.mass", "body.crank.marker.b.at.0"]  # the second is the length of the crank
+
+
+@pytest.mark.parametrize(
+    ("method", "make", "keys"),
+    [
+        ("central-difference", four_bar, SPRINGS + OTHERS + MASSES),
+        ("runge-kutta", four_bar, ["joint.drive.spring", *MASSES]),
+        ("generalized-alpha", four_bar, ["joint.drive.damper", *MASSES]),
+        ("generalized-alpha", chain, SPRINGS + OTHERS),
+        ("exponential", chain, OTHERS),
+        ("central-difference", swing, ["spring.hang.stiffness", "body.left.mass", "drive.push.force"]),
+        ("runge-kutta", swing, ["spring.hang.stiffness", "drive.push.force"]),
+        ("generalized-alpha", swing, ["spring.hang.stiffness", "drive.push.force"]),
+    ],
+)
+def test_tangents_are_extrapolated_differences_of_marches(method: str, make: Any, keys: list[str]) -> None:
+    frozen = FrozenRun(package.load(make(method)).run)
+    parameters = [find_parameter(frozen.run.scene, key) for key in keys]
+    motion = frozen.at({}, by=parameters)
+    for parameter in parameters:
+        assert frozen.beside(motion, parameter).by_tangents
+        tangent = motion.tangents[parameter]
+        assert tangent is not None
+        for mine, other in zip((tangent.q, tangent.v), differences(frozen, parameter), strict=True):
+            np.testing.assert_allclose(mine, other, rtol=0, atol=1e-8 * np.abs(mine).max())
+
+
+def read_beside(frozen: FrozenRun, parameter: Parameter, channels: Sequence[ResultChannel]) -> list[Array]:
+    """Extrapolate the derivatives of results by a number's logarithm from whole marches of scenes solved anew."""
+    found: list[list[Array]] = []
+    for share in (4e-3, 2e-3, 1e-3):
+        low, high = (frozen.at({parameter: parameter.value * (1.0 + side * share)}).run for side in (-1.0, 1.0))
+        found.append([np.asarray(each.read(high) - each.read(low)) / (2.0 * share) for each in channels])
+    return [(64.0 * c - 20.0 * b + a) / 45.0 for a, b, c in zip(*found, strict=True)]
+
+
+def test_tangents_by_material_and_dimensions_are_differences_of_motions_with_bases_solved_anew() -> None:
+    """Of an arm's places and stress: its basis, with whatever signs, and its equations change with these numbers."""
+    names = ["tip", "forearm.stress", "forearm.wrist.position.y"]
+    keys = ["body.forearm.depth", "body.forearm.length", "body.forearm.E", "body.forearm.modes.damping"]
+    result = package.load("arm", *SMALL_ARM, "simulation.duration=0.05 s", "body.forearm.mesh.divisions=[8,1,1]")
+    found = package.jacobian(result, names, keys)
+    frozen = FrozenRun(result.run)
+    for parameter in (find_parameter(result.run.scene, key) for key in keys):
+        mine = [each for each in found if each.parameter.key == parameter.key]
+        expected = read_beside(frozen, parameter, [each.channel for each in mine])
+        for each, slope in zip(mine, expected, strict=True):
+            assert each.by_tangents
+            np.testing.assert_allclose(each.slope * parameter.value, slope, atol=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(4, 24))])
+def test_tangents_of_random_mechanisms_are_differences_of_marches(seed: int) -> None:
+    """Of trees of rigid and flexible bodies on all kinds of joints, by numbers of all kinds."""
+    frozen = FrozenRun(package.load(random_scene(seed, SI)).run)
+    run = frozen.run
+    joints = [f"joint.{name}.{key}" for name, own in run.scene.joint.items() for key in ("spring", "damper")]
+    joints = [key for key in joints if hasattr(run.scene.joint[key.split(".")[1]], "spring")]
+    rigid = [name for name, body in run.scene.body.items() if body.shape == "rigid"]
+    flexible = [f"body.{name}.{key}" for name in run.scene.flexible for key in ("E", "depth")]
+    bodies = [f"body.{name}.{key}" for name in rigid for key in ("mass", "inertia.1", "marker.outer.at.0")]
+    keys = ["simulation.gravity.1", *joints[-2:], *bodies[-3:], *flexible[-2:]]
+    parameters = [find_parameter(run.scene, key) for key in keys]
+    channels = find_all_channels(run, [f"{run.scene.simulation.tip}.position", "kinetic_energy"])
+    found = package.jacobian(package.load(random_scene(seed, SI)), [each.name for each in channels], keys)
+    largest = dict.fromkeys([each.name for each in channels], 0.0)
+    for each in found:
+        change = float(np.abs(each.slope * each.parameter.value).max())
+        largest[each.channel.name] = max(largest[each.channel.name], change)
+    for parameter in parameters:
+        mine = [each for each in found if each.parameter.key == parameter.key]
+        expected = read_beside(frozen, parameter, [each.channel for each in mine])
+        for each, slope in zip(mine, expected, strict=True):
+            largest = max(
+                np.abs(one.slope * one.parameter.value).max() for one in found if one.channel.name == each.channel.name
+            )
+            assert each.by_tangents
+            np.testing.assert_allclose(each.slope * parameter.value, slope, atol=1e-8 * largest)
