@@ -67,7 +67,7 @@ def march_in_parts(plan: Plan, times: Array) -> PartedMarch:
         found.append(part)
     method = plan.integrator
     assert isinstance(method, ResumableIntegrator)
-    forgets = not any(method.remembered(state).size for state in ends)
+    forgets = not any(method.memory_of_motion(state).size for state in ends)
     return PartedMarch(whole, stops, tuple(ends), _join(plan, found, whole, times), forgets)
 
 

@@ -107,7 +107,7 @@ class GeneralizedAlpha(ResumableIntegrator):
         memory[-1] = balanced_accelerations(own, alone).max(initial=0.0)
         return replace(start, a=np.concatenate([start.a, start.a]), memory=memory)  # equal accelerations at first
 
-    def remembered(self, state: State) -> Array:
+    def memory_of_motion(self, state: State) -> Array:
         """Return what contacts remember: a tangent of Newton's only helps to find what the rest determines."""
         n = state.v.size
         return state.memory[n * n + 2 :]

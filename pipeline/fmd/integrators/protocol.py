@@ -238,7 +238,7 @@ class ResumableIntegrator(Integrator):
         trajectory = self.resume(system, self.start(system, q0, v0), times, progress)
         return replace(trajectory, evaluations=trajectory.evaluations + self.start_evaluations)
 
-    def remembered(self, state: State) -> Array:
+    def memory_of_motion(self, state: State) -> Array:
         """Return what the method remembers of a motion beside positions, rates and accelerations."""
         return state.memory
 

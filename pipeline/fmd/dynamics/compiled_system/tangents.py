@@ -211,7 +211,7 @@ class TangentSystem:
             arrays["weights"][k], arrays["signs_q"][k], arrays["signs_v"][k] = one.weight, one.signs_q, one.signs_v
             arrays["inputs"][k, 3 * len(one.compiled.signals) :] = one.compiled.numbers
         room = {"q": self._system.n_positions, "v": n, "a": n, "r": n, "g": n_rows, "rates": n_rows}
-        zeros = {name: np.zeros(size) for name, size in room.items()}
+        zeros: dict[str, Any] = {name: np.zeros(size) for name, size in room.items()}
         return MechanismVariants(int(bool(chosen)), **addresses, **arrays, **zeros)
 
 
