@@ -30,7 +30,7 @@ def revolute(parent: str, child: str, **more: Any) -> dict[str, Any]:
 
 RUNS = {
     "central-difference": {"integrator": "central-difference", "step": "0.2 ms"},
-    "runge-kutta": {"integrator": "runge-kutta", "tolerance": 1e-10},
+    "runge-kutta": {"integrator": "runge-kutta", "tolerance": 1e-12},
     "generalized-alpha": {"integrator": "generalized-alpha", "step": "1 ms"},
     "exponential": {"integrator": "exponential", "step": "1 ms"},
 }

@@ -7,6 +7,7 @@ publishes it. Nodes are named by the scene's markers.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +19,6 @@ from fmd.output.responses import response_unit
 from fmd.scene.reading import FaultError
 
 _MARK = "    -1"
-_TIME_RESPONSE, _FREQUENCY_RESPONSE = 1, 4  # types of functions
 _MOTIONS = {8: (".displacement", ""), 11: (".velocity",) * 2, 12: (".acceleration",) * 2}
 """What histories and responses are called, by the specific type of data."""
 _UNITS = {8: "m", 11: "m/s", 12: "m/s^2"}
@@ -27,6 +27,13 @@ _DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 _WIDTHS = {(2, True): [13], (2, False): [13, 13], (4, True): [20], (4, False): [13, 20]}
 _WIDTHS |= {(5, True): [13, 13], (5, False): [13] * 3, (6, True): [20, 20], (6, False): [13, 20, 20]}
 """Widths of the numbers of each value, by the type of ordinates and whether abscissas are even."""
+
+
+class _Kind(IntEnum):
+    """Types of functions that are read."""
+
+    TIME_RESPONSE = 1
+    FREQUENCY_RESPONSE = 4
 
 
 class UniversalFunction(NamedTuple):
@@ -68,7 +75,7 @@ def read_universal(path: Path, places: Mapping[int, str]) -> tuple[list[str], li
     FaultError
         It isn't such a file, its functions are of several kinds or abscissas, or no node has a marker.
     """
-    functions = [each for each in read_functions(path) if each.kind in (_TIME_RESPONSE, _FREQUENCY_RESPONSE)]
+    functions = [each for each in read_functions(path) if each.kind in list(_Kind)]
     if not functions:
         raise FaultError("has no time responses and no frequency responses (datasets 58 of type 1 and 4)")
     nodes = sorted({each.response[0] for each in functions} | {each.reference[0] for each in functions} - {0})
@@ -78,7 +85,7 @@ def read_universal(path: Path, places: Mapping[int, str]) -> tuple[list[str], li
     kinds = {each.kind for each in functions}
     if len(kinds) > 1:
         raise FaultError("has time responses and frequency responses; give each kind a file of its own")
-    responds = kinds == {_FREQUENCY_RESPONSE}
+    responds = kinds == {_Kind.FREQUENCY_RESPONSE}
     there = [each for each in functions if each.response[0] in places]
     chosen = [each for each in there if each.reference[0] in places or not responds]
     if not chosen:
@@ -102,7 +109,7 @@ def read_universal(path: Path, places: Mapping[int, str]) -> tuple[list[str], li
 def _name_function(function: UniversalFunction, places: Mapping[int, str]) -> tuple[str, str, NDArray[np.inexact]]:
     """Return a function's name and unit as those of a table's column, and its values in the axes' sense."""
     (node, direction), (other, along) = function.response, function.reference
-    responds = function.kind == _FREQUENCY_RESPONSE
+    responds = function.kind == _Kind.FREQUENCY_RESPONSE
     if function.motion not in _MOTIONS or not 1 <= abs(direction) <= (6 if responds else 3):
         what = f"type {function.motion} in direction {direction}"
         raise FaultError(f"has {what} at node {node}: displacements, velocities and accelerations are read")
