@@ -256,7 +256,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "auto-choice": auto_choice,
     "auto-error": auto_error,
     "fmu": fmu,
-    "tangents": partial(as_written, "tangents"),
 }
 
 
