@@ -21,6 +21,15 @@ class MeasuredFile(SceneTable):
         Values of the scene that were others in this experiment, ``"body.gripper.mass=0.8 kg"``.
     places : dict of str to str
         Markers by the numbers of a universal file's nodes, ``{ 1 = "plate.a" }``.
+
+    Examples
+    --------
+    ::
+
+        [[fit.experiment]]
+        file = "heavy.uff"
+        set = ["body.gripper.mass=0.8 kg"]
+        places = { 1 = "forearm.wrist", 12 = "upper.elbow" }
     """
 
     file: str
