@@ -59,27 +59,6 @@ def four_bar(method: str) -> dict[str, Any]:
     )
 
 
-def swing(method: str) -> dict[str, Any]:
-    """Two bodies on balls between two points of the ground: rotations in space are quaternions."""
-    markers = {"a": {"at": ZERO}, "b": {"at": ["0.5 m", "0 m", "0 m"]}}
-    inertia, centre = ["0.01 kg m^2", "0.03 kg m^2", "0.02 kg m^2"], ["0.2 m", "0.01 m", "0 m"]
-    body = {"shape": "rigid", "mass": "0.7 kg", "inertia": inertia, "centre": centre, "marker": markers}
-    push = {"type": "point force", "marker": "left.b", "direction": [0, 0, 1]}
-    return scene(
-        method,
-        simulation={"tip": "left.b", "gravity": ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]},
-        body={"left": body, "right": {**body, "marker": {**markers, "b": {"at": ["0.3 m", "-0.4 m", "0 m"]}}}},
-        ground={"far": {"at": ["0.8 m", "-0.4 m", "0 m"]}, "hook": {"at": ["0.3 m", "0.6 m", "0.1 m"]}},
-        joint={
-            "near": {"type": "spherical", "parent": "ground", "child": "left.a"},
-            "middle": {"type": "spherical", "parent": "left.b", "child": "right.a"},
-            "far": {"type": "spherical", "parent": "ground.far", "child": "right.b"},
-        },
-        spring={"hang": {"between": ["ground.hook", "left.b"], "stiffness": "150 N/m", "length": "0.4 m"}},
-        drive={"push": {**push, "force": {"formula": "8*sin(40*t)", "unit": "N"}}},
-    )
-
-
 def differences(frozen: FrozenRun, parameter: Parameter) -> tuple[Array, Array]:
     """Extrapolate the derivatives of positions and rates by a number's logarithm from whole marches."""
     found: list[tuple[Array, Array]] = []
@@ -108,13 +87,10 @@ MASSES = ["body.coupler.mass", "body.crank.marker.b.at.0"]  # the second is the 
     ("method", "make", "keys"),
     [
         ("central-difference", four_bar, SPRINGS + OTHERS + MASSES),
-        ("runge-kutta", four_bar, ["joint.drive.spring", *MASSES]),
-        ("generalized-alpha", four_bar, ["joint.drive.damper", *MASSES]),
+        pytest.param("runge-kutta", four_bar, ["joint.drive.spring", *MASSES], marks=pytest.mark.long),
+        pytest.param("generalized-alpha", four_bar, ["joint.drive.damper", *MASSES], marks=pytest.mark.long),
         ("generalized-alpha", chain, SPRINGS + OTHERS),
         ("exponential", chain, OTHERS),
-        ("central-difference", swing, ["spring.hang.stiffness", "body.left.mass", "drive.push.force"]),
-        ("runge-kutta", swing, ["spring.hang.stiffness", "drive.push.force"]),
-        ("generalized-alpha", swing, ["spring.hang.stiffness", "drive.push.force"]),
     ],
 )
 def test_tangents_are_extrapolated_differences_of_marches(method: str, make: Any, keys: list[str]) -> None:
@@ -153,7 +129,7 @@ def test_tangents_by_material_and_dimensions_are_differences_of_motions_with_bas
             np.testing.assert_allclose(each.slope * parameter.value, slope, atol=1e-6 * np.abs(slope).max())
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(4, 24))])
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 24))])
 def test_tangents_of_random_mechanisms_are_differences_of_marches(seed: int) -> None:
     """Of trees of rigid and flexible bodies on all kinds of joints, by numbers of all kinds."""
     frozen = FrozenRun(package.load(random_scene(seed, SI)).run)

@@ -109,23 +109,12 @@ def _leapfrog_step(
     _copy(q, p.moved)
     _copy(p.q_now[: p.n_positions], q[: p.n_positions])
     advance(p, q, p.rates, h, 0, v.size)
-    for i in range(n):  # what closed the loops turns bodies once more
-        p.rates[i] = h * (v[i] - p.rates[i])
-    _turn(p, q)
     _copy(p.moved[: p.n_positions], q[: p.n_positions])
     set_time(p, float(t + h))
     _close(p, q, v)
     for i in range(n * LANES):
         v[first + i] += p.rates[first + i] / h
         a[first + i] += p.rates[first + i] / (h * h)
-
-
-@inner
-def _turn(p: ClosedTangentParameters, q: Array) -> None:
-    """Move positions by ``rates``, whose tangents are 0."""
-    for i in range(p.n_lines, p.rates.size):
-        p.rates[i] = 0.0
-    advance(p, q, p.rates, 1.0, 0, p.rates.size)
 
 
 @inner
