@@ -60,13 +60,13 @@ def run(file: Path) -> Pipeline:
 def test_a_history_is_drawn_a_frame_for_each_quantity_with_the_components_that_move(
     run: Pipeline, tmp_path: Path
 ) -> None:
-    """The hinge bears 5/2 of the weight when the rod hangs; it falls in a plane, so nothing is across."""
+    """The hinge bears 5/2 of the weight when the rod hangs, and no moment; nothing is across the rod's plane."""
     calls: list[Any] = []
     history = run.scene.output[0].model_copy(update={"file": "loads.svg"})
     draw_history(run, history, tmp_path, lambda *given, **_: calls.append(given))
     (_, times, frames, _) = calls[0]
     by_name = {frame.name: frame for frame in frames}
-    assert [*by_name] == ["hinge.force", "hinge.moment", "hinge.position", "kinetic_energy", "potential_energy"]
+    assert [*by_name] == ["hinge.force", "hinge.position", "kinetic_energy", "potential_energy"]
     force = by_name["hinge.force"]
     assert (force.unit, force.components) == ("N", ("x", "y"))
     assert force.columns[:, 1].max() == pytest.approx(2.5 * 2 * 9.81, rel=1e-4)

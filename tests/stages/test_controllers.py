@@ -113,6 +113,18 @@ def test_a_continuous_pid_loop_moves_as_its_matrix_exponential(tmp_path: Path, r
     assert motion.energies[0] == pytest.approx(0.5 * INERTIA * motion.joint_rate("hinge") ** 2, abs=1e-12)
 
 
+def test_a_closed_loop_moves_as_python_control_has_it(tmp_path: Path):
+    """Figures of python-control 0.10.2, to be made again by
+
+    ``G = tf([1], [2/3, 0, 0]); T = feedback(tf([40, 60], [1, 0]) * feedback(G, tf([4, 0], [1])), 1)`` and
+    ``forced_response(ss(T), t, 0.3)``.
+    """
+    motion = Pipeline(scene_of(tmp_path, PID)).motion
+    found = [motion.joint_position("hinge")[round(100 * t)] for t in (0.1, 0.25, 0.5, 1.0)]
+    by_control = [0.07458803084199318, 0.30717571617837736, 0.44187687596894354, 0.26928250658992187]
+    assert found == pytest.approx(by_control, abs=1e-8)
+
+
 def test_limits_wind_the_integral_back_and_the_filter_starts_at_the_error(tmp_path: Path):
     motion = Pipeline(scene_of(tmp_path, FILTERED + LIMITS)).motion
     tracking = np.sqrt(4 / 60)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from fmd.accuracy.requested_stress import StressPlace, stress_at_elements, stres
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, whole_file, write_table
+from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.shown import DIGITS, HARDLY_MOVES
 from fmd.core.netcdf import write_netcdf
 from fmd.output.output_kinds import OutputKind
@@ -56,7 +57,7 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
 def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw the quantities of a history over the first run, a frame each, with their stated errors."""
     errors, frames = VariableErrors(run), []
-    for variable in history_variables(run, output, run.motion):
+    for variable in _leave_out_round_off(history_variables(run, output, run.motion)):
         columns = variable.values.reshape(len(variable.values), -1)
         moving = np.ptp(columns, axis=0) > HARDLY_MOVES * np.ptp(columns, axis=0).max()
         chosen = np.flatnonzero(moving) if moving.any() else np.arange(columns.shape[1])
@@ -67,6 +68,19 @@ def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = dr
     title = output.title or f"{run.scene.title}: {Path(output.file).stem}"
     draw("history_chart.draw_histories", run.motion.times, frames, folder / output.file, title=title)
     return [output.file]
+
+
+def _leave_out_round_off(variables: Sequence[Variable]) -> list[Variable]:
+    """Return the variables that aren't round-off beside others of their joint or marker, as moments of a hinge are."""
+    largest: dict[str, float] = {}
+    for variable in variables:
+        owner = variable.name.rpartition(".")[0]
+        largest[owner] = max(largest.get(owner, 0.0), float(np.abs(variable.values).max()))
+    return [
+        variable
+        for variable in variables
+        if np.abs(variable.values).max() >= SUMMED * largest[variable.name.rpartition(".")[0]]
+    ]
 
 
 def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[str]:

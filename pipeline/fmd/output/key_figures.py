@@ -11,7 +11,19 @@ from fmd.output.stated_errors import with_error
 
 
 def key_figures(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """List a summary's most wanted figures with their names and units."""
+    """List a summary's most wanted figures with their names and units: results, and how long was simulated how."""
+    if "integrations" not in summary:
+        return key_results(summary)
+    simulated = ("simulated", scaled(summary["final"]["time_s"], "s"))
+    return [
+        *key_results(summary),
+        simulated,
+        ("largest stable step", scaled(summary["largest_stable_step_s"], "s", 3)),
+    ]
+
+
+def key_results(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """List a summary's most wanted results with their names and units."""
     figures: list[tuple[str, str]] = []
     if "frequencies_hz" in summary:
         figures.append(("first frequency", f"{summary['frequencies_hz'][0]:.2f} Hz"))
@@ -21,9 +33,6 @@ def key_figures(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         figures.append(("largest von Mises stress", largest_stress(summary)))
     if "peak_tip_deflection_m" in summary:
         figures.append(("largest tip deflection", largest_deflection(summary)))
-    if "integrations" in summary:
-        figures.append(("simulated", scaled(summary["final"]["time_s"], "s")))
-        figures.append(("largest stable step", scaled(summary["largest_stable_step_s"], "s", 3)))
     return figures
 
 

@@ -6,7 +6,7 @@ import base64
 import platform
 from collections.abc import Iterator
 from importlib.metadata import version
-from itertools import islice, zip_longest
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -52,10 +52,8 @@ def _draw_in_turn(run: Pipeline) -> Iterator[dict[str, str]]:
     """Yield pictures, the most telling first; each is drawn when it is asked for."""
     if run.scene.moves:
         yield _draw_still(run)
-        shown = (picture for output in show_outputs(run) for picture in output["pictures"])
-        charts = _draw_charts(run)
-        for pair in zip_longest(charts, shown):
-            yield from (picture for picture in pair if picture is not None)
+        yield from _draw_charts(run)
+        yield from (picture for output in show_outputs(run) for picture in output["pictures"])
     if run.wholes and run.part.has_mesh:
         yield from _draw_modes(run)
 

@@ -15,7 +15,7 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.files import refusing, whole_file
 from fmd.core.html import scaled
 from fmd.core.limits.shown import BRIEF_DOUBTS
-from fmd.output.key_figures import key_figures
+from fmd.output.key_figures import key_results
 from fmd.output.report.contents import (
     collect_tables,
     draw_few_pictures,
@@ -97,9 +97,10 @@ def make_brief(solved: SolvedScene, overrides: Sequence[str] = (), budget: bool 
         title=run.scene.title,
         source=run.scene.source,
         scene=run.scene.name,
-        figures=key_figures(summary),
+        figures=key_results(summary),
         pictures=pictures,
         doubts=doubts[:BRIEF_DOUBTS],
+        has_errors=budget,
         n_more=max(len(doubts) - BRIEF_DOUBTS, 0),
         overrides=overrides,
         date=f"{datetime.now(UTC):%Y-%m-%d}",
