@@ -106,6 +106,69 @@ def test_the_critical_speed_of_a_jeffcott_rotor_and_its_amplification(run: Pipel
         assert at.amplification == pytest.approx(1 / np.sqrt(1 - 2 * zeta**2) / np.ptp(sides), rel=1e-5)
 
 
+SHAFT = """
+title = "Shaft with a disc"
+
+[body.rotor]
+shape = "shaft"
+segment = [{ length = "1 m", diameter = "50 mm" }]
+station = { disc = "600 mm" }
+E = "200 GPa"
+nu = 0.3
+rho = "7800 kg/m^3"
+mesh = { size = "25 mm" }
+modes = { count = 8 }
+link.disc = { face = "disc", type = "rigid" }
+mass.disc = { at = "disc", mass = "8 kg", inertia = ["0.05 kg m^2", "0.03 kg m^2", "0.03 kg m^2"] }
+marker = { left = { face = "x-" }, right = { face = "x+" }, disc = { link = "disc" } }
+
+[ground.left]
+at = ["0 m", "0 m", "0 m"]
+
+[ground.right]
+at = ["1 m", "0 m", "0 m"]
+
+[joint.float]
+type = "free"
+parent = "ground"
+child = "rotor.left"
+
+[bearing.left]
+between = ["ground.left", "rotor.left"]
+axis = [1, 0, 0]
+radial = "2e7 N/m"
+axial = "1e7 N/m"
+radial_damper = "2000 N s/m"
+
+[bearing.right]
+between = ["ground.right", "rotor.right"]
+axis = [1, 0, 0]
+radial = "2e7 N/m"
+radial_damper = "2000 N s/m"
+
+[simulation]
+duration = "10 ms"
+output_step = "1 ms"
+tip = "rotor.disc"
+run = [{ integrator = "auto" }]
+"""
+
+
+def test_a_shaft_with_a_disc_goes_round_as_ross_has_it(tmp_path: Path) -> None:
+    """Orbits by ROSS 2.3.0: twenty Timoshenko elements of 50 mm, the disc at node 12, an unbalance of 1e-4 kg m."""
+    file = tmp_path / "shaft.toml"
+    file.write_text(SHAFT)
+    rates = np.array([100.0, 200.0, 250.0, 300.0, 600.0])
+    found = compute_circular_response(Pipeline(load_scene(file)), "rotor.disc", lambda rate: 1e-4 * rate**2, rates)
+    at = np.searchsorted(found.rates, rates)
+    disc = found.displacement[at, found.markers.index("rotor.disc")]
+    by_ross = np.array([3.6056181723e-7, 1.74860555371e-6, 3.25158834002e-6, 6.10420631093e-6, 1.20199326868e-5])
+    assert np.abs(disc) == pytest.approx(by_ross, rel=1e-5)
+    assert np.angle(disc) == pytest.approx(
+        [-8.172256e-4, -2.0537516e-3, -3.1388864e-3, -5.0766247e-3, -3.1345677], abs=1e-6
+    )
+
+
 @pytest.mark.long
 def test_the_published_rotor_is_critical_where_its_forward_whirl_meets_the_speed() -> None:
     # Lightly damped, the largest orbit is beside the damped frequency by the square of the damping ratio, 1e-4 here.
