@@ -8,7 +8,8 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiler.chunks import Chunk, ChunkWriter
 from fmd.dynamics.compiler.functions import CHOICES, DECLARATIONS, FUNCTIONS, function_code
 from fmd.dynamics.compiler.lanes import LaneEmitter
-from fmd.dynamics.compiler.oscillators import OSCILLATED, OscillatorWriter
+from fmd.dynamics.compiler.oscillator_code import OscillatorWriter
+from fmd.dynamics.compiler.oscillators import OSCILLATED
 from fmd.dynamics.compiler.program import Program
 from fmd.dynamics.compiler.writer import literal
 
