@@ -7,6 +7,7 @@ from fmd import Pipeline, load_scene
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.many_states import state_slopes
 from fmd.integrators.protocol import evaluate
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import amplification_matrix
@@ -18,7 +19,6 @@ from fmd.stability.tangent import (
     differentiate_states,
     scheme_growth_rates,
     scheme_tangents,
-    state_slopes,
     system_growth_rates,
 )
 from tests.linear_system import LinearSystem

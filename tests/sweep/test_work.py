@@ -1,4 +1,4 @@
-"""Points of a sweep, one after the other in a process, against runs of their scenes by themselves."""
+"""Points of a sweep, some at a time in a process, against runs of their scenes by themselves."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from fmd.core.cache import Cache
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import load_scene
 from fmd.sweep.points import point_key
-from fmd.sweep.work import compute_point
+from fmd.sweep.work import compute_points
 
 _RUN = 'simulation.run=[{integrator="central-difference"}]'
 _ARM = [_RUN, "simulation.duration=20 ms", "body.forearm.mesh.divisions=[6, 1, 2]", "body.forearm.modes.count=2"]
@@ -36,12 +36,14 @@ def _numbers(value: Any, path: str = "") -> dict[str, Any]:
         ("arm", _ARM, "body.gripper.mass", 0.3, 0.5, "kg"),
     ],
 )
-def test_figures_of_points_in_a_row_are_those_of_runs_by_themselves(
+def test_figures_of_points_together_are_those_of_runs_by_themselves(
     scene: str, fixed: list[str], key: str, low: float, high: float, unit: str
 ) -> None:
-    for value in np.random.default_rng(7).uniform(low, high, 3).tolist():
-        point = load_scene(scene, [*fixed, f"{key}={value!r} {unit}"])
-        record = compute_point(point_key(point), point)
+    values = np.random.default_rng(7).uniform(low, high, 3).tolist()
+    points = [load_scene(scene, [*fixed, f"{key}={value!r} {unit}"]) for value in values]
+    records = dict(compute_points({point_key(point): point for point in points}))
+    for point in points:
+        record = records[point_key(point)]
         assert record.status == "ok", record.message
         alone = _numbers(summarise_solved(SolvedScene(point, Cache(None))))
         found = _numbers(record.summary)
@@ -51,3 +53,12 @@ def test_figures_of_points_in_a_row_are_those_of_runs_by_themselves(
                 assert found[name] == pytest.approx(expected, rel=1e-9, abs=1e-12), name
             else:
                 assert found[name] == expected, name
+
+
+def test_a_point_that_is_refused_changes_none_that_is_computed_with_it() -> None:
+    fixed = [_RUN, "simulation.duration=1 s", "simulation.step=25 ms"]  # too long from 32 kN/m on
+    points = [load_scene("rod-slider", [*fixed, f"joint.slide.spring={k} N/m"]) for k in (1000, 100_000, 2000)]
+    records = [record for _, record in compute_points({point_key(point): point for point in points})]
+    assert [record.status for record in records] == ["ok", "refused", "ok"]
+    assert "largest stable step" in records[1].message
+    assert records[2].summary["integrations"][0]["stability_margin"] > 1.0

@@ -11,21 +11,18 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from fmd.cli.options import Flag, Json, SceneName, Set, Several, print_json
-from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.html import scaled
 from fmd.core.limits.shown import SWEPT_JOINTS
 from fmd.core.progress import bars
-from fmd.output.channels import require_results
-from fmd.sweep.cluster import compute_on_cluster
 from fmd.sweep.designs import Design
-from fmd.sweep.local import compute_locally
+from fmd.sweep.local import compute_locally, prepare_workers
 from fmd.sweep.plot import draw_sweep
-from fmd.sweep.points import choose_values, make_points
+from fmd.sweep.points import Point, choose_values, make_points
 from fmd.sweep.record import Wanted
-from fmd.sweep.study import Sweep, run_sweep
+from fmd.sweep.study import Compute, Sweep, run_sweep
 from fmd.sweep.table import SweepTable, write_tables
 
 Vary = Annotated[
@@ -91,17 +88,17 @@ def sweep(
         raise InputError("--workers", "", workers, "must be 1 or more, and can't stand beside --scheduler")
     tick = time.perf_counter()
     variations, combinations = choose_values(vary, design, points, seed)
-    chosen = make_points(scene, variations, set_ or (), combinations)
-    wanted = Wanted(budget, tuple(dict.fromkeys(split_names("--of", of or []))), histories)
-    first = next(point.scene for point in chosen if point.scene is not None)
-    require_results(first, wanted.results)
     name = Path(scene).stem
     folder = out or Path("out") / f"{name}-sweep"
-    compute = (
-        partial(compute_locally, workers=workers or cpu_count(), wanted=wanted)
-        if scheduler is None
-        else partial(compute_on_cluster, address=scheduler, wanted=wanted)
-    )
+    if scheduler is None and len([*folder.glob("points/*.json")]) < len(combinations):
+        prepare_workers()
+    chosen = make_points(scene, variations, set_ or (), combinations)
+    wanted = Wanted(budget, _read_results(of or [], chosen), histories)
+    compute: Compute = partial(compute_locally, workers=workers or cpu_count(), wanted=wanted)
+    if scheduler is not None:
+        from fmd.sweep.cluster import compute_on_cluster
+
+        compute = partial(compute_on_cluster, address=scheduler, wanted=wanted)
     with refusing("--out", folder):
         result = run_sweep(variations, chosen, folder / "points", compute, bars, wanted)
         table = SweepTable(result)
@@ -117,6 +114,18 @@ def sweep(
         statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
         open_console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
         print_files(folder, files)
+
+
+def _read_results(of: Sequence[str], chosen: Sequence[Point]) -> tuple[str, ...]:
+    """Read the names of the results of ``--of``, which the first scene that isn't refused must have."""
+    if not of:
+        return ()
+    from fmd.cli.sensitivities import split_names
+    from fmd.output.channels import require_results
+
+    results = tuple(dict.fromkeys(split_names("--of", of)))
+    require_results(next(point.scene for point in chosen if point.scene is not None), results)
+    return results
 
 
 def _print_points(table: SweepTable, rows: Sequence[dict[str, Any]]) -> None:

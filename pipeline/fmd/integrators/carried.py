@@ -20,15 +20,8 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.dynamics.system import System, accelerations, advance
-from fmd.integrators.fixed_step import (
-    Samples,
-    begin_cycle,
-    end_cycle,
-    runs_away,
-    sample_within,
-    take_cycles,
-    take_steps,
-)
+from fmd.integrators.fixed_step import begin_cycle, end_cycle, runs_away, sample_within, take_cycles, take_steps
+from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import State
 from fmd.kernels.kernel import contracted, inlined
 from fmd.kernels.library import fill_vector, read_vector, write_vector

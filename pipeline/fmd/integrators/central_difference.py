@@ -7,7 +7,7 @@ Stable for ω_max h < 2.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,14 +60,21 @@ class CentralDifference(FixedStepIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, its rates half a step before it."""
-        return start_state(system, q0, v0, np.full(system.n, 0.5 * self.step))
+        return start_state(system, q0, v0, self.lag(system))
+
+    def lag(self, system: System) -> Array:
+        """Return half a step."""
+        return np.full(system.n, 0.5 * self.step)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         contacts = np.full((times.size, getattr(system, "n_contact_values", 0)), np.nan)
         end, q, v, seconds = self.fixed_march(system).run(start, times, progress, contacts)
-        steps = end.step - start.step
-        return Trajectory(self.name, self.step, 1, times, q, v, steps, 0, seconds, end, contacts=contacts)
+        return replace(self.describe(times, q, v, end, end.step - start.step, seconds), contacts=contacts)
+
+    def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
+        """Return the trajectory of a march with so many steps."""
+        return Trajectory(self.name, self.step, 1, times, q, v, n_steps, 0, seconds, end)
 
     def fixed_march(self, system: System) -> FixedMarch:
         """Return what a system is marched with."""

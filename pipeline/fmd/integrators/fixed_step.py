@@ -11,7 +11,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, singledispatch
+from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -20,68 +20,12 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, MORE_CYCLES, RUNAWAY
 from fmd.dynamics.system import System, note_contacts, project
-from fmd.integrators.protocol import Progress, ResumableIntegrator, State, require_times
+from fmd.integrators.many_states import numbers_in, state_slopes
+from fmd.integrators.march_tables import Samples, Starts, keep_values, no_starts, take_values
+from fmd.integrators.protocol import Progress, ResumableIntegrator, State, Trajectory, require_times
 from fmd.integrators.work_bounds import ElongationLog, WorkCheck, note_elongations
 from fmd.kernels.kernel import inlined, inner, kernel
 from fmd.kernels.table import Table
-
-
-@dataclass(frozen=True)
-class Samples(Table):
-    """Output times of a march, and the states there.
-
-    Attributes
-    ----------
-    times : ndarray, shape (n_times,)
-        [s]
-    step : ndarray of int, shape (n_times,)
-        Number of the step that each time is in.
-    offset : ndarray, shape (n_times,)
-        Time since that step's begin [s].
-    q, v : ndarray, shapes (n_times, n_positions) and (n_times, n)
-        Positions and rates, NaN as long as they aren't known.
-    contacts : ndarray, shape (n_times, n_values)
-        Values of contacts; none without contacts.
-    cursor : ndarray of int, shape (1,)
-        How many are known.
-    """
-
-    times: Array
-    step: IntArray
-    offset: Array
-    q: Array
-    v: Array
-    contacts: Array
-    cursor: IntArray
-
-
-@dataclass(frozen=True)
-class Starts(Table):
-    """States from which marches start, one after the other.
-
-    Attributes
-    ----------
-    first : ndarray of int, shape (n_marches,)
-        Number of the first step of each.
-    q, v, a, memory : ndarray
-        The arrays of the state that the method's table writes into.
-    values : ndarray, shape (n_marches, n_values)
-        `State.values` of each, at its start and then at its end.
-    """
-
-    first: IntArray
-    q: Array
-    v: Array
-    a: Array
-    memory: Array
-    values: Array
-
-
-@cache
-def _no_starts() -> Starts:
-    """Return the starts of a march that goes on from the state in its method's table."""
-    nothing = np.zeros(0)
-    return Starts(np.zeros(0, dtype=np.int64), nothing, nothing, nothing, nothing, np.zeros((0, 0)))
 
 
 class SingleSteps(Table):
@@ -213,7 +157,7 @@ def _march(
     first: int,
     n_cycles: int,
 ) -> int:
-    """March some cycles from step number ``first`` on, or from each start, all without samples.
+    """March some cycles from step number ``first`` on, or as many from each start.
 
     Return how many steps are done, in all marches together, before rates run away. One kernel does both: compiling a
     second one for each method would take longer than most marches.
@@ -222,35 +166,24 @@ def _march(
         return _march_cycles(m, p, frozen, samples, log, substeps, first, n_cycles)
     total = 0
     for k in range(starts.first.size):
-        at = _take_values(starts.q, starts.values[k], 0)
-        at = _take_values(starts.v, starts.values[k], at)
-        at = _take_values(starts.a, starts.values[k], at)
-        _take_values(starts.memory, starts.values[k], at)
+        at = take_values(starts.q, starts.values[k], 0)
+        at = take_values(starts.v, starts.values[k], at)
+        at = take_values(starts.a, starts.values[k], at)
+        at = take_values(starts.memory, starts.values[k], at)
+        take_values(starts.numbers, starts.values[k], at)
+        samples.cursor[0] = 0
         done = _march_cycles(m, p, frozen, samples, log, substeps, starts.first[k], n_cycles)
         total += done
         if done < n_cycles * substeps:
             return total
-        at = _keep_values(starts.q, starts.values[k], 0)
-        at = _keep_values(starts.v, starts.values[k], at)
-        at = _keep_values(starts.a, starts.values[k], at)
-        _keep_values(starts.memory, starts.values[k], at)
+        at = keep_values(starts.q, starts.values[k], 0)
+        at = keep_values(starts.v, starts.values[k], at)
+        at = keep_values(starts.a, starts.values[k], at)
+        keep_values(starts.memory, starts.values[k], at)
+        for j in range(samples.times.size):
+            keep_values(samples.q[j], starts.sampled_q[k, j], 0)
+            keep_values(samples.v[j], starts.sampled_v[k, j], 0)
     return total
-
-
-@inner
-def _take_values(x: Array, values: Array, first: int) -> int:
-    """Copy an array from its place in a state's values, and return the place behind it."""
-    for i in range(x.size):
-        x[i] = values[first + i]
-    return first + x.size
-
-
-@inner
-def _keep_values(x: Array, values: Array, first: int) -> int:
-    """Copy an array to its place in a state's values, and return the place behind it."""
-    for i in range(x.size):
-        values[first + i] = x[i]
-    return first + x.size
 
 
 def locate_samples(times: Array, step: float) -> tuple[IntArray, Array]:
@@ -327,7 +260,7 @@ class FixedMarch:
         if touching is not None and state.memory.size > self.own_memory:
             touching.recall(state.memory[self.own_memory :])
         check.begin(state.step, state.q, state.v)
-        seconds, chunk, own = 0.0, substeps * FIRST_CYCLES, (method, p, self.frozen, samples, check.log, _no_starts())
+        seconds, chunk, own = 0.0, substeps * FIRST_CYCLES, (method, p, self.frozen, samples, check.log, no_starts())
         _march(*own, substeps, state.step, 0)  # compiles, or reads the kernel
         while state.step < last:
             wanted = min(chunk, last - state.step, check.most_steps)
@@ -368,22 +301,97 @@ class FixedStepIntegrator(ResumableIntegrator):
     def fixed_march(self, system: System) -> FixedMarch:
         """Return what a system is marched with."""
 
+    def lag(self, system: System) -> Array | None:
+        """Return how long before a state's time its rates are (n,) [s]; None if its start takes more than that."""
+        return None
+
+    def starts(self, system: System, states: Array) -> Array:
+        """Return the `State.values` at time 0 of many states, each of which may have numbers of its own behind it."""
+        lag = self.lag(system)
+        if lag is None:
+            return super().starts(system, states)
+        q, v, numbers = np.split(states, [system.n_positions, system.n_positions + system.n], axis=1)
+        a = state_slopes(system, np.zeros(len(states)), states)[:, system.n_positions :]
+        memory = self.start(system, q[0], v[0]).memory
+        return np.concatenate([q, v - lag * a, a, np.tile(memory, (len(states), 1)), numbers], axis=1)
+
     def ends(self, system: System, start: State, values: Array, first: IntArray, n_cycles: int) -> Array:
-        """Return the `State.values` in which marches end, as `ResumableIntegrator.ends` does, by one kernel call."""
+        """Return the `State.values` in which marches end, as `ResumableIntegrator.ends` does, by one kernel call.
+
+        Each march may be of a system of its own, whose numbers are behind its values, see `numbers_in`; but not where
+        contacts, loops or force laws are followed.
+        """
         march = self.fixed_march(system)
         check = WorkCheck(system, 0.0, march.step, march.substeps)
         remembers = check.follows_laws or getattr(system, "has_loops", False) or hasattr(system, "n_contact_values")
         if remembers:  # what is each march's own
             return super().ends(system, start, values, first, n_cycles)
-        state, m, found = start.copy(), march.substeps, np.array(values, order="C")
-        nothing, numbers = np.zeros(0), np.zeros(0, dtype=np.int64)
-        q, v = np.zeros((0, state.q.size)), np.zeros((0, state.v.size))
-        none = Samples(nothing, numbers, nothing, q, v, np.zeros((0, 0)), np.zeros(1, dtype=np.int64))
-        starts = Starts(first, *state.arrays, found)
-        own = (march.make(state), system.parameters, march.frozen, none, check.log)
-        done = int(_march(*own, starts, m, 0, n_cycles))
-        if done < len(found) * n_cycles * m or not np.isfinite(found).all():
-            number, steps = divmod(done, n_cycles * m)
+        found, _, _, done, _ = self._march_each(system, start, values, first, n_cycles, np.zeros(0))
+        total = n_cycles * march.substeps
+        if done < len(found) * total or not np.isfinite(found).all():
+            number, steps = divmod(done, total)
             at = (first[min(number, len(first) - 1)] + steps) * march.step
             raise StabilityError(f"{self.name} diverges at t = {at:.6g} s; take a smaller step")
         return found
+
+    def marches(self, system: System, states: Array, times: Array) -> list[Trajectory | None]:
+        """March from many states of positions and rates at time 0 by one kernel call.
+
+        Parameters
+        ----------
+        states : ndarray, shape (n_marches, n_positions + n + n_numbers)
+            Each may be of a system of its own, whose numbers are behind it, see `ends`.
+        times : ndarray, shape (n_times,)
+            Output times [s].
+
+        Returns
+        -------
+        list of Trajectory or None
+            As `march` gives them; None of those from the first one on that diverges.
+        """
+        require_times(times)
+        q0, v0, _ = np.split(states[0], [system.n_positions, system.n_positions + system.n])
+        start, values, m = self.start(system, q0, v0), self.starts(system, states), self.substeps
+        n_cycles = -(-(int(locate_samples(times, self.step)[0][-1]) + 1) // m)
+        first, n_steps = np.zeros(len(states), dtype=np.int64), n_cycles * m
+        ends, q, v, done, seconds = self._march_each(system, start, values, first, n_cycles, times)
+        whole = np.isfinite(ends).all(axis=1) & (np.arange(len(ends)) < done // n_steps)
+        at_end = replace(start, step=n_steps, time=n_steps * self.step)
+        found = (
+            self.describe(times, q[k], v[k], at_end.with_values(own[: start.values.size]), n_steps, seconds)
+            for k, own in enumerate(ends)
+        )
+        return [
+            replace(march, evaluations=march.evaluations + self.start_evaluations) if complete else None
+            for march, complete in zip(found, whole, strict=True)
+        ]
+
+    @abstractmethod
+    def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
+        """Return the trajectory of a whole march with so many fast steps."""
+
+    def _march_each(
+        self, system: System, start: State, values: Array, first: IntArray, n_cycles: int, times: Array
+    ) -> tuple[Array, Array, Array, int, float]:
+        """March from each of many `State.values`, with what belongs to a start, and with output times if there are any.
+
+        Returns
+        -------
+        tuple of ndarray, ndarray, ndarray, int, float
+            Values at the ends, positions and rates at the output times, the number of steps that were taken in all
+            marches together before one ran away, and run time of a march [s].
+        """
+        march, state, p = self.fixed_march(system), start.copy(), system.parameters
+        found, count = np.array(values, order="C"), len(values)
+        q, v = (np.full((count, times.size, size), np.nan) for size in (state.q.size, state.v.size))
+        step, offset = locate_samples(times, march.step)
+        cursor = np.zeros(1, dtype=np.int64)
+        samples = Samples(times, step, offset, q[0].copy(), v[0].copy(), np.zeros((times.size, 0)), cursor)
+        numbers = numbers_in(p, found.shape[1] - start.values.size)
+        method, log = march.make(state), WorkCheck(system, 0.0, march.step, march.substeps).log
+        starts = Starts(first, *state.arrays, numbers, found, q, v)
+        single = isinstance(method, SingleSteps)
+        cycle, cycles = (n_cycles, 1) if single else (march.substeps, n_cycles)
+        tick = time.perf_counter()
+        done = int(_march(method, p, march.frozen, samples, log, starts, cycle, 0, cycles))
+        return found, q, v, done, (time.perf_counter() - tick) / count

@@ -30,15 +30,8 @@ from fmd.core.limits.newton import (
 from fmd.core.newton import settles
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import System, accelerations, advance, project, remember_contacts
-from fmd.integrators.fixed_step import (
-    FixedMarch,
-    Samples,
-    begin_cycle,
-    end_cycle,
-    runs_away,
-    sample_within,
-    take_steps,
-)
+from fmd.integrators.fixed_step import FixedMarch, begin_cycle, end_cycle, runs_away, sample_within, take_steps
+from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import (
     Integrator,
     Progress,

@@ -249,6 +249,11 @@ class ResumableIntegrator(Integrator):
         The numbers are bit for bit those of one march without a break.
         """
 
+    def starts(self, system: System, states: Array) -> Array:
+        """Return the `State.values` at time 0 of many states of positions and rates, a row each."""
+        pairs = (np.split(own, [system.n_positions]) for own in states)
+        return np.array([self.start(system, q, v).values for q, v in pairs])
+
     def ends(self, system: System, start: State, values: Array, first: IntArray, n_cycles: int) -> Array:
         """Return the `State.values` in which marches over some cycles end, by a method with a fixed step.
 
@@ -353,14 +358,6 @@ def _move(p: Any, q: Array, change: Array) -> None:
 def evaluate_projection(p: Any, t: float, q: Array, v: Array) -> None:
     """Bring a state at a time t [s] back onto the constraints of loops."""
     project(p, t, q, v)
-
-
-@kernel
-def evaluate_states(p: Any, times: Array, q: Array, v: Array, dq: Array, a: Array) -> None:
-    """Evaluate the time derivatives of a mechanism's positions and rates at many states, a row each."""
-    for k in range(times.size):
-        velocities(p, q[k], v[k], dq[k])
-        accelerations(p, times[k], q[k], v[k], a[k])
 
 
 @kernel

@@ -36,13 +36,13 @@ from fmd.dynamics.system import System, advance, freeze_middle, project, reactin
 from fmd.integrators.fixed_step import (
     FixedMarch,
     FixedStepIntegrator,
-    Samples,
     begin_cycle,
     end_cycle,
     runs_away,
     sample_within,
     take_steps,
 )
+from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import (
     Progress,
     State,
@@ -109,7 +109,11 @@ class ReversibleSubcycling(FixedStepIntegrator):
         end, q, v, seconds = march.run(start, times, progress)
         memory = [end.memory[: _place_of_age(system) + 1], *(array.ravel() for array in kept)]
         end = replace(end, memory=np.concatenate(memory))
-        m, n_steps = self.substeps, end.step - start.step
+        return self.describe(times, q, v, end, end.step - start.step, seconds)
+
+    def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
+        """Return the trajectory of a march with so many fast steps."""
+        m = self.substeps
         return Trajectory(self.name, self.step, m, times, q, v, n_steps // m, n_steps, seconds, end)
 
     def fixed_march(self, system: System) -> FixedMarch:

@@ -33,7 +33,6 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import (
     FixedMarch,
     FixedStepIntegrator,
-    Samples,
     begin_cycle,
     end_cycle,
     runs_away,
@@ -41,6 +40,7 @@ from fmd.integrators.fixed_step import (
     take_cycles,
     take_steps,
 )
+from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import (
     Integrator,
     Progress,
@@ -108,17 +108,25 @@ class Subcycling(FixedStepIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, rates half a step before it, those of slow coordinates half a cycle."""
+        start = start_state(system, q0, v0, self.lag(system))
+        return replace(start, memory=np.zeros(2 * system.n + 1)) if self.remembered else start
+
+    def lag(self, system: System) -> Array:
+        """Return half a step, for slow coordinates half a cycle."""
         lag = np.full(system.n, 0.5 * self.step)
         lag[: system.n_slow] *= self.substeps
-        start = start_state(system, q0, v0, lag)
-        return replace(start, memory=np.zeros(2 * system.n + 1)) if self.remembered else start
+        return lag
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         if self.substeps == 1:
             return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
         end, q, v, seconds = self.fixed_march(system).run(start, times, progress)
-        m, n_steps = self.substeps, end.step - start.step
+        return self.describe(times, q, v, end, end.step - start.step, seconds)
+
+    def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
+        """Return the trajectory of a march with so many fast steps."""
+        m = self.substeps
         fast = 0 if self.remembered else n_steps - n_steps // m
         return Trajectory(self.name, self.step, m, times, q, v, n_steps // m, fast, seconds, end)
 

@@ -17,8 +17,9 @@ from fmd.core.files import number_texts, whole_file, write_table
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.shown import DIGITS, HARDLY_MOVES
 from fmd.core.netcdf import write_netcdf
+from fmd.output.error_table import write_errors
 from fmd.output.output_kinds import OutputKind
-from fmd.output.variable_errors import VariableErrors, write_errors
+from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import Variable, gather_runs
 from fmd.recovery.quantities import (

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 from fmd.accuracy.details import NO_MEANING, row_name
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
 from fmd.accuracy.error_estimates import Row
-from fmd.core.files import write_table
-from fmd.core.limits.shown import DIGITS
+from fmd.output.error_table import NO_BUDGET, NOT_COMPARED, NOT_STATED
 from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import STRESS_COMPONENTS
 from fmd.stages.pipeline import Pipeline
 
-NOT_STATED = "not stated: "
-NO_BUDGET = "no error budget was made; fmd run makes one without --no-budget, fmd sweep with --budget"
 _NO_MESH = "a body without a mesh tells nothing of its own error"
 _CONTACT = "after a contact two runs part, whatever their error; figures of contacts have that of their step"
-NOT_COMPARED = NOT_STATED + "the error budget doesn't compare it"
 _ROUND_OFF = "it is nothing but round-off"
 _OF_JOINTS = ("force", "moment", "position", "rate", "orientation", "angular_velocity", "displacement", "velocity")
 _COMPARED = (*_OF_JOINTS, "origin", "deflection", "acceleration", *STRESS_COMPONENTS)
@@ -111,16 +104,3 @@ def why_no_budget(run: Pipeline) -> str:
     if ERROR_BUDGET.applies(run):
         return NO_BUDGET
     return _CONTACT if run.scene.contact else _NO_MESH
-
-
-def write_errors(errors: Sequence[tuple[str, str, float | str]], file: Path) -> str:
-    """Write names, units and errors of a file's columns as a table beside it, and return the table's name."""
-    beside = file.with_name(f"{file.name.removesuffix('.csv')}-errors.csv")
-    rows = ([name, unit, *error_cells(error)] for name, unit, error in errors)
-    write_table(beside, ["column", "unit", "error", "why not"], rows)
-    return beside.name
-
-
-def error_cells(error: float | str) -> list[str]:
-    """Return an error and an empty text, or an empty text and why it is not stated."""
-    return ["", error] if isinstance(error, str) else [f"{error:.{DIGITS}g}", ""]

@@ -24,6 +24,7 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.system import System
 from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.many_states import state_slopes
 from fmd.integrators.protocol import ResumableIntegrator, evaluate_projection
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.stability.tangent import (
@@ -31,7 +32,6 @@ from fmd.stability.tangent import (
     cycles_within,
     differentiate_states,
     scheme_growth_rates,
-    state_slopes,
     system_growth_rates,
 )
 
@@ -86,9 +86,20 @@ class OperatingPoints:
 
         Each point counts for the time that its major cycles were taken at: two cycles after the point.
         """
-        excess = self.excess_growth(method)
-        if not np.isfinite(excess).all():
-            return np.inf
+        if method not in self._known:
+            self.keep(method, self.excess_growth(method))
+        return self._known[method]
+
+    @cached_property
+    def _known(self) -> dict[ResumableIntegrator, float]:
+        """E-folds by methods, as far as they have been found."""
+        return {}
+
+    def keep(self, method: ResumableIntegrator, excess: Array) -> None:
+        """Keep the e-folds by a method for whoever asks for them, from its `excess_growth`."""
+        self._known[method] = self._add_up(method, excess) if np.isfinite(excess).all() else np.inf
+
+    def _add_up(self, method: ResumableIntegrator, excess: Array) -> float:
         cycle, part = method.substeps * method.step, self.duration / len(self.points)
         late = min((1.5 + 0.5 * cycles_within(SPAN * self.duration, cycle)) * cycle, part)
         weights = np.full(len(self.points), part)
@@ -118,17 +129,30 @@ def find_operating_points(
     StabilityError
         The mechanism with all bodies rigid can't be integrated.
     """
-    times = (np.arange(OPERATING_POINTS) + 0.5) * duration / OPERATING_POINTS
-    wanted = system.mechanism
-    q, v = _rigid_motion(mechanism.rigid, q0, v0, times, duration / RIGID_STEPS)
-    modes = (wanted.modes_of(k).tolist() for k in range(len(wanted.links)))
-    resting = np.array(sorted({*range(wanted.n_slow, wanted.n)}.union(*modes)), dtype=np.int64)
-    undeformed = [
-        OperatingPoint(float(t), *_with_joints(wanted, mechanism.rigid, q[k], v[k])) for k, t in enumerate(times)
-    ]
-    if wanted.closures:
+    undeformed = find_undeformed_points(system, mechanism, q0, v0, duration)
+    if system.mechanism.closures:
         return OperatingPoints(system, tuple(_close(system, at) for at in undeformed), duration)
-    return OperatingPoints(system, settle(system, undeformed, resting), duration)
+    return OperatingPoints(system, settle(system, undeformed, resting_rates(system.mechanism)), duration)
+
+
+def operating_times(duration: float) -> Array:
+    """Return the middles of equal parts of a duration [s]."""
+    return (np.arange(OPERATING_POINTS) + 0.5) * duration / OPERATING_POINTS
+
+
+def find_undeformed_points(
+    system: CompiledSystem, mechanism: Mechanism, q0: Array, v0: Array, duration: float
+) -> list[OperatingPoint]:
+    """Find the states of a mechanism's motion with all bodies rigid; parameters are as of `find_operating_points`."""
+    times, wanted = operating_times(duration), system.mechanism
+    q, v = _rigid_motion(mechanism.rigid, q0, v0, times, duration / RIGID_STEPS)
+    return [OperatingPoint(float(t), *with_joints(wanted, mechanism.rigid, q[k], v[k])) for k, t in enumerate(times)]
+
+
+def resting_rates(mechanism: Mechanism) -> IntArray:
+    """Return which rates are at rest at operating points: those of modes and of fast joints."""
+    modes = (mechanism.modes_of(k).tolist() for k in range(len(mechanism.links)))
+    return np.array(sorted({*range(mechanism.n_slow, mechanism.n)}.union(*modes)), dtype=np.int64)
 
 
 def _close(system: System, at: OperatingPoint) -> OperatingPoint:
@@ -169,7 +193,7 @@ def find_steady_points(
         return points
     places = getattr(system.parameters, "position", np.arange(system.n))[rates]
     times = np.array([at.time for at in points])
-    states = np.array([np.concatenate([at.q, _stop(at, rates).v]) for at in points])
+    states = np.array([_stop(at, rates).values for at in points])
     accelerated = system.n_positions + rates
 
     def accelerations_at(values: Array) -> Array:
@@ -183,7 +207,7 @@ def find_steady_points(
 
     found = solve(states[:, places], accelerations_at, correction, np.add, _SETTLING, scale=_least)
     states[:, places] = found.state
-    q, v = np.split(states, [system.n_positions], axis=1)
+    q, v, _ = np.split(states, [system.n_positions, system.n_positions + system.n], axis=1)
     return [replace(at, q=q[k], v=v[k]) for k, at in enumerate(points)] if found.converged else None
 
 
@@ -212,8 +236,8 @@ def _rigid_motion(rigid: Mechanism, q0: Array, v0: Array, times: Array, longest_
     return motion.q, motion.v
 
 
-def _with_joints(mechanism: Mechanism, rigid: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
-    """Positions and rates of an undeformed mechanism whose joints are those of a state of the rigid one."""
+def with_joints(mechanism: Mechanism, rigid: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return positions and rates of an undeformed mechanism whose joints are those of a state of the rigid one."""
     positions, rates = mechanism.rest_positions, np.zeros(mechanism.n)
     for k, link in enumerate(mechanism.links):
         to, of = mechanism.layout.position[k], rigid.layout.position[k]

@@ -8,7 +8,7 @@ Its eigenvalues μ over a span τ grow at the rates ``ln|μ|/τ``, those of the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,8 @@ from fmd.core.limits.memory import VALUES_AT_ONCE
 from fmd.core.limits.newton import NUDGE
 from fmd.core.limits.stability import ACCELERATION_NUDGE, RATE_NUDGE
 from fmd.dynamics.system import System
-from fmd.integrators.protocol import (
-    ResumableIntegrator,
-    State,
-    evaluate,
-    evaluate_projection,
-    evaluate_states,
-)
+from fmd.integrators.many_states import state_slopes
+from fmd.integrators.protocol import ResumableIntegrator, State, evaluate, evaluate_projection
 
 
 @dataclass(frozen=True)
@@ -38,11 +33,20 @@ class OperatingPoint:
         [s]
     q, v : ndarray, shapes (n_positions,) and (n,)
         Positions and rates.
+    numbers : ndarray, shape (n_numbers,)
+        Numbers of the mechanism that it is a state of, where another one of that structure stands for it; see
+        `fmd.integrators.many_states.numbers_in`.
     """
 
     time: float
     q: Array
     v: Array
+    numbers: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def values(self) -> Array:
+        """Positions, rates and numbers, as `state_slopes` takes them."""
+        return np.concatenate([self.q, self.v, self.numbers])
 
 
 def system_growth_rates(system: System, points: Sequence[OperatingPoint]) -> Array:
@@ -55,7 +59,7 @@ def system_growth_rates(system: System, points: Sequence[OperatingPoint]) -> Arr
     """
     nudges = np.repeat([NUDGE, RATE_NUDGE], [system.n_positions, system.n])
     times = np.array([at.time for at in points])
-    states = np.array([np.concatenate([at.q, at.v]) for at in points])
+    states = np.array([at.values for at in points])
     J = differentiate_states(system, times, states, np.arange(nudges.size), nudges)
     return np.sort(np.linalg.eigvals(J).real)[:, ::-1]
 
@@ -64,14 +68,6 @@ def differentiate_states(system: System, times: Array, states: Array, places: In
     """Return the derivatives of `state_slopes` by some values of each state, (n_states, n_positions + n, n_places)."""
     disturbed = _disturb(states, places, nudges)
     return _find_slopes(state_slopes(system, np.repeat(times, 2 * nudges.size), disturbed), nudges)
-
-
-def state_slopes(system: System, times: Array, states: Array) -> Array:
-    """Return the time derivatives of states (n_states, n_positions + n) at times (n_states,) [s], of the same shape."""
-    q, v = (np.ascontiguousarray(part) for part in np.split(states, [system.n_positions], axis=1))
-    dq, a = np.zeros(q.shape), np.zeros(v.shape)
-    evaluate_states(system.parameters, np.ascontiguousarray(times, dtype=float), q, v, dq, a)
-    return np.concatenate([dq, a], axis=1)
 
 
 def _disturb(centres: Array, places: IntArray, nudges: Array) -> Array:
@@ -131,11 +127,13 @@ def scheme_tangents(
         Duration of the cycles [s]: ``span``, rounded to whole ones.
     """
     h, m, driven = method.step, method.substeps, _has_driven_loops(system)
-    starts = [method.start(system, *(_rest(system) if driven else (at.q, at.v))) for at in points]
-    start, cycles = starts[0], cycles_within(span, m * h)
+    rest = _rest(system) if driven else (points[0].q, points[0].v)
+    start, cycles = method.start(system, *rest), cycles_within(span, m * h)
     first = np.array([max(1, round(at.time / (m * h))) * m for at in points])
     # The first cycle has the loads of time 0; one more has those of the operating point.
-    values = np.array([each.values for each in starts])
+    values = np.tile(start.values, (len(points), 1))
+    if not driven:
+        values = method.starts(system, np.array([at.values for at in points]))
     values = method.ends(system, start, values, np.zeros_like(first), 1)
     if driven:
         moved = zip(values, points, first.tolist(), strict=True)

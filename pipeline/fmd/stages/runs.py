@@ -23,6 +23,7 @@ from fmd.integrators.work_bounds import round_down
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
+from fmd.stages.found_together import known_marches, known_points
 from fmd.stages.mechanism import find_start, place_joints
 from fmd.stages.plan import Growth, Plan, repeat_choice
 from fmd.stages.run_checks import (
@@ -92,7 +93,7 @@ def measure_growths(built: Pipeline) -> tuple[Growth, ...]:
         A step is beyond its stability limit or steps over a load, or vibrations would grow visibly by the method.
     """
     simulation, growths = built.scene.simulation, []
-    known: list[OperatingPoints] = []
+    known = known_points(built)
     for run, plan in zip(simulation.run, built.drafts, strict=True):
         require_countable_steps(built.scene.file, plan.key, plan.integrator.step, simulation.duration)
         require_known_phases(built.scene.file, plan.key, plan.integrator, plan.system, simulation)
@@ -368,6 +369,7 @@ def _find_whole_motions(run: Pipeline) -> dict[str, Motion]:
             raise
     run.whole_energy = True
     forget(run, "mechanism")
+    known_marches(run).clear()
     return _find_motions(run)
 
 
@@ -386,6 +388,8 @@ def _find_motions(run: Pipeline) -> dict[str, Motion]:
 
 def _march(run: Pipeline, label: str, plan: Plan) -> Trajectory:
     """Integrate a run of the scene; where sampled controllers make the loop unstable, its failure says so."""
+    if (known := known_marches(run).pop(label, None)) is not None:
+        return known
     try:
         with run.store.monitor(label) as advance, run.while_timed():
             return plan.march(run.output_times, advance)

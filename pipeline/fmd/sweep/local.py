@@ -1,5 +1,7 @@
 """Points on this machine: one process for each core, and a new one in place of one that dies.
 
+A process gets some points at a time, for points of one structure share much of their work.
+
 A pool of loky or of ``concurrent.futures`` breaks as a whole when one of its processes dies, and doesn't say which
 scene that process had; Dask's local cluster does, but takes seconds to start and fifteen more packages.
 """
@@ -13,10 +15,14 @@ import threading
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from functools import cache
 from multiprocessing.connection import Connection, wait
-from typing import TYPE_CHECKING
+from multiprocessing.context import BaseContext
+from multiprocessing.forkserver import ensure_running
+from typing import TYPE_CHECKING, Any
 
-from fmd.core.limits.patience import POINT_TRIES
+from fmd.core.limits.memory import POINTS_AT_ONCE
+from fmd.core.limits.patience import POINT_TRIES, ROUNDS_OF_POINTS
 from fmd.sweep.record import Record, Wanted, interrupted_record
 
 if TYPE_CHECKING:
@@ -25,14 +31,40 @@ if TYPE_CHECKING:
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
+def prepare_workers() -> None:
+    """Begin to load what workers need, in a process of which they will be copies, while this one reads the scenes.
+
+    It has one thread: a copy of this process would have locks and threads of BLAS. Where processes can't be copied,
+    each worker loads for itself.
+    """
+    if _processes().get_start_method() == "forkserver":
+        given = {name: os.environ.get(name) for name in _THREADS}
+        os.environ |= dict.fromkeys(_THREADS, "1")
+        ensure_running()
+        for name, value in given.items():
+            del os.environ[name]
+            os.environ |= {} if value is None else {name: value}
+
+
+@cache
+def _processes() -> BaseContext:
+    """Return how processes start; they import nothing from the working folder."""
+    os.environ["PYTHONSAFEPATH"] = "1"
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    server = multiprocessing.get_context("forkserver")
+    server.set_forkserver_preload(["fmd.sweep.work"])
+    return server
+
+
 class _Worker:
-    """A process that computes the scenes sent to it, one by one."""
+    """A process that computes the scenes sent to it, some at a time, and sends back each as it is done."""
 
     def __init__(self) -> None:
-        spawn = multiprocessing.get_context("spawn")  # a fork would take over locks and the threads of BLAS
-        self.connection, theirs = spawn.Pipe()
-        self.process = spawn.Process(target=_serve, args=(theirs,), daemon=True)
-        os.environ["PYTHONSAFEPATH"] = "1"  # it imports nothing from the working folder
+        prepare_workers()
+        processes: Any = _processes()
+        self.connection, theirs = processes.Pipe()
+        self.process = processes.Process(target=_serve, args=(theirs,), daemon=True)
         self.process.start()
         theirs.close()  # so that this end reads the end of the file when the process dies
 
@@ -45,36 +77,44 @@ class _Worker:
 def compute_locally(scenes: Mapping[str, Scene], workers: int, wanted: Wanted) -> Iterator[tuple[str, Record]]:
     """Compute scenes in processes of one thread each; yield key and record of each as it is done.
 
-    A scene whose process dies is tried once more. If this process dies, its workers die too.
+    A scene whose process dies is tried once more, and whatever was sent with it one by one. If this process dies, its
+    workers die too.
     """
-    waiting, tries = deque(scenes), Counter[str]()
+    tries = Counter[str]()
+    at_once = min(POINTS_AT_ONCE, -(-len(scenes) // (ROUNDS_OF_POINTS * workers)))
+    waiting = deque([*scenes][first : first + at_once] for first in range(0, len(scenes), at_once))
     idle = [_Worker() for _ in range(min(workers, len(scenes)))]
-    busy: dict[Connection, tuple[_Worker, str]] = {}
+    busy: dict[Connection, tuple[_Worker, list[str]]] = {}
     try:
         while waiting or busy:
             while waiting and idle:
-                worker, key = idle.pop(), waiting.popleft()
+                worker, keys = idle.pop(), waiting.popleft()
                 if not worker.process.is_alive():  # it died after its last scene
                     worker.stop()
                     worker = _Worker()
-                tries[key] += 1
+                tries.update(keys if len(keys) == 1 else ())
                 with suppress(OSError):  # it died just now, which recv below notices
-                    worker.connection.send((key, scenes[key], wanted))
-                busy[worker.connection] = worker, key
+                    worker.connection.send(({key: scenes[key] for key in keys}, wanted))
+                busy[worker.connection] = worker, keys
             for connection in wait(list(busy)):
                 assert isinstance(connection, Connection)
-                worker, key = busy.pop(connection)
+                worker, keys = busy[connection]
                 try:
-                    record: Record = connection.recv()
+                    key, record = connection.recv()
                 except (EOFError, OSError):
+                    del busy[connection]
                     worker.stop()
-                    worker = _Worker()
-                    if tries[key] < POINT_TRIES:
-                        waiting.append(key)
-                        idle.append(worker)
+                    idle.append(_Worker())
+                    if tries[keys[0]] < POINT_TRIES:
+                        waiting.extend([key] for key in keys)
                         continue
+                    key = keys[0]
                     record = interrupted_record(f"its process died, {POINT_TRIES} times; short of memory?")
-                idle.append(worker)
+                else:
+                    keys.remove(key)
+                    if not keys:
+                        del busy[connection]
+                        idle.append(worker)
                 yield key, record
     finally:
         for worker in [*idle, *(worker for worker, _ in busy.values())]:
@@ -82,18 +122,19 @@ def compute_locally(scenes: Mapping[str, Scene], workers: int, wanted: Wanted) -
 
 
 def _serve(connection: Connection) -> None:
-    """Answer each scene with its record, until the connection is closed."""
-    os.environ |= dict.fromkeys(_THREADS, "1")  # before NumPy is loaded
+    """Answer scenes with the record of each, until the connection is closed."""
+    os.environ |= dict.fromkeys(_THREADS, "1")  # before NumPy is loaded, if it isn't yet
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which stops its workers
     threading.Thread(target=_die_with_parent, daemon=True).start()
     while True:
         try:
-            key, scene, wanted = connection.recv()
+            scenes, wanted = connection.recv()
         except EOFError:
             return
-        from fmd.sweep.work import compute_point
+        from fmd.sweep.work import compute_points
 
-        connection.send(compute_point(key, scene, wanted))
+        for key, record in compute_points(scenes, wanted):
+            connection.send((key, record))
 
 
 def _die_with_parent() -> None:

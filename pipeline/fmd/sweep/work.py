@@ -1,9 +1,11 @@
-"""The computation of one point of a sweep, on this machine or on a cluster."""
+"""The computation of points of a sweep, on this machine or on a cluster."""
 
 from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 
 from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
@@ -12,6 +14,7 @@ from fmd.output.result_figures import result_figures
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import Scene
 from fmd.stages.pipeline import Pipeline
+from fmd.stages.variants import share_growth, share_marches
 from fmd.sweep.points import point_key
 from fmd.sweep.record import SUMMARY, Record, Wanted, interrupted_record
 
@@ -21,38 +24,71 @@ _last: list[Pipeline] = []
 
 
 def compute_point(key: str, scene: Scene, wanted: Wanted = SUMMARY) -> Record:
-    """Run a scene without pictures; its record holds the summary with the results that are wanted, or the error.
+    """Run a scene without pictures; its record holds the summary with the results that are wanted, or the error."""
+    ((_, record),) = compute_points({key: scene}, wanted)
+    return record
+
+
+def compute_points(scenes: Mapping[str, Scene], wanted: Wanted = SUMMARY) -> Iterator[tuple[str, Record]]:
+    """Run some scenes, and yield key and record of each as it is done; what they can share is found for all at once.
 
     Gmsh keeps one model a process, so a worker with several threads computes one point after the other.
     """
     with _alone:
-        try:
-            if point_key(scene) != key:
-                return interrupted_record(
-                    "its worker has another version of this program, of a package or of the scene's files"
-                )
-        except InputError as error:  # a file that this machine doesn't have
-            return interrupted_record(f"its worker: {error}")
-        try:
-            solved = SolvedScene(scene, like=_take_like(scene))
-            solved.given.stands_alone = False  # other points run beside this one
-            _last.append(solved.given)
-            if wanted.budget and scene.moves:
-                solved.run.motions  # noqa: B018 - what it takes is what its budget may take
-            summary = summarise_solved(solved, (), wanted.budget, allowed_seconds(solved.run))
-            if wanted.results:
-                summary["results"] = result_figures(solved.run, wanted.results, wanted.histories)
-            if wanted.histories and scene.moves:
-                summary["times_s"] = solved.run.motion.times.tolist()
-            unmet = solved.settings.unmet
-            json.dumps(summary, allow_nan=False)
-        except InputError as error:
-            return interrupted_record(str(error)) if error.file == "--of" else Record("refused", str(error))
-        except AccuracyError as error:
-            return Record("failed", str(error))
-        except Exception as error:  # a point is a row of the table, not the end of the sweep
-            return interrupted_record(f"{type(error).__name__}: {error}")
-        return Record("failed" if unmet else "ok", unmet, summary)
+        solved: dict[str, SolvedScene] = {}
+        for key, scene in scenes.items():
+            if fault := _find_difference(key, scene):
+                yield key, interrupted_record(fault)
+                continue
+            try:
+                solved[key] = SolvedScene(scene, like=_take_like(scene))
+            except Exception as error:
+                yield key, _record_of(error)
+                continue
+            solved[key].given.stands_alone = False  # other points run beside this one
+            _last.append(solved[key].given)
+        moving = [point.given for point in solved.values() if not point.is_open and point.scene.moves]
+        if len(moving) > 1:
+            with suppress(Exception):  # what is wrong with a point is in its own record
+                share_growth(moving)
+                share_marches(moving)
+        for key in [*solved]:
+            yield key, _compute(solved.pop(key), wanted)
+
+
+def _find_difference(key: str, scene: Scene) -> str:
+    """Say how this process's version of a scene or its files differs from the one that the key is of; else nothing."""
+    try:
+        if point_key(scene) != key:
+            return "its worker has another version of this program, of a package or of the scene's files"
+    except InputError as error:  # a file that this machine doesn't have
+        return f"its worker: {error}"
+    return ""
+
+
+def _compute(solved: SolvedScene, wanted: Wanted) -> Record:
+    try:
+        if wanted.budget and solved.scene.moves:
+            solved.run.motions  # noqa: B018 - what it takes is what its budget may take
+        summary = summarise_solved(solved, (), wanted.budget, allowed_seconds(solved.run))
+        if wanted.results:
+            summary["results"] = result_figures(solved.run, wanted.results, wanted.histories)
+        if wanted.histories and solved.scene.moves:
+            summary["times_s"] = solved.run.motion.times.tolist()
+        unmet = solved.settings.unmet
+        json.dumps(summary, allow_nan=False)
+    except Exception as error:
+        return _record_of(error)
+    return Record("failed" if unmet else "ok", unmet, summary)
+
+
+def _record_of(error: Exception) -> Record:
+    """Return the record of a point that ended by an error: a row of the table, not the end of the sweep."""
+    if isinstance(error, InputError) and error.file != "--of":
+        return Record("refused", str(error))
+    if isinstance(error, AccuracyError):
+        return Record("failed", str(error))
+    return interrupted_record(str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}")
 
 
 def _take_like(scene: Scene) -> Pipeline | None:

@@ -30,6 +30,9 @@ MOST_LOADED = 256  # programs that stay loaded in a process, the last used last
 STATES_AT_ONCE = 1024
 VALUES_AT_ONCE = 2**22  # numbers of states that are disturbed together, one state after the other
 
+# Sweeps.
+POINTS_AT_ONCE = 64  # points that share their work in a process: of 32, half as many of them cost as much
+
 # Results.
 TIMES_AT_ONCE = 8192  # output times whose results are held at a time while they are written or compared
 # Numbers kept for each output time. Measured: 1.0 kB a run with two rigid bodies, 0.7 kB with one body of five modes.

@@ -22,6 +22,7 @@ JUDGED_AFTER = 0.5  # seconds of a march from which on its progress forecasts th
 ANSWERS_WITHIN = 10  # seconds until a cluster answers
 WORKS_WITHIN = 60  # seconds until it works; it may start its workers when there is work
 POINT_TRIES = 2  # of a point of a sweep whose process ends
+ROUNDS_OF_POINTS = 4  # in which each process gets points of a sweep, so that none is idle at the end
 
 # Shapes.
 CAD_SECONDS = 1800  # until a CAD file is meshed

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +17,9 @@ from fmd.core.limits.mechanism import (
     NEGLIGIBLE_DAMPING,
     NEGLIGIBLE_STIFFNESS,
 )
+from fmd.core.limits.memory import MOST_SHARED
 from fmd.core.limits.round_off import SOLVED
+from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.compiler.compiled import CompiledMechanism
 
 
@@ -45,30 +50,65 @@ class Couplings(NamedTuple):
     driven: IntArray
 
 
+class _Sample(NamedTuple):
+    """A random state: signals' part of the inputs (3 n_signals,), positions, rates, accelerations, and M̂ there."""
+
+    inputs: Array
+    q: Array
+    v: Array
+    a: Array
+    M: Array
+
+
+@dataclass(frozen=True)
+class _Structure:
+    """What mechanisms have in common that differ in numbers of joints alone, of which only forces' slopes depend."""
+
+    samples: tuple[_Sample, ...]
+    n_slow: int
+
+    @cached_property
+    def masses(self) -> list[Array]:
+        return [at.M for at in self.samples]
+
+    @cached_property
+    def mass(self) -> Array | None:
+        """Diagonal of the fast mass matrix, if it is constant and diagonal."""
+        blocks = [M[self.n_slow :, self.n_slow :] for M in self.masses]
+        diagonals = [M.diagonal() for M in blocks]
+        constant = all(np.allclose(diagonal, diagonals[0], rtol=1e-12, atol=0.0) for diagonal in diagonals)
+        single = not any(_exceed(M, SOLVED * _scale(M)) for M in blocks)
+        return np.r_[np.zeros(self.n_slow), diagonals[0]] if constant and single else None
+
+    @cached_property
+    def inertial(self) -> bool:
+        """True if slow and fast coordinates couple through the mass matrix."""
+        n_slow = self.n_slow
+        return any((np.abs(M) > SOLVED * _scale(M))[:n_slow, n_slow:].any() for M in self.masses)
+
+
+_structures: RecentlyUsed[_Structure] = RecentlyUsed(MOST_SHARED)
+
+
 def find_inertial_coupling(compiled: CompiledMechanism) -> bool:
     """Return whether any coordinates couple through the mass matrix in some state."""
     if compiled.mechanism.closures:
         return True
-    masses = (compiled.mass_matrix(inputs, q) for inputs, q, _, _ in _states(compiled))
-    return any(_exceed(M, SOLVED * _scale(M)) for M in masses)
+    return any(_exceed(M, SOLVED * _scale(M)) for M in _structure_of(compiled).masses)
 
 
 def find_couplings(compiled: CompiledMechanism) -> Couplings:
     """Find the structure of the fast coordinates' equations."""
     if compiled.mechanism.closures:  # multipliers act on all coordinates, and by all inputs
         return Couplings(True, None, True, True, True, np.arange(3 * len(compiled.signals)))
-    n_slow, states = compiled.mechanism.n_slow, _states(compiled)
-    masses = [compiled.mass_matrix(inputs, q) for inputs, q, _, _ in states]
+    structure, n_slow = _structure_of(compiled), compiled.mechanism.n_slow
     shift, fast = compiled.mechanism.position_shift, slice(n_slow, None)
-    diagonals = [M.diagonal()[fast] for M in masses]
-    constant = all(np.allclose(diagonal, diagonals[0], rtol=1e-12, atol=0.0) for diagonal in diagonals)
-    single = not any(_exceed(M[fast, fast], SOLVED * _scale(M[fast, fast])) for M in masses)
-    mass = np.r_[np.zeros(n_slow), diagonals[0]] if constant and single else None
     elastic = damped = dragging = False
     driven = np.zeros(3 * len(compiled.signals), dtype=bool)
-    for inputs, q, v, a in states:
-        by_q, by_v, M = compiled.tangents(inputs, q, v, a)
-        driven |= np.any(compiled.input_tangents(inputs, q, v, a)[fast, : len(driven)], axis=0)
+    for at in structure.samples:
+        inputs = np.concatenate([at.inputs, compiled.numbers])
+        by_q, by_v, M = compiled.tangents(inputs, at.q, at.v, at.a)
+        driven |= np.any(compiled.input_tangents(inputs, at.q, at.v, at.a)[fast, : len(driven)], axis=0)
         K, C = by_q[fast, n_slow + shift :], by_v[fast, fast]
         elastic |= _exceed(K, NEGLIGIBLE_STIFFNESS + SOLVED * _scale(K)) or _exceed(C, NEGLIGIBLE_DAMPING)
         damped |= bool(np.any(np.abs(C) > NEGLIGIBLE_DAMPING * np.sqrt(np.abs(M.diagonal()[fast]))))
@@ -76,8 +116,7 @@ def find_couplings(compiled: CompiledMechanism) -> Couplings:
     if compiled.mechanism.efforts:  # which may be saturated at these states, or 0
         elastic = damped = dragging = True
         driven[:] = True
-    inertial = any((np.abs(M) > SOLVED * _scale(M))[:n_slow, n_slow:].any() for M in masses)
-    return Couplings(inertial, mass, elastic, damped, dragging, np.flatnonzero(driven))
+    return Couplings(structure.inertial, structure.mass, elastic, damped, dragging, np.flatnonzero(driven))
 
 
 def _exceed(A: Array, limit: Array | float) -> bool:
@@ -90,13 +129,17 @@ def _scale(A: Array) -> Array:
     return np.asarray(np.outer(own, own))
 
 
-def _states(compiled: CompiledMechanism) -> list[tuple[Array, Array, Array, Array]]:
-    """Inputs, positions, rates and accelerations of some random states.
+def _structure_of(compiled: CompiledMechanism) -> _Structure:
+    """Return what some random states tell, found once for mechanisms that differ in numbers of joints alone.
 
     Each load and motion is as large as it gets, so that no short one is missed between the samples.
     """
+    key = (compiled.digest, compiled.signals, compiled.mechanism.horizon)
+    return _structures.get(key, lambda: _Structure(tuple(_make_samples(compiled)), compiled.mechanism.n_slow))
+
+
+def _make_samples(compiled: CompiledMechanism) -> Iterator[_Sample]:
     mechanism, random, largest = compiled.mechanism, np.random.default_rng(0), _largest_inputs(compiled)
-    states = []
     for _ in range(COUPLED_STATES):
         q = random.uniform(-1.0, 1.0, mechanism.n_positions)
         for number, link in enumerate(mechanism.links):
@@ -105,9 +148,8 @@ def _states(compiled: CompiledMechanism) -> list[tuple[Array, Array, Array, Arra
                 last = mechanism.layout.position[number] + link.n_positions
                 q[last - 4 : last] /= np.linalg.norm(q[last - 4 : last])
         v, a = random.uniform(-1.0, 1.0, (2, mechanism.n))
-        inputs = np.concatenate([random.uniform(0.5, 1.0, len(largest)) * largest, compiled.numbers])
-        states.append((inputs, q, v, a))
-    return states
+        inputs = random.uniform(0.5, 1.0, len(largest)) * largest
+        yield _Sample(inputs, q, v, a, compiled.mass_matrix(np.concatenate([inputs, compiled.numbers]), q))
 
 
 def _largest_inputs(compiled: CompiledMechanism) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from importlib import import_module
 
 from fmd.core.limits.memory import MOST_SHARED
@@ -12,6 +13,7 @@ from fmd.dynamics.mechanism import Mechanism
 
 # A key is all that a mechanism consists of, so what it names never changes.
 _shared: RecentlyUsed[CompiledSystem] = RecentlyUsed(MOST_SHARED)
+_structures: RecentlyUsed[CompiledSystem] = RecentlyUsed(MOST_SHARED)
 
 
 def share_system(mechanism: Mechanism) -> CompiledSystem:
@@ -21,9 +23,19 @@ def share_system(mechanism: Mechanism) -> CompiledSystem:
     own, so sharing changes no number.
     """
     system = make_system(mechanism)
-    numbers = tuple(system.compiled.numbers.tolist())
-    key = (system.compiled.digest, system.compiled.signals, numbers, names_of(mechanism), mechanism.horizon)
-    return _shared.get(key, lambda: system)
+    structure = structure_of(system)
+
+    def like_another() -> CompiledSystem:
+        system.compiled.take_code_of(_structures.get(structure, lambda: system).compiled)
+        return system
+
+    return _shared.get((structure, *system.compiled.numbers.tolist()), like_another)
+
+
+def structure_of(system: CompiledSystem) -> Hashable:
+    """Return what systems have in common that differ in numbers alone: springs, rests and dampers of joints."""
+    compiled, mechanism = system.compiled, system.mechanism
+    return compiled.digest, compiled.signals, names_of(mechanism), mechanism.horizon
 
 
 def make_system(mechanism: Mechanism) -> CompiledSystem:

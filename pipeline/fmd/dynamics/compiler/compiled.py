@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -75,6 +76,21 @@ class CompiledMechanism:
     def rows(self) -> list[ConstraintRow]:
         """Scalar constraints of a mechanism with loops, those that hold in every state left out."""
         return trace_rows(self._inputs, self._frames) if self.mechanism.closures else []
+
+    def take_code_of(self, other: CompiledMechanism) -> None:
+        """Take the functions of a mechanism that differs in `numbers` alone, traced and loaded, in place of its own."""
+        self._programs, self._loaded, self._loading = other._programs, other._loaded, other._loading
+        traced = ("_frames", "rows", "_signal_values", "_signal_values_ahead")
+        vars(self).update({name: value for name, value in vars(other).items() if name in traced})
+
+    def with_numbers(self, numbers: Array) -> Mechanism:
+        """Return the mechanism with other `numbers` of its joints."""
+        links = [*self.mechanism.links]
+        for (body, name), value in zip(self._inputs.numbers, numbers.tolist(), strict=True):
+            change: dict[str, Any] = {name: value}
+            if body >= 0:
+                links[body] = replace(links[body], **change)
+        return replace(self.mechanism, links=links)
 
     def program(self, name: str) -> Program:
         """Return a function as a traced program."""

@@ -8,6 +8,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -20,11 +21,20 @@ _NAMES = {"name", "joint_name", "section", "body", "part", "effort", "initial", 
 """Fields that are in no equation, or in it by a number."""
 
 
+_digests: WeakKeyDictionary[Mechanism, str] = WeakKeyDictionary()
+
+
 def digest_mechanism(inputs: Coordinates) -> str:
     """Return the digest of all that a mechanism's functions are traced from.
 
     Varying signals, joints' springs and dampers, and held values are inputs of these.
     """
+    if inputs.mechanism not in _digests:
+        _digests[inputs.mechanism] = _digest(inputs)
+    return _digests[inputs.mechanism]
+
+
+def _digest(inputs: Coordinates) -> str:
     mechanism, pieces = inputs.mechanism, list[bytes]()
     numbers = {link.name: number for number, link in enumerate(mechanism.links)}
     links = list(mechanism.links)

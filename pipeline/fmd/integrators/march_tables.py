@@ -1,0 +1,94 @@
+"""Tables of a march beside its method: output times, and states from which marches start one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.kernels.kernel import inner
+from fmd.kernels.table import Table
+
+
+@dataclass(frozen=True)
+class Samples(Table):
+    """Output times of a march, and the states there.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n_times,)
+        [s]
+    step : ndarray of int, shape (n_times,)
+        Number of the step that each time is in.
+    offset : ndarray, shape (n_times,)
+        Time since that step's begin [s].
+    q, v : ndarray, shapes (n_times, n_positions) and (n_times, n)
+        Positions and rates, NaN as long as they aren't known.
+    contacts : ndarray, shape (n_times, n_values)
+        Values of contacts; none without contacts.
+    cursor : ndarray of int, shape (1,)
+        How many are known.
+    """
+
+    times: Array
+    step: IntArray
+    offset: Array
+    q: Array
+    v: Array
+    contacts: Array
+    cursor: IntArray
+
+
+@dataclass(frozen=True)
+class Starts(Table):
+    """States from which marches start, one after the other.
+
+    Attributes
+    ----------
+    first : ndarray of int, shape (n_marches,)
+        Number of the first step of each.
+    q, v, a, memory : ndarray
+        The arrays of the state that the method's table writes into.
+    numbers : ndarray, shape (n_numbers,)
+        The place of the system's numbers, if each march has its own.
+    values : ndarray, shape (n_marches, n_values + n_numbers)
+        `State.values` of each, at its start and then at its end; behind them its numbers.
+    sampled_q, sampled_v : ndarray, shapes (n_marches, n_times, n_positions) and (n_marches, n_times, n)
+        Positions and rates of each at the output times, if there are any.
+    """
+
+    first: IntArray
+    q: Array
+    v: Array
+    a: Array
+    memory: Array
+    numbers: Array
+    values: Array
+    sampled_q: Array
+    sampled_v: Array
+
+
+@cache
+def no_starts() -> Starts:
+    """Return the starts of a march that goes on from the state in its method's table."""
+    nothing, none = np.zeros(0), np.zeros((0, 0, 0))
+    first = np.zeros(0, dtype=np.int64)
+    return Starts(first, nothing, nothing, nothing, nothing, nothing, np.zeros((0, 0)), none, none)
+
+
+@inner
+def take_values(x: Array, values: Array, first: int) -> int:
+    """Copy an array from its place in a state's values, and return the place behind it."""
+    for i in range(x.size):
+        x[i] = values[first + i]
+    return first + x.size
+
+
+@inner
+def keep_values(x: Array, values: Array, first: int) -> int:
+    """Copy an array to its place in a state's values, and return the place behind it."""
+    for i in range(x.size):
+        values[first + i] = x[i]
+    return first + x.size

@@ -1,0 +1,27 @@
+"""What has been found of a scene beside others like it, for its own stages to take."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from fmd.integrators.protocol import Trajectory
+    from fmd.stability.operating_points import OperatingPoints
+
+
+class HasResults(Protocol):
+    """A scene's stages, with their results by name."""
+
+    results: dict[str, Any]
+
+
+def known_points(run: HasResults) -> list[OperatingPoints]:
+    """Return the operating points of a scene's systems that have been found, to which others are added."""
+    points: list[OperatingPoints] = run.results.setdefault("operating points", [])
+    return points
+
+
+def known_marches(run: HasResults) -> dict[str, Trajectory]:
+    """Return a scene's runs, by their labels, that have been integrated beside those of other scenes."""
+    marches: dict[str, Trajectory] = run.results.setdefault("marches", {})
+    return marches
