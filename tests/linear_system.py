@@ -287,9 +287,7 @@ def middle_of(M: Array, K: Array, C: Array, n_slow: int) -> MiddleLinear:
 
 
 @freeze_middle.register(LinearParameters)
-def _freeze_middle(
-    p: LinearParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleLinear, age: float
-) -> float:
+def _freeze_middle(p: LinearParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleLinear) -> None:
     K, C, Q = p.K, p.C, middle.Q
     for i in range(v.size):
         Q[i], middle.q[i], middle.v[i] = 0.0, q[i], v[i]
@@ -301,7 +299,6 @@ def _freeze_middle(
     for j in range(C.shape[1]):
         for i in range(v.size):
             Q[i] -= C[i, j] * v[j]
-    return 1.0
 
 
 @reacting_steps.register(LinearParameters)

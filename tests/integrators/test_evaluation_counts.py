@@ -70,10 +70,9 @@ def _advance(p: Counted, q: Array, v: Array, h: float, first: int, last: int) ->
 
 
 @freeze_middle.register(Counted)
-def _freeze_middle(p: Counted, t: float, q: Array, v: Array, D: Array, middle: Array, age: float) -> float:
+def _freeze_middle(p: Counted, t: float, q: Array, v: Array, D: Array, middle: Array) -> None:
     p.calls[0] += 1
     middle[0], D[1, 0] = q[0], 0.0
-    return 1.0
 
 
 @reacting_steps.register(Counted)

@@ -76,8 +76,7 @@ def test_it_is_of_second_order_on_any_rotor_under_any_spin(body: Body, order_of:
     rotor = hinged(body(4, seed=1, kind=kind), half_sine(0.32, 1.6, 20.0))
     rng, times, steps = np.random.default_rng(0), np.linspace(0.0, 4.0, 41), 0.001 / 2.0 ** np.arange(3)
     start = np.r_[0.3, 0.1 * rng.normal(size=4)], np.r_[0.5, 0.3 * rng.normal(size=4)]
-    # With the longest step the rotor turns so far in a cycle that tangents are kept for fewer cycles.
-    assert order_of(steps, errors_of(rotor, start, times, steps, m)) == pytest.approx(2, abs=0.25)
+    assert order_of(steps, errors_of(rotor, start, times, steps, m)) == pytest.approx(2, abs=0.15)
 
 
 # The linear map --------------------------------------------------------------------------------------------------
@@ -244,47 +243,6 @@ def test_the_arms_energy_is_kept_better_by_the_square_of_the_step(
     steps, times = 4e-5 / 2.0 ** np.arange(3), np.linspace(0.0, 0.5, 101)
     drifts = [drift(tree, ReversibleSubcycling(step, 5).march(tree, *start, times)) for step in steps]
     assert order_of(steps, np.array(drifts)) > 1.8
-
-
-def march_with_tangents_of_each_cycle(
-    monkeypatch: pytest.MonkeyPatch, system: CompiledSystem, start: tuple[Array, Array], times: Array
-) -> Array:
-    with monkeypatch.context() as patch:
-        patch.setattr("fmd.dynamics.compiled_system.system.KEPT_CYCLES", 1)
-        return ReversibleSubcycling(1e-5, 10).march(CompiledSystem(system.mechanism), *start, times).q
-
-
-def test_kept_tangents_add_little_to_the_errors_of_the_step(
-    swung: tuple[CompiledSystem, tuple[Array, Array]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tree, start = swung
-    times = np.linspace(0.0, 0.05, 11)
-    kept = ReversibleSubcycling(1e-5, 10).march(tree, *start, times).q
-    renewed = march_with_tangents_of_each_cycle(monkeypatch, tree, start, times)
-    step_error = np.abs(renewed - RungeKutta(1e-12).march(tree, *start, times).q).max()
-    assert 0.0 < np.abs(kept - renewed).max() < 0.1 * step_error
-
-
-def test_no_tangents_are_kept_where_the_arm_turns_fast(
-    swung: tuple[CompiledSystem, tuple[Array, Array]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tree, (q0, v0) = swung
-    fast, times = (q0, np.r_[200.0, v0[1:]]), np.linspace(0.0, 0.002, 3)  # by 20 mrad in a cycle
-    kept = ReversibleSubcycling(1e-5, 10).march(tree, *fast, times).q
-    assert (kept == march_with_tangents_of_each_cycle(monkeypatch, tree, fast, times)).all()
-
-
-def test_a_march_goes_on_bit_for_bit_with_the_tangents_that_it_has_kept(
-    swung: tuple[CompiledSystem, tuple[Array, Array]],
-) -> None:
-    tree, start = swung
-    method, end = ReversibleSubcycling(1e-5, 10), np.array([0.0, 0.0045])
-    whole = method.march(tree, *start, end).end
-    part = method.march(tree, *start, np.array([0.0, 0.0031])).end
-    assert part.memory[tree.n * (1 + tree.n_slow)] > 1.0  # within a time of kept tangents
-    rest = method.resume(tree, part, end).end
-    for name in ("q", "v", "a", "memory"):
-        assert (getattr(rest, name) == getattr(whole, name)).all()
 
 
 def test_a_hub_that_nothing_drives_keeps_its_momentum_within_a_cycle(body: Body) -> None:

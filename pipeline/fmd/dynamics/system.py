@@ -94,11 +94,8 @@ def cross_cycle(p: Any, cycle: Any, count: int, q: Array, v: Array, a: Array, be
 
 
 @singledispatch
-def freeze_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any, age: float) -> float:
+def freeze_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
     """Freeze M̂, Q̂ and its tangents at a major cycle's middle; ``D = M_LL⁻¹ M_LS``, (n, n_slow), a row a rate.
-
-    M̂ and the tangents may stay those of ``age`` cycles before, if that isn't 0; return how many cycles old they are at
-    the next middle.
 
     With ``T = (−D, 1)``, how all rates follow the fast ones while ``y = q_L + D q_S`` does not move, they are
     ``S̄ = Tᵀ M T``, ``−∂Q̂/∂q T`` and ``−∂Q̂/∂v T``.

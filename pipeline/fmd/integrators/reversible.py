@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array
 from fmd.dynamics.system import System, advance, freeze_middle, project, reacting_steps, slow_response
 from fmd.integrators.fixed_step import (
     FixedMarch,
@@ -59,7 +59,7 @@ class ReversibleSubcycling(FixedStepIntegrator):
     """Reversible sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
     A state's rates are at its own time; ``a`` holds the accelerations of y and q_S, ``memory`` the last change of q_S,
-    (n,), D, (n, n_slow), how many cycles old it is, and what else of a cycle's middle is kept.
+    (n,), and D, (n, n_slow).
     """
 
     step: float
@@ -92,23 +92,14 @@ class ReversibleSubcycling(FixedStepIntegrator):
         n, n_slow = system.n, system.n_slow
         start = start_state(system, q0, v0, np.zeros(n))
         D = np.zeros((n, n_slow))
-        middle = system.middle(self.substeps * self.step)
-        _freeze(system.parameters, 0.0, start.q, start.v, D, middle)
+        _freeze(system.parameters, 0.0, start.q, start.v, D, system.middle(self.substeps * self.step))
         start.a[:n_slow] += start.a @ D
         move = self.substeps * self.step * start.v
-        kept = [np.zeros(array.size) for array in _kept(middle)]  # nothing is that old
-        return replace(start, memory=np.concatenate([move, D.ravel(), np.zeros(1), *kept]))
+        return replace(start, memory=np.concatenate([move, D.ravel()]))
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        march = self.fixed_march(system)
-        kept, place = _kept(march.frozen), _place_of_age(system) + 1
-        for array in kept:
-            array[...] = start.memory[place : place + array.size].reshape(array.shape)
-            place += array.size
-        end, q, v, seconds = march.run(start, times, progress)
-        memory = [end.memory[: _place_of_age(system) + 1], *(array.ravel() for array in kept)]
-        end = replace(end, memory=np.concatenate(memory))
+        end, q, v, seconds = self.fixed_march(system).run(start, times, progress)
         return self.describe(times, q, v, end, end.step - start.step, seconds)
 
     def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
@@ -118,40 +109,19 @@ class ReversibleSubcycling(FixedStepIntegrator):
 
     def fixed_march(self, system: System) -> FixedMarch:
         """Return what a system is marched with."""
-        h, m, n, n_slow, place = self.step, self.substeps, system.n, system.n_slow, _place_of_age(system)
+        h, m, n, n_slow = self.step, self.substeps, system.n, system.n_slow
 
         def make(state: State) -> ReactingSteps:
-            move, D, age, _ = np.split(state.memory, [n, place, place + 1])
+            move, D = state.memory[:n], state.memory[n:].reshape(n, n_slow)
             room = aligned(system.n_positions, n, n, n)
-            return ReactingSteps(h, m, n_slow, state.q, state.v, state.a, move, D.reshape(n, n_slow), age, *room)
+            return ReactingSteps(h, m, n_slow, state.q, state.v, state.a, move, D, *room)
 
         return FixedMarch(self.name, make, system, system.middle(m * h), h, m)
-
-    def ends(self, system: System, start: State, values: Array, first: IntArray, n_cycles: int) -> Array:
-        """Return the `State.values` in which marches end; each begins and ends with no kept tangents."""
-        if not _kept(system.middle(self.substeps * self.step)):
-            return super().ends(system, start, values, first, n_cycles)
-        place = start.values.size - start.memory.size + _place_of_age(system)
-        fresh = np.array(values)
-        fresh[:, place] = 0.0
-        found = super().ends(system, start, fresh, first, n_cycles)
-        found[:, place] = 0.0
-        return found
-
-
-def _place_of_age(system: System) -> int:
-    """Return the place in a state's memory of the number of cycles."""
-    return system.n * (1 + system.n_slow)
-
-
-def _kept(middle: Any) -> tuple[Array, ...]:
-    """Return the arrays of a middle that are kept from cycle to cycle."""
-    return getattr(middle, "kept", ())
 
 
 @kernel
 def _freeze(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
-    freeze_middle(p, t, q, v, D, middle, 0.0)
+    freeze_middle(p, t, q, v, D, middle)
 
 
 @dataclass(frozen=True)
@@ -169,8 +139,6 @@ class ReactingSteps(Table):
         Change of the fast positions over the last cycle.
     D : ndarray, shape (n, n_slow)
         How the slow coordinates follow the fast ones, as `freeze_middle` gives it.
-    age : ndarray, shape (1,)
-        How many cycles old D and the tangents are, 0 if there are none.
     q_now, v_now, shift : ndarray
         Room: the middle's state or a sample's begin, and changes of the slow positions.
     before : ndarray, shape (n,)
@@ -185,7 +153,6 @@ class ReactingSteps(Table):
     a: Array
     move: Array
     D: Array
-    age: Array
     q_now: Array
     v_now: Array
     shift: Array
@@ -209,8 +176,7 @@ def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: boo
             m.shift[i] += 0.5 * m.D[j, i] * (H * m.v[j] - m.move[j])
     advance(p, m.q_now, m.shift, 1.0, 0, n_slow)
     project(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now)
-    t = (first + 0.5 * m.substeps) * m.h
-    m.age[0] = freeze_middle(p, t, m.q_now, m.v_now, m.D, middle, m.age[0])
+    freeze_middle(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now, m.D, middle)
     for i in range(n_slow):
         m.before[i] = m.v[i]
     for j in range(n_slow, n):

@@ -24,10 +24,6 @@ CYCLES_SECONDS = 0.2  # between two reports of progress
 MOST_STEPS = 1e12  # a day or more
 MANY_RADIANS = 1e6  # radians, or times in which a motion falls to 37 %: more are due to one part, which is named
 
-# Tangents that reversible sub-cycling keeps.
-KEPT_CYCLES = 4  # over so many at most: as they take four times as long as what each cycle evaluates
-KEPT_TURN = 5e-3  # rad, by which a slow coordinate turns meanwhile at most
-
 # Run times that are compared.
 REPEATED_SECONDS, MOST_REPEATS = 0.02, 50  # that a march fills by repetition, and how often at most
 SHOWN_SPREAD = 0.1  # of a run time: a smaller one is not told

@@ -3,15 +3,11 @@
 With ``D = M_LL⁻¹ M_LS`` and ``T = (−D, 1)`` the fast equation is ``S̄ a_S = Tᵀ Q̂`` with ``S̄ = M_SS − M_SL D``, and Q̂
 is carried on by its exact tangents along T. Its solution is the fast part of ``M̂⁻¹ Q̂``, so no matrix is factored:
 compiled functions solve for eight columns at once.
-
-D and the tangents change with the slow motion alone, but for small deflections, and take several times as long as Q̂.
-So they are kept over some cycles while slow coordinates hardly turn; Q̂ itself is that of each middle.
 """
 
 from __future__ import annotations
 
 from fmd.core.arrays import Array
-from fmd.core.limits.stepping import KEPT_TURN
 from fmd.dynamics.compiled_system.closed import begin_reaction, close_reaction, close_response
 from fmd.dynamics.compiled_system.frozen import (
     complete_constant,
@@ -131,16 +127,10 @@ def _complete(q: Array, v: Array, D: Array, middle: MiddleCycle, a: Array) -> No
 
 
 @freeze_middle.register(CompiledParameters)
-def _freeze_middle(
-    p: CompiledParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleCycle, age: float
-) -> float:
+def _freeze_middle(p: CompiledParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleCycle) -> None:
     middle.frozen.time[0] = t
     set_inputs(p, float(t))
-    turn = 0.0
-    for i in range(middle.turned.size):
-        turn = max(turn, abs(q[i] - middle.turned[i]))
-    kept = 0.0 < age < middle.most_kept and turn < KEPT_TURN
-    if kept or not middle.react:
+    if not middle.react:
         accelerations(p, t, q, v, middle.a)
     for i in range(q.size):
         middle.q[i] = q[i]
@@ -150,17 +140,10 @@ def _freeze_middle(
         freeze_single(p, q, v, middle.a, middle.frozen)
         for i in range(middle.frozen.n_slow, v.size):
             middle.frozen.slope[i] = 0.0
-    elif kept:
-        _complete(q, v, D, middle, middle.a)
     elif middle.react:
         _freeze_together(p, q, v, D, middle)
     else:
         freeze_reacting(p, q, v, D, middle, middle.a)
-    if kept:
-        return age + 1.0
-    for i in range(middle.turned.size):
-        middle.turned[i] = q[i]
-    return 1.0
 
 
 @reacting_steps.register(CompiledParameters)

@@ -149,19 +149,12 @@ class MiddleCycle(Table):
     y: Array  # (n_slow,): acceleration of ``y = q_L + D q_S`` in the middle
     Ky: Array  # (n_fast, n_slow): how it changes with each fast position and rate
     Cy: Array  # (n_fast, n_slow)
-    most_kept: float  # cycles over which D and the tangents are kept at most, 1 for none
-    turned: Array  # (n_slow,): slow coordinates that they are of, if they are kept
     found: Array  # (5, n, 8): what ``react`` fills
     q: Array  # (n_positions,): the state at the middle
     v: Array  # (n,)
     a: Array  # (n,)
     rest: Array  # (n,): zeros
     row: Array  # (n,), room to work in
-
-    @property
-    def kept(self) -> tuple[Array, ...]:
-        """What is kept from cycle to cycle, beside D."""
-        return (self.turned, self.frozen.K, self.frozen.C, self.Ky, self.Cy) if self.most_kept > 1.0 else ()
 
 
 @dataclass(frozen=True)

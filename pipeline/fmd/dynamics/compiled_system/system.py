@@ -16,7 +16,7 @@ import fmd.dynamics.compiled_system.middle  # noqa: F401 - all give the function
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.code import BYTES_OF_OPERATION, MOST_TOGETHER, MOST_UNROLLED
-from fmd.core.limits.stepping import KEPT_CYCLES, MOST_TRIALS, SHARE_AHEAD, STEPS_AHEAD, STEPS_IN_ACTION
+from fmd.core.limits.stepping import MOST_TRIALS, SHARE_AHEAD, STEPS_AHEAD, STEPS_IN_ACTION
 from fmd.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from fmd.dynamics.compiled_system.parameters import (
     ClosedCycle,
@@ -348,8 +348,6 @@ class CompiledSystem(ReferenceState):
         # Where they couple, the slow ones' reaction to fast rates acts on the fast ones, too.
         damped = self.couplings.damped if loose else self.couplings.dragging
         together = not loose and not self.settles and n_fast <= MOST_TOGETHER
-        turning = not (self.groups[1][:n_slow] % 3).any()  # all slow coordinates are rotations about axes
-        keeps = turning and not loose and not self.settles
         v, a, rest, row = np.zeros((4, n))
         return MiddleCycle(
             frozen=self._new_frozen(loose, damped),
@@ -363,8 +361,6 @@ class CompiledSystem(ReferenceState):
             y=np.zeros(n_slow),
             Ky=np.zeros((n_fast, n_slow)),
             Cy=np.zeros((n_fast, n_slow)),
-            most_kept=float(KEPT_CYCLES if keeps else 1),
-            turned=np.zeros(n_slow if keeps else 0),
             found=np.zeros((5, n, LANES)),
             q=np.zeros(self.n_positions),
             v=v,
