@@ -136,19 +136,21 @@ def _mesh_alike(gmsh: Any, count: int, cuts: Sequence[Sequence[int]]) -> None:
     angle = 2 * np.pi / count
     centres = [np.array([gmsh.model.occ.getCenterOfMass(2, tag) for tag in cut]) for cut in cuts]
     extent = float(np.ptp(np.concatenate(centres), axis=0).max())
+    apart = []
     for turn in (angle, -angle):
         c, s = np.cos(turn), np.sin(turn)
         away = np.linalg.norm(
             (centres[0] @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))[:, None] - centres[1][None], axis=2
         )
         images = away.argmin(axis=1)
-        if len(cuts[0]) == len(cuts[1]) == len({*images.tolist()}) and away.min(axis=1).max() < _TURNED * extent:
+        apart.append(float(away.min(axis=1).max()))
+        if len(cuts[0]) == len(cuts[1]) == len({*images.tolist()}) and apart[-1] < _TURNED * extent:
             onto = [cuts[1][k] for k in images]
             gmsh.model.mesh.setPeriodic(2, onto, list(cuts[0]), [c, -s, 0, 0, s, c, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
             return
     raise CadError(
-        f"a turn by {np.degrees(angle):.6g} degrees about z carries none of mesh.cuts onto the other: their centres "
-        f"are {away.min():.3g} m apart then"
+        f"a turn by {np.degrees(angle):.6g} degrees about z doesn't carry one of mesh.cuts onto the other: centres of "
+        f"their faces are up to {min(apart):.3g} m apart then"
     )
 
 

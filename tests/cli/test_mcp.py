@@ -98,6 +98,7 @@ def test_a_written_task_has_its_answer(
         ("change", {"scene": "both.toml", "file": "bad.toml", "set": ["joint.slide.spring=8 kg"]}, "spring"),
         ("run", {"scene": "both.toml", "results": ["hinge.forse"]}, "did you mean 'hinge.force'?"),
         ("picture", {"scene": "both.toml", "type": "photo"}, "the pictures"),
+        ("picture", {"scene": "both.toml", "keys": {"file": "a.csv"}}, "aren't among them"),
     ],
 )
 def test_what_a_tool_cannot_do_is_said_in_one_message(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,16 @@ def test_a_repeated_sector_is_the_whole_body_with_its_frequencies(cuts: tuple[st
     np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
+@pytest.mark.parametrize("cuts", [("first", "second"), ("second", "first")])
+def test_a_node_of_either_cut_that_the_other_lacks_is_told(cuts: tuple[str, str]) -> None:
+    mesh = sector_mesh()
+    between = mesh.points[mesh.faces["second"][:2]].mean(axis=0)
+    points = np.concatenate([mesh.points, between[None]])
+    faces = mesh.faces | {"second": np.append(mesh.faces["second"], len(mesh.points))}
+    with pytest.raises(ValueError, match=r"1 of the 10 nodes of second|1 nodes of second have none"):
+        repeat_sector(replace(mesh, points=points, faces=faces), COUNT, cuts)
+
+
 def test_sectors_that_meet_on_the_axis_are_solved_together() -> None:
     block = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
     quarter = SolidMesh(
@@ -133,6 +144,7 @@ def test_a_sector_of_a_deck_is_a_body_of_a_scene_and_one_mistuned_sector_splits_
         (DECK.replace("5", "6"), "of the 9 nodes of first, turned by 60° about z, lie on none of second, up to"),
         (DECK.replace("second", "secnd"), "no such face; did you mean 'second'?"),
         (DECK.replace(", cyclic = 5", ""), "belong together: cyclic = 6, cuts = ['low', 'high']"),
+        (DECK.replace("5", "2"), "greater than or equal to 3"),
         (DECK.replace("unit", "shell = '2 mm', unit"), "cyclic = 5: is of solids, not of shells or beams"),
     ],
 )
@@ -163,5 +175,5 @@ def test_a_sector_from_cad_is_meshed_alike_on_its_cuts(folder: Path) -> None:
     assert part.mesh.sectors == 6
     alone = FreeBodySolver(part.fe).modes(6).omega
     np.testing.assert_allclose(part.modes.omega[:6], alone, rtol=1e-6)
-    with pytest.raises(InputError, match=r"carries none of mesh\.cuts onto the other"):
+    with pytest.raises(InputError, match=r"doesn't carry one of mesh\.cuts onto the other"):
         wheel(folder, f"{{cad = 'wedge.step', size = '12 mm', cyclic = 5, cuts = [{names}]}}").wholes["wheel"].mesh  # noqa: B018

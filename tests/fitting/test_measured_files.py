@@ -72,6 +72,14 @@ X, RESPONSE = np.array([1.0, 2.0, 3.0]), np.array([1.0 + 1.0j, 2.0, 3.0])
         (universal_text(4, 12, 2 * [(1, 3, X, RESPONSE)]), "; 1=plate.a; 5=plate.e", "twice"),
         (universal_text(4, 0, [(1, 3, X, RESPONSE)]), "; 1=plate.a; 5=plate.e", "type 0 in direction 3 at node 1"),
         (universal_text(4, 12, [(1, 3, X, RESPONSE)], 12), "; 1=plate.a; 5=plate.e", "those to forces are read"),
+        (universal_text(4, 12, [(1, 3, X, X)]), "; 1=plate.a; 5=plate.e", "of real numbers at node 1, without phase"),
+        (
+            universal_text(1, 12, [(1, 3, X, X)]).replace(
+                f"12{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}", f"12{0:5d}{0:5d}{0:5d} {'NONE':20s} {'g':20s}"
+            ),
+            "; 1=plate.a",
+            "values in 'g' at node 1; write them in m/s\\^2",
+        ),
         (universal_text(2, 12, [(1, 3, X, X)]), "; 1=plate.a", "no time responses and no frequency responses"),
         (universal_text(1, 12, [(1, 3, X, X), (2, 3, 2.0 * X, X)]), "; 1=a; 2=b", "over several abscissas"),
         (universal_text(1, 12, [(1, 3, X, X)]) + universal_text(4, 12, [(2, 3, X, X)]), "; 1=a", "a file of its own"),
@@ -155,8 +163,8 @@ def test_a_clock_that_starts_late_is_found_with_the_stiffness(tmp_path: Path) ->
     low_r, high_r = (model.residuals(np.array([0.01, 0.1 + side * step])) for side in (-1.0, 1.0))
     np.testing.assert_allclose(J, (high_r - low_r) / (2.0 * step), atol=1e-3 * np.abs(J).max())
     assert not J[:150].any()  # of the other channel
-    with pytest.raises(InputError, match="beyond the motion, which ends at"):
-        FitModel(experiments, read_shifts(["time=-0.1..0.1"], names)).residuals(np.array([0.4]))
+    with pytest.raises(InputError, match="beyond the motion, which ends at"):  # at a bound, before anything is solved
+        fit_scene(experiments, varied[:1] + read_shifts(["time=-5ms..0.1"], names))
 
 
 @pytest.mark.parametrize(

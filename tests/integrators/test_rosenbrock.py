@@ -158,7 +158,8 @@ def with_fixed_steps(system, q0, v0, h, n_steps):
     """March with the method's own kernel, its choice of the next step overruled each time."""
     method = ExponentialRosenbrock(0.999)
     first = method.march(system, q0, v0, np.zeros(1)).end
-    large = np.r_[np.full(first.memory.size - 2, 1e9), 0.0, 0.0]  # no step is rejected
+    n_groups = first.memory.size // 2 - 1
+    large = np.r_[np.zeros(n_groups), np.full(n_groups, 1e9), 0.0, 0.0]  # nothing balances, no step is rejected
     state = State(0, q0.astype(float), v0.astype(float), first.a, 0.0, h, large)
     for k in range(n_steps):
         state = method.resume(system, state, np.array([(k + 0.5) * h])).end

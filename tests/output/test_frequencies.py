@@ -46,6 +46,7 @@ def test_a_campbell_diagram_is_written_as_table_and_chart(run, tmp_path):
     with (tmp_path / files[0]).open(newline="") as file:
         rows = list(csv.reader(file))
     assert rows[0][:2] == ["rate_rad_s", "mode_1_hz"]
+    assert {row.pop() for row in rows[1:]} == {"not stated: no errors were estimated"}
     assert np.array(rows[1:], dtype=float) == pytest.approx(
         np.column_stack([rates, table, diagram.growth, diagram.damping, diagram.whirl]), rel=1e-4, abs=1e-9
     )

@@ -214,7 +214,7 @@ def test_pictures_and_tables_of_any_output_are_on_the_page():
       {type="film", file="f.mp4", frames=2, rate=1.0}, {type="envelope", file="all.vtu", body="beam"}]"""
     nodes, picture, table = show_outputs(load("beam", *QUICK, wanted).run)
     assert (nodes["title"], nodes["pictures"]) == ("Envelope: worst.csv", [])
-    assert (nodes["table"]["header"][0], len(nodes["table"]["rows"]), nodes["table"]["left_out"]) == ("node", 40, 10)
+    assert (nodes["table"]["header"][0], len(nodes["table"]["rows"]), nodes["table"]["left_out"]) == ("node", 12, 38)
     assert base64.b64decode(picture["pictures"][0]["png"]).startswith(b"\x89PNG")
     assert (picture["table"], table["pictures"]) == (None, [])
     assert table["table"]["rows"]

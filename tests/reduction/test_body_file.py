@@ -155,6 +155,7 @@ def _swing(body: FlexibleBody) -> Any:
 def test_each_variable_has_a_unit_and_a_meaning(path: Path) -> None:
     with xarray.open_dataset(path, engine="scipy") as file:
         assert all(variable.attrs["units"] and variable.attrs["long_name"] for variable in file.data_vars.values())
+        assert file.attrs.pop("error").startswith("not stated: ")
         assert file.attrs == {"format": FORMAT, "format_version": VERSION, "joint": "Fuß"}
         assert file["marker"].values.tolist() == ["tip", "Fuß"]
         assert file["surface_stress"].dims == ("surface_node", "component", "mode")

@@ -96,8 +96,9 @@ def true_errors(run: Pipeline, finer: Pipeline, details: bool = False) -> dict[s
         exact |= stress_quantities(finer, motion, np.arange(len(motion.times)), places=places)
     if details:
         exact |= detail_quantities(finer.scene, motion)
-    compared = exact.keys() - (() if details else estimates.details)
-    return {name: own.error(exact[name]) for name, own in estimates.quantities.items() if name in compared}
+    left_out = {*estimates.details} - ({*exact} if details else set())
+    quantities = {name: own for name, own in estimates.quantities.items() if name not in left_out}
+    return {name: own.error(exact[name]) for name, own in quantities.items()}
 
 
 def state_errors(run: Pipeline, seconds: float = math.inf) -> Budget:

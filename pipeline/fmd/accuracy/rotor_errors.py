@@ -75,7 +75,9 @@ class RicherOrbits:
         return total_error(more - amplitude, moved, 2.0 * share[:1] * more)
 
     def _at(self, rates: Array) -> Array:
-        return np.array([self.radii(rate) for rate in np.minimum(rates, self.highest).tolist()])
+        # Beyond the highest rate as far below it: a flank is about as steep on both sides.
+        inside = np.where(rates > self.highest, 2.0 * self.highest - rates, rates)
+        return np.array([self.radii(rate) for rate in inside.tolist()])
 
 
 def find_richer_orbits(

@@ -21,7 +21,8 @@ def mcp(folder: Path = Path()) -> None:
     Parameters
     ----------
     folder
-        Folder of the scene files, beyond which nothing is read or written; that of the call by default.
+        Folder that scene files are taken from and written to, that of the call by default; they may name files
+        elsewhere.
     """
     if not folder.is_dir():
         raise InputError("FOLDER", "", str(folder), "is no folder")

@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import sys
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
@@ -14,7 +15,7 @@ from typing import Any, TypeVar, cast
 
 from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
-from fmd.core.errors import InputError
+from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import require_finite, write_text
 from fmd.output.key_figures import key_figures
 from fmd.output.notebook import draw_inline
@@ -39,7 +40,9 @@ def _quietly(tool: Tool) -> Tool:
 
 @dataclass(frozen=True)
 class SceneTools:
-    """Tools on the ready scenes and on the scene files of a folder, beyond which nothing is read or written.
+    """Tools on the ready scenes and on the scene files of a folder, beyond which none is named or written.
+
+    Scenes and values that are set may name other files, of meshes and of FMUs, which run.
 
     Each takes a scene's name or file, and values to set in it, ``["body.beam.length=300 mm"]``; none remembers anything
     but results in the cache.
@@ -55,9 +58,8 @@ class SceneTools:
     @_quietly
     def scenes(self) -> dict[str, Any]:
         """List the ready scenes, and the scene files in the folder."""
-        texts = {str(path): path.read_text(encoding="utf-8", errors="replace") for path in Path().rglob("*.toml")}
-        found = sorted(file for file, text in texts.items() if "[body." in text or "base =" in text)
-        return {"ready": [*list_ready_scenes()], "files": found}
+        paths = [path for path in Path().rglob("*.toml") if not any(part.startswith(".") for part in path.parts)]
+        return {"ready": [*list_ready_scenes()], "files": sorted(str(path) for path in paths if _is_scene(path))}
 
     @_quietly
     def load(self, scene: str, set: Sequence[str] = ()) -> dict[str, Any]:
@@ -70,10 +72,13 @@ class SceneTools:
     def check(self, scene: str, set: Sequence[str] = ()) -> dict[str, Any]:
         """Say whether a scene can run, or all that is wrong with it, each with its key and a remedy."""
         try:
-            loaded = self._load(scene, set)
-            if loaded.moves:
-                SolvedScene(loaded).given.system  # noqa: B018 - meshes, modes and the mechanism have faults of their own
-        except InputError as error:
+            solved = SolvedScene(self._load(scene, set))
+            if solved.scene.moves:
+                solved.given.system  # noqa: B018 - meshes, modes and the mechanism have faults of their own
+            else:
+                for part in solved.given.wholes.values():
+                    part.modes  # noqa: B018 - so have they here
+        except (InputError, AccuracyError) as error:
             return {"sound": False, "faults": str(error).splitlines()}
         return {"sound": True, "faults": []}
 
@@ -140,6 +145,10 @@ class SceneTools:
         set : sequence of str
             Values to set, ``key=value``.
         """
+        if own := {"type", "file", "numbers"} & {*(keys or {})}:
+            raise InputError(
+                "picture", "keys", sorted(own), "aren't among them; give scale, camera, quantities and such"
+            )
         return draw_inline(SolvedScene(self._load(scene, set)).run, type, **(keys or {}))[0].png
 
     def _load(self, scene: str, set: Sequence[str]) -> Scene:
@@ -153,6 +162,14 @@ class SceneTools:
         if not path.is_relative_to(self.folder.resolve()):
             raise InputError("file", "", file, f"lies outside {self.folder}, where `fmd mcp` was started")
         return path
+
+
+def _is_scene(path: Path) -> bool:
+    """Return true for a TOML file with bodies or with another scene as its base."""
+    try:
+        return not {"body", "base"}.isdisjoint(tomllib.loads(path.read_text(encoding="utf-8")))
+    except ValueError:  # no text, or no TOML
+        return False
 
 
 TOOLS = ("scenes", "load", "check", "run", "change", "picture")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import StabilityError
+from fmd.core.errors import InputError, StabilityError
 
 # Weights of an FMU's inputs at the end of its step and the two samples before it, and of its output at a sample and the
 # one before it, by coupling and order: values that are held, and values at the middle of a step by straight lines.
@@ -65,7 +65,10 @@ class FmuLaw:
 
     def begin(self) -> Callable[[float, Array], float]:
         """Return a function that takes the time [s] and what is measured (m,), and advances an FMU of its own."""
-        fmu = FmuInstance(self.path)
+        try:
+            fmu = FmuInstance(self.path)
+        except FmuError as error:
+            raise InputError("controller", self.name, self.path, str(error)) from error
         taken, kept = (np.array(weights) for weights in COUPLINGS[self.coupling, self.order])
         inputs: list[Array] = []  # of the last three samples, the latest first
         outputs: list[float] = []  # of the last two
@@ -107,8 +110,12 @@ class FmuInstance:
         self._description = fmpy.read_model_description(path, validate=False)
         self._references = {each.name: each.valueReference for each in self._description.modelVariables}
         folder = tempfile.mkdtemp(prefix="fmd-fmu-")
-        fmpy.extract(path, unzipdir=folder)
-        self._fmu = instantiate_fmu(folder, self._description, "CoSimulation")
+        try:
+            fmpy.extract(path, unzipdir=folder)
+            self._fmu = instantiate_fmu(folder, self._description, "CoSimulation")
+        except Exception as error:  # of the archive, of the loader, of FMPy
+            shutil.rmtree(folder, ignore_errors=True)
+            raise FmuError(f"its FMU can't be started: {error}") from error
         self._is_third = self._description.fmiVersion.startswith("3")
         weakref.finalize(self, _close, self._fmu, folder)
 
@@ -126,7 +133,9 @@ class FmuInstance:
     def advance(self, names: Sequence[str], values: Sequence[float], time: float, step: float) -> None:
         """Set inputs and advance from a time by a step [s]."""
         self._set(names, values)
-        self._call("doStep", currentCommunicationPoint=time, communicationStepSize=step)
+        found = self._call("doStep", currentCommunicationPoint=time, communicationStepSize=step)
+        if self._is_third and (found[1] or found[2]):
+            raise FmuError("its FMU ends the simulation" if found[1] else f"its FMU stops at {found[3]:.6g} s")
 
     def read(self, name: str) -> float:
         """Return the value of a variable."""

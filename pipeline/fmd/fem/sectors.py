@@ -13,6 +13,7 @@ from fmd.core.rotations import rotation_matrix
 from fmd.fem.mesh import SolidMesh
 
 _ON_AXIS = "nodes lie on the axis, so all sectors are solved together"
+_ONE_MESH = "both cuts need one mesh, as periodic ones have"
 
 
 def repeat_sector(mesh: SolidMesh, count: int, cuts: tuple[str, str]) -> SolidMesh:
@@ -27,14 +28,14 @@ def repeat_sector(mesh: SolidMesh, count: int, cuts: tuple[str, str]) -> SolidMe
     mesh : SolidMesh
         The sector.
     count : int
-        Number of sectors.
+        Number of sectors, 3 at least: of two, each cut is turned onto the other by either turn.
     cuts : tuple of str
         Its faces that a turn by 2π over ``count`` carries into each other.
 
     Raises
     ------
     ValueError
-        The turn carries nodes of one cut to where the other one has none, or the file has links.
+        The turn carries nodes of one cut to where the other one has none, either way, or the file has links.
     """
     if mesh.connections is not None:
         raise ValueError("links and masses of a deck can't be repeated; leave cyclic out, or them")
@@ -79,12 +80,14 @@ def _match_cuts(mesh: SolidMesh, angle: float, cuts: tuple[str, str]) -> tuple[I
         missed = max(float(away[first].max()), allowed * (not np.isin(image[first], second).all()))
         if missed < allowed:
             low = np.flatnonzero(away < allowed)
+            if loose := int(np.count_nonzero(~np.isin(second, image[low]))):
+                raise ValueError(f"{loose} nodes of {cuts[1]} have none of {cuts[0]} turned onto them: {_ONE_MESH}")
             return (low, image[low]) if turn > 0.0 else (image[low], low)
         apart[missed] = int(np.count_nonzero(away[first] >= allowed))
     missed = min(apart)
     raise ValueError(
         f"{apart[missed]} of the {len(first)} nodes of {cuts[0]}, turned by {np.degrees(angle):.6g}° about z, lie on "
-        f"none of {cuts[1]}, up to {missed:.3g} m off: both cuts need one mesh, as periodic ones have, and z as axis"
+        f"none of {cuts[1]}, up to {missed:.3g} m off: {_ONE_MESH}, and z as axis"
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -15,6 +15,7 @@ from fmd.core.limits.round_off import SUMMED
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.measurements import MeasuredChannel, Measurements
 from fmd.fitting.parameters import Parameter
+from fmd.fitting.varied import VariedNumber
 from fmd.stages.pipeline import Pipeline
 
 
@@ -44,6 +45,9 @@ class Experiment(Protocol):
     @property
     def has_responses(self) -> bool:
         """True of frequency responses, which have false minima away from the right resonances."""
+
+    def require_times(self, shifts: Sequence[VariedNumber]) -> None:
+        """Raise ``InputError`` for shifts of clocks by which histories leave the motion."""
 
     def predict(self, values: Mapping[Parameter, float]) -> list[Array]:
         """Return what each channel would measure without noise at some numbers [SI]."""
@@ -129,6 +133,15 @@ class HistoryExperiment:
         if times.tobytes() not in self._frozen:
             self._frozen = {times.tobytes(): FrozenRun(self.run, times)}
         return self._frozen[times.tobytes()]
+
+    def require_times(self, shifts: Sequence[VariedNumber]) -> None:
+        """Raise ``InputError`` for shifts of clocks that are known by no slope, or by which data leave the motion."""
+        if shifts and len(self.measured.times) < 2:
+            raise InputError("--shift", "", None, f"needs more than {len(self.measured.times)} rows of a history")
+        for bounds in ([each.low for each in shifts], [each.high for each in shifts]):
+            values = {each.parameter: bound for each, bound in zip(shifts, bounds, strict=True)}
+            for channel in self.channels:
+                self._times(values, channel.name, 0.0)
 
     def _times(self, values: Mapping[Parameter, float], name: str, side: float) -> Array:
         """Return the times of the motion at which a channel is read, or a little before or after [s].

@@ -202,7 +202,7 @@ def fit_scene(experiments: tuple[Experiment, ...], varied: tuple[VariedNumber, .
     Raises
     ------
     InputError
-        The data can't tell a number, or there are no bounds to start between.
+        The data can't tell a number, there are no bounds to start between, or shifts take data beyond the motion.
     AccuracyError
         The fit doesn't end, or a motion fails.
 
@@ -211,6 +211,8 @@ def fit_scene(experiments: tuple[Experiment, ...], varied: tuple[VariedNumber, .
     Branch, Coleman & Li, A subspace, interior, and conjugate gradient method for large-scale bound-constrained
     minimization problems, SIAM J Sci Comput 21, 1999, as SciPy has it.
     """
+    for experiment in experiments:
+        experiment.require_times([each for each in varied if each.parameter.clock])
     model = FitModel(experiments, varied)
     begins = _spread_starts(varied, starts)
     before = find_information(model.jacobian(begins[0]))

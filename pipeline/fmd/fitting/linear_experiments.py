@@ -14,6 +14,7 @@ from fmd.core.limits.fitting import DIFFERENCE
 from fmd.fitting.frozen_run import require_like_meshes
 from fmd.fitting.measurements import MeasuredChannel
 from fmd.fitting.parameters import Parameter, change_parameters
+from fmd.fitting.varied import VariedNumber
 from fmd.stages.linear_model import LinearModel, linearise_scene
 from fmd.stages.pipeline import Pipeline
 
@@ -56,6 +57,9 @@ class _LinearExperiment:
         step = DIFFERENCE * abs(middle)
         low, high = (self._read(self._linearise({**values, parameter: middle + side * step})) for side in (-1.0, 1.0))
         return [(b - a) / (2.0 * step) for a, b in zip(low, high, strict=True)]
+
+    def require_times(self, shifts: Sequence[VariedNumber]) -> None:
+        """Do nothing: histories alone have clocks."""
 
     def likeness(self, values: Mapping[Parameter, float]) -> Array | None:
         """Return ``None``: but modes have one."""

@@ -47,6 +47,8 @@ class UniversalFunction(NamedTuple):
         Node and direction, ±1 … ±3 along and ±4 … ±6 about x, y, z.
     motion, force : int
         Specific types of the ordinate's numerator and denominator.
+    unit : str
+        What the numerator's unit is called, ``NONE`` or empty if it is not said.
     x, values : ndarray, shape (n,)
         Abscissas, and real or complex ordinates.
     """
@@ -56,6 +58,7 @@ class UniversalFunction(NamedTuple):
     reference: tuple[int, int]
     motion: int
     force: int
+    unit: str
     x: Array
     values: NDArray[np.inexact]
 
@@ -110,9 +113,13 @@ def _name_function(function: UniversalFunction, places: Mapping[int, str]) -> tu
     """Return a function's name and unit as those of a table's column, and its values in the axes' sense."""
     (node, direction), (other, along) = function.response, function.reference
     responds = function.kind == _Kind.FREQUENCY_RESPONSE
+    if responds and not np.iscomplexobj(function.values):
+        raise FaultError(f"has a frequency response of real numbers at node {node}, without phase; write complex ones")
     if function.motion not in _MOTIONS or not 1 <= abs(direction) <= (6 if responds else 3):
         what = f"type {function.motion} in direction {direction}"
         raise FaultError(f"has {what} at node {node}: displacements, velocities and accelerations are read")
+    if _plain(function.unit) not in ("", "none", _plain(_UNITS[function.motion])):
+        raise FaultError(f"has values in {function.unit!r} at node {node}; write them in {_UNITS[function.motion]}")
     axis, sign = _DIRECTIONS[abs(direction) - 1], float(np.sign(direction))
     quantity, unit = _MOTIONS[function.motion][responds], _UNITS[function.motion]
     if not responds:
@@ -125,6 +132,11 @@ def _name_function(function: UniversalFunction, places: Mapping[int, str]) -> tu
     return name, response_unit(turned, load), sign * float(np.sign(along)) * function.values
 
 
+def _plain(unit: str) -> str:
+    """Return a unit's name without what programs write differently: m/s^2, m/s**2, M/S2."""
+    return "".join(letter for letter in unit.casefold() if letter not in "^* ()")
+
+
 def read_functions(path: Path) -> list[UniversalFunction]:
     """Read all datasets 58 of a universal file.
 
@@ -133,10 +145,7 @@ def read_functions(path: Path) -> list[UniversalFunction]:
     FaultError
         It isn't one, a dataset is cut off or binary, or its units aren't SI.
     """
-    try:
-        lines = path.read_bytes().decode("ascii").splitlines()
-    except UnicodeDecodeError:
-        raise FaultError("isn't text; binary datasets 58b aren't read, write them as text") from None
+    lines = path.read_bytes().decode("latin-1").splitlines()  # programs write names of tests in any of its letters
     found = []
     for kind, records in _datasets(lines):
         if kind == "58b":
@@ -172,7 +181,7 @@ def _read_function(records: list[str]) -> UniversalFunction:
     values = rest[:, 0] + 1j * rest[:, 1] if ordinates in (5, 6) else rest[:, 0]
     response, reference = (int(place[41:51]), int(place[51:55])), (int(place[66:76]), int(place[76:80]))
     motion, force = (int(records[k][:10]) for k in (8, 9))
-    return UniversalFunction(kind, response, reference, motion, force, x, values)
+    return UniversalFunction(kind, response, reference, motion, force, records[8][47:67].strip(), x, values)
 
 
 def _numbers(lines: list[str], widths: list[int], count: int) -> Array:

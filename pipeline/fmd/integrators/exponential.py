@@ -146,7 +146,6 @@ class PiecewiseExponential(Integrator):
     least: int = 1
 
     name = "exponential"
-    marches_tangents = True
 
     def __post_init__(self) -> None:
         require_step(self.step)

@@ -86,7 +86,8 @@ def draw_inline(run: Pipeline, type: str, numbers: Iterable[int] | None = None, 
     Parameters
     ----------
     type : str
-        ``"chart"``, ``"mesh"``, ``"modes"``, ``"mode sheet"``, ``"stress"`` or ``"mechanism"``.
+        ``"chart"``, ``"history"``, ``"mesh"``, ``"modes"``, ``"mode sheet"``, ``"stress"``, ``"mechanism"`` or another
+        output that is a picture.
     numbers : iterable of int, optional
         Numbers of the modes, from 1; all by default.
     settings

@@ -348,8 +348,9 @@ def with_only_body(output: Any, bodies: Collection[str]) -> Any:
     """Return an output's unread table with a scene's only flexible body, if it holds one and names none."""
     if len(bodies) != 1 or not isinstance(output, dict) or "body" in output:
         return output
-    model = OUTPUT_MODELS.get(output.get("type", ""))
+    kind = output.get("type")
+    model = OUTPUT_MODELS.get(kind) if isinstance(kind, str) else None
     holds = model is not None and issubclass(model, BodyPicture)
-    if model is Export and output.get("format") not in MECHANISM_FORMATS:
+    if model is Export and str(output.get("format")) not in MECHANISM_FORMATS:
         holds = True
     return output | {"body": next(iter(bodies))} if holds else output

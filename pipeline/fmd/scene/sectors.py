@@ -17,12 +17,12 @@ class SectorMesh(SceneTable):
     Parameters
     ----------
     cyclic : int, optional
-        Number of sectors: the file has one of them, which is repeated.
+        Number of sectors, 3 or more: the file has one of them, which is repeated.
     cuts : tuple of str, optional
         The sector's two faces that one turn carries into each other; a mesh has nodes at the same places of both.
     """
 
-    cyclic: Annotated[int, Field(strict=True, ge=2, le=MOST_SECTORS)] | None = None
+    cyclic: Annotated[int, Field(strict=True, ge=3, le=MOST_SECTORS)] | None = None
     cuts: tuple[Text, Text] | None = None
 
     @model_validator(mode="after")

@@ -63,7 +63,8 @@ class ContactDeformation:
         """
         touched, points, grid = motion.touched, self.points, self.points.grids[face]
         assert touched is not None
-        own, (_, nu) = points.faces[face], points.elastic or (0.0, 0.0)
+        assert points.elastic is not None  # or the face has no grid
+        own, (_, nu) = points.faces[face], points.elastic
         frame = int(touched.pressures[self.part.name][:, own].max(axis=1).argmax())
         forces = touched.forces[self.part.name][frame, own] @ grid.axes.T
         return largest_stress_below(grid.places, grid.cell, forces, nu)

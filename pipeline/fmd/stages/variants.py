@@ -10,6 +10,7 @@ import numpy as np
 from fmd.core.errors import AccuracyError, InputError, StabilityError
 from fmd.core.limits.memory import VALUES_AT_ONCE
 from fmd.dynamics.compiled_system.shared import structure_of
+from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.fixed_step import FixedStepIntegrator
 from fmd.stability.variants import JoinedPoints, VariantStart, differ_in_numbers, find_points_of_variants
 from fmd.stages.found_together import known_marches, known_points
@@ -31,7 +32,7 @@ def share_growth(runs: Sequence[Pipeline]) -> None:
             except (IndexError, InputError, AccuracyError):
                 continue
             method: Any = plan.integrator
-            if not (isinstance(method, FixedStepIntegrator) and differ_in_numbers(plan.system)):
+            if not _starts_alike(method, plan.system):
                 continue
             limit = method.largest_step(plan.system)
             if method.step < limit and (np.isfinite(limit) or method.may_grow(plan.system)):
@@ -40,6 +41,11 @@ def share_growth(runs: Sequence[Pipeline]) -> None:
         for some in alike.values():
             if len(some) > 1:
                 _share_growth_by_run(some, number)
+
+
+def _starts_alike(method: Any, system: CompiledSystem) -> bool:
+    """Tell whether a method takes states with numbers of their own: it has fixed steps, and its start is no more."""
+    return isinstance(method, FixedStepIntegrator) and differ_in_numbers(system) and method.lag(system) is not None
 
 
 def _share_growth_by_run(runs: Sequence[Pipeline], number: int) -> None:
@@ -74,7 +80,7 @@ def share_marches(runs: Sequence[Pipeline]) -> None:
         simulation = run.scene.simulation
         for label, plan in plans.items():
             system, method = plan.marched[0], plan.integrator
-            if isinstance(method, FixedStepIntegrator) and differ_in_numbers(system) and method.lag(system) is not None:
+            if _starts_alike(method, system):
                 key = (structure_of(system), method, simulation.duration, simulation.output_step)
                 alike.setdefault(key, []).append((run, label, plan))
     for some in alike.values():

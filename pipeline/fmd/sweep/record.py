@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -61,11 +61,28 @@ class Record:
         if not self.summary:
             return False
         errors, results = self.summary.get("stated_errors", {}), self.summary.get("results", {})
-        no_budget = any(isinstance(error, str) and NO_BUDGET in error for error in errors.values())
+        no_budget = any(_is_open(error) for error in errors.values())
         figures = [own for name in wanted.results for own in results.get(name, {}).values()]
         no_history = any("rms" in own and "history" not in own for own in figures)
         no_result = any(name not in results for name in wanted.results)
         return (wanted.budget and no_budget) or no_result or (wanted.histories and no_history)
+
+    def with_known(self, before: Record) -> Record:
+        """Return this record of a scene with what an earlier one of the same scene has beside it: results, errors."""
+        if not (self.summary and before.summary):
+            return self
+        summary = {**before.summary, **self.summary}
+        errors, known = self.summary.get("stated_errors", {}), before.summary.get("stated_errors", {})
+        summary["stated_errors"] = {
+            name: known.get(name, own) if _is_open(own) else own for name, own in errors.items()
+        }
+        summary["results"] = before.summary.get("results", {}) | self.summary.get("results", {})
+        return replace(self, summary=summary)
+
+
+def _is_open(error: Any) -> bool:
+    """Tell whether an error isn't stated because no budget was made."""
+    return isinstance(error, str) and NO_BUDGET in error
 
 
 def interrupted_record(message: str) -> Record:

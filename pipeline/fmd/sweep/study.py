@@ -82,8 +82,10 @@ def run_sweep(
     kept = {key: read_record(folder / f"{key}.json") for key in scenes}
     known = {key: own for key, own in kept.items() if own is not None and not own.lacks(wanted)}
     missing = {key: scene for key, scene in scenes.items() if key not in known}
+    had = {key: own for key in missing if (own := kept[key]) is not None}
     with monitor(f"{len(missing)} points") as advance:
-        for number, (key, record) in enumerate(compute(missing) if missing else (), start=1):
+        for number, (key, computed) in enumerate(compute(missing) if missing else (), start=1):
+            record = computed.with_known(had[key]) if key in had else computed
             if record.lasting:
                 write_record(record, folder / f"{key}.json")
             known[key] = record

@@ -9,6 +9,7 @@ from contextlib import suppress
 
 from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
+from fmd.accuracy.time_limit import FAULTS
 from fmd.core.errors import AccuracyError, InputError
 from fmd.output.result_figures import result_figures
 from fmd.output.summary import summarise_solved
@@ -49,7 +50,7 @@ def compute_points(scenes: Mapping[str, Scene], wanted: Wanted = SUMMARY) -> Ite
             _last.append(solved[key].given)
         moving = [point.given for point in solved.values() if not point.is_open and point.scene.moves]
         if len(moving) > 1:
-            with suppress(Exception):  # what is wrong with a point is in its own record
+            with suppress(*FAULTS):  # what is wrong with a point is in its own record
                 share_growth(moving)
                 share_marches(moving)
         for key in [*solved]:

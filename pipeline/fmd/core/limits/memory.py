@@ -31,7 +31,7 @@ STATES_AT_ONCE = 1024
 VALUES_AT_ONCE = 2**22  # numbers of states that are disturbed together, one state after the other
 
 # Sweeps.
-POINTS_AT_ONCE = 64  # points that share their work in a process: of 32, half as many of them cost as much
+POINTS_AT_ONCE = 64  # points that share their work in a process: from half as many on, a point takes no less
 
 # Results.
 TIMES_AT_ONCE = 8192  # output times whose results are held at a time while they are written or compared
