@@ -125,3 +125,18 @@ def test_what_an_fmu_lacks_is_refused(scene: Path, override: str, text: str) -> 
     with pytest.raises(InputError) as fault:
         Pipeline(load_scene(scene, [override])).system  # noqa: B018
     assert text in str(fault.value)
+
+
+def test_an_fmu_that_cannot_start_is_one_message_and_leaves_no_folder(
+    scene: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with (
+        zipfile.ZipFile(scene.parent / "other.fmu") as whole,
+        zipfile.ZipFile(scene.parent / "torn.fmu", "w") as torn,
+    ):
+        for name in whole.namelist():
+            torn.writestr(name, b"no program" if name.startswith("binaries/") else whole.read(name))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with pytest.raises(InputError, match=r"torn\.fmu.*: its FMU can't be started: "):
+        Pipeline(load_scene(scene, ["controller.other.file=torn.fmu"])).motion  # noqa: B018
+    assert not [*tmp_path.glob("fmd-fmu-*")]

@@ -19,6 +19,7 @@ from fmd.core.limits.responses import BESIDE_MEETING, GROWS, UNSTABLE_EDGE
 from fmd.core.limits.rotors import NO_DAMPING, NO_WHIRL
 from fmd.core.limits.shown import DRAWN_MODES
 from fmd.core.progress import Advance, Monitor, silent
+from fmd.output.error_table import NOT_STATED
 from fmd.reduction.rotating import WhirlingModes
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rotor import Vibrations, coupled, find_vibrations, runs_in_bearings
@@ -134,7 +135,7 @@ class CampbellDiagram:
                 ("whirl", self.whirl),
             ):
                 row[name] = values[k][there].tolist()
-            row |= {"error": f"not stated: {self.errors_hz}"} if isinstance(self.errors_hz, str) else {}
+            row |= {"error": NOT_STATED + self.errors_hz} if isinstance(self.errors_hz, str) else {}
             found.append(row)
         return found
 
@@ -328,7 +329,7 @@ def write_campbell(diagram: CampbellDiagram, folder: Path) -> list[str]:
     header = [f"rate_{'rpm' if diagram.in_rpm else 'rad_s'}"]
     tables = {"hz": diagram.frequencies_hz, "growth_1_s": diagram.growth}
     tables |= {"damping": diagram.damping, "whirl": diagram.whirl}
-    unstated = [f"not stated: {diagram.errors_hz}"] if isinstance(diagram.errors_hz, str) else []
+    unstated = [NOT_STATED + diagram.errors_hz] if isinstance(diagram.errors_hz, str) else []
     tables |= {} if isinstance(diagram.errors_hz, str) else {"error_hz": diagram.errors_hz}
     header += [f"mode_{k + 1}_{what}" for what in tables for k in range(n_modes)] + ["error"] * len(unstated)
     columns = (diagram.in_unit(diagram.rates)[:, None], *tables.values())

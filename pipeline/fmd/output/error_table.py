@@ -16,11 +16,11 @@ NOT_COMPARED = NOT_STATED + "the error budget doesn't compare it"
 def write_errors(errors: Sequence[tuple[str, str, float | str]], file: Path) -> str:
     """Write names, units and errors of a file's columns as a table beside it, and return the table's name."""
     beside = file.with_name(f"{file.name.removesuffix('.csv')}-errors.csv")
-    rows = ([name, unit, *error_cells(error)] for name, unit, error in errors)
+    rows = ([name, unit, *_cells(error)] for name, unit, error in errors)
     write_table(beside, ["column", "unit", "error", "why not"], rows)
     return beside.name
 
 
-def error_cells(error: float | str) -> list[str]:
+def _cells(error: float | str) -> list[str]:
     """Return an error and an empty text, or an empty text and why it is not stated."""
     return ["", error] if isinstance(error, str) else [f"{error:.{DIGITS}g}", ""]

@@ -16,6 +16,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import whole_file, write_table
 from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RESONANT, UNBOUNDED, UNDAMPED
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
+from fmd.output.error_table import NOT_STATED
 from fmd.output.output_kinds import OutputKind, ResponseKind
 from fmd.responses.frequencies import choose_frequencies
 from fmd.responses.random_vibration import RandomResponse, random_response
@@ -240,7 +241,7 @@ def write_model(
     """Write a linear model as ``model.npz`` and ``model.mat``, those whose suffixes are given; return their names."""
     more: dict[str, Any] = {} if linear.holds_to_hz is None else {"holds_to_hz": linear.holds_to_hz}
     if errors is None or errors.why:
-        more["error"] = f"not stated: {NO_ERRORS if errors is None else errors.why}"
+        more["error"] = NOT_STATED + (NO_ERRORS if errors is None else errors.why)
     else:
         more |= {"error": errors.values, "error_edges_hz": errors.edges_hz}
     for suffix in formats:
@@ -298,7 +299,7 @@ def _write_netcdf(found: FrequencyResponse, path: Path) -> None:
     dims = ("frequency", "output", "input")
     units = [[response_unit(of, by) for _, by in found.inputs] for _, of in found.outputs]
     model = found.linear.model
-    error = f"not stated: {found.why}" if found.why else "variable error"
+    error = NOT_STATED + found.why if found.why else "variable error"
     variables = [
         NetcdfVariable("frequency", dims[:1], found.frequencies_hz, {"units": "Hz", "long_name": "frequency"}),
         NetcdfVariable("output", dims[1:2], np.array([name for name, _ in found.outputs])),

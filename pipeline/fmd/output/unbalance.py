@@ -18,6 +18,7 @@ from fmd.core.errors import InputError
 from fmd.core.files import write_table
 from fmd.core.limits.rotors import HALF_POWER, OF_PEAK, PEAK_DIGITS, POINTS_OF_PEAK, SHARPEST, WIDTHS_OF_PEAK
 from fmd.output.campbell import RPM
+from fmd.output.error_table import NOT_STATED
 from fmd.responses.circular_forces import circular_response
 from fmd.responses.interpolated_models import interpolate_models
 from fmd.responses.state_space import StateSpace
@@ -94,7 +95,7 @@ class CircularResponse:
         return [
             {"rate_rad_s": rate, "speed_rpm": rate / RPM}
             | {f"{name}.{what}": x for what, table in columns.items() for name, x in self._named(table[k])}
-            | ({"error": f"not stated: {self.errors}"} if isinstance(self.errors, str) else {})
+            | ({"error": NOT_STATED + self.errors} if isinstance(self.errors, str) else {})
             for k, rate in enumerate(self.rates.tolist())
         ]
 
