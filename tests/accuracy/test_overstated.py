@@ -74,6 +74,7 @@ def test_large_deflection_is_stated_of_what_depends_on_it() -> None:
     assert stated["tip, deflection"] < 8 * compared["tip, deflection"]
 
 
+@pytest.mark.long
 def test_a_basis_with_fast_static_responses_states_its_modes_and_not_its_own_march(tmp_path: Path) -> None:
     # The richer basis vibrates at 250,000 rad/s, which the run's own steps of 3 ms lose.
     file = tmp_path / "swung.toml"

@@ -88,7 +88,7 @@ def test_a_loop_gives_the_motion_of_the_same_mechanism_without_one(fallen: Pipel
     assert np.abs(impulse_left(run, "hinge")).max() < 5e-3 * momentum
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.long), 0.3])
 def test_generalised_alpha_gives_the_contact_of_central_differences(friction: float) -> None:
     def impulse(method: str, step: float) -> Array:
         run = arm(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,9 @@ class Vibration:
     axis = ("time [s]", TIMES)
     in_time = True
     has_modes = has_responses = False
+
+    def require_times(self, shifts: Sequence[VariedNumber]) -> None:
+        assert not shifts
 
     def predict(self, values: Mapping[Parameter, float]) -> list[Array]:
         return [vibration(*values.values()).real]

@@ -141,7 +141,7 @@ def test_tangents_by_material_and_dimensions_are_differences_of_motions_with_bas
             )
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 24))])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (0, *range(2, 24)))])
 def test_tangents_of_random_mechanisms_are_differences_of_marches(seed: int) -> None:
     """Of trees of rigid and flexible bodies on all kinds of joints, by numbers of all kinds."""
     frozen = FrozenRun(package.load(random_scene(seed, SI)).run)

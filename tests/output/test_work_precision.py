@@ -27,6 +27,7 @@ def rows_of(result, name):
     return [row for row in result.rows if row.integrator == name]
 
 
+@pytest.mark.long
 def test_every_method_is_there_and_measured(result):
     methods = {"central-difference", "sub-cycling 5:1", "sub-cycling 10:1", "generalized-alpha", "exponential"}
     adaptive = {"exponential-rosenbrock", "runge-kutta", "Radau", "LSODA"}
@@ -34,11 +35,13 @@ def test_every_method_is_there_and_measured(result):
     assert all(row.seconds > 0 and row.evaluations > 0 and np.isfinite(row.error) for row in result.rows)
 
 
+@pytest.mark.long
 def test_the_references_agree_far_beyond_what_is_compared(result):
     # Runge-Kutta of order 8 and the exponential method at a fine step share neither formula nor steps.
     assert result.reference_error < 1e-10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "order"), [("central-difference", 2), ("sub-cycling 5:1", 2), ("exponential", 4)])
 def test_errors_fall_at_least_at_the_declared_order(result, name, order):
     rows = [row for row in rows_of(result, name) if 1e-10 < row.error < 1e-3]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -145,9 +146,12 @@ def test_the_memory_of_a_factor_is_predicted_within_a_third(hexahedra: FEModel) 
 
     A = positive(assemble(SolidMesh(*hexahedral_bar(0.3, 0.1, 0.1, (24, 8, 8))), 2, hexahedra.material))
     factorise(A, "cholesky").solve(np.ones(A.shape[0]))  # what is loaded and made once
-    before = resident()
-    kept = [factorise(A, "cholesky") for _ in range(3)]
-    grown = (resident() - before) / len(kept)
+    gc.collect()
+    kept, sizes = [], [resident()]
+    for _ in range(3):
+        kept.append(factorise(A, "cholesky"))
+        sizes.append(resident())
+    grown = np.median(np.diff(sizes))  # what other tests have left may go meanwhile
     assert 0.67 < kept[0].figures.memory / grown < 1.5
 
 
