@@ -50,6 +50,21 @@ def _copy(x: Array, out: Array) -> None:
 
 
 @inner
+def _clear(x: Array) -> None:
+    for i in range(x.size):
+        x[i] = 0.0
+
+
+@inner
+def _advance_tangents(p: ClosedTangentParameters, q: Array, h: float) -> None:
+    """Move the tangents of positions by h times ``rates`` about the motion at ``q_now``; the motion itself stays."""
+    _copy(q, p.moved)
+    _copy(p.q_now[: p.n_positions], q[: p.n_positions])
+    advance(p, q, p.rates, h, 0, p.rates.size)
+    _copy(p.moved[: p.n_positions], q[: p.n_positions])
+
+
+@inner
 def _change_by(p: ClosedTangentParameters, d: Array, lane: int) -> None:
     """Set ``own.whole.push = X δλ`` so that one lane of d (n_rows, 8) becomes 0."""
     for k in range(p.w.size):
@@ -95,8 +110,7 @@ def _leapfrog_step(
         v[i] += h * a[i]
         p.rates[i] = v[i]
     advance(p.own, q, v, h, 0, n)
-    for k in range(whole.total.size):
-        whole.total[k] = 0.0
+    _clear(whole.total)
     project_onto_constraints(p.own, t + h, h, q[: p.n_positions], v[:n], a[:n])
     for k in range(whole.total.size):
         p.multiplier[k] += whole.total[k] / (h * h)
@@ -106,10 +120,7 @@ def _leapfrog_step(
         a[i] = p.a_pulled[i]
         v[i] += h * a[i]
         p.rates[i] = v[i]
-    _copy(q, p.moved)
-    _copy(p.q_now[: p.n_positions], q[: p.n_positions])
-    advance(p, q, p.rates, h, 0, v.size)
-    _copy(p.moved[: p.n_positions], q[: p.n_positions])
+    _advance_tangents(p, q, h)
     set_time(p, float(t + h))
     _close(p, q, v)
     for i in range(n * LANES):
@@ -121,16 +132,14 @@ def _leapfrog_step(
 def _close(p: ClosedTangentParameters, q: Array, v: Array) -> None:
     """Bring the tangents of positions onto the constraints; ``rates`` has how far they have moved."""
     n, first, whole, last = p.n, p.n_lines, p.own.whole, math.inf
-    for i in range(p.rates.size):
-        p.rates[i] = 0.0
+    _clear(p.rates)
     _copy(q, p.moved)
     for _ in range(2 * PROJECTIONS):
         widest = _find_changes(p, q, v, p.dg)
         if widest == 0.0 or not widest < STALLED * last:
             break
         last = widest
-        for i in range(n):
-            p.a_free[i] = 0.0
+        _clear(p.a_free[:n])
         for lane in range(LANES):
             _change_by(p, p.dg, lane)
             for i in range(n):
@@ -166,19 +175,14 @@ def _project(p: ClosedTangentParameters, t: float, q: Array, v: Array) -> None:
     set_time(p, float(t))
     _copy(q, p.q_now)
     _copy(v, p.v_now)
-    for k in range(whole.total.size):
-        whole.total[k] = 0.0
+    _clear(whole.total)
     project_positions(p.own, t, q[: p.n_positions], v[:n])
     _copy(whole.total, p.multiplier)
-    for k in range(whole.total.size):
-        whole.total[k] = 0.0
+    _clear(whole.total)
     project_rates(p.own, q[: p.n_positions], v[:n])
     _copy(whole.total, p.other)
-    _copy(q, p.moved)
-    _copy(p.q_now[: p.n_positions], q[: p.n_positions])
     _move_by(p, p.multiplier)
-    advance(p, q, p.rates, 1.0, 0, v.size)
-    _copy(p.moved[: p.n_positions], q[: p.n_positions])
+    _advance_tangents(p, q, 1.0)
     _move_by(p, p.other)
     for i in range(first, v.size):
         v[i] += p.rates[i]
