@@ -137,6 +137,8 @@ def test_an_fmu_that_cannot_start_is_one_message_and_leaves_no_folder(
         for name in whole.namelist():
             torn.writestr(name, b"no program" if name.startswith("binaries/") else whole.read(name))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    before = Path.cwd()
     with pytest.raises(InputError, match=r"torn\.fmu.*: its FMU can't be started: "):
         Pipeline(load_scene(scene, ["controller.other.file=torn.fmu"])).motion  # noqa: B018
     assert not [*tmp_path.glob("fmd-fmu-*")]
+    assert Path.cwd() == before

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 import weakref
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import chdir, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -112,7 +113,8 @@ class FmuInstance:
         folder = tempfile.mkdtemp(prefix="fmd-fmu-")
         try:
             fmpy.extract(path, unzipdir=folder)
-            self._fmu = instantiate_fmu(folder, self._description, "CoSimulation")
+            with chdir(os.curdir):  # FMPy stays in the FMU's folder where its library can't be loaded
+                self._fmu = instantiate_fmu(folder, self._description, "CoSimulation")
         except Exception as error:  # of the archive, of the loader, of FMPy
             shutil.rmtree(folder, ignore_errors=True)
             raise FmuError(f"its FMU can't be started: {error}") from error
