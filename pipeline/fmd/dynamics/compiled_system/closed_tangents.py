@@ -36,10 +36,11 @@ class ClosedTangentParameters(TangentParameters):
     dg: Array  # (n_rows, 8): tangents of the residuals, or of their accelerations
     drates: Array  # (n_rows, 8): and of their rates
     q_now: Array  # positions with tangents, at a step's begin
+    q_ahead: Array  # (n_positions,): the motion's own at its end, before they are projected
     moved: Array  # and room for these
     v_now: Array  # rates with tangents
     rates: Array
-    a_free: Array  # accelerations with tangents, without multipliers and with some
+    a_free: Array  # accelerations with tangents, at fixed multipliers or without any, and with some
     a_pulled: Array
 
 
@@ -56,10 +57,10 @@ def _clear(x: Array) -> None:
 
 
 @inner
-def _advance_tangents(p: ClosedTangentParameters, q: Array, h: float) -> None:
-    """Move the tangents of positions by h times ``rates`` about the motion at ``q_now``; the motion itself stays."""
+def _advance_tangents(p: ClosedTangentParameters, q: Array, own: Array, h: float) -> None:
+    """Move the tangents of positions by h times ``rates`` about the motion's ``own`` positions; q's own stay."""
     _copy(q, p.moved)
-    _copy(p.q_now[: p.n_positions], q[: p.n_positions])
+    _copy(own[: p.n_positions], q[: p.n_positions])
     advance(p, q, p.rates, h, 0, p.rates.size)
     _copy(p.moved[: p.n_positions], q[: p.n_positions])
 
@@ -79,6 +80,7 @@ def _accelerations(p: ClosedTangentParameters, t: float, q: Array, v: Array, a: 
     accelerations(p.own, t, q[: p.n_positions], v[: p.n], a[: p.n])
     _copy(whole.multiplier, p.multiplier)
     pulled(p, q, v, p.multiplier, a, a)
+    _copy(a, p.a_free)
     along = (p.directions, q[p.n_position_lines :], v[p.n_lines :], a[p.n_lines :])
     call_native(p.closing, (p.inputs, q, v, a, along[0], along[1], along[2], along[3], p.dg))
     m = p.variants
@@ -98,55 +100,114 @@ def _accelerations(p: ClosedTangentParameters, t: float, q: Array, v: Array, a: 
 def _leapfrog_step(
     p: ClosedTangentParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array
 ) -> None:
-    """Take a step with the motion alone, then with its tangents at the multipliers that have closed it."""
-    n, first, whole, v_now = p.n, p.n_lines, p.own.whole, leapfrog.v_now
     _copy(q, p.q_now)
     for i in range(v.size):
-        v_now[i] = v[i] + 0.5 * h * a[i]
-    whole.fresh[0] = 1.0
+        leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
+    p.own.whole.fresh[0] = 1.0
+    if p.quaternions.shape[0] != 0:
+        _leap_and_turn(p, leapfrog.v_now, t, h, q, v, a)
+    else:
+        _leap(p, leapfrog.v_now, t, h, q, v, a)
+    set_time(p, float(t + h))
+    _close(p, q, v)
+    for i in range(p.n_lines, v.size):
+        v[i] += p.rates[i] / h
+        a[i] += p.rates[i] / (h * h)
+
+
+@inner
+def _leap(p: ClosedTangentParameters, v_now: Array, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Take a step with the motion alone, then with its tangents at the multipliers that have closed it."""
+    n = p.n
     accelerations(p.own, t, q[: p.n_positions], v_now[:n], a[:n])
-    _copy(whole.multiplier, p.multiplier)
+    _copy(p.own.whole.multiplier, p.multiplier)
     for i in range(n):
         v[i] += h * a[i]
         p.rates[i] = v[i]
     advance(p.own, q, v, h, 0, n)
-    _clear(whole.total)
-    project_onto_constraints(p.own, t + h, h, q[: p.n_positions], v[:n], a[:n])
-    for k in range(whole.total.size):
-        p.multiplier[k] += whole.total[k] / (h * h)
-    set_time(p, float(t))
+    _project_motion(p, t, h, q, v, a)
     pulled(p, p.q_now, v_now, p.multiplier, a, p.a_pulled)
-    for i in range(first, v.size):
+    for i in range(p.n_lines, v.size):
         a[i] = p.a_pulled[i]
         v[i] += h * a[i]
         p.rates[i] = v[i]
-    _advance_tangents(p, q, h)
-    set_time(p, float(t + h))
-    _close(p, q, v)
-    for i in range(n * LANES):
-        v[first + i] += p.rates[first + i] / h
-        a[first + i] += p.rates[first + i] / (h * h)
+    _advance_tangents(p, q, p.q_now, h)
+
+
+@inner
+def _leap_and_turn(p: ClosedTangentParameters, v_now: Array, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Take a step and its projection one after the other, since rotations in space don't add up."""
+    accelerations(p, t, q, v_now, a)
+    for i in range(v.size):
+        v[i] += h * a[i]
+        p.rates[i] = v[i]
+    advance(p, q, v, h, 0, v.size)
+    _copy(q[: p.n_positions], p.q_ahead)
+    _project_motion(p, t, h, q, v, a)
+    pulled(p, p.q_now, v_now, p.multiplier, a, p.a_pulled)
+    for i in range(p.n):
+        p.rates[i] = v[i] - p.rates[i]
+    for i in range(p.n_lines, v.size):
+        p.rates[i] = h * (p.a_pulled[i] - p.a_free[i])
+        v[i] += p.rates[i]
+        a[i] += p.rates[i] / h
+    _advance_tangents(p, q, p.q_ahead, h)
+
+
+@inner
+def _project_motion(p: ClosedTangentParameters, t: float, h: float, q: Array, v: Array, a: Array) -> None:
+    """Project the motion's own step, and add the multipliers that have done it to those of its accelerations."""
+    whole = p.own.whole
+    _clear(whole.total)
+    project_onto_constraints(p.own, t + h, h, q[: p.n_positions], v[: p.n], a[: p.n])
+    for k in range(whole.total.size):
+        p.multiplier[k] += whole.total[k] / (h * h)
+    set_time(p, float(t))
 
 
 @inner
 def _close(p: ClosedTangentParameters, q: Array, v: Array) -> None:
     """Bring the tangents of positions onto the constraints; ``rates`` has how far they have moved."""
-    n, first, whole, last = p.n, p.n_lines, p.own.whole, math.inf
+    last = math.inf
     _clear(p.rates)
     _copy(q, p.moved)
     for _ in range(2 * PROJECTIONS):
-        widest = _find_changes(p, q, v, p.dg)
-        if widest == 0.0 or not widest < STALLED * last:
+        last = _find_push(p, q, v, p.dg, last)
+        if last == 0.0:
             break
-        last = widest
-        _clear(p.a_free[:n])
-        for lane in range(LANES):
-            _change_by(p, p.dg, lane)
-            for i in range(n):
-                p.a_free[first + LANES * i + lane] = whole.push[i]
-                p.rates[first + LANES * i + lane] += whole.push[i]
+        for i in range(p.n_lines, v.size):
+            p.rates[i] += p.a_free[i]
         advance(p, q, p.a_free, 1.0, 0, v.size)
     _copy(p.moved[: p.n_positions], q[: p.n_positions])
+
+
+@inner
+def _close_rates(p: ClosedTangentParameters, q: Array, v: Array) -> None:
+    """Bring the tangents of rates onto the constraints."""
+    last = math.inf
+    for _ in range(2 * PROJECTIONS):
+        last = _find_push(p, q, v, p.drates, last)
+        if last == 0.0:
+            break
+        for i in range(p.n_lines, v.size):
+            v[i] += p.a_free[i]
+
+
+@inner
+def _find_push(p: ClosedTangentParameters, q: Array, v: Array, wanted: Array, last: float) -> float:
+    """Find the pushes of tangents, ``a_free``, that make some of their changes 0; return the largest of these.
+
+    It is 0 where no push is wanted: these no longer shrink as Newton's method does.
+    """
+    widest = _find_changes(p, q, v, wanted)
+    if widest == 0.0 or not widest < STALLED * last:
+        return 0.0
+    _clear(p.a_free[: p.n])
+    for lane in range(LANES):
+        _change_by(p, wanted, lane)
+        for i in range(p.n):
+            p.a_free[p.n_lines + LANES * i + lane] = p.own.whole.push[i]
+    return widest
 
 
 @inner
@@ -171,7 +232,7 @@ def _find_changes(p: ClosedTangentParameters, q: Array, v: Array, wanted: Array)
 
 @project.register(ClosedTangentParameters)
 def _project(p: ClosedTangentParameters, t: float, q: Array, v: Array) -> None:
-    n, first, whole, last = p.n, p.n_lines, p.own.whole, math.inf
+    n, first, whole = p.n, p.n_lines, p.own.whole
     set_time(p, float(t))
     _copy(q, p.q_now)
     _copy(v, p.v_now)
@@ -182,20 +243,12 @@ def _project(p: ClosedTangentParameters, t: float, q: Array, v: Array) -> None:
     project_rates(p.own, q[: p.n_positions], v[:n])
     _copy(whole.total, p.other)
     _move_by(p, p.multiplier)
-    _advance_tangents(p, q, 1.0)
+    _advance_tangents(p, q, p.q_now, 1.0)
     _move_by(p, p.other)
     for i in range(first, v.size):
         v[i] += p.rates[i]
     _close(p, q, v)
-    for _ in range(2 * PROJECTIONS):
-        widest = _find_changes(p, q, v, p.drates)
-        if widest == 0.0 or not widest < STALLED * last:
-            break
-        last = widest
-        for lane in range(LANES):
-            _change_by(p, p.drates, lane)
-            for i in range(n):
-                v[first + LANES * i + lane] += whole.push[i]
+    _close_rates(p, q, v)
     whole.fresh[0] = 1.0
 
 

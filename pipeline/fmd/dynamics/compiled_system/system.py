@@ -272,13 +272,8 @@ class CompiledSystem(ReferenceState):
 
     @property
     def has_tangents(self) -> bool:
-        """True if tangents of a motion can be marched beside it.
-
-        Nothing touches, nothing samples, and bodies in loops have no rotations in space as coordinates: those that
-        closing turns once more would have tangents that are off by some hundred-thousandths.
-        """
-        turns = self.has_loops and self.n_positions != self.n
-        return not (turns or self.is_sampled or self.mechanism.contacts)
+        """True if tangents of a motion can be marched beside it: nothing touches, and nothing samples."""
+        return not (self.is_sampled or self.mechanism.contacts)
 
     @property
     def takes_whole_cycles(self) -> bool:

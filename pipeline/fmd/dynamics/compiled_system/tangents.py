@@ -185,6 +185,7 @@ class TangentSystem:
             **room,
             own=own,
             n_positions=self._system.n_positions,
+            q_ahead=np.zeros(self._system.n_positions),
             residuals=compiled.address("residual_tangents"),
             closing=compiled.address("closing_tangents"),
             other=np.zeros(n_rows),
