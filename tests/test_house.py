@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 
 from fmd import __version__
-from fmd.cli.doctor_checks import DEBIAN_PACKAGES
+from fmd.cli.doctor import DEBIAN_PACKAGES
 
 ROOT = Path(__file__).parent.parent
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from fmd.cli import doctor_checks as doctor
-from fmd.cli import start_times
+from fmd.cli import doctor
 from fmd.render import rendering_check as probe
 
 pytestmark = pytest.mark.slow
@@ -98,8 +97,8 @@ def test_cores_and_threads_are_reported(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_the_doctor_loads_neither_gmsh_nor_pyvista(tmp_path: Path) -> None:
     code = (
-        "import sys, pathlib; from fmd.cli import doctor_checks; "
-        "doctor_checks.find_problems(pathlib.Path(sys.argv[1])); "
+        "import sys, pathlib; from fmd.cli import doctor; "
+        "doctor.find_problems(pathlib.Path(sys.argv[1])); "
         "sys.exit(str({'gmsh', 'pyvista', 'vtkmodules', 'matplotlib'} & set(sys.modules) or ''))"
     )
     result = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False)
@@ -118,9 +117,9 @@ def test_doctor_finds_nothing_to_mend_here(fmd: Callable[..., int], capsys: pyte
 
 
 def test_the_parts_of_a_start_add_up_to_the_time_that_they_take_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(start_times, "rendering_failure", lambda: time.sleep(0.2))
+    monkeypatch.setattr(doctor, "rendering_failure", lambda: time.sleep(0.2))
     tick = time.perf_counter()
-    parts = start_times.measure_start()
+    parts = doctor.measure_start()
     assert sum(parts.values()) <= time.perf_counter() - tick
     assert parts["drawing, beside the rest"] >= 0.2
     imports = [parts[name] for name in ("Python", "NumPy", "scene and stages", "LLVM", "mechanism")]
@@ -128,7 +127,7 @@ def test_the_parts_of_a_start_add_up_to_the_time_that_they_take_together(monkeyp
 
 
 def test_kernels_that_are_not_kept_take_no_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(start_times, "kernel_folder", lambda: tmp_path)
-    assert start_times.time_of_kernels() == 0.0
+    monkeypatch.setattr(doctor, "kernel_folder", lambda: tmp_path)
+    assert doctor.time_of_kernels() == 0.0
     (tmp_path / "march.kernel").write_bytes(bytes(10))
-    assert start_times.time_of_kernels() > 0.0
+    assert doctor.time_of_kernels() > 0.0

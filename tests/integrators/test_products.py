@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
-from fmd.integrators.products import multiply_square
+from fmd.integrators.phi_functions import multiply_square
 from fmd.kernels.kernel import kernel
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.reversible import ReversibleSubcycling
-from fmd.output.coupling import coupling_warnings
+from fmd.output.mechanism_figures import coupling_warnings
 from tests.linear_system import LinearSystem
 
 

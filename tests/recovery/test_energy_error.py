@@ -5,7 +5,7 @@ import pytest
 
 from fmd.fem.assembly import assemble
 from fmd.fem.model import FEModel
-from fmd.recovery.energy_error import energy_errors
+from fmd.recovery.patch_stress import energy_errors
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.modes import EigenPairs
 

@@ -11,7 +11,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.integrators.runge_kutta import RungeKutta
-from fmd.output.periodic import periodic_figures, periodic_warnings
+from fmd.output.mechanism_figures import periodic_figures, periodic_warnings
 from fmd.stability.periodic_motion import PeriodicMotion
 from fmd.stages.mechanism import place_joints
 

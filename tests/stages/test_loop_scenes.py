@@ -11,7 +11,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.integrators.protocol import evaluate
-from fmd.output.loops import loop_warnings
+from fmd.output.mechanism_figures import loop_warnings
 
 DOOR = """
 title = "Door"

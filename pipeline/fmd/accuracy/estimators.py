@@ -336,7 +336,7 @@ class Estimates(Comparison):
 
 def energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
     """Return the excess of a part's squared mode frequencies and of its body's eigenvalues by recovered stress."""
-    from fmd.recovery.energy_error import energy_errors
+    from fmd.recovery.patch_stress import energy_errors
 
     errors = energy_errors(part.space, part.material, body.shapes)
     # The modes are combinations of the body's shapes and rigid motions.

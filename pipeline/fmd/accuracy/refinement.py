@@ -10,9 +10,7 @@ from fmd.accuracy.deflection import find_deflection_error
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.error_estimates import NUMERICAL, Row, percent
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.errors import SAFETY, TOO_LARGE
-from fmd.core.limits.pieces import FEWEST_PIECES, MOST_PIECES_TRIED
-from fmd.core.limits.refinement import (
+from fmd.core.limits.errors import (
     BOLDEST,
     GENTLEST,
     LEAST_ERROR,
@@ -20,10 +18,13 @@ from fmd.core.limits.refinement import (
     MORE_MODES,
     MOST_ELEMENTS,
     MOST_ROUNDS,
+    SAFETY,
     SHARE,
     STALLED_ERROR,
     TIME_SHARE,
+    TOO_LARGE,
 )
+from fmd.core.limits.mesh import FEWEST_PIECES, MOST_PIECES_TRIED
 from fmd.scene.imported_bodies import MatrixPart, ReducedPart
 from fmd.scene.runs import AutoRun
 from fmd.scene.scene import Scene

@@ -10,7 +10,6 @@ from fmd.accuracy.comparison import change_fineness
 from fmd.accuracy.error_estimates import keep_lowest
 from fmd.accuracy.time_limit import LeftOutError
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.automatic import IMPLICIT_STEPS_IN_ACTION
 from fmd.core.limits.errors import (
     COMPARED_IMPLICIT_STEPS,
     DOUBTED,
@@ -21,6 +20,7 @@ from fmd.core.limits.errors import (
     RESOLVED_PART,
 )
 from fmd.core.limits.stability import SURELY_STABLE
+from fmd.core.limits.stepping import IMPLICIT_STEPS_IN_ACTION
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.stages.runs import plan_like
 

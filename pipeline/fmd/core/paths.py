@@ -25,7 +25,7 @@ KERNEL_SOURCES = (
     "fmd/integrators",
     "fmd/recovery/kernels",
     "fmd/core/newton.py",
-    "fmd/reduction/factor/factor_size.py",
+    "fmd/reduction/factor/factor.py",
 )
 """Folders and files whose sources kernels are compiled from."""
 

@@ -29,8 +29,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.cache import Cache
-from fmd.core.limits.magnitudes import ANY_SIZE, POSSIBLE
-from fmd.core.limits.scene import FORMULAS_KEPT, LONGEST_QUANTITY
+from fmd.core.limits.scene import ANY_SIZE, FORMULAS_KEPT, LONGEST_QUANTITY, POSSIBLE
 from fmd.core.paths import cache_folder
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.core.limits.automatic import (
+from fmd.core.limits.stepping import (
     COMPARED_TIMES,
     COUNTED_STEPS,
     DOUBLED_OFTEN,

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.automatic import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS
+from fmd.core.limits.stepping import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS
 from fmd.dynamics.system import System
 from fmd.integrators.protocol import Trajectory
 from fmd.integrators.step_control import groups_of

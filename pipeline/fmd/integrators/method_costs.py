@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmd.core.limits.automatic import (
+from fmd.core.limits.stepping import (
     ACCURATE_EVALUATIONS,
     ACCURATE_STABLE_STEP,
     COST_OF_COORDINATE,

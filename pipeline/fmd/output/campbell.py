@@ -15,8 +15,7 @@ from fmd.accuracy.response_errors import NO_ERRORS
 from fmd.accuracy.rotor_errors import estimate_frequency_errors
 from fmd.core.arrays import Array
 from fmd.core.files import write_table
-from fmd.core.limits.responses import BESIDE_MEETING, GROWS, UNSTABLE_EDGE
-from fmd.core.limits.rotors import NO_DAMPING, NO_WHIRL
+from fmd.core.limits.responses import BESIDE_MEETING, GROWS, NO_DAMPING, NO_WHIRL, UNSTABLE_EDGE
 from fmd.core.limits.shown import DRAWN_MODES
 from fmd.core.progress import Advance, Monitor, silent
 from fmd.output.error_table import NOT_STATED

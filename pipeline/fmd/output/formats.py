@@ -7,10 +7,75 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.reduction.formats.body_format import body_format
+from fmd.fem.model import FEModel
+from fmd.reduction.craig_bampton import Superelement
+from fmd.reduction.formats.body_format import DrawnBody, ExportedBody, body_format
+from fmd.reduction.modal_data import ModalData, modal_data, without_stiffening
+from fmd.reduction.modes import Modes
+from fmd.scene.modes import damping_ratios
 from fmd.scene.outputs import MECHANISM_FORMATS
 from fmd.stages.pipeline import Pipeline
+from fmd.stages.spatial_body import spatial_body, superelement, surface_stress
+
+
+class PipelineBody(ExportedBody):
+    """A flexible body of a pipeline, computed as far as a format needs it."""
+
+    def __init__(self, run: Pipeline, name: str) -> None:
+        moves = run.scene.moves
+        self._run, self._part, self.name = run, run.parts[name], name
+        self.gravity = np.array(run.scene.simulation.gravity if moves else (0.0, 0.0, 0.0))
+        self.stiffened = not moves or run.scene.simulation.stiffening != "off"
+
+    def modal_data(self, stiffened: bool) -> ModalData:
+        """Return shapes and inertia integrals in space, without stiffening unless it is wanted."""
+        body, damping = spatial_body(self._part, stiffened), self._part.shape.modes.damping
+        data = modal_data(body, np.array(damping_ratios(damping, body.omega.tolist())))
+        return data if stiffened else without_stiffening(data)  # a body from a file may bring its own
+
+    def in_space(self) -> DrawnBody:
+        """Return the body reduced for any motion in space, with its surface and stress."""
+        body = spatial_body(self._part, stiffened=False)
+        if not self._part.has_stress:
+            return DrawnBody(body, None, None)
+        return DrawnBody(body, self._part.surface, surface_stress(self._part, body))
+
+    def in_scene(self) -> DrawnBody:
+        """Return the body as its scene's mechanism has it; without motion, in space."""
+        if not self._run.scene.moves:
+            return self.in_space()
+        body = self._part.for_any_motion(self._run.bodies[self.name])
+        if not self._part.has_stress:
+            return DrawnBody(body, None, None)
+        return DrawnBody(body, self._part.surface, self._part.surface_stress)
+
+    def superelement(self) -> Superelement:
+        """Return matrices for the motions of the interface and the fixed-interface modes."""
+        return superelement(self._part)
+
+    def full_model(self) -> tuple[FEModel, Modes]:
+        """Return the full matrices and modes; a body reduced already has none, and T isn't written."""
+        if self._part.is_reduced:
+            raise self.fault("body", "is a reduced body, and has no full matrices")
+        if self._part.has_mesh and self._part.mesh.midsurface is not None:
+            raise self.fault(
+                "shape", "is a shell or a beam, whose full matrices aren't written; reduced bodies are, e.g. --to sid"
+            )
+        if self._part.fe.T is not None:
+            raise self.fault("link", "is in no file of full matrices; reduced bodies have it, e.g. --to sid or nastran")
+        return self._part.fe, self._part.modes
+
+    def frequencies_hz(self) -> Array:
+        """Return the natural frequencies of the body's modes [Hz]."""
+        return self._part.modes.frequencies_hz
+
+    def fault(self, key: str, problem: str) -> InputError:
+        """Return the error of a key of the body."""
+        return InputError(self._part.file, f"body.{self.name}.{key}", None, problem)
 
 
 def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list[Path]:
@@ -40,6 +105,4 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
     if body in run.scene.pieces:
         mend = f"format {name} holds a body in one piece; --set body.{body}.pieces=1 exports it"
         raise InputError(run.scene.file, f"body.{body}.pieces", run.scene.pieces[body], mend)
-    from fmd.output.exported_body import PipelineBody
-
     return body_format(name).write(PipelineBody(run, body), path)

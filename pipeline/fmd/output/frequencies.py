@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.limits.magnitudes import LUMPING_COUNTS, POOR_QUALITY
+from fmd.core.limits.scene import LUMPING_COUNTS, POOR_QUALITY
 from fmd.reduction.rotating import rotating_modes
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.magnitudes import find_unusual

@@ -12,7 +12,7 @@ import numpy as np
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.automatic import FIRST_TOLERANCE
+from fmd.core.limits.stepping import FIRST_TOLERANCE
 from fmd.dynamics.compiled_system.sampling import Measurement
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.integrators.adaptive import AdaptiveIntegrator

@@ -15,17 +15,21 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.accuracy.time_limit import TIME_IS_SHORT
 from fmd.accuracy.uncertain_results import uncertain_warnings
 from fmd.core.limits.errors import MORE_TIME, SAFETY, TOO_LARGE
-from fmd.core.limits.pieces import PIECES_DEFLECTIONS, PIECES_FREQUENCIES
+from fmd.core.limits.mesh import PIECES_DEFLECTIONS, PIECES_FREQUENCIES
 from fmd.core.version import __version__
 from fmd.output.contacts import contact_figures, contact_warnings
-from fmd.output.coupling import coupling_warnings
 from fmd.output.explain import STAGES
 from fmd.output.figure_errors import figure_errors
 from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
-from fmd.output.loops import loop_figures, loop_warnings
+from fmd.output.mechanism_figures import (
+    coupling_warnings,
+    loop_figures,
+    loop_warnings,
+    periodic_figures,
+    periodic_warnings,
+)
 from fmd.output.output_kinds import kind_of
 from fmd.output.output_times import output_time_warnings
-from fmd.output.periodic import periodic_figures, periodic_warnings
 from fmd.output.spot_stress import limitless_warnings, spot_stress_warnings
 from fmd.output.variable_errors import why_no_budget
 from fmd.recovery.motion import Motion

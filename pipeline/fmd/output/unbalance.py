@@ -16,7 +16,7 @@ from fmd.accuracy.rotor_errors import RicherOrbits, find_richer_orbits
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import write_table
-from fmd.core.limits.rotors import HALF_POWER, OF_PEAK, PEAK_DIGITS, POINTS_OF_PEAK, SHARPEST, WIDTHS_OF_PEAK
+from fmd.core.limits.responses import HALF_POWER, OF_PEAK, PEAK_DIGITS, POINTS_OF_PEAK, SHARPEST, WIDTHS_OF_PEAK
 from fmd.output.campbell import RPM
 from fmd.output.error_table import NOT_STATED
 from fmd.responses.circular_forces import circular_response

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.rotors import LOOSE_STATE
+from fmd.core.limits.responses import LOOSE_STATE
 from fmd.responses.whirl import state_scale
 
 

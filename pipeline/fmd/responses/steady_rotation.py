@@ -18,7 +18,7 @@ from scipy.linalg import eigh
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits import newton as limits
-from fmd.core.limits.rotors import BENDS
+from fmd.core.limits.responses import BENDS
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.newton import Tolerance, largest, solve
 from fmd.responses.linearisation import Linearisation, Motions

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Annotated, Any, get_args, get_origin
 
-from fmd.core.limits.magnitudes import USUAL_OF_BODIES, USUAL_OF_MOTION
+from fmd.core.limits.scene import USUAL_OF_BODIES, USUAL_OF_MOTION
 from fmd.core.units import QuantityReader
 from fmd.scene.reading import SceneTable
 

@@ -22,7 +22,7 @@ from fmd.core import newton
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.newton import SHORTEST_NORM
-from fmd.core.limits.periodic import (
+from fmd.core.limits.stability import (
     ADDED_UP,
     ASTRAY,
     CORRECTIONS,

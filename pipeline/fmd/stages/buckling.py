@@ -17,8 +17,8 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.core.limits.modes import GROWTH, MOMENTS, SUSPECT
 from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
-from fmd.core.limits.stiffening import GROWTH, MOMENTS, SUSPECT
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import stage_key
-from fmd.core.limits.pieces import SAME_WEIGHT
+from fmd.core.limits.mesh import SAME_WEIGHT
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import move_loads, rigid_motions
 from fmd.fem.assembly import assemble

@@ -8,8 +8,8 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.automatic import FINEST_TOLERANCE
-from fmd.core.limits.periodic import CLOSES, JUST_BEFORE, NOT_PERIODIC, SEARCH_TOLERANCE
+from fmd.core.limits.stability import CLOSES, JUST_BEFORE, NOT_PERIODIC, SEARCH_TOLERANCE
+from fmd.core.limits.stepping import FINEST_TOLERANCE
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.adaptive import AdaptiveIntegrator
 from fmd.integrators.protocol import evaluate

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.pieces import GRID
+from fmd.core.limits.mesh import GRID
 
 if TYPE_CHECKING:
     from fmd.fem.markers import Marker

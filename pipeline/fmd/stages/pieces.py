@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError
-from fmd.core.limits.pieces import CONTACT, MOST_OF_PIECE, MOVES
+from fmd.core.limits.mesh import CONTACT, MOST_OF_PIECE, MOVES
 from fmd.fem.markers import facets_on_face
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.partition import PartitionError, divide_mesh, facet_areas, interior_facets, join_fragments

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
-from fmd.core.limits.pieces import COMPARED_FREQUENCIES, FAMILIES
+from fmd.core.limits.mesh import COMPARED_FREQUENCIES, FAMILIES
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import move_loads
 from fmd.stages.part import FlexiblePart

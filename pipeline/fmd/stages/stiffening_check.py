@@ -14,8 +14,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.stability import RIGID_TOLERANCE
-from fmd.core.limits.stiffening import (
+from fmd.core.limits.modes import (
     CLOSED_BY_DEFORMING,
     MOST_RADIANS,
     NEGLIGIBLE_TERMS,
@@ -26,6 +25,7 @@ from fmd.core.limits.stiffening import (
     SAMPLED_TIMES,
     SLOPES,
 )
+from fmd.core.limits.stability import RIGID_TOLERANCE
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.controllers import HeldValues

@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.rotors import ALIKE_AROUND, COMPARED_TURN, ECCENTRIC, ON_AXIS, SHORTEST_RATE, STEADY_RATE
+from fmd.core.limits.responses import ALIKE_AROUND, COMPARED_TURN, ECCENTRIC, ON_AXIS, SHORTEST_RATE, STEADY_RATE
 from fmd.core.limits.round_off import EXACT
 from fmd.core.rotations import matrix_of_quaternion, quaternion_of_matrix, rotation_by
 from fmd.dynamics.kinematics import Kinematics

@@ -21,8 +21,7 @@ from fmd.fem.model import FEModel
 from fmd.meshes.bar import hexahedral_bar, tetrahedral_bar
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor import factor
-from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, factorise
-from fmd.reduction.factor.factor_size import factor_nonzeros
+from fmd.reduction.factor.factor import MissingSolverError, TooLargeError, factor_nonzeros, factorise
 
 pytestmark = pytest.mark.slow
 

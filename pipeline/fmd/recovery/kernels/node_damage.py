@@ -6,7 +6,7 @@ import math
 
 from fmd.core.arrays import Array, IntArray
 from fmd.kernels.kernel import inner, kernel
-from fmd.recovery.kernels.principal import principal_stresses
+from fmd.recovery.kernels.extremes import principal_stresses
 from fmd.recovery.kernels.rainflow import findley_damage, history_damage
 
 
