@@ -169,7 +169,7 @@ class _Writer:
         shapes = [self._shape(link, shape) for shape in link.visuals or link.collisions]
         visuals = [f"[[body.{name}.visual]]\n{_write(shape)}" for shape in shapes if shape]
         if link.name in self.flexible:
-            size = _sorted_size(self._box_of(link))
+            size = sorted(self._box_of(link).size, reverse=True)
             volume = float(np.prod(size))
             divisions = [max(2, round(size[0] / max(size[1], size[2])) * 2), 2, 2]
             table: dict[str, Any] = {
@@ -289,10 +289,6 @@ class _Writer:
             for folder in self.urdf.resolve().parents:
                 places += [folder / package / inside, folder / inside]
         return next((place for place in places if place.is_file()), None)
-
-
-def _sorted_size(box: Shape) -> tuple[float, ...]:
-    return tuple(sorted(box.size, reverse=True))
 
 
 def _frame_of_bar(box: Shape) -> Pose:

@@ -59,7 +59,10 @@ def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited |
         forces, couplings = _acting(mechanism, b)
         start = q0[mechanism.modal_positions_of(b)]
         kept.append(np.flatnonzero(reached(link.omega, [*forces, start], couplings, tolerance)))
-    left_out = {link.name: _others(k, len(link.omega)) for link, k in zip(mechanism.links, kept, strict=True)}
+    left_out = {
+        link.name: tuple(np.setdiff1d(np.arange(len(link.omega)), k).tolist())
+        for link, k in zip(mechanism.links, kept, strict=True)
+    }
     if not any(left_out.values()):
         return None
     part = mechanism.with_modes({link.name: own for link, own in zip(mechanism.links, kept, strict=True)})
@@ -164,7 +167,3 @@ def _numbers(mechanism: Mechanism, part: Mechanism, kept: Sequence[IntArray]) ->
         rates[part.modes_of(b)] = mechanism.modes_of(b)[kept[b]]
         positions[part.modal_positions_of(b)] = mechanism.modal_positions_of(b)[kept[b]]
     return positions, rates
-
-
-def _others(kept: IntArray, n: int) -> tuple[int, ...]:
-    return tuple(int(k) for k in np.setdiff1d(np.arange(n), kept))

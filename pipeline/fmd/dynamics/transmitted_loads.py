@@ -59,7 +59,8 @@ class BodyLoads:
 def transmitted_loads(motion: Kinematics) -> list[BodyLoads]:
     """Compute the loads on each body of a mechanism over a motion that is sampled finely enough for its rates."""
     mechanism, frames = motion.mechanism, motion.frames
-    reactions = closing_reactions(mechanism, motion.times, motion.q, motion.v) | _element_reactions(motion)
+    reactions = closing_reactions(mechanism, motion.times, motion.q, motion.v)
+    reactions |= {f"{ELEMENT}{each.name}": motion.wrenches(each) for each in mechanism.elements}
     joints: dict[int, tuple[Array, Array]] = {}  # force and moment on a body at its origin, in space
     found: dict[int, BodyLoads] = {}
     for body in reversed(range(len(mechanism.links))):
@@ -227,11 +228,6 @@ def loaded_places(mechanism: Mechanism, body: int) -> LoadedPlaces:
     loads = [load for load in mechanism.loads if load.body == name]
     markers = [mechanism.links[k].place_marker for k in carried] + [load.marker for load in loads]
     return LoadedPlaces(carried, loads, joined, markers + [at for *_, at in joined])
-
-
-def _element_reactions(motion: Kinematics) -> dict[str, Array]:
-    """Force and moment of each force element on its first and on its second place, in space, (n_times, 2, 6) each."""
-    return {f"{ELEMENT}{element.name}": motion.wrenches(element) for element in motion.mechanism.elements}
 
 
 def _rate(motion: Kinematics, values: Array) -> Array:

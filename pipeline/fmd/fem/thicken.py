@@ -84,7 +84,10 @@ def thicken(sheet: Sheet) -> SolidMesh:
     points, layer = np.concatenate([middle - half, middle + half]), np.concatenate([pairs, pairs + n_pairs], axis=1)
     owners = np.tile(owner, 2)
     faces = {name: np.flatnonzero(np.isin(owners, nodes)) for name, nodes in sheet.faces.items()}
-    faces |= {name: _both_sides(pairs[own], n_pairs) for name, own in sheet.patches.items()}
+    faces |= {
+        name: np.concatenate([_facets(pairs[own]), _facets(pairs[own] + n_pairs)])
+        for name, own in sheet.patches.items()
+    }
     faces |= {name: _facets(pairs + k * n_pairs) for k, name in enumerate(sheet.sides) if name not in faces}
     note = f"{turned.sum()} shell elements have their normals to the other side and were turned"
     notes = sheet.notes + ((note,) if turned.any() else ())
@@ -94,10 +97,6 @@ def thicken(sheet: Sheet) -> SolidMesh:
 def _facets(corners: IntArray) -> IntArray:
     """Return three corners that identify each facet."""
     return np.asarray(np.sort(corners, axis=1)[:, :3])
-
-
-def _both_sides(pairs: IntArray, n_pairs: int) -> IntArray:
-    return np.concatenate([_facets(pairs), _facets(pairs + n_pairs)])
 
 
 def _sides(cells: IntArray) -> tuple[IntArray, IntArray, IntArray]:

@@ -102,7 +102,13 @@ def find_periodic_motion(
     search = _Search(system, method, period)
     tolerance = newton.Tolerance(CORRECTIONS, absolute=closes)
     found = newton.solve(
-        search.march(start), search.gap, search.correct, search.move, tolerance, scale=_one, accepts=search.accepts
+        search.march(start),
+        search.gap,
+        search.correct,
+        search.move,
+        tolerance,
+        scale=lambda orbit: 1.0,
+        accepts=search.accepts,
     )
     if not found.converged:
         raise AccuracyError(
@@ -253,11 +259,6 @@ class _Search:
             H[k + 1, k] = rest
             V.append(moved / rest)
         return known
-
-
-def _one(orbit: _Orbit) -> float:
-    """Return the size of an orbit, over whose scale corrections are."""
-    return 1.0
 
 
 def _turning_rates(mechanism: Mechanism) -> tuple[BoolArray, BoolArray]:

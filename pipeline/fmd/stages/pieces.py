@@ -44,7 +44,7 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
             part.file, f"{key}.pieces", count, "is of a body without links: its deck's aren't cut with it yet"
         )
     faces = find_marker_facets(part.shape, space, part.file, part.name)
-    markers = {name: np.unique(_elements_of(space, facets)) for name, facets in faces.items()}
+    markers = {name: np.unique(space.boundary_facets[0][facets]) for name, facets in faces.items()}
     markers |= {
         name: _elements_among(space, part.markers[name].nodes) for name in part.shape.marker if name not in faces
     }
@@ -64,10 +64,6 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     places = {name: int(labels[of[0]]) for name, of in markers.items()}
     pieces = (_piece(part, k, labels, places, faces, cuts, elements, local) for k in range(count))
     return CutPart(tuple(pieces), tuple(cuts))
-
-
-def _elements_of(space: Discretisation, facets: IntArray) -> IntArray:
-    return np.asarray(space.boundary_facets[0][facets])
 
 
 def _elements_among(space: Discretisation, nodes: IntArray) -> IntArray:

@@ -52,10 +52,6 @@ def _has_pieces(run: Pipeline) -> bool:
     return run.scene.moves and bool(run.scene.pieces)
 
 
-def _has_contacts(run: Pipeline) -> bool:
-    return bool(run.scene.contact)
-
-
 def _divide(run: Pipeline) -> Division:
     return divide_parts(run.scene, run.wholes, run.like)
 
@@ -177,7 +173,10 @@ class Pipeline:
     compiled_plans: Stage[dict[str, Plan]] = Stage("machine code", "runs:compile_plans", ("plans",))
     motions: Stage[dict[str, Motion]] = Stage("motion", "runs:find_motions", ("stiffness", "machine code"))
     contact_stress: Stage[Mapping[str, Mapping[str, ContactDeformation]]] = Stage(
-        "contact stress", "contacts:find_deformations", ("assembly", "body", "motion"), applies=_has_contacts
+        "contact stress",
+        "contacts:find_deformations",
+        ("assembly", "body", "motion"),
+        applies=lambda run: bool(run.scene.contact),
     )
     fine_motion: Stage[Motion] = Stage("fine motion", "runs:march_finely", ("plans", "motion"))
     deformations: Stage[Mapping[str, Deformation]] = Stage("strain", _measure_deformations, ("deformation", "motion"))

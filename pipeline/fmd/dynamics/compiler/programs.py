@@ -49,6 +49,7 @@ Arrays must not overlap. Functions keep no state, so threads may call them at on
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from fmd.dynamics.compiler.acceleration_tangents import trace_acceleration_tangents
@@ -97,16 +98,8 @@ def trace_program(name: str, inputs: Coordinates, frames: list[MovingFrame]) -> 
     return Program(name, inputs.graph, arguments, tuple(trace(inputs, frames, *numbers)), lanes, in_place, seldom)
 
 
-def _accelerations(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, ActingForces(inputs, frames)))
-
-
-def _pushed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, PushedForces(inputs, frames)))
-
-
-def _acceleration_tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _with_tangents(inputs, frames, [])
+def _accelerations(inputs: Coordinates, frames: list[MovingFrame], forces: type[ActingForces]) -> list[Output]:
+    return _in_order_of_rates(inputs.mechanism, "a", trace_accelerations(frames, forces(inputs, frames)))
 
 
 def _changed_tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -128,10 +121,6 @@ def _acting(inputs: Coordinates, frames: list[MovingFrame]) -> ActingForces:
     """Return all that acts on a mechanism, with given multipliers of its constraints."""
     rows = trace_rows(inputs, frames)
     return ConstrainedForces(inputs, frames, rows) if rows else ActingForces(inputs, frames)
-
-
-def _leap(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return trace_leap(inputs)
 
 
 def trace_leap(inputs: Coordinates) -> list[Output]:
@@ -157,12 +146,9 @@ def _residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return _in_order_of_rates(inputs.mechanism, "r", trace_residual(inputs, frames))
 
 
-def _tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _slopes(inputs, frames, ("inputs", "q", "v", "a"))
-
-
-def _inertia(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _slopes(inputs, frames, ("a",))
+def _by(*arguments: str) -> Callable[..., list[Output]]:
+    """Return the program of the residual's slopes by some arguments."""
+    return partial(_slopes, arguments=arguments)
 
 
 def _slopes(inputs: Coordinates, frames: list[MovingFrame], arguments: tuple[str, ...]) -> list[Output]:
@@ -170,80 +156,21 @@ def _slopes(inputs: Coordinates, frames: list[MovingFrame], arguments: tuple[str
     return _in_order_of_rates(inputs.mechanism, "dr", slopes)
 
 
-def _stiffness(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _slopes(inputs, frames, ("q",))
-
-
-def _damping(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _slopes(inputs, frames, ("v",))
-
-
-def _drift(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return trace_drift(inputs, trace_residual(inputs, frames))
-
-
-def _freeze_single(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return trace_single(inputs, trace_residual(inputs, frames))
-
-
-def _cycle(inputs: Coordinates, frames: list[MovingFrame], count: int) -> list[Output]:
-    return trace_cycle(inputs, frames, False, count)
-
-
-def _damped_cycle(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return trace_cycle(inputs, frames, True, 0)  # a loop of steps, however many
-
-
-def _fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:
-    return trace_fast_step(inputs, damped=True)
-
-
-def _undamped_fast_step(inputs: Coordinates, _frames: list[MovingFrame]) -> list[Output]:
-    return trace_fast_step(inputs, damped=False)
-
-
-def _react(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _reaction(inputs, frames, damped=True)
-
-
-def _undamped_react(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _reaction(inputs, frames, damped=False)
-
-
 def _reaction(inputs: Coordinates, frames: list[MovingFrame], damped: bool) -> list[Output]:
     found = trace_reaction(inputs, frames, damped)
     return [x for name, values in found.items() for x in _in_order_of_rates(inputs.mechanism, name, values)]
 
 
-def _solve(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _solution(inputs, range(inputs.mechanism.n))
-
-
-def _solve_fast(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _solution(inputs, range(inputs.mechanism.n_slow, inputs.mechanism.n))
-
-
-def _solve_slow(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _solution(inputs, range(inputs.mechanism.n_slow))
-
-
-def _solution(inputs: Coordinates, free: range) -> list[Output]:
+def _solution(inputs: Coordinates, first: int, end: int | None = None) -> list[Output]:
     """Accelerations at rest by given forces, with all rates frozen but some."""
+    free = range(first, inputs.mechanism.n if end is None else end)
     resting = RestingCoordinates(inputs.graph, inputs.mechanism)
     values = trace_accelerations(trace_frames(resting), GivenForces(resting, "f", free))
     return _in_order_of_rates(inputs.mechanism, "x", values)
 
 
-def _closed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _constrained(inputs, frames, ActingForces(inputs, frames))
-
-
-def _pushed_closed(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    return _constrained(inputs, frames, PushedForces(inputs, frames))
-
-
-def _constrained(inputs: Coordinates, frames: list[MovingFrame], acting: ActingForces) -> list[Output]:
-    rows = trace_rows(inputs, frames)
+def _constrained(inputs: Coordinates, frames: list[MovingFrame], forces: type[ActingForces]) -> list[Output]:
+    rows, acting = trace_rows(inputs, frames), forces(inputs, frames)
     motion = trace_accelerations(frames, acting)
     w = [row.acceleration(inputs, acting.ground, motion) + row.bias for row in rows]
     return [*_in_order_of_rates(inputs.mechanism, "a", motion), *_in_row("w", 0, w), *_multipliers(inputs, frames)]
@@ -369,29 +296,52 @@ _CHANGES = ("dg", "drates")
 _PULLED = (*_DIRECTIONS[:4], "dw")
 
 DEFINITIONS = {
-    "accelerations": Definition((*_STATE, "a"), _accelerations),
-    "acceleration_tangents": Definition((*_STATE, "f", *_ALONG, "a", "da"), _acceleration_tangents, _DIRECTIONS[:4]),
+    "accelerations": Definition((*_STATE, "a"), partial(_accelerations, forces=ActingForces)),
+    "acceleration_tangents": Definition(
+        (*_STATE, "f", *_ALONG, "a", "da"), partial(_with_tangents, beside=[]), _DIRECTIONS[:4]
+    ),
     "changed_tangents": Definition((*_STATE, "f", *_BESIDE, "a", "da"), _changed_tangents, (*_BESIDE, "da")),
-    "pushed": Definition((*_STATE, *_PUSH, "a"), _pushed),
-    "leap": Definition(("inputs", "step", *_STATE[1:], "a"), _leap, in_place=True),
+    "pushed": Definition((*_STATE, *_PUSH, "a"), partial(_accelerations, forces=PushedForces)),
+    "leap": Definition(("inputs", "step", *_STATE[1:], "a"), lambda inputs, _: trace_leap(inputs), in_place=True),
     "residual": Definition((*_STATE, "a", "r"), _residual, seldom=True),
-    "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _tangents, lanes=_DIRECTIONS, seldom=True),
-    "inertia": Definition(("inputs", "q", "da", "dr"), _inertia, lanes=("da", "dr")),
-    "stiffness": Definition((*_STATE, "a", "dq", "dr"), _stiffness, lanes=("dq", "dr")),
-    "damping": Definition((*_STATE, "dv", "dr"), _damping, lanes=("dv", "dr")),
-    "drift": Definition((*_STATE, *_MOTION), _drift),
-    "freeze_single": Definition((*_STATE, *_MOTION, "by_positions", "by_rates"), _freeze_single),
-    "cycle": Definition(_CYCLE, _cycle, in_place=True),
-    "damped_cycle": Definition(_CYCLE, _damped_cycle, in_place=True),
-    "fast_step": Definition(("clock", *_FROZEN, "C", "q", "v", "a"), _fast_step, in_place=True),
-    "undamped_fast_step": Definition(("clock", *_FROZEN, "q", "v", "a"), _undamped_fast_step, in_place=True),
-    "react": Definition((*_STATE, "da", "a", *_REACTION, "C", "Cy"), _react, ("da", *_REACTION, "C", "Cy")),
-    "undamped_react": Definition((*_STATE, "da", "a", *_REACTION), _undamped_react, ("da", *_REACTION)),
-    "solve": Definition(("inputs", "q", "f", "x"), _solve, lanes=("f", "x")),
-    "solve_fast": Definition(("inputs", "q", "f", "x"), _solve_fast, lanes=("f", "x")),
-    "solve_slow": Definition(("inputs", "q", "f", "x"), _solve_slow, lanes=("f", "x")),
-    "closed": Definition((*_STATE, "f", "a", "w", "x", "s"), _closed, lanes=("f", "x", "s")),
-    "pushed_closed": Definition((*_STATE, "f", *_PUSH, "a", "w", "x", "s"), _pushed_closed, lanes=("f", "x", "s")),
+    "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _by("inputs", "q", "v", "a"), lanes=_DIRECTIONS, seldom=True),
+    "inertia": Definition(("inputs", "q", "da", "dr"), _by("a"), lanes=("da", "dr")),
+    "stiffness": Definition((*_STATE, "a", "dq", "dr"), _by("q"), lanes=("dq", "dr")),
+    "damping": Definition((*_STATE, "dv", "dr"), _by("v"), lanes=("dv", "dr")),
+    "drift": Definition(
+        (*_STATE, *_MOTION), lambda inputs, frames: trace_drift(inputs, trace_residual(inputs, frames))
+    ),
+    "freeze_single": Definition(
+        (*_STATE, *_MOTION, "by_positions", "by_rates"),
+        lambda inputs, frames: trace_single(inputs, trace_residual(inputs, frames)),
+    ),
+    "cycle": Definition(_CYCLE, lambda inputs, frames, count: trace_cycle(inputs, frames, False, count), in_place=True),
+    "damped_cycle": Definition(_CYCLE, lambda inputs, frames: trace_cycle(inputs, frames, True, 0), in_place=True),
+    "fast_step": Definition(
+        ("clock", *_FROZEN, "C", "q", "v", "a"), lambda inputs, _: trace_fast_step(inputs, damped=True), in_place=True
+    ),
+    "undamped_fast_step": Definition(
+        ("clock", *_FROZEN, "q", "v", "a"), lambda inputs, _: trace_fast_step(inputs, damped=False), in_place=True
+    ),
+    "react": Definition(
+        (*_STATE, "da", "a", *_REACTION, "C", "Cy"), partial(_reaction, damped=True), ("da", *_REACTION, "C", "Cy")
+    ),
+    "undamped_react": Definition(
+        (*_STATE, "da", "a", *_REACTION), partial(_reaction, damped=False), ("da", *_REACTION)
+    ),
+    "solve": Definition(("inputs", "q", "f", "x"), lambda inputs, _: _solution(inputs, 0), lanes=("f", "x")),
+    "solve_fast": Definition(
+        ("inputs", "q", "f", "x"), lambda inputs, _: _solution(inputs, inputs.mechanism.n_slow), lanes=("f", "x")
+    ),
+    "solve_slow": Definition(
+        ("inputs", "q", "f", "x"), lambda inputs, _: _solution(inputs, 0, inputs.mechanism.n_slow), lanes=("f", "x")
+    ),
+    "closed": Definition(
+        (*_STATE, "f", "a", "w", "x", "s"), partial(_constrained, forces=ActingForces), lanes=("f", "x", "s")
+    ),
+    "pushed_closed": Definition(
+        (*_STATE, "f", *_PUSH, "a", "w", "x", "s"), partial(_constrained, forces=PushedForces), lanes=("f", "x", "s")
+    ),
     "multipliers": Definition(("inputs", "q", "f", "x", "s"), _multipliers, lanes=("f", "x", "s")),
     "residuals": Definition((*_STATE, "g", "rates"), _residuals),
     "pulled_residual": Definition((*_STATE, "f", "a", "r"), _pulled_residual),

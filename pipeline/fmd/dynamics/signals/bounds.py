@@ -208,10 +208,6 @@ def _sine_range(x: Array) -> Array:
     return np.stack([np.where(endless, -1.0, lower), np.where(endless, 1.0, upper)])
 
 
-def _tan(a: Series) -> Series:
-    return _quotient(*_sine_and_cosine(a))
-
-
 def _tanh(a: Series) -> Series:
     def rate(out: Series) -> Series:
         square = [-x[::-1] for x in _product(out, out)]
@@ -243,7 +239,7 @@ _UNARY: dict[int, Callable[[Series], Series]] = {
     codes.NEGATE: _negated,
     codes.SIN: lambda a: _sine_and_cosine(a)[0],
     codes.COS: lambda a: _sine_and_cosine(a)[1],
-    codes.TAN: _tan,
+    codes.TAN: lambda a: _quotient(*_sine_and_cosine(a)),
     codes.EXP: _exp,
     codes.LOG: _log,
     codes.SQRT: _sqrt,

@@ -147,7 +147,7 @@ def _name_derivatives(states: Sequence[FmuVariable]) -> list[FmuVariable]:
             variability="continuous",
             initial="calculated",
             start=None,
-            unit=_per_second(state.unit),
+            unit=_RATES.get(state.unit, ""),
             description="",
             state=state.reference,
         )
@@ -175,16 +175,13 @@ def _name_outputs(
         )
 
 
-def _per_second(unit: str) -> str:
-    return {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}.get(unit, "")
-
-
 def units_of(variables: tuple[FmuVariable, ...]) -> Iterator[tuple[str, dict[str, int]]]:
     """Return the units that occur, each with its exponents of SI base units."""
     for unit in sorted({variable.unit for variable in variables if variable.unit} | {"s"}):
         yield unit, _EXPONENTS[unit]
 
 
+_RATES = {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}
 _EXPONENTS: dict[str, dict[str, int]] = {
     "s": {"s": 1},
     "m": {"m": 1},
