@@ -7,9 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fmd.core.arrays import Array
+from fmd.dynamics.closures import GROUND, fixed_place
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiler.compiled import compile_mechanism
-from fmd.dynamics.elements import PointSpring, SixAxisSpring
+from fmd.dynamics.elements import Attachment, PointSpring, SixAxisSpring
+from fmd.dynamics.force_laws import ForceCurve, ForceLaw
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.linear_forces import gather_linear_forces, linearise_forces
 from tests.dynamics.compiler.comparison import TIME
@@ -68,6 +70,17 @@ def test_stiffness_and_damping_are_the_tangents_of_the_unstrained_mechanism(seed
     assert np.linalg.eigvalsh(forces.stop_K)[0] > -1e-9
     system = CompiledSystem(mechanism)
     assert system.largest_step < 2.0 / system.highest_frequency  # dampers and stops take their part
+
+
+@pytest.mark.parametrize("length", [0.5, 0.8])
+def test_a_spring_in_tension_is_stiff_across_its_line_and_one_in_compression_is_not_soft(length: float) -> None:
+    """The second derivatives of ``½ k (|x| − L)²``, those across the line only where they are positive."""
+    k, along = 300.0, np.array([[0.6, 0.0, 0.8]])
+    ends = tuple(Attachment(GROUND, fixed_place(x).marker) for x in (np.zeros(3), length * along[0]))
+    spring = PointSpring("spring", ends, ForceLaw(ForceCurve((0.0, k))), rest=0.6)
+    K, *_ = spring.linearise(along, np.eye(3), np.array([length - spring.rest]))
+    across = max(0.0, k * (length - spring.rest) / length)
+    assert pytest.approx(k * along.T @ along + across * (np.eye(3) - along.T @ along), abs=1e-9) == K
 
 
 def _unstrained(element: PointSpring | SixAxisSpring, values: Array) -> PointSpring | SixAxisSpring:

@@ -204,6 +204,18 @@ def test_a_uniaxial_stress_about_zero_lasts_as_long_as_the_curve_says(k: float) 
     assert surface_damage(cycles, 0.0 * cycles, law) == pytest.approx(100 * 2.0**5 / 1e6, rel=0.02)
 
 
+@pytest.mark.parametrize("k", [0.0, 0.25, 0.6])
+def test_a_stress_in_all_directions_of_the_surface_breaks_a_plane_that_leans(k: float) -> None:
+    """Planes across the surface bear no shear stress; those that lean bear as much as under one direction's stress."""
+    law, cycles = FatigueLaw(100e6, 1e6, 5.0, 9.0, findley=k), np.tile([200e6, -200e6], 101)[:-1]
+    modal = np.array([[[1.0], [1.0], [0.0], [0.0], [0.0], [0.0]]])
+    stress = StressHistory(np.array([0]), modal, np.arange(200.0), cycles[:, None])
+    found = fatigue_by_findley(stress, np.array([[0.0, 0.0, 1.0]]), law, 1, 1.0)
+    assert found.damage[0] == pytest.approx(100 * 2.0**5 / 1e6, rel=1e-9)
+    # Mohr's circle: τ + k σ is largest at twice the angle whose tangent is −1/k from the stress
+    assert abs(found.normals[0, 2]) == pytest.approx(np.cos(0.5 * (np.pi / 2 + np.arctan(k))), rel=1e-9)
+
+
 def test_a_steady_pull_does_not_hide_the_torsion_of_a_bar() -> None:
     """±τ beside a steady σ: the worst plane's ``τ_a + k σ_n`` by a fine search."""
     k, tau, pull = 0.25, 60e6, 3e6

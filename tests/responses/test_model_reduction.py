@@ -39,6 +39,13 @@ def test_the_singular_values_of_two_lags_are_those_by_hand():
     np.testing.assert_allclose(reduction.singular_values, np.linalg.eigvalsh(P)[::-1] / at_rest, rtol=1e-12)
 
 
+def test_a_lag_that_is_left_out_is_off_by_its_whole_bound():
+    """1/(s + 1) has the singular value ½ and the response 1 at rest: the bound 2 σ (Glover 1984) is met."""
+    found = ModelReduction(model_of([[-1.0]], [[1.0]], [[1.0]])).to_order(0)
+    assert found.error == pytest.approx(1.0, rel=1e-12)
+    assert found.bound == pytest.approx(1.0, rel=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_error_that_is_stated_is_that_of_the_response_and_below_its_bound(seed: int):
     whole = chain(12, 2e-5, seed=seed)

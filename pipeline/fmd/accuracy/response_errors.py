@@ -107,10 +107,6 @@ def estimate_response_errors(
 
     Parameters
     ----------
-    run : Pipeline
-        The scene's.
-    linear : LinearModel
-        By which the response was computed.
     request : tuple
         Of what the model was made.
     frequencies_hz : ndarray, shape (n_frequencies,)

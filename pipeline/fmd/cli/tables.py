@@ -26,8 +26,6 @@ def print_table(title: str, columns: Mapping[str, str], rows: Iterable[Sequence[
 
     Parameters
     ----------
-    title : str
-        Heading.
     columns : mapping of str to str
         Format of the values of each column, e.g. ``"{:.3g} s"``, by the column's heading.
     rows : iterable of sequence

@@ -42,8 +42,6 @@ def joint_loads(
 
     Parameters
     ----------
-    mechanism : Mechanism
-        As it moves.
     whole : Mechanism
         The same with the whole inertia of each body. One that turns about a fixed axis moves without that along the
         axis, but its joint holds the moments of its products of inertia.

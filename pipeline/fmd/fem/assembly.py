@@ -29,8 +29,6 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Fo
 
     Parameters
     ----------
-    mesh : SolidMesh
-        The body.
     order : int
         Order of the displacement, 1 or 2.
     material : Material or MaterialOfElements

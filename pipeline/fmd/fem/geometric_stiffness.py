@@ -28,8 +28,6 @@ def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
 
     Parameters
     ----------
-    fe : FEModel
-        The body.
     u : ndarray, shape (n_nodes, 3, k)
         Displacements [m].
 
@@ -59,8 +57,6 @@ def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
 
     Parameters
     ----------
-    fe : FEModel
-        The body.
     u : ndarray, shape (n_nodes, 3)
         Displacement [m].
 

@@ -83,8 +83,6 @@ def face_marker(
 
     Parameters
     ----------
-    space : Discretisation
-        The body's nodes and elements.
     face : ndarray, shape (n,) or (n_facets, 3 or 4), or a sequence of such
         Mesh points of a face, which consists of the boundary facets with all corners among them; or the corners of each
         of its facets.

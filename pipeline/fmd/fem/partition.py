@@ -58,8 +58,6 @@ def divide_mesh(space: Discretisation, count: int, together: Sequence[IntArray] 
 
     Parameters
     ----------
-    space : Discretisation
-        Elements of the body.
     count : int
         Number of pieces.
     together : sequence of ndarray of int

@@ -104,8 +104,6 @@ def strains(space: Discretisation, material: AnyMaterial, shapes: Array, X: Arra
 
     Parameters
     ----------
-    space : Discretisation
-        The body's finite element space.
     material : AnyMaterial
         Material of each element, on which enhanced strains depend.
     shapes : ndarray, shape (n_nodes, 3, n)

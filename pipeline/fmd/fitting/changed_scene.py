@@ -27,8 +27,6 @@ def write_changed_scene(
 
     Parameters
     ----------
-    scene : Scene
-        The scene as it was read, with its overrides.
     values : mapping of Parameter to float
         The numbers [SI].
     path : Path

@@ -21,10 +21,6 @@ def write_fit(
 
     Parameters
     ----------
-    fit : Fit
-        The fit.
-    scene : Scene
-        The scene as it was read, with its overrides.
     folder : Path
         Made if it is missing.
     given : str

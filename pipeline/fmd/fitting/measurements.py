@@ -74,8 +74,6 @@ def read_measurements(run: Pipeline, table: MeasuredTable, sigmas: Mapping[str, 
 
     Parameters
     ----------
-    run : Pipeline
-        The scene whose results they are.
     table : MeasuredTable
         Its columns' names have units, ``time [s]`` and e.g. ``forearm.wrist.position.y [mm]``; a column without a unit
         is in SI units.

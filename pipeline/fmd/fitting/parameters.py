@@ -53,8 +53,6 @@ def find_parameter(scene: Scene, key: str, origin: str = "--to") -> Parameter:
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
     key : str
         Dotted as for ``--set``; a formula or a table of a load counts as one number, its factor 1.
     origin : str

@@ -64,8 +64,6 @@ def find_direction(plan: Plan, sides: Sequence[Side]) -> Direction | None:
 
     Parameters
     ----------
-    plan : Plan
-        The run.
     sides : sequence of Side
         The same run at other values of the number, four at most.
 

@@ -86,8 +86,6 @@ def sample_tolerances(
 
     Parameters
     ----------
-    run : Pipeline
-        Stages of the scene as it is computed.
     tolerances : mapping of str to float
         Half-widths of 95 %, relative, by the numbers' keys.
     count : int

@@ -83,8 +83,6 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
 
     Parameters
     ----------
-    run : Pipeline
-        The scene's pipeline.
     name : str
         One of `fmd.scene.outputs.EXPORT_FORMATS`.
     body : str, optional

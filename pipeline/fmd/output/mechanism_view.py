@@ -36,8 +36,6 @@ def view_mechanism(
 
     Parameters
     ----------
-    run : Pipeline
-        With a simulation.
     chosen : ndarray, shape (n_frames,)
         Numbers of the output times.
     coloured : str, optional

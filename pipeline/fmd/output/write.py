@@ -26,8 +26,6 @@ def write_results(
 
     Parameters
     ----------
-    solved : SolvedScene
-        The scene and its stages.
     folder : Path
         Made if it is missing; each file appears whole or not at all.
     pictures : bool

@@ -80,10 +80,6 @@ def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: boo
 
     Parameters
     ----------
-    space : Discretisation
-        The body's finite element space.
-    body : FlexibleBody
-        The reduced body.
     supported : bool
         True if supports hold the body in its frame, so that no section at the joint turns against it.
     """
@@ -113,8 +109,6 @@ def node_deformation_shapes(body: FlexibleBody, supported: bool, of_matter: bool
 
     Parameters
     ----------
-    body : FlexibleBody
-        The reduced body.
     supported : bool
         True if supports hold the body in its frame, so that no section at the joint turns against it.
     of_matter : bool

@@ -28,10 +28,6 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
 
     Parameters
     ----------
-    space : Discretisation
-        The body's finite element space.
-    material : AnyMaterial
-        Material of each element.
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields.
     node : int
@@ -83,10 +79,6 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
 
     Parameters
     ----------
-    space : Discretisation
-        The body's finite element space.
-    material : AnyMaterial
-        Material of each element.
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields.
     """

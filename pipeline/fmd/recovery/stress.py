@@ -30,10 +30,6 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
 
     Parameters
     ----------
-    space : Discretisation
-        The body's finite element space.
-    material : AnyMaterial
-        Material of each element.
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields; points of links, behind the nodes, have no stress.
     nodes : ndarray, shape (n_chosen,)

@@ -128,8 +128,6 @@ def reduced_body(
 
     Parameters
     ----------
-    fe : FEModel
-        The finite element model.
     omega, shapes : ndarray, shapes (n,) and (n_nodes, 3, n)
         Basis with unit modal mass and diagonal stiffness, of the free body or of the body fixed at the joint.
     markers : mapping of str to Marker

@@ -48,10 +48,6 @@ def craig_bampton_modes(fe: FEModel, solver: FreeBodySolver, markers: Sequence[M
 
     Parameters
     ----------
-    fe : FEModel
-        The finite element model.
-    solver : FreeBodySolver
-        Solves for the body ``fe``, which may be supported.
     markers : sequence of Marker
         The interface.
     count : int
@@ -129,10 +125,6 @@ def constraint_modes(fe: FEModel, solver: FreeBodySolver, B: Array) -> Array:
 
     Parameters
     ----------
-    fe : FEModel
-        The finite element model.
-    solver : FreeBodySolver
-        Solves for the body ``fe``.
     B : ndarray, shape (n_nodes, 3, k)
         Columns as `interface_columns` gives them.
 
@@ -258,10 +250,6 @@ def make_superelement(
 
     Parameters
     ----------
-    fe : FEModel
-        The finite element model.
-    solver : FreeBodySolver
-        Solves for the body, which may be supported.
     markers : mapping of str to Marker
         The interface.
     count : int

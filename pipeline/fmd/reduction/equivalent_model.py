@@ -142,8 +142,6 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
 
     Parameters
     ----------
-    body : FlexibleBody
-        Reduced from the model.
     markers : mapping of str to sequence of str
         Labels of the file's nodes that each marker is made of.
 

@@ -137,10 +137,6 @@ def enrich_modes(
     ----------
     modes : Modes
         Eigenvectors; they come back unchanged in front of the new ones.
-    fe : FEModel
-        The finite element model.
-    solver : FreeBodySolver
-        Solves with the stiffness of ``fe``.
     loads : ndarray, shape (n_nodes, 3, n_loads)
         Nodal loads, as `fmd.reduction.loads` gives them.
     constraints : ndarray, shape (n_nodes, 3, k), optional

@@ -32,8 +32,6 @@ def lowest_modes(solver: FreeBodySolver, count: int, constraints: Array | None =
 
     Parameters
     ----------
-    solver : FreeBodySolver
-        Solves for the body.
     count : int
         Number of modes; what completes the group of the highest comes on top.
     constraints : ndarray, shape (n_nodes, 3, k), optional
@@ -77,8 +75,6 @@ def modes_of_family(
 
     Parameters
     ----------
-    solver : FreeBodySolver
-        Solves for the body ``fe``.
     family : str
         ``in-plane bending``, ``out-of-plane bending``, ``torsion`` or ``axial``.
     normal : ndarray, shape (3,)
@@ -126,10 +122,6 @@ def classify_modes(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[
 
     Parameters
     ----------
-    fe : FEModel
-        The body.
-    pairs : EigenPairs
-        Its lowest modes.
     normal : ndarray, shape (3,)
         Normal of the plane of motion, a plane of symmetry.
 

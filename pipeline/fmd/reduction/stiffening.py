@@ -47,12 +47,6 @@ def stiffen_body(
 
     Parameters
     ----------
-    body : FlexibleBody
-        Reduced from the model ``fe``.
-    fe : FEModel
-        The finite element model.
-    solver : FreeBodySolver
-        Solves with the stiffness of ``fe``.
     constraints : ndarray, shape (n_nodes, 3, k), optional
         Columns of the reactions of its joint, as `Marker.columns` gives them; without, the body moves freely.
     axis : ndarray, shape (3,), optional

@@ -33,10 +33,6 @@ def draw_campbell(
         Rates of rotation, in ``unit``.
     frequencies_hz : ndarray, shape (n_rates, n_modes)
         [Hz]; NaN where a rate has fewer modes.
-    path : Path
-        PNG, PDF or SVG.
-    title : str
-        Heading.
     unit : str
         ``rad/s`` or ``rpm``.
     orders : sequence of float, optional

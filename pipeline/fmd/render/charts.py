@@ -52,15 +52,11 @@ def draw_chart(
         All of one shape; the others are compared with the first.
     path : Path
         PNG of 1600 × 960 pixels, PDF or SVG.
-    title : str
-        Heading.
     ylabel : str
         The quantity with its unit in brackets, e.g. ``velocity [m/s]``.
         Lengths below 1 m are drawn in mm, µm or nm.
     component_labels : sequence of str
         Names of the components; may be empty if there is only one.
-    band : Band, optional
-        A range to shade.
 
     Raises
     ------

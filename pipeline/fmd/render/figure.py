@@ -20,8 +20,6 @@ def open_figure(path: Path, size: tuple[float, float], dots_per_inch: int, paddi
 
     Parameters
     ----------
-    path : Path
-        PNG, PDF or SVG.
     size : tuple of float
         Width and height [inches].
     dots_per_inch : int

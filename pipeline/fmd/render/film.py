@@ -53,19 +53,14 @@ def draw_film(
 
     Parameters
     ----------
-    moving : MovingMechanism
-        At the instants of the frames.
     path : Path
         The film, ``.mp4`` (H.264) or ``.gif``; no file is left if a frame fails.
-    title : str
-        Heading.
     rate : float
         Frames per second.
     clim_pa : ndarray, shape (n_frames, 2), optional
         Stress of the lowest and of the highest colour in each frame [Pa]; without, there is no colour bar.
     quantity : str
         Label of the colour bar, which is in MPa.
-    camera : Camera, optional
 
     Raises
     ------
@@ -130,24 +125,12 @@ def draw_mechanism(
 
     Parameters
     ----------
-    moving : MovingMechanism
-        At one instant.
-    path : Path
-        The picture to write.
-    title : str
-        Heading.
     clim_pa : tuple of float, optional
         Stress of the lowest and of the highest colour [Pa]; by default from 0 to the largest.
     quantity : str
         Label of the colour bar, which is in MPa.
-    camera : Camera, optional
     label : bool
         Label the largest stress.
-
-    Returns
-    -------
-    Projection
-        From points in space to pixels.
 
     Raises
     ------

@@ -46,10 +46,6 @@ def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: 
         Over what is measured: its name with its unit, and its values.
     histories : sequence of FittedHistory
         At least one.
-    path : Path
-        PNG, PDF or SVG.
-    title : str
-        Heading.
     """
     label, places = axis
     dot = 7 if len(places) <= _FEW else 3

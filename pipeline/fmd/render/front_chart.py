@@ -18,8 +18,6 @@ def draw_front(x: Sequence[float], y: Sequence[float], path: Path, *, title: str
         Both aims of each design, in the order of the front.
     path : Path
         PNG of 1120 × 800 pixels, PDF or SVG.
-    title : str
-        Heading.
     labels : tuple of str
         Names of the aims with their units in brackets.
     """

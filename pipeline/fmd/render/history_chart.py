@@ -27,12 +27,6 @@ def draw_histories(time: Array, frames: Sequence[HistoryFrame], path: Path, *, t
     ----------
     time : ndarray, shape (n_times,)
         Times [s].
-    frames : sequence of HistoryFrame
-        At least one.
-    path : Path
-        PNG, PDF or SVG.
-    title : str
-        Heading.
     """
     shown, left_out = frames[:CHARTED_QUANTITIES], max(len(frames) - CHARTED_QUANTITIES, 0)
     factor, unit = (1e3, "ms") if time[-1] < _SHORT else (1.0, "s")

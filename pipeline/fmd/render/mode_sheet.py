@@ -37,19 +37,12 @@ def draw_mode_sheet(
 
     Parameters
     ----------
-    surface : Surface
-        The part.
     shapes : ndarray, shape (n_points, 3, n_modes)
         The shapes in any scale; each gets an amplitude of 8 % of the part's largest extent.
     labels : sequence of str
         Text below each shape, e.g. ``mode 1, 131.0 Hz``.
-    path : Path
-        The picture to write.
-    title : str
-        Heading; may be empty.
     scale : float
         Factor on the amplitude.
-    camera : Camera, optional
 
     Returns
     -------

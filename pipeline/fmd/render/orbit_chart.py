@@ -21,8 +21,6 @@ def draw_orbits(paths: Mapping[str, Array], path: Path, *, title: str, axes: str
         Places by the label of each path [m].
     path : Path
         PNG of 1120 × 1120 pixels, PDF or SVG.
-    title : str
-        Heading.
     axes : str
         Names of the two axes, e.g. ``"yz"``.
     """

@@ -45,22 +45,10 @@ def draw_mesh(
 
     Parameters
     ----------
-    surface : Surface
-        The mesh's.
     part_of_triangle : ndarray, shape (n_triangles,)
         Part of each triangle: a position in ``names``.
     names : sequence of str
         Names of the parts in the legend, e.g. ``sleeve (1,980 elements)``.
-    path : Path
-        The picture to write.
-    title : str
-        Heading.
-    camera : Camera, optional
-
-    Returns
-    -------
-    Projection
-        From points in space to pixels.
 
     Raises
     ------
@@ -102,22 +90,12 @@ def draw_mode(
 
     Parameters
     ----------
-    surface : Surface
-        The part.
     displacement : ndarray, shape (n_points, 3)
         The shape in any scale.
-    path : Path
-        The picture to write.
     title : str
         Heading, e.g. ``Mode 1 · 131.0 Hz``.
     scale : float
         Factor on the amplitude.
-    camera : Camera, optional
-
-    Returns
-    -------
-    Projection
-        From points in space to pixels.
 
     Raises
     ------
@@ -161,28 +139,16 @@ def draw_stress(
 
     Parameters
     ----------
-    surface : Surface
-        The part.
     displacement : ndarray, shape (n_points, 3)
         [m].
     stress : ndarray, shape (n_points,)
         Von Mises stress or a component [Pa]; the largest absolute value is labelled.
-    path : Path
-        The picture to write.
-    title : str
-        Heading.
     scale : float
         Factor on the displacement, noted in the picture unless it is 1.
     quantity : str
         Label of the colour bar, which is in MPa.
     clim_pa : tuple of float, optional
         Stress of the lowest and of the highest colour [Pa]; by default `stress_limits`.
-    camera : Camera, optional
-
-    Returns
-    -------
-    Projection
-        From points in space to pixels.
 
     Raises
     ------
@@ -223,26 +189,14 @@ def draw_field(
 
     Parameters
     ----------
-    surface : Surface
-        The part.
     values : ndarray, shape (n_points,)
         Of the field.
-    path : Path
-        The picture to write.
     title, quantity : str
         Heading, and label of the colour bar with its unit.
     limits : tuple of float
         Values of the lowest and of the highest colour.
     weights : ndarray, shape (n_points,)
         The point with the largest is labelled; the view is chosen so that it is seen, if it can be.
-    label : str
-        Its label.
-    camera : Camera, optional
-
-    Returns
-    -------
-    Projection
-        From points in space to pixels.
 
     Raises
     ------

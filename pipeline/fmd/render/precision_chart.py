@@ -19,10 +19,6 @@ def draw_work_precision(curves: Mapping[str, Array], path: Path, *, title: str, 
     ----------
     curves : mapping of str to ndarray, shape (n, 2)
         Seconds and errors of each method.
-    path : Path
-        PNG, PDF or SVG.
-    title : str
-        Heading.
     error_label : str
         The error with its unit in brackets.
     """

@@ -48,10 +48,6 @@ def draw_response(
         [Hz], ascending.
     curves : sequence of ResponseCurve
         What is drawn.
-    path : Path
-        PNG, PDF or SVG.
-    title : str
-        Heading.
     along : str
         Label of the axis of frequencies, if these are something else.
     """

@@ -43,17 +43,7 @@ class Panel:
 
 
 def draw_stability(panels: Sequence[Panel], path: Path, *, title: str) -> None:
-    """Draw stability maps side by side; a single one stands beside its surface of 0 (stable) and 1.
-
-    Parameters
-    ----------
-    panels : sequence of Panel
-        At least one.
-    path : Path
-        PNG, PDF or SVG.
-    title : str
-        Heading.
-    """
+    """Draw stability maps side by side; a single one stands beside its surface of 0 (stable) and 1."""
     single = len(panels) == 1
     columns = 2 if single else min(len(panels), 3)
     rows = -(-len(panels) // columns)

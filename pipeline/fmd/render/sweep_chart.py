@@ -71,13 +71,6 @@ def draw_sweep_lines(
 
     Parameters
     ----------
-    axis : SweepAxis
-    panels : sequence of SweepPanel
-        At least one.
-    path : Path
-        PNG, PDF or SVG.
-    title : str
-        Heading.
     joined : bool
         True if lines join the points: not if other keys change beside this one.
     """
@@ -103,18 +96,7 @@ def draw_sweep_lines(
 def draw_sweep_maps(
     first: SweepAxis, second: SweepAxis, panels: Sequence[SweepPanel], path: Path, *, title: str
 ) -> None:
-    """Draw figures over two varied keys as maps, the first key to the right, the second upwards.
-
-    Parameters
-    ----------
-    first, second : SweepAxis
-    panels : sequence of SweepPanel
-        At least one.
-    path : Path
-        PNG, PDF or SVG.
-    title : str
-        Heading.
-    """
+    """Draw figures over two varied keys as maps, the first key to the right, the second upwards."""
     with _open_panels(len(panels), path, title) as (figure, frames):
         for panel, axes in zip(panels, frames, strict=True):
             values = np.ma.masked_invalid(panel.values.T)

@@ -23,10 +23,6 @@ def draw_tornado(bars: Mapping[str, Sequence[tuple[str, float, float]]], path: P
     ----------
     bars : mapping of str to sequence of tuple
         Key, length of the bar and its error for each number that a result depends on, by the results' names.
-    path : Path
-        PNG, PDF or SVG.
-    title : str
-        Heading.
     label : str
         What the bars' length is.
     """

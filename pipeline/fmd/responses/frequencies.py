@@ -14,8 +14,6 @@ def choose_frequencies(model: StateSpace, lowest: float, highest: float, points:
 
     Parameters
     ----------
-    model : StateSpace
-        Its oscillating poles.
     lowest, highest : float
         Range [Hz].
     points : int

@@ -43,10 +43,6 @@ def weigh_cuts(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> tup
 
     Parameters
     ----------
-    part : FlexiblePart
-        The part in one piece.
-    cut : CutPart
-        Its cuts.
     loaded : collection of str
         Names of the markers at which joints and loads act.
 
@@ -230,10 +226,6 @@ def mark_pieces(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> Cu
 
     Parameters
     ----------
-    part : FlexiblePart
-        The part in one piece.
-    cut : CutPart
-        The part's pieces.
     loaded : collection of str
         Names of the markers at which joints and loads act.
     """

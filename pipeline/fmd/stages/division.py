@@ -61,8 +61,6 @@ def divide_scene(scene: Scene, cuts: Mapping[str, CutPart], elements: Mapping[st
 
     Parameters
     ----------
-    scene : Scene
-        The user's scene.
     cuts : mapping of str to CutPart
         The bodies that are cut.
     elements : mapping of str to mapping
@@ -286,8 +284,6 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
 
     Parameters
     ----------
-    scene : Scene
-        With a simulation.
     wholes : mapping of str to FlexiblePart
         The parts as the scene has them.
     like : Division, optional

@@ -73,8 +73,6 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
 
     Parameters
     ----------
-    run : Pipeline
-        The scene's.
     inputs, outputs : sequence of str
         Names, as docs/responses.md lists them.
     about : str

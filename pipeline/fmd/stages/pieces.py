@@ -191,8 +191,6 @@ def join_pieces(
 
     Parameters
     ----------
-    space : Discretisation
-        Elements of the body.
     labels : ndarray of int, shape (n_elements,)
         Number of each element's piece.
     elements, local : ndarray, shape (n_facets, 2)

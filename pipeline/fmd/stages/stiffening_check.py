@@ -92,8 +92,6 @@ def check_stiffening_loads(
 
     Parameters
     ----------
-    scene : Scene
-        With a simulation.
     bodies : mapping of str to FlexibleBody
         Its flexible bodies, reduced and not stiffened.
     meshed : collection of str, optional

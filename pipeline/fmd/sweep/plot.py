@@ -35,12 +35,8 @@ def draw_sweep(table: SweepTable, folder: Path, title: str) -> list[str]:
 
     Parameters
     ----------
-    table : SweepTable
-        Keys, points and their figures.
     folder : Path
         Folder of the picture.
-    title : str
-        Heading.
 
     Returns
     -------

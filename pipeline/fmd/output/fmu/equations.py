@@ -36,8 +36,6 @@ def write_equations(
 
     Parameters
     ----------
-    system : CompiledSystem
-        The mechanism as it is marched here.
     start : tuple of ndarray, shapes (n_positions,) and (n,)
         Positions and rates at the start.
     nominal : ndarray, shape (n_positions + n,)

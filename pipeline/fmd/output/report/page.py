@@ -35,8 +35,6 @@ def write_report(
 
     Parameters
     ----------
-    solved : SolvedScene
-        The scene and its stages.
     path : Path
         The file, in a folder that is made if it is missing; it appears whole or not at all.
     overrides : sequence of str
