@@ -32,8 +32,6 @@ class Comparison:
 
     Attributes
     ----------
-    run : Pipeline
-        The run.
     limit : TimeLimit
         Time that all comparisons may take.
     plan : Plan

@@ -28,7 +28,6 @@ class Budget:
 
     Attributes
     ----------
-    rows : tuple of Row
     details : tuple of Row
         Of single joints and markers, by the names of variables in files; no required accuracy counts them.
     safety : float

@@ -106,13 +106,7 @@ def stress_at_nodes(run: Pipeline, names: Sequence[str]) -> dict[str, StressPlac
 
 
 class RequestedStress:
-    """Stress that the files of a run hold, as quantities of the error budget.
-
-    Parameters
-    ----------
-    run : Pipeline
-        The run.
-    """
+    """Stress that the files of a run hold, as quantities of the error budget."""
 
     def __init__(self, run: Pipeline) -> None:
         self._run = run

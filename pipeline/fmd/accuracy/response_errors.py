@@ -83,7 +83,6 @@ class _Variants:
 
     Attributes
     ----------
-    given, rich : LinearModel
     shift : callable
         Share by which the mesh raises frequencies, at frequencies [Hz].
     share : ndarray, shape (n_outputs, n_inputs)

@@ -46,11 +46,6 @@ class SceneTools:
 
     Each takes a scene's name or file, and values to set in it, ``["body.beam.length=300 mm"]``; none remembers anything
     but results in the cache.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
     """
 
     folder: Path

@@ -34,8 +34,6 @@ class ContactRecord:
 
     Parameters
     ----------
-    bodies : sequence of RecordedBody
-        The mechanism's.
     rows : ndarray, shape (n_times, n_values)
         What `fmd.contact.sums.note_values` has filled, a row for each output time.
     """

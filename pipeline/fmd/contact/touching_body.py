@@ -121,8 +121,6 @@ class ContactPlane:
 
     Parameters
     ----------
-    name : str
-        The contact's name.
     position : ndarray, shape (3,)
         A point of the plane in space [m].
     normal : ndarray, shape (3,)
@@ -165,8 +163,6 @@ class ContactPair:
 
     Parameters
     ----------
-    name : str
-        The contact's name.
     face : str
         The face with the points.
     other : str
@@ -201,8 +197,6 @@ class TouchingBody:
     ----------
     body : str
         The link's name.
-    points : ContactPoints
-        Its points.
     planes : tuple of ContactPlane
         Planes of the ground.
     pairs : tuple of ContactPair

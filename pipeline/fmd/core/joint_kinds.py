@@ -53,8 +53,6 @@ class JointKind:
 
     Parameters
     ----------
-    name : str
-        As scenes have it.
     units : tuple of str
         Unit of each coordinate that is one number, ``m`` before ``rad``.
     slides, turns : tuple of ElementaryMotion

@@ -28,12 +28,10 @@ class NetcdfVariable:
 
     Attributes
     ----------
-    name : str
     dims : tuple of str
         Name of each dimension.
     values : ndarray
         Floats or text.
-    attributes : dict of str to str or float
     """
 
     name: str
@@ -52,8 +50,6 @@ class NetcdfBlock:
 
     Attributes
     ----------
-    name : str
-        Of the variable.
     first, row : int
         Places of the first number along the first and the second dimension.
     values : ndarray, shape (n_rows, …)

@@ -49,8 +49,6 @@ class Closure:
 
     Parameters
     ----------
-    name : str
-        The joint's.
     first, second : Place
         The joint's places on the parent and on the child.
     along : ndarray, shape (k, 3)
@@ -104,8 +102,6 @@ class Coupler:
 
     Parameters
     ----------
-    name : str
-        Its own.
     joints : sequence of str
         Links whose joints, of one coordinate each, take part.
     factors : sequence of float

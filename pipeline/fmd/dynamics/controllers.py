@@ -71,8 +71,6 @@ class SampledController:
 
     Parameters
     ----------
-    name : str
-        Its name in the scene.
     period : float
         Sample time T [s].
     measured : tuple of StateFunction

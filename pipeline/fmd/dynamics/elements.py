@@ -42,8 +42,6 @@ class _Pair:
 
     Parameters
     ----------
-    name : str
-        The element's name.
     ends : tuple of Attachment
         The two places; the axes of a bushing's are parallel where it isn't twisted.
     """

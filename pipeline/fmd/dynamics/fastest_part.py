@@ -22,8 +22,6 @@ class FastestPart:
 
     Attributes
     ----------
-    name : str
-        What it is called in the scene, with what it is.
     damps : bool
         True if it is a damper that stops a motion, false if it is a stiffness that makes a vibration.
     rate : float

@@ -32,8 +32,6 @@ class FmuLaw:
 
     Parameters
     ----------
-    name : str
-        Name of the controller, for messages.
     path, digest : str
         The FMU, and a digest of its content.
     inputs : tuple of str

@@ -136,8 +136,6 @@ class ForceLaw:
         Elastic force by the elongation.
     damping : float
         Coefficient of a linear damper.
-    stops : tuple of Stop
-        End stops.
     friction : float
         Largest friction [N or N m].
     friction_rate : float

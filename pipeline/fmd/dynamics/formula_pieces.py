@@ -173,11 +173,6 @@ class FormulaIntegral:
     It is summed from the edge of a piece next to 0 outwards, lest a pole far away, or a range without values, take all
     digits.
 
-    Parameters
-    ----------
-    formula : Formula
-        Of one variable.
-
     Attributes
     ----------
     edges : ndarray, shape (n_edges,)

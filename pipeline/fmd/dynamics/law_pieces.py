@@ -28,12 +28,6 @@ class PiecewiseLaw:
 
     Attributes
     ----------
-    name : str
-        What it is of, for messages.
-    law : ForceLaw
-        The law.
-    pieces : LawPieces
-        Its pieces.
     holder : PointSpring or int
         The spring, or the number of the body whose joint has the law.
     unit : str

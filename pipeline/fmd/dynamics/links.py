@@ -26,8 +26,6 @@ class Link:
 
     Parameters
     ----------
-    name : str
-        The body's name.
     integrals : InertiaIntegrals
         Inertia integrals about the joint, in the body's frame, for unit modal masses.
     joint : JointKind

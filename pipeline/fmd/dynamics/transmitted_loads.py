@@ -207,8 +207,6 @@ class LoadedPlaces(NamedTuple):
         Point loads on it.
     joined : list of tuple
         Of each joint that closes a loop, and of each force element, its name, the number of its place, and the marker.
-    markers : list of MarkerShapes
-        All these places.
     """
 
     carried: list[int]

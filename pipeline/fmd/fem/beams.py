@@ -28,7 +28,6 @@ class Beams:
         Nodes at the ends of each.
     axes : ndarray, shape (n_beams, 3, 3)
         Unit vectors along each beam and along y and z of its section, as rows.
-    sections : tuple of Section
     of : ndarray, shape (n_beams,)
         Number of each beam's section.
     parts : mapping of str to ndarray
@@ -61,7 +60,6 @@ class BeamLine(Midsurface):
         Centroid of the section at which each begins [m].
     length : ndarray, shape (n_cells,)
         [m]
-    sections : tuple of Section
     of : ndarray, shape (n_cells,)
         Number of each cell's section.
     beam : ndarray, shape (n_cells,)

@@ -97,7 +97,6 @@ class MassOnPoint(Connection):
 
     Attributes
     ----------
-    mass : float
     offset : ndarray, shape (3,)
         Centre of mass from the point.
     inertia : ndarray, shape (3, 3)

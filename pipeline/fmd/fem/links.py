@@ -168,8 +168,6 @@ class Linked:
     ----------
     links : mapping of str to LinkedFace
         By name; rigid ones have no node in common.
-    masses : sequence of LumpedMass
-        On those links.
     node_masses : ndarray, shape (n_nodes,), optional
         Lumped masses on the solid's own nodes [kg].
     equations : sequence of Relation

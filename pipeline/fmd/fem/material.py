@@ -65,8 +65,6 @@ class MaterialOfElements:
 
     Parameters
     ----------
-    materials : tuple of Material
-        The different materials.
     numbers : ndarray, shape (n_elements,)
         Position in ``materials`` of each element's.
     """

@@ -72,8 +72,6 @@ class Discretisation:
 
     Parameters
     ----------
-    mesh : SolidMesh
-        The body's geometry.
     order : int
         Order of the displacement, 1 or 2.
     formulation : str

@@ -26,8 +26,6 @@ class Design:
 
     Attributes
     ----------
-    run : Pipeline
-        Its stages.
     values : dict of Parameter to float
         The numbers [SI], by those of the scene.
     channels : tuple of ResultChannel
@@ -72,8 +70,6 @@ class DesignSpace:
         Stages of the scene as it is computed; each design is computed as this is, by its first run.
     names : sequence of str
         Results, as `find_channels` takes them, each a number above 0.
-    varied : tuple of VariedNumber
-        Numbers that vary.
 
     Attributes
     ----------

@@ -67,8 +67,6 @@ class HistoryExperiment:
     ----------
     run : Pipeline
         Stages of the scene as it is computed.
-    measured : Measurements
-        What is measured.
     """
 
     run: Pipeline

@@ -29,8 +29,6 @@ class Beside:
 
     Attributes
     ----------
-    low, high : Pipeline
-        Its stages there.
     step : float
         How far below and above [SI].
     plans : tuple of Plan
@@ -52,8 +50,6 @@ class FrozenMotion:
 
     Attributes
     ----------
-    run : Pipeline
-        The scene's stages.
     values : dict of Parameter to float
         The numbers [SI].
     plan : Plan, optional

@@ -27,8 +27,6 @@ class _LinearExperiment:
     ----------
     run : Pipeline
         Stages of the scene as it is computed.
-    channels : tuple of MeasuredChannel
-        What is measured.
     inputs, outputs : tuple of str
         Of the linear model, as `linearise_scene` takes them.
     """

@@ -27,8 +27,6 @@ class Limit:
 
     Attributes
     ----------
-    name : str
-        The result.
     sign : int
         1 if it must reach the bound, -1 if it mustn't exceed it.
     bound : float, optional
@@ -53,8 +51,6 @@ class Optimum:
     ----------
     space : DesignSpace
         All designs; its first result is what is minimised, the others are those of the limits.
-    limits : tuple of Limit
-        The limits.
     sign : int
         1 if the first result is minimised, -1 if it is maximised.
     shares : ndarray, shape (n,)

@@ -45,8 +45,6 @@ class Side:
 
     Attributes
     ----------
-    plan : Plan
-        The run there.
     weight : float
         In the weighted sum of what is smooth that is its derivative.
     signs : dict of str to ndarray, optional

@@ -23,8 +23,6 @@ class Uncertainty:
 
     Attributes
     ----------
-    channel : ResultChannel
-        The result.
     value : float
         In its SI unit; of a history its root mean square over time, as all below.
     shares : dict of str to float

@@ -26,8 +26,6 @@ class VariedNumber:
 
     Attributes
     ----------
-    parameter : Parameter
-        The number.
     low, high : float
         Bounds in the SI unit; infinite if there are none.
     prior : float

@@ -13,8 +13,6 @@ class StepsLeft:
 
     Parameters
     ----------
-    name : str
-        Name of the method.
     end : float
         Time at which the march ends [s].
     most : float

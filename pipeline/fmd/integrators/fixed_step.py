@@ -200,12 +200,8 @@ class FixedMarch:
 
     Attributes
     ----------
-    name : str
-        The method's.
     make : callable
         Make the method's table for a state, into whose arrays it writes.
-    system : System
-        What is marched.
     frozen : Any
         Its storage for the method.
     step : float

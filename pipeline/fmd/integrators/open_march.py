@@ -15,10 +15,6 @@ class OpenMarch:
 
     Parameters
     ----------
-    method : AdaptiveIntegrator
-        How it steps.
-    system : CompiledSystem
-        What is marched.
     q0, v0 : ndarray, shapes (n_positions,) and (n,)
         State at time 0.
     end : float

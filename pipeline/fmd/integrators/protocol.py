@@ -141,8 +141,6 @@ class Integrator(ABC):
 
     Attributes
     ----------
-    name : str
-        Name of the method in a scene.
     step : float
         Fast step [s]; 0 if the method chooses its steps.
     substeps : int

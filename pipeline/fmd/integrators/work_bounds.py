@@ -36,8 +36,6 @@ class ElongationLog(Table):
 
     Attributes
     ----------
-    bounds : StepBounds
-        Over the laws.
     origin, h : float
         Time of step number 0, and the step [s].
     x : ndarray, shape (n_cycles, n_laws)

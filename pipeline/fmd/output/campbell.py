@@ -74,16 +74,12 @@ class CampbellDiagram:
 
     Attributes
     ----------
-    title : str
-        Heading.
     rates : ndarray, shape (n_rates,)
         [rad/s]
     frequencies_hz, growth, damping, whirl : ndarray, shape (n_rates, n_modes)
         As in `WhirlingModes`; not a number where a rate has fewer.
     orders : tuple of float
         Multiples of the rate that were asked for.
-    crossings : tuple of Crossing
-        By ascending rate.
     unstable : tuple of UnstableRange
         Where small motions grow, by ascending rate.
     in_rpm : bool

@@ -49,8 +49,6 @@ class ResultChannel:
 
     Attributes
     ----------
-    name : str
-        As it is asked for, with the body's name where there is but one.
     unit : str
         SI unit.
     read : callable

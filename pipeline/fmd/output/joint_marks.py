@@ -27,7 +27,6 @@ class Marks:
 
     Parameters
     ----------
-    run : Pipeline
     chosen : ndarray, shape (n_frames,)
         Numbers of the output times.
     size : float

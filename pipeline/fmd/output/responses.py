@@ -32,8 +32,6 @@ class FrequencyResponse:
 
     Attributes
     ----------
-    linear : LinearModel
-        The linear model.
     frequencies_hz : ndarray, shape (n_frequencies,)
         [Hz]
     values : ndarray, shape (n_frequencies, n_outputs, n_inputs)

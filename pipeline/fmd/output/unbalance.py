@@ -59,8 +59,6 @@ class CircularResponse:
 
     Attributes
     ----------
-    title : str
-        Heading.
     rates : ndarray, shape (n_rates,)
         Those that were asked for and the critical ones [rad/s].
     markers : tuple of str
@@ -69,8 +67,6 @@ class CircularResponse:
         Complex: radius of the part of each orbit that goes round with the force [m], and its angle ahead of it.
     against : ndarray, shape (n_rates, n_markers)
         Radius of the part that goes round otherwise [m]; 0 of a rotor that is the same all around.
-    criticals : tuple of Critical
-        By ascending rate.
     errors : ndarray or str
         Stated errors of the amplitudes [m], shape (n_rates, n_markers), or why there are none.
     """

@@ -55,8 +55,6 @@ class Variable(NamedTuple):
 
     Attributes
     ----------
-    name : str
-        In the file.
     values : ndarray, shape (n_times, …)
         Over the output times.
     dims : tuple of str

@@ -80,8 +80,6 @@ class SavedBody:
 
     Attributes
     ----------
-    body : FlexibleBody
-        The reduced body.
     surface : SurfaceTopology or None
         Outer surface of the body.
     stress : ndarray, shape (n_surface, 6, n), or None

@@ -136,8 +136,6 @@ class CyclicSolver(FreeBodySolver):
 
     Parameters
     ----------
-    fe : FEModel
-        The whole body.
     sectors : int
         Number of sectors, of which each turn carries one into the next.
     factorise : callable

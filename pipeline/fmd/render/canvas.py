@@ -158,7 +158,6 @@ class Outline:
         True for the outlines of elements, False for the lines of the part's form alone.
     width : float
         [pixels].
-    opacity : float
     lift : float
         Distance towards the viewer, so that lines lie over faces [pixels].
     """

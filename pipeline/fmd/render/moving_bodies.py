@@ -31,8 +31,6 @@ class MovingBody:
         Factor on the deformation.
     stress : ndarray, shape (n_frames, n_points), optional
         What colours it [Pa]; without, it has one colour.
-    name : str
-        What it is called.
     """
 
     surface: Surface
@@ -75,11 +73,8 @@ class MovingShape:
     ----------
     surface : Surface
         The shape, in its frame.
-    colour : str
     origin, rotation : ndarray, shapes (n_frames, 3) and (n_frames, 3, 3)
         Place [m] and axes of the frame in space.
-    name : str
-        What it is called.
     """
 
     surface: Surface
@@ -106,7 +101,6 @@ class MovingLine:
     ----------
     points : ndarray, shape (n_frames, n_points, 3)
         [m].
-    colour : str
     width : float
         [pixels].
     """
@@ -124,11 +118,8 @@ class MovingMechanism:
     ----------
     times : ndarray, shape (n_frames,)
         [s].
-    bodies : tuple of MovingBody
-        Flexible bodies.
     shapes : tuple of MovingShape
         Rigid bodies, marks and ground.
-    lines : tuple of MovingLine
     notes : tuple of str
         Text beside the time of each frame, e.g. ``4000 rpm``; none, or one for each.
     up : ndarray, shape (3,), optional

@@ -29,8 +29,6 @@ class Panel:
         Courant numbers of the fast and of the slow coordinates.
     rho : ndarray, shape (n_l, n_s)
         Spectral radius of a major cycle.
-    title : str
-        Heading.
     """
 
     omega_s: Array

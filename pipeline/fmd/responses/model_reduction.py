@@ -49,13 +49,7 @@ class ReducedModel:
 
 
 class ModelReduction:
-    """A model's balanced states, of which as many are taken as are requested.
-
-    Parameters
-    ----------
-    model : StateSpace
-        The whole model.
-    """
+    """A model's balanced states, of which as many are taken as are requested."""
 
     def __init__(self, model: StateSpace) -> None:
         self.model = model

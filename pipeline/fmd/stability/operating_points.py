@@ -44,8 +44,6 @@ class OperatingPoints:
 
     Attributes
     ----------
-    system : System
-        The mechanism.
     points : tuple of OperatingPoint
         In the middles of equal parts of the duration.
     duration : float

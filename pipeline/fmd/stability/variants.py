@@ -117,13 +117,7 @@ def _march_rigid(rigid: CompiledSystem, starts: Array, step: float) -> tuple[Arr
 
 
 class JoinedPoints:
-    """Operating points of variants, with the growth about all of them at once.
-
-    Parameters
-    ----------
-    variants : sequence of OperatingPoints
-        One of each.
-    """
+    """Operating points of variants, with the growth about all of them at once."""
 
     def __init__(self, variants: Sequence[OperatingPoints]) -> None:
         systems: list[CompiledSystem] = [own.system for own in variants]  # type: ignore[misc]

@@ -41,16 +41,12 @@ class ConstrainedModel:
         Solver that the scene chooses.
     factorise : callable
         Factorises a matrix by that solver.
-    fe : FEModel
-        Stiffness and mass.
     sectors : int
         How many equal sectors a cyclic mesh has; 1 if it isn't cyclic.
     markers : mapping of str to Marker
         Markers by name.
     fixed : ndarray of int, optional
         Unknowns that the supports fix.
-    joint : ParentJoint
-        The joint.
     """
 
     file: str

@@ -25,8 +25,6 @@ class ContactDeformation:
 
     Parameters
     ----------
-    part : FlexiblePart
-        The body.
     points : ContactPoints
         Its points in that motion.
     fields : ResidualFields

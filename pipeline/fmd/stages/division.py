@@ -159,8 +159,6 @@ class DividedPart:
     ----------
     whole : FlexiblePart
         The part as the scene has it.
-    cut : CutPart
-        Its cuts.
     pieces : tuple of FlexiblePart
         The pieces, the first at the part's joint.
     ports : tuple of str

@@ -34,8 +34,6 @@ class LinearModel:
 
     Attributes
     ----------
-    model : StateSpace
-        The model.
     about : str
         Operating point about which the scene is linearised.
     motions : ndarray of bool, shape (n_inputs,)

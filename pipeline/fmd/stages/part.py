@@ -172,10 +172,6 @@ class FlexiblePart:
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
-    name : str
-        The body's name in it.
     store : StageStore
         Runs the stages and keeps their results.
     like : FlexiblePart, optional

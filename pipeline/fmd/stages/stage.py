@@ -44,8 +44,6 @@ class Stage(Generic[T]):
 
     Parameters
     ----------
-    name : str
-        Name in the log, in forecasts and in the cache.
     compute : callable or str
         Makes the result for an object; ``"module:function"`` of this package is loaded when it is first called, since
         it loads heavy packages.

@@ -41,8 +41,6 @@ class FunctionBuilder:
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
     locate : callable
         Returns a marker by its name.
     outputs : dict of str to Measured

@@ -103,8 +103,6 @@ class TurningRotor:
 
     Parameters
     ----------
-    run : Pipeline
-        The scene's.
     in_bearings : bool
         Whether its first body is free, and bearings hold it; else its first part's joints lead to a revolute joint on
         the ground.

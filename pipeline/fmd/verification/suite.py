@@ -26,8 +26,6 @@ class Outcome:
 
     Parameters
     ----------
-    case : VerificationCase
-        The case.
     figures : tuple of Figure
         Its figures; none if it ended in an error.
     seconds : float

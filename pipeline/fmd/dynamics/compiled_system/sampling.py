@@ -17,8 +17,6 @@ class Measurement:
 
     Parameters
     ----------
-    compiled : CompiledMechanism
-        Its equations.
     held : int
         Number of values that are held.
     """

@@ -35,8 +35,6 @@ class Variant:
 
     Attributes
     ----------
-    compiled : CompiledMechanism
-        Its functions.
     weight : float
         Of its residual in a derivative.
     signs_q, signs_v : ndarray, shapes (n_positions,) and (n,)

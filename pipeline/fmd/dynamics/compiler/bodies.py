@@ -60,8 +60,6 @@ class AddedMass:
         As in `SecondOrderMass`, without round-off.
     rows : list of Vector
         R: those of g, then those of f.
-    C : Matrix
-        Constant.
     """
 
     g: Array

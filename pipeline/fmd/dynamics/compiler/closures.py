@@ -49,10 +49,6 @@ class ConstraintRow:
 
     Attributes
     ----------
-    name : str
-        Of the joint or the coupler.
-    residual : Scalar
-        g.
     wrenches : list of tuple
         Place, f and m of each.
     joints : dict of int to float

@@ -42,8 +42,6 @@ class ExternalMechanism:
 
     Parameters
     ----------
-    mechanism : Mechanism
-        The mechanism.
     whole : Mechanism
         The same with the whole inertia of each body, which what joints transmit takes; see `joint_loads`.
     stresses : tuple of ElementStress

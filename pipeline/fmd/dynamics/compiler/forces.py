@@ -106,8 +106,6 @@ class GivenForces:
 
     Parameters
     ----------
-    inputs : RestingCoordinates
-        Positions alone.
     argument : str
         The forces, in the order of rates.
     free : range

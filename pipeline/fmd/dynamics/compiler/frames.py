@@ -55,8 +55,6 @@ class MovingFrame:
         The body's.
     q, v : Vector
         Modal coordinates and rates.
-    spin : Vector3
-        Angular velocity.
     R : Matrix
         From the body's axes into its parent's.
     beta, gamma : Vector6
@@ -67,10 +65,6 @@ class MovingFrame:
         Where the joint sits.
     shift : Vector3
         From the joint to the body's origin, in the body's axes.
-    directions : list of Vector6
-        Columns of S.
-    velocity : Vector3
-        Of the origin.
     forms : InertiaForms
         Inertia integrals of the body.
     rigid : RigidInertia

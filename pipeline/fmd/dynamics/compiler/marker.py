@@ -46,8 +46,6 @@ class MarkerMotion:
         That rate, and its derivative while the modal rates don't change.
     bending : Vector3
         Acceleration of its place at constant modal rates.
-    shapes : MarkerShapes
-        The marker itself.
     slopes, turns : list of Vector
         Derivatives of its place and of θ by the modal coordinates.
     angle : tuple of ndarray and Scalar, optional

@@ -34,8 +34,6 @@ class PlaceMotion:
 
     Attributes
     ----------
-    x, v : Vector3
-        Position and velocity.
     A : Matrix
         From the axes of its section into those of space.
     w : Vector3

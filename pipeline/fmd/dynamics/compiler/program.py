@@ -29,10 +29,6 @@ class Program:
 
     Attributes
     ----------
-    name : str
-        The function's.
-    graph : Graph
-        What it computes.
     arguments : tuple of str
         Names of its arrays in their order, those that it fills last.
     outputs : tuple of Output

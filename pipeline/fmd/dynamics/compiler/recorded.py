@@ -30,15 +30,7 @@ from fmd.dynamics.state_functions import StateFunction
 
 @dataclass(frozen=True)
 class RecordedMechanism:
-    """Quantities of a mechanism's motion by its state: arguments ``inputs``, ``q`` and ``v``, as in `programs`.
-
-    Parameters
-    ----------
-    inputs : ExactCoordinates
-        The mechanism's.
-    frames : list of MovingFrame
-        Of its bodies.
-    """
+    """Quantities of a mechanism's motion by its state: arguments ``inputs``, ``q`` and ``v``, as in `programs`."""
 
     inputs: ExactCoordinates
     frames: list[MovingFrame]

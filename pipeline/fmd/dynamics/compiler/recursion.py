@@ -60,8 +60,6 @@ class Carried:
 
     Attributes
     ----------
-    IA : Matrix
-        Articulated inertia.
     pA : Vector6
         Force for a marker that doesn't accelerate.
     """
@@ -76,14 +74,10 @@ class CarrierModes:
 
     Attributes
     ----------
-    span : Span
-        The rows Q.
     PQW : Matrix
         ``P⁻¹ Q`` times the coupling of frame and modes.
     PQe : list of Scalar
         ``P⁻¹ Q`` times the modes' bias.
-    F : SymmetricFactor
-        Factors of F.
     Y, f : Matrix and list of Scalar
         ``L⁻¹ Y`` and ``L⁻¹ f`` with the factor L of F.
     T : dict of int to Matrix

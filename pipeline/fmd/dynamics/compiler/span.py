@@ -37,8 +37,6 @@ class Span:
 
     Attributes
     ----------
-    Q : list of Vector
-        The rows.
     inverse_squares : list of Scalar
         ``1 / (Q_i · Q_i)``.
     L : list of Matrix

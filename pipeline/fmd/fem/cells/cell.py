@@ -18,10 +18,6 @@ class SolidCell:
 
     Parameters
     ----------
-    name : str
-        meshio's name.
-    shape : CellShape
-        Its corners.
     order : int
         2 if it has mid-edge nodes.
     elements : tuple of ElementKind

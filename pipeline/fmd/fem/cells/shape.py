@@ -19,8 +19,6 @@ class CellShape(ABC):
 
     Attributes
     ----------
-    name : str
-        meshio's name of the cell with straight edges.
     corners : tuple of tuple of float
         Reference coordinates; exchanging the first two of them mirrors the cell into itself.
     edges : tuple of tuple of int

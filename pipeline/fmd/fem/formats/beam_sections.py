@@ -20,7 +20,6 @@ class DrawnSection(NamedTuple):
     ----------
     make : callable
         Makes the section of its measures [m].
-    measures : tuple of float
     turned : bool
         True if the section's z is along the beam's first axis, and not its y.
     """

@@ -18,8 +18,6 @@ class FmuVariable(NamedTuple):
 
     Attributes
     ----------
-    name : str
-        With dots between its parts.
     reference : int
         Number by which it is read and set.
     causality, variability, initial : str

@@ -90,8 +90,6 @@ class Factor:
     ----------
     solve : callable
         ``A⁻¹ f`` of f, (n,) or (n, k).
-    figures : FactorFigures
-        Size and memory.
     lowest : callable, optional
         Where the factor's package has a method of its own: ``lowest(M, count, ncv, Z)`` finds the lowest eigenpairs of
         ``A φ = θ M φ`` outside known eigenvectors Z (n, k): θ (count,), Φ (n, count) with ``Φᵀ M Φ = 1``.

@@ -24,7 +24,6 @@ class DrawnBody(NamedTuple):
 
     Attributes
     ----------
-    body : FlexibleBody
     surface : SurfaceTopology or None
         Its outer surface, if its file or mesh has one.
     stress : ndarray, shape (n_surface, 6, n), or None
@@ -41,8 +40,6 @@ class ExportedBody(ABC):
 
     Attributes
     ----------
-    name : str
-        Its name in the scene.
     gravity : ndarray, shape (3,)
         Gravity of the scene, zero without motion [m/s²].
     stiffened : bool
