@@ -33,6 +33,8 @@ SCENES = {
     "rod-slider": ("rod-slider", ()),
     "propeller": ("propeller", ()),
     "propeller, all modes": ("propeller", ()),
+    "propeller-torque": ("propeller-torque", ()),
+    "propeller-gust": ("propeller-gust", ()),
     "arm": ("arm", ("simulation.step=10us",)),
 }
 

@@ -110,16 +110,6 @@ def subcycling() -> str:
     return markdown(("scene", "method", "time", "median above", "over plain", "error"), rows)
 
 
-def propeller() -> str:
-    """Tabulate run time and stress of the propeller with sub-cycling against plain central difference."""
-    rows = []
-    for row in read_rows("propeller"):
-        if match := re.fullmatch(r"(\S+), sub-cycling (\S+) over plain, run time", row["what"]):
-            share = float(row["figures"].split()[0])
-            rows.append([match[1], match[2], row["ratio"], f"{100 * share:.2g} %"])
-    return markdown(("scene", "ratio of steps", "time over plain", "largest stress off plain's by"), rows)
-
-
 def whole_runs() -> str:
     """Tabulate the seconds of whole runs, cold and warm, by what they are spent on."""
     groups = {
@@ -227,7 +217,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "large-deflection": large_deflection,
     "integrators": integrators,
     "subcycling": subcycling,
-    "propeller": propeller,
     "meshes": meshes,
     "stability": stability,
     "whole-runs": whole_runs,
@@ -248,7 +237,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "error-budget": error_budget,
     "error-sources": error_sources,
     "deflection": deflection,
-    "start": partial(as_written, "start"),
     "envelope": partial(as_written, "envelope"),
     **{f"elements-{part}": partial(as_written, f"elements-{part}") for part in ELEMENTS},
     "truth": truth,

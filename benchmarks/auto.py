@@ -1,11 +1,13 @@
-"""Run time of ``auto`` with all its trials over that of the best method at the same true error, in auto_choice.csv.
+"""Method ``auto`` against the best one at the same true error, and the error that it tells against the true one.
 
-Run from the project's root: ``python benchmarks/auto_choice.py``; ``--scene arm --scene 21`` takes a ready scene or a
-seed of `truth_scenes`. Ready scenes, a spatial robot and twenty random scenes are marched by ``auto`` and by each
-method from coarse to fine, until its true error is below that of ``auto`` and below the wanted one; run times are
-interpolated at both. True errors are against a march by the Runge–Kutta method with a tolerance of 1e-10, or where
-that takes too long by ``auto`` with a thousandth of the wanted error. Kernels are compiled before; what is timed is the
-whole call of a march.
+Run from the project's root: ``python benchmarks/auto.py choice`` and ``… errors``; ``--scene arm --scene 21`` takes a
+ready scene or a seed of `truth_scenes`. For ``auto_choice.csv`` ready scenes, a spatial robot and twenty random scenes
+are marched by ``auto`` and by each method from coarse to fine, until its true error is below that of ``auto`` and below
+the wanted one; run times, of the whole call of a march with kernels compiled before, are interpolated at both. For
+``auto_error.csv`` 300 random scenes are marched once; those that are refused, and those whose reference takes too long
+or is made by ``auto`` itself, have no row. True errors, by the measure of ``auto``, are against a march by the
+Runge–Kutta method with a tolerance of 1e-10, or where that takes too long by ``auto`` with a thousandth of the wanted
+error.
 """
 
 from __future__ import annotations
@@ -38,10 +40,10 @@ from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import RungeKutta
 
 HERE = Path(__file__).parent
-TABLE = HERE / "auto_choice.csv"
 READY = ("rod-slider", "beam-paper", "arm", "spin-up", "propeller", "propeller-torque", "propeller-gust", "robot")
-RANDOM = 20
+RANDOM, SEEDS = 20, 300
 PATIENCE = 12.0  # seconds of a reference
+LONGEST = 60.0  # seconds of a march whose error is judged
 REPEATS, SHORT = 10, 0.1  # a march is timed so often, or for so many seconds; that of auto after each other method
 
 
@@ -64,6 +66,18 @@ class Row:
     wanted_best: str
     wanted_seconds: float
     wanted_ratio: float
+
+
+@dataclass
+class ErrorRow:
+    """Errors of a scene over the largest value of each kind of coordinate: wanted, told by two marches, and true."""
+
+    seed: str
+    method: str
+    wanted: float
+    told: float
+    true: float
+    evaluations: int
 
 
 class TooLongError(Exception):
@@ -145,7 +159,7 @@ def exact_march(scene: Scene) -> Trajectory:
         return auto.march(scene.system, *scene.start, scene.times, limit(2 * PATIENCE))
 
 
-def judge(scene: Scene) -> Row:
+def judge_choice(scene: Scene) -> Row:
     """Compare ``auto`` with each method."""
     scene.auto.march(scene.system, *scene.start, scene.times[:2])
     exact = exact_march(scene)
@@ -167,7 +181,7 @@ def judge(scene: Scene) -> Row:
             if own[-1][1] <= min(target, wanted) or took > 3 * slowest:
                 break
         seconds = min(seconds, scene.timed(scene.auto, 2 * PATIENCE)[0])
-    chosen = found.integrator.removeprefix("auto (").removesuffix(")")
+    chosen = _name_method(found)
     cells: list[Any] = []
     for error in (target, wanted):
         best_seconds, best = min((seconds_at(own, error), name) for name, own in points.items() if own)
@@ -177,25 +191,41 @@ def judge(scene: Scene) -> Row:
     return Row(scene.name, chosen, target, seconds, found.evaluations, *cells[:3], wanted, *cells[3:])
 
 
+def judge_error(scene: Scene) -> ErrorRow | None:
+    """March a scene by ``auto`` and compare it with its reference; None if it has none."""
+    found = scene.auto.march(scene.system, *scene.start, scene.times, limit(LONGEST))
+    exact = exact_march(scene)
+    if exact.integrator.startswith("auto") or found.error is None:
+        return None
+    method = _name_method(found)
+    return ErrorRow(scene.name, method, scene.auto.error, found.error, scene.error(found, exact), found.evaluations)
+
+
+def _name_method(found: Trajectory) -> str:
+    return found.integrator.removeprefix("auto (").removesuffix(")")
+
+
 def main(arguments: list[str]) -> None:
-    """Judge scenes and write the table; a random scene that is refused makes way for the next."""
-    parser = argparse.ArgumentParser(description="Run time of auto over that of the best method.")
+    """Judge scenes and write a table; a random scene that is refused makes way for the next."""
+    parser = argparse.ArgumentParser(description="Method auto beside the best one, and its error beside the true one.")
+    parser.add_argument("table", choices=("choice", "errors"))
     parser.add_argument("--scene", action="append")
     options = parser.parse_args(arguments)
-    names, rows = list(options.scene or READY), list[Row]()
-    seeds, wanted = iter([] if options.scene else range(300)), 0 if options.scene else RANDOM
-    while names or wanted > 0:
-        name = names.pop(0) if names else str(next(seeds))
+    judge, ready, wanted = {"choice": (judge_choice, READY, RANDOM), "errors": (judge_error, (), SEEDS)}[options.table]
+    names, rows = options.scene or [*ready, *map(str, range(SEEDS))], list[Any]()
+    for name in names:
+        if name.isdigit() and wanted == 0 and not options.scene:
+            break
         try:
             row = judge(open_scene(name))
         except (AccuracyError, InputError, TooLongError) as error:
             print(f"{name}: {type(error).__name__} {str(error)[:100]}", flush=True)
             continue
+        print(row or f"{name}: no reference", flush=True)
         wanted -= name.isdigit()
-        rows.append(row)
-        print(row, flush=True)
-        if not options.scene:
-            write_rows(TABLE, rows)
+        rows += [row] if row else []
+    if rows and not options.scene:
+        write_rows(HERE / f"auto_{options.table.removesuffix('s')}.csv", rows)
 
 
 if __name__ == "__main__":
