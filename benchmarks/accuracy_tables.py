@@ -1,15 +1,12 @@
-"""Tables of errors: of meshes, stability, the error budget, ``auto`` and random scenes."""
+"""Tables of errors: of meshes, stability, sources of error, ``auto`` and random scenes."""
 
 from __future__ import annotations
 
-from math import inf
 from statistics import median
 
-from table_format import Cell, Row, format_ratio, group_rows, listed, markdown, read_rows
+from table_format import Cell, format_ratio, group_rows, listed, markdown, read_rows
 
 LONG = 60.0  # seconds of a run
-FACTOR = 5.0  # an error budget within this factor of the true error counts as near
-LATER = ("further", "propeller, quadratic")  # cases that were added when the estimates had been made
 ENERGY_KEEPING = ("central-difference", "reversible-sub-cycling")
 
 
@@ -50,31 +47,6 @@ def stability() -> str:
     header = ("systems", "marches", "major cycles each", "stayed bounded", "diverged", "too close to call")
     drifts = "largest drift of energy, central difference and reversible"
     return markdown((*header, "predicted wrongly", drifts), rows)
-
-
-def error_budget() -> str:
-    """Tabulate how often the stated error covers the true one, and how often it is within a factor of five."""
-    cases = group_rows(read_rows("error_budget"), "scene")
-    first = [
-        row for name, rows in cases.items() if name not in LATER and not name.startswith("further") for row in rows
-    ]
-    cases |= {"all but the later ones": first, "all": [row for rows in cases.values() for row in rows]}
-
-    def share_of(rows: list[Row], least: float, most: float) -> str:
-        inside = [least * float(r["true"]) <= float(r["stated"]) <= most * float(r["true"]) for r in rows]
-        return f"{100 * sum(inside) / len(inside):.0f} % of {len(inside)}"
-
-    lines = (
-        [
-            name,
-            share_of(rows, 1.0, inf),
-            share_of(rows, 1.0, FACTOR),
-            share_of([row for row in rows if row["by_chance"] == "False"], 1.0, FACTOR),
-        ]
-        for name, rows in cases.items()
-    )
-    header = ("case", "true error below the stated one", "stated one within a factor of 5")
-    return markdown((*header, "the same without true errors that are small by chance"), lines)
 
 
 def error_sources() -> str:
