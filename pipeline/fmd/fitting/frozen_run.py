@@ -166,14 +166,14 @@ class FrozenRun:
         if parameter not in motion.tangents:
             assert motion.plan is not None
             wanted = [each for each in dict.fromkeys((parameter, *motion.by)) if each not in motion.tangents]
-            directions = {each: self._direction(motion, each) for each in wanted}
+            directions = {each: self.direction(motion, each) for each in wanted}
             known = {each: direction for each, direction in directions.items() if direction is not None}
             found = march_tangents(motion.plan, list(known.values()), self.times)
             self.marches += -(-len(known) // LANES)
             motion.tangents.update(dict.fromkeys(wanted) | dict(zip(known, found, strict=True)))
         return motion.tangents[parameter]
 
-    def _direction(self, motion: FrozenMotion, parameter: Parameter) -> Direction | None:
+    def direction(self, motion: FrozenMotion, parameter: Parameter) -> Direction | None:
         """Return how the equations change with a number's logarithm: by two variants, by four if not in a line."""
         assert motion.plan is not None
         far = self._variants(motion, parameter, NEAR_DIFFERENCE)
@@ -224,6 +224,12 @@ class FrozenRun:
         for run, plan, trajectory in zip((found.low, found.high), found.plans, trajectories, strict=True):
             self._set_motion(run, plan, trajectory)
         return found
+
+    def with_motion(self, values: Mapping[Parameter, float], trajectory: Trajectory) -> Pipeline:
+        """Return the scene's stages at some values of its numbers [SI], with a trajectory as its motion."""
+        other = self._variant(values, moves=True)
+        self._set_motion(other, plan_frozen(self.plan, other), trajectory)
+        return other
 
     def _march(self, plan: Plan) -> Trajectory:
         self.marches += 1

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, require_finite, require_shape
+from fmd.fitting.adjoint import find_gradient
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import change_of
@@ -87,9 +88,16 @@ class ResultFunction:
 
     def vjp(self, x: Array, weights: Array) -> Array:
         """Return the gradient, (n_numbers,), of the results' weighted sum, weights (n_results,): ``Jᵀ weights``."""
-        J, weights = self.jacobian(x), np.asarray(weights, dtype=float)
-        require_shape("weights", weights, J.shape[:1])
-        return np.asarray(weights @ J)
+        motion, key, weights = self._motion(x), np.asarray(x, dtype=float).tobytes(), np.asarray(weights, dtype=float)
+        require_shape("weights", weights, (max(each.stop for each in self.names.values()),))
+        if key in self._jacobians:
+            return np.asarray(weights @ self._jacobians[key])
+        known = find_gradient(self._frozen, motion, self._parameters, self._channels, weights)
+        if not known:
+            return np.asarray(weights @ self.jacobian(x))
+        others = replace(motion, by=tuple(each for each in self._parameters if each not in known))
+        found = (known[each] if each in known else weights @ self._column(others, each) for each in self._parameters)
+        return np.array([*found])
 
     def _motion(self, x: Array) -> FrozenMotion:
         x = np.asarray(x, dtype=float)

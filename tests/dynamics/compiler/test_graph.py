@@ -12,6 +12,7 @@ from fmd.dynamics.compiler.algebra import constants, factor_symmetric, times
 from fmd.dynamics.compiler.differentiate import differentiate
 from fmd.dynamics.compiler.functions import SERIES_LIMITS, evaluate_function
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from fmd.dynamics.compiler.reverse import differentiate_sum
 from tests.dynamics.compiler.comparison import interpret
 
 RNG = np.random.default_rng(3)
@@ -105,6 +106,12 @@ def test_derivatives_are_those_of_differences() -> None:
     for number, slope in enumerate(found):
         far, near, ahead, beyond = (values[number] for values in at)
         assert np.allclose(slope, (far - 8 * near + 8 * ahead - beyond) / (12 * h), rtol=1e-8, atol=1e-8)
+    weights = [RNG.normal(size=np.shape(value)) for value in found]
+    sums = [graph.array(weight) if weight.ndim else graph.number(float(weight)) for weight in weights]
+    backwards = differentiate_sum(graph, values, sums)
+    whole = interpret(graph, [backwards[each.node].node for each in (x, y, a, b)], {"s": s, "u": u})
+    expected = sum(np.sum(weight * value) for weight, value in zip(weights, found, strict=True))
+    assert np.isclose(np.hstack(whole) @ np.r_[ds, du], expected, rtol=1e-12)
 
 
 def test_what_a_direction_leaves_out_folds_away() -> None:
@@ -186,6 +193,9 @@ def test_choices_have_the_slopes_of_differences(make: Callable[[Scalar, Scalar],
     ahead, behind = (interpret(graph, [value.node], {"s": at + h * way})[0] for h in (1e-6, -1e-6))
     (found,) = interpret(graph, [slope.node], {"s": at})
     assert found == pytest.approx((ahead - behind) / 2e-6, rel=1e-8, abs=1e-9)
+    backwards = differentiate_sum(graph, [value], [graph.number(1.0)])
+    by = [backwards[each.node].node if each.node in backwards else graph.number(0.0).node for each in (x, y)]
+    assert np.array(interpret(graph, by, {"s": at})) @ way == pytest.approx(found, rel=1e-12, abs=1e-15)
 
 
 def test_what_stands_still_has_no_rate_where_a_slope_is_infinite() -> None:

@@ -5,6 +5,7 @@ too: `test_second_order`.
 """
 
 import numpy as np
+import pytest
 
 from tests.dynamics.compiler import kane
 from tests.dynamics.compiler.comparison import TIME, difference, interpreted
@@ -50,3 +51,18 @@ def test_lanes_of_machine_code_do_what_the_interpreter_does(seed: int) -> None:
     dr, a = np.zeros((mechanism.n, 8)), rng.normal(size=mechanism.n)
     compiled.call("tangents", compiled.signal_values(TIME), q, v, a, *directions.values(), dr)
     assert difference(dr, interpreted(compiled, "tangents", dr.shape, q=q, v=v, a=a, **directions)) < 1e-12
+
+
+@pytest.mark.parametrize("seed", [1, 45])
+def test_the_adjoint_of_the_accelerations_is_the_transpose_of_their_tangents(seed: int) -> None:
+    made = random_mechanism(seed, second_order=True)
+    compiled, (q, v) = made.compiled, made.state(seed)
+    inputs, f = compiled.signal_values(TIME), np.random.default_rng(seed).normal(size=len(v))
+    a = compiled.accelerations(TIME, q, v)
+    by_q, by_v, M = compiled.tangents(inputs, q, v, a)
+    slopes = (compiled.input_tangents(inputs, q, v, a), by_q, by_v)
+    found = [np.zeros(slope.shape[1]) for slope in slopes]
+    compiled.call("acceleration_adjoint", inputs, q, v, a, f, *found)
+    for mine, slope in zip(found, slopes, strict=True):
+        expected = -slope.T @ np.linalg.solve(M, f)
+        assert np.abs(mine - expected).max(initial=0.0) < 1e-10 * max(np.abs(expected).max(initial=0.0), 1.0)

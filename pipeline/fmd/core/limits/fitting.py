@@ -7,6 +7,11 @@ SAME_SHAPE = 0.02  # of a shape's size: what it may change by where motions are 
 PARTS = 200  # of a motion
 TRIED_TIMES = 8  # at which loads are compared, to see if they change in proportion to a number
 TRIED_MOVES = 1e-2  # of positions beside the start [m, rad or modal coordinate], at which equations are compared so
+# By the adjoint of a march.
+FEWEST_BY_ADJOINT = 17  # numbers: two marches of eight tangents take as long
+READ_DIFFERENCE = 1e-4  # of a coordinate's largest value, between motions that a result is read from
+LEAST_READ_DIFFERENCE = 1e-7  # the same of a coordinate that stays near 0 [m, rad or modal coordinate, or their rates]
+
 FEWEST_SAMPLES = 40  # scenes within tolerances, of whose results an interval of 95 % is told
 JUMP = 0.05  # per cent per per cent that a largest value gains elsewhere, from which on it is said to jump
 

@@ -29,6 +29,7 @@ MOST_LOADED = 256  # programs that stay loaded in a process, the last used last
 # States that are evaluated together: the values of a mechanism's nodes at them stay in the processor's cache.
 STATES_AT_ONCE = 1024
 VALUES_AT_ONCE = 2**22  # numbers of states that are disturbed together, one state after the other
+MOST_STEPS_KEPT = 2**20  # numbers of a kind that are kept of a march's steps to go back along them
 
 # Sweeps.
 POINTS_AT_ONCE = 64  # points that share their work in a process: from half as many on, a point takes no less

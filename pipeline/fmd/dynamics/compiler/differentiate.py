@@ -74,14 +74,14 @@ def _scalar_slope(graph: Graph, number: int, slopes: Mapping[int, Scalar | Vecto
     if operation == "select":
         return s.select(*d_rest)
     if operation == "power":
-        return _power_slope(Scalar(graph, number), s, rest[0], ds, d_rest[0])
+        return power_slope(Scalar(graph, number), s, rest[0], ds, d_rest[0])
     if operation == "moving":
         return rest[0].moving(ds) + d_rest[0].moving(s)
-    slope = _function_slope(operation, s)
+    slope = function_slope(operation, s)
     return ds.moving(slope) if operation == "log" else ds * slope
 
 
-def _power_slope(value: Scalar, x: Scalar, exponent: Scalar, dx: Scalar, d_exponent: Scalar) -> Scalar:
+def power_slope(value: Scalar, x: Scalar, exponent: Scalar, dx: Scalar, d_exponent: Scalar) -> Scalar:
     """Return the derivative of a power; a constant exponent needs no logarithm, so that x may be 0 or negative."""
     slope = exponent * x.power(exponent - 1.0)
     if exponent.constant is None:
@@ -89,7 +89,7 @@ def _power_slope(value: Scalar, x: Scalar, exponent: Scalar, dx: Scalar, d_expon
     return dx.moving(slope) + d_exponent.moving(value * x.apply("log"))
 
 
-def _function_slope(function: str, x: Scalar) -> Scalar:
+def function_slope(function: str, x: Scalar) -> Scalar:
     """Return the derivative of one of `FUNCTIONS` at a scalar.
 
     Raises

@@ -15,6 +15,8 @@ are filled:
 - ``da`` (n, 8) as an output, of ``acceleration_tangents``: derivatives of the accelerations along eight directions at
   multipliers ``f`` (n_rows,), which ``pulled_residual`` has, too; of ``changed_tangents`` also by ``dr`` (n, 8), what
   the residual changes by beside;
+- ``inputs_adjoint``, ``q_adjoint`` and ``v_adjoint``, of the shapes of the state: derivatives of ``f · a`` of the
+  accelerations ``a`` at weights ``f`` (n,);
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
   zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
 - of a mechanism with loops (see `closures`) ``f`` (n_rows, 8): eight sets of multipliers, ``x`` and ``s`` (n_rows, 8):
@@ -73,7 +75,8 @@ from fmd.dynamics.compiler.quantities import (
 from fmd.dynamics.compiler.reaction import trace_reaction
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from fmd.dynamics.compiler.residual import trace_motion, trace_residual
-from fmd.dynamics.compiler.tangents import direction_inputs, trace_tangents
+from fmd.dynamics.compiler.reverse import differentiate_sum
+from fmd.dynamics.compiler.tangents import direction_inputs, flatten, trace_tangents
 from fmd.dynamics.mechanism import Mechanism
 
 Trace = Callable[..., list[Output]]
@@ -111,6 +114,18 @@ def _changed_tangents(inputs: Coordinates, frames: list[MovingFrame]) -> list[Ou
 def _with_tangents(inputs: Coordinates, frames: list[MovingFrame], beside: list[BodyValues]) -> list[Output]:
     values, slopes = trace_acceleration_tangents(inputs, frames, _acting(inputs, frames), beside)
     return [*_in_order_of_rates(inputs.mechanism, "a", values), *_in_order_of_rates(inputs.mechanism, "da", slopes)]
+
+
+def _acceleration_adjoint(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    """Derivatives of ``f · a`` of the accelerations: those of ``−(M̂⁻¹ f) · r`` of the residual, at their values."""
+    graph, n = inputs.graph, inputs.mechanism.n
+    resting = RestingCoordinates(graph, inputs.mechanism)
+    weights = trace_accelerations(trace_frames(resting), GivenForces(resting, "f", range(n)))
+    residual = flatten(trace_residual(inputs, frames))
+    found = differentiate_sum(graph, residual, [-weight for weight in flatten(weights)])
+    at = {number: graph.nodes[number].data for number in found}
+    named = [(value, at[number]) for number, value in found.items()]
+    return [Output(value, (f"{name}_adjoint", at)) for value, (name, at) in named if name in _STATE]  # type: ignore[misc]
 
 
 def _pulled_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -292,6 +307,7 @@ _CYCLE = ("inputs", "steps", "inverse_mass", "ahead", "q", "v", "a", "begin")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 _ALONG = _DIRECTIONS[:3]
 _BESIDE = (*_ALONG, "dr")
+_ADJOINT = tuple(f"{name}_adjoint" for name in _STATE)
 _CHANGES = ("dg", "drates")
 _PULLED = (*_DIRECTIONS[:4], "dw")
 
@@ -300,6 +316,7 @@ DEFINITIONS = {
     "acceleration_tangents": Definition(
         (*_STATE, "f", *_ALONG, "a", "da"), partial(_with_tangents, beside=[]), _DIRECTIONS[:4]
     ),
+    "acceleration_adjoint": Definition((*_STATE, "a", "f", *_ADJOINT), _acceleration_adjoint),
     "changed_tangents": Definition((*_STATE, "f", *_BESIDE, "a", "da"), _changed_tangents, (*_BESIDE, "da")),
     "pushed": Definition((*_STATE, *_PUSH, "a"), partial(_accelerations, forces=PushedForces)),
     "leap": Definition(("inputs", "step", *_STATE[1:], "a"), lambda inputs, _: trace_leap(inputs), in_place=True),

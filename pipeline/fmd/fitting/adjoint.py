@@ -1,0 +1,129 @@
+"""Gradients of weighted sums of histories by many numbers at once: by the adjoint of the run's march."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.fitting import FEWEST_BY_ADJOINT, LEAST_READ_DIFFERENCE, READ_DIFFERENCE
+from fmd.dynamics.compiled_system.tangents import Direction
+from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
+from fmd.fitting.parameters import Parameter
+from fmd.integrators.adjoint import pull_back
+from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.protocol import Trajectory
+from fmd.output.channels import ResultChannel
+from fmd.stages.pipeline import Pipeline
+
+
+class HistorySum:
+    """Sum of histories with a weight at each output time, as a function of the motion.
+
+    Parameters
+    ----------
+    frozen : FrozenRun
+        The scene's run.
+    motion : FrozenMotion
+        With its motion.
+    channels : sequence of ResultChannel
+        Histories of it.
+    weights : ndarray, shape (n_channels, n_times)
+        Of their values.
+    """
+
+    def __init__(
+        self, frozen: FrozenRun, motion: FrozenMotion, channels: Sequence[ResultChannel], weights: Array
+    ) -> None:
+        self._frozen, self._motion, self._channels, self._weights = frozen, motion, channels, weights
+        self._own = motion.run.motion.trajectory
+
+    def is_of_each_time(self) -> bool:
+        """Return whether histories depend at each output time on the motion there alone."""
+        rng, moved = np.random.default_rng(0), self._own.q.copy()
+        moved[1::2] += READ_DIFFERENCE * rng.normal(size=moved[1::2].shape)
+        still, found = (self._read(replace(self._own, q=q))[:, ::2] for q in (self._own.q, moved))
+        return np.array_equal(still, found)
+
+    def by_motion(self, name: str, places: IntArray) -> Array:
+        """Return derivatives by some positions, ``q``, or rates, ``v``, at each output time, (n_times, n_places)."""
+        own = getattr(self._own, name)
+        found = np.zeros((len(own), len(places)))
+        for column, place in enumerate(places):
+            step = max(READ_DIFFERENCE * np.abs(own[:, place]).max(), LEAST_READ_DIFFERENCE)
+            unit = step * np.eye(1, own.shape[1], place)
+            low, high = (self._read(replace(self._own, **{name: own + side * unit})) for side in (-1.0, 1.0))
+            found[:, column] = (self._weights * (high - low)).sum(axis=0) / (2.0 * step)
+        return found
+
+    def by_number(self, parameter: Parameter) -> float:
+        """Return the derivative by a number's logarithm where the motion stays as it is."""
+        value = self._motion.values.get(parameter, parameter.value)
+        sides = ({parameter: value * (1.0 + side * READ_DIFFERENCE)} for side in (-1.0, 1.0))
+        low, high = (self._read(self._own, side) for side in sides)
+        return float((self._weights * (high - low)).sum() / (2.0 * READ_DIFFERENCE))
+
+    def _read(self, trajectory: Trajectory, changed: Mapping[Parameter, float] | None = None) -> Array:
+        """Return the histories of a motion, (n_channels, n_times), with some other numbers of the scene."""
+        other: Pipeline = self._frozen.with_motion({**self._motion.values, **(changed or {})}, trajectory)
+        return np.array([channel.read(other) for channel in self._channels])
+
+
+def find_gradient(
+    frozen: FrozenRun,
+    motion: FrozenMotion,
+    parameters: Sequence[Parameter],
+    channels: Sequence[ResultChannel],
+    weights: Array,
+) -> dict[Parameter, float]:
+    """Find derivatives of a weighted sum of histories by those of many numbers that the adjoint of the march takes.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (n_channels · n_times,)
+        Of the histories' values, one after the other.
+
+    Returns
+    -------
+    dict of Parameter to float
+        By the numbers [1/SI]; without those that change more than inputs of the equations, and none where tangents are
+        as quick: of a few numbers, of results that aren't histories, of other methods than central difference.
+    """
+    plan, times = motion.plan, frozen.times
+    if plan is None or len(parameters) < FEWEST_BY_ADJOINT or not isinstance(plan.integrator, CentralDifference):
+        return {}
+    mechanism, system = plan.mechanism, plan.marched[0]
+    if (
+        not system.has_adjoint
+        or mechanism.held
+        or mechanism.states
+        or any(channel.part or not channel.moves for channel in channels)
+    ):
+        return {}
+    if weights.size != len(channels) * len(times):
+        return {}
+    found = {parameter: frozen.direction(motion, parameter) for parameter in parameters}
+    directions = {key: each for key, each in found.items() if each is not None and not each.variants}
+    total = HistorySum(frozen, motion, channels, weights.reshape(len(channels), -1))
+    if len(directions) < FEWEST_BY_ADJOINT or not total.is_of_each_time():
+        return {}
+    return _add_up(frozen, motion, total, directions)
+
+
+def _add_up(
+    frozen: FrozenRun, motion: FrozenMotion, total: HistorySum, directions: Mapping[Parameter, Direction]
+) -> dict[Parameter, float]:
+    plan = motion.plan
+    assert plan is not None
+    assert isinstance(plan.integrator, CentralDifference)
+    (system, q0, v0), part = plan.marched, plan.excited
+    positions, rates = (np.arange(each.size) for each in plan.start)
+    if part is not None and plan.excited_system is not None:
+        positions, rates = positions[part.positions], rates[part.rates]
+    by_q, by_v = total.by_motion("q", positions), total.by_motion("v", rates)
+    adjoint = pull_back(plan.integrator, system, q0, v0, frozen.times, by_q, by_v)
+    frozen.marches += 1
+    by_logarithm = {key: adjoint.along(each) + total.by_number(key) for key, each in directions.items()}
+    return {key: each / motion.values.get(key, key.value) for key, each in by_logarithm.items()}

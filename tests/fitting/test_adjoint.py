@@ -1,0 +1,66 @@
+"""Adjoint of a march by central difference, and gradients of weighted histories, against tangents of the same steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fmd as package
+from fmd.fitting import adjoint
+from fmd.fitting.frozen_run import FrozenRun
+from fmd.fitting.parameters import find_parameter
+from fmd.fitting.tangents import march_tangents
+from fmd.integrators import adjoint as march_adjoint
+from fmd.output.channels import find_channels
+from tests.fitting.test_tangents import OTHERS, SPRINGS, chain
+
+KEYS = [*SPRINGS, *OTHERS, "joint.drive.rate"]
+MORE = ("joint.drive.rate=0.3 rad/s",)
+
+
+@pytest.mark.parametrize("kept", [2**20, 500])
+def test_an_adjoint_is_the_transpose_of_the_tangents(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By springs, a damper, a load and a start, of random weights on all output; with sections of 250 steps, too."""
+    monkeypatch.setattr(march_adjoint, "MOST_STEPS_KEPT", kept)
+    frozen = FrozenRun(package.load(chain("central-difference"), *MORE).run)
+    motion, times = frozen.at({}), frozen.times
+    assert motion.plan is not None
+    directions = [frozen.direction(motion, find_parameter(frozen.run.scene, key)) for key in KEYS]
+    known = [each for each in directions if each is not None]
+    system, q0, v0 = motion.plan.marched
+    by_q, by_v = np.random.default_rng(0).normal(size=(2, len(times), system.n))
+    method = motion.plan.integrator
+    assert isinstance(method, march_adjoint.CentralDifference)
+    found = march_adjoint.pull_back(method, system, q0, v0, times, by_q, by_v)
+    expected = [(by_q * each.q).sum() + (by_v * each.v).sum() for each in march_tangents(motion.plan, known, times)]
+    assert [found.along(each) for each in known] == pytest.approx(expected, rel=0, abs=1e-10 * np.abs(expected).max())
+
+
+def test_a_gradient_by_many_numbers_is_that_of_the_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of places and of an energy that has the springs in it; by masses, which the adjoint leaves to tangents, too."""
+    result = package.load(chain("central-difference"), *MORE)
+    function = package.ResultFunction(
+        result, of=["coupler.b.position.y", "potential_energy"], to=[*KEYS, "body.coupler.mass"]
+    )
+    weights = np.random.default_rng(0).normal(size=function(function.start).shape)
+    expected = weights @ function.jacobian(function.start)
+    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", len(KEYS))
+    again = replace(function)
+    found = again.vjp(again.start, weights)
+    assert again._frozen.marches == 3  # the motion, its adjoint, and the tangent by the mass
+    np.testing.assert_allclose(found * again.start, expected * again.start, rtol=0, atol=1e-6 * np.abs(found).max())
+
+
+def test_few_numbers_and_results_of_no_time_take_tangents(monkeypatch: pytest.MonkeyPatch) -> None:
+    frozen = FrozenRun(package.load(chain("central-difference"), *MORE).run)
+    motion = frozen.at({})
+    parameters = [find_parameter(frozen.run.scene, key) for key in SPRINGS]
+    (place,) = find_channels(frozen.run, "coupler.b.position.y")
+    weights = np.ones(len(frozen.times))
+    assert adjoint.find_gradient(frozen, motion, parameters, [place], weights) == {}
+    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 2)
+    (mass,) = find_channels(frozen.run, "mass")
+    assert adjoint.find_gradient(frozen, motion, parameters, [mass], np.ones(1)) == {}
+    assert len(adjoint.find_gradient(frozen, motion, parameters, [place], weights)) == 2
