@@ -123,9 +123,12 @@ def _acceleration_adjoint(inputs: Coordinates, frames: list[MovingFrame]) -> lis
     weights = trace_accelerations(trace_frames(resting), GivenForces(resting, "f", range(n)))
     residual = flatten(trace_residual(inputs, frames))
     found = differentiate_sum(graph, residual, [-weight for weight in flatten(weights)])
-    at = {number: graph.nodes[number].data for number in found}
-    named = [(value, at[number]) for number, value in found.items()]
-    return [Output(value, (f"{name}_adjoint", at)) for value, (name, at) in named if name in _STATE]  # type: ignore[misc]
+    outputs = []
+    for number, value in found.items():
+        name, places = graph.nodes[number].data  # type: ignore[misc]
+        if name in _STATE:
+            outputs.append(Output(value, (f"{name}_adjoint", places)))
+    return outputs
 
 
 def _pulled_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
