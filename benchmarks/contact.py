@@ -119,7 +119,7 @@ def _bar(rng: np.random.Generator, length: str = "") -> dict[str, Any]:
         "nu": 0.3,
         "rho": f"{rho} kg/m^3",
         "mesh": {"divisions": divisions, "order": 1},
-        "modes": {"count": int(rng.integers(1, 9)), "damping": float(rng.choice([0.0, 0.01]))},
+        "modes": {"count": int(rng.integers(1, 9)), "enrich": "none", "damping": float(rng.choice([0.0, 0.01]))},
         "marker": {"end": {"face": "x-"}, "under": {"face": "y-"}, "above": {"face": "y+"}},
     }
 

@@ -74,7 +74,7 @@ E = "70 GPa"
 nu = 0.33
 rho = "2700 kg/m^3"
 mesh = {{ element = "hexahedron", order = 2, divisions = [8, 1, 1] }}
-modes = {{ count = 5, boundary = "joint" }}
+modes = {{ count = 5, boundary = "joint", enrich = "none" }}
 marker = {{ base = {{ face = "x-" }}, end = {{ face = "x+" }} }}
 
 [joint.hinge{k}]

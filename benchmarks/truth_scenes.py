@@ -135,8 +135,7 @@ class Bar:
         if rng.random() < 0.25:
             element = {"order": 1, "divisions": [2 * along, 2, 2]}
         modes: Table = {"count": int(rng.integers(3, 9)), "boundary": "joint"}
-        if rng.random() < 0.6:
-            modes["enrich"] = "inertia"
+        modes["enrich"] = "inertia" if rng.random() < 0.6 else "none"
         return {
             "shape": "bar",
             "length": quantity(self.length, "m"),

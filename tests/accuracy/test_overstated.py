@@ -29,7 +29,7 @@ E = "3 GPa"
 nu = 0.35
 rho = "1200 kg/m^3"
 mesh = { order = 1, divisions = [22, 2, 2] }
-modes = { count = 6, boundary = "joint" }
+modes = { count = 6, boundary = "joint", enrich = "none" }
 marker = { root = { face = "x-" }, tip = { face = "x+" } }
 [joint.shoulder]
 type = "revolute"

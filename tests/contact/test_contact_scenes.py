@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.contact_errors import BY_STEP, step_errors
 from fmd.accuracy.error_budget import ERROR_BUDGET
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, StabilityError
 from fmd.output.contacts import contact_figures, contact_warnings
 from fmd.output.curves import curves_of
+from fmd.output.figure_errors import figure_errors
 from fmd.output.fmu.write import make_model
 from fmd.output.mechanism_view import view_mechanism
 from fmd.output.work_precision import compare_on_scene
@@ -53,6 +55,26 @@ def test_the_contact_is_in_the_summary_and_in_the_file(dropped: Pipeline) -> Non
     names = {variable.name for variable in motion_variables(dropped.motion)}
     assert {"floor.force", "floor.moment", "floor.impulse", "floor.area", "floor.peak_pressure"} < names
     assert not ERROR_BUDGET.applies(dropped)
+
+
+def test_each_figure_that_has_no_stated_error_says_why(dropped: Pipeline, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any) -> None:
+        raise StabilityError("the step is too long")
+
+    monkeypatch.setattr(dropped, "motion_by", fail)
+    figures = contact_figures(dropped)["contacts"]
+    final: dict[str, Any] = {"joint_positions": {}, "joint_rates": {}}
+    stated = figure_errors(dropped, {"final": final, "contacts": figures, "frequencies_hz": [1.0]})
+    assert "after a contact two runs part" in str(stated["final.kinetic_energy_j"])
+    assert "of the scene without its contacts" in str(stated["frequencies_hz.0"])
+    step_errors(dropped)
+    stated = figure_errors(dropped, {"final": final, "contacts": figures})
+    del dropped.results[BY_STEP]
+    for key in figures["floor"].keys() - {"energy_error_j"}:
+        assert re.match(
+            r"not stated: the march with \w+ the step failed: .*too long", str(stated[f"contacts.floor.{key}"])
+        )
+    assert stated["contacts.floor.energy_error_j"] == "not stated: it is an error itself"
 
 
 def test_charts_have_force_pressure_and_area_of_each_contact(dropped: Pipeline) -> None:

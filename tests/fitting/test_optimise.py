@@ -63,7 +63,7 @@ PUSHED: dict[str, Any] = copy.deepcopy(BAR) | {
         }
     ],
 }
-PUSHED["body"]["bar"]["modes"] = {"count": 4, "boundary": "joint", "damping": 0.05}
+PUSHED["body"]["bar"]["modes"] = {"count": 4, "boundary": "joint", "enrich": "none", "damping": 0.05}
 BOUNDS = ["body.bar.depth=10..60 mm", "body.bar.width=10..60 mm"]
 
 

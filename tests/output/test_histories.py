@@ -27,7 +27,7 @@ E = "70 GPa"
 nu = 0.3
 rho = "2700 kg/m^3"
 mesh = { element = "hexahedron", order = 2, divisions = [8, 1, 1] }
-modes = { count = 3, family = "in-plane bending", boundary = "joint" }
+modes = { count = 3, family = "in-plane bending", boundary = "joint", enrich = "none" }
 marker = { hinge = { face = "x-" }, tip = { face = "x+" } }
 element = { root = { at = ["20 mm", "0 mm", "0 mm"] } }
 [body.ball]

@@ -23,7 +23,7 @@ E = "70 GPa"
 nu = 0.33
 rho = "2700 kg/m^3"
 mesh = { element = "hexahedron", order = 2, divisions = [6, 2, 1] }
-modes = { count = 4, boundary = "joint", damping = 0.02 }
+modes = { count = 4, boundary = "joint", enrich = "none", damping = 0.02 }
 marker = { root = { face = "x-" }, tip = { face = "x+" } }
 [joint.hub]
 type = "fixed"

@@ -22,11 +22,11 @@ SPIN = (10.0, 30.0, 40.0)
 SCENES = {
     "beam": (
         'E = "722 MPa"\nmesh = { element = "hexahedron", divisions = [12, 2, 1] }\n'
-        'modes = { count = 5, family = "in-plane bending" }\n',
+        'modes = { count = 5, family = "in-plane bending", enrich = "none" }\n',
         f'type = "revolute"\naxis = [0, 0, 1]\n{DRIVE}',
     ),
     "part": (
-        'E = "100 MPa"\nmesh = { element = "tetrahedron", size = "20 mm" }\nmodes = { count = 6 }\n',
+        'E = "100 MPa"\nmesh = { element = "tetrahedron", size = "20 mm" }\nmodes = { count = 6, enrich = "none" }\n',
         'type = "spherical"\nspin = ["10 rad/s", "30 rad/s", "40 rad/s"]\n',
     ),
 }

@@ -52,7 +52,7 @@ def random_scene(seed: int, units: dict[str, float], order: Sequence[int] = ()) 
             bar: dict[str, Any] = {"shape": "bar", "nu": 0.3, "E": write(2e9, 1, -1, -2), "rho": write(1200, 1, -3)}
             bar |= {"length": write(0.3, 0, 1), "depth": write(0.02, 0, 1), "width": write(0.03, 0, 1)}
             bar |= {"mesh": {"element": "hexahedron", "order": 2, "divisions": [8, 1, 1]}}
-            bar |= {"modes": {"count": 2, "family": "in-plane bending", "boundary": "joint"}}
+            bar |= {"modes": {"count": 2, "family": "in-plane bending", "boundary": "joint", "enrich": "none"}}
             bodies.append((name, bar | {"marker": {"inner": {"face": "x-"}, "outer": {"face": "x+"}}}))
         else:
             moments = rng.uniform(0.01, 0.02, 3).round(4)

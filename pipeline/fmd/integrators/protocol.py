@@ -327,9 +327,13 @@ def evaluate(p: Any, t: float, q: Array, v: Array, a: Array) -> None:
 
 
 def balanced_accelerations(system: System, start: State) -> Array:
-    """Return sizes of the accelerations by deformation that loads, or others of these, balance at the start, (n,).
+    """Return sizes of the accelerations by positions that loads, or others of these, balance at the start, (n,).
 
-    Where a motion starts at rest under large loads, its accelerations are but the round-off of these.
+    Where a motion starts at rest under large loads, its accelerations are but the round-off of these. Each position
+    that isn't zero is changed by `BALANCING_PART` of itself; what accelerations change by, over that part, is summed.
+    Joints count as deformations do: an angle by its spring, or by gravity, as far as it is turned from zero, and by
+    next to nothing where forces don't depend on it. A quaternion's numbers are changed one by one and not made unit
+    again. A loop's positions leave its constraints by as much; where that gives no finite acceleration, nothing counts.
     """
     q, moved, found = start.q.copy(), np.zeros(system.n), np.zeros(system.n)
     for k in np.flatnonzero(q):

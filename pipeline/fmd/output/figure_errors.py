@@ -7,6 +7,7 @@ from typing import Any
 
 from fmd.accuracy.contact_errors import BY_STEP
 from fmd.accuracy.requested_stress import EXTREMES
+from fmd.output.error_table import NOT_STATED
 from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
 
@@ -19,8 +20,11 @@ def figure_errors(run: Pipeline, summary: Mapping[str, Any]) -> dict[str, float 
     """
     stated = VariableErrors(run)
     found = {place: stated.of_quantity(name) for place, name in _quantities(run, summary)}
-    by_step: Mapping[str, Mapping[str, float]] = run.results.get(BY_STEP, {})
-    return found | {f"contacts.{name}.{key}": x for name, own in by_step.items() for key, x in own.items()}
+    by_step: Mapping[str, Mapping[str, float | str]] = run.results.get(BY_STEP, {})
+    for name, own in by_step.items():
+        for key, x in own.items():
+            found[f"contacts.{name}.{key}"] = NOT_STATED + x if isinstance(x, str) else x
+    return found
 
 
 def _quantities(run: Pipeline, summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -12,6 +12,7 @@ from fmd.stages.pipeline import Pipeline
 
 _NO_MESH = "a body without a mesh tells nothing of its own error"
 _CONTACT = "after a contact two runs part, whatever their error; figures of contacts have that of their step"
+_OF_MESH = "contact has no part in it; the budget of the scene without its contacts states it"
 _ROUND_OFF = "it is nothing but round-off"
 _OF_JOINTS = ("force", "moment", "position", "rate", "orientation", "angular_velocity", "displacement", "velocity")
 _COMPARED = (*_OF_JOINTS, "origin", "deflection", "acceleration", *STRESS_COMPONENTS)
@@ -79,7 +80,8 @@ class VariableErrors:
 
     def _row(self, name: str) -> Row | str:
         if self._budget is None:
-            return NOT_STATED + why_no_budget(self._run)
+            of_mesh = self._run.scene.contact and (", frequency " in name or name.endswith(", mass"))
+            return NOT_STATED + (_OF_MESH if of_mesh else why_no_budget(self._run))
         row = self._rows.get(row_name(name))
         if row is None:
             known = name.rpartition(".")[2] in _COMPARED or name in _WHOLE

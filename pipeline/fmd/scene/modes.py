@@ -89,6 +89,9 @@ def damping_ratios(damping: float | tuple[float, ...] | RayleighDamping, omega: 
     return [ratios[min(k, len(ratios) - 1)] for k in range(len(omega))]
 
 
+Enrichment = Literal["none", "inertia", "ritz", "residual"]
+
+
 class ModeSettings(SceneTable):
     """The shapes that describe a flexible body's deformation, and how they are computed.
 
@@ -105,12 +108,13 @@ class ModeSettings(SceneTable):
         (``"interface"``; Craig & Bampton).
     interface : tuple of str
         Markers that make up the interface; all of the body's markers, if none is named.
-    enrich : str
+    enrich : str, optional
         Shapes that are added to the modes: the static responses to inertia loads, joint forces and loads
         (``"inertia"``), without which stress and deflection are off, none (``"none"``), or four generations of
         load-dependent vectors (``"ritz"``), each the responses to the inertia of the one before. ``"residual"`` are all
         static responses, however little of them lies outside the modes, as linear answers take them; so stiff shapes
-        need short steps.
+        need short steps. If it is left out, ``"inertia"``; with an interface, whose deflections answer to joint forces
+        already, ``"none"``.
     damping : float, tuple of float or RayleighDamping
         Damping ratio of every mode, 1 being critical; or a list of ratios, of the modes of the body on its joint, the
         lowest first, whose last holds for all further ones; or factors of mass and stiffness.
@@ -135,10 +139,15 @@ class ModeSettings(SceneTable):
     family: Literal["any", "in-plane bending", "out-of-plane bending", "torsion", "axial"] = "any"
     boundary: Literal["free", "joint", "interface"] = "free"
     interface: tuple[Annotated[Text, Words("name of a marker")], ...] = ()
-    enrich: Literal["none", "inertia", "ritz", "residual"] = "none"
+    enrich: Enrichment | None = None
     damping: Damping = 0.0
     solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
     ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
+
+    @property
+    def enrichment(self) -> Enrichment:
+        """Shapes that are added to the modes: those that the scene chooses, or that suit the boundary."""
+        return self.enrich or ("none" if self.boundary == "interface" else "inertia")
 
     @model_validator(mode="after")
     def _ranks_of_slepc(self) -> ModeSettings:
@@ -175,7 +184,7 @@ class ReducedModes(SceneTable):
     family: ClassVar[str] = "any"
     boundary: ClassVar[str] = "free"
     interface: ClassVar[tuple[str, ...]] = ()
-    enrich: ClassVar[str] = "none"
+    enrichment: ClassVar[Enrichment] = "none"
     solver: ClassVar[Literal["auto"]] = "auto"
     ranks: ClassVar[None] = None
 

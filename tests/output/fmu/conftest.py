@@ -41,6 +41,7 @@ divisions = [4, 1, 1]
 [body.bar.modes]
 count = 3
 boundary = "joint"
+enrich = "none"
 damping = 0.01
 
 [body.bar.marker]

@@ -1,0 +1,55 @@
+"""The basis that a body has where the scene says nothing of it, against a cantilever's compliance by beam theory."""
+
+from typing import Any
+
+import pytest
+
+from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
+from fmd.scene.modes import ModeSettings
+
+L, B, H, E = 0.3, 0.01, 0.02, 70e9
+BAR: dict[str, Any] = {
+    "title": "Bar",
+    "body": {
+        "bar": {
+            "shape": "bar",
+            "length": L,
+            "depth": H,
+            "width": B,
+            "E": E,
+            "nu": 0.0,
+            "rho": 2700.0,
+            "mesh": {"divisions": [12, 1, 1], "order": 2},
+            "modes": {"count": 3},
+            "marker": {"root": {"face": "x-"}, "tip": {"face": "x+"}},
+        }
+    },
+    "joint": {"clamp": {"type": "fixed", "parent": "ground", "child": "bar.root"}},
+    "drive": {"push": {"type": "point force", "marker": "bar.tip", "direction": [0, 1, 0], "force": "1 N"}},
+    "simulation": {"duration": 1e-3, "output_step": 1e-3, "tip": "bar.tip", "run": [{"integrator": "auto"}]},
+}
+
+
+def compliance(*overrides: str) -> float:
+    """Return the deflection of the bar's tip by a steady unit force there [m/N]."""
+    body = Pipeline(load_scene(BAR, overrides), Cache(None)).bodies["bar"]
+    return float((body.markers["tip"].translation[1] ** 2 / body.omega**2).sum())
+
+
+@pytest.mark.parametrize("boundary", ["free", "joint", "interface"])
+def test_few_modes_deflect_as_a_beam_without_a_word_about_static_responses(boundary: str) -> None:
+    inertia, area = B * H**3 / 12, B * H
+    exact = L**3 / (3 * E * inertia) + 6 / 5 * L / (E / 2 * area)  # by Timoshenko, without lateral contraction
+    assert compliance(f"body.bar.modes.boundary={boundary}") == pytest.approx(exact, rel=2e-3)
+    if boundary == "free":
+        assert compliance("body.bar.modes.enrich=none") < 0.8 * exact
+
+
+def test_an_interface_has_its_own_static_responses_and_a_choice_is_kept() -> None:
+    default = ModeSettings(count=2)
+    assert default.enrichment == "inertia"
+    piece = default.model_copy(update={"boundary": "interface"})
+    assert piece.enrichment == "none"
+    assert piece.model_copy(update={"enrich": "ritz"}).enrichment == "ritz"
+    assert ModeSettings(count=2, enrich="none").enrichment == "none"
