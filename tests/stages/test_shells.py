@@ -17,7 +17,7 @@ MARKERS = {"root": {"face": "x-"}, "tip": {"face": "x+"}}
 
 def swung(shape: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A plate, clamped in a hub that swings by 0.16 rad and back."""
-    plate = shape | METAL | {"modes": {"count": 6, "boundary": "joint"}, "marker": MARKERS}
+    plate = shape | METAL | {"modes": {"count": 6, "boundary": "joint", "enrich": "none"}, "marker": MARKERS}
     return {
         "title": "Swung plate",
         "body": {"plate": plate | changes},

@@ -22,7 +22,7 @@ _FLAP = {
     10: (11.2023, 33.6404),
     12: (13.1702, 37.6031),
 }
-_OUT_OF_PLANE = 'body.beam.modes={count=8, family="out-of-plane bending", boundary="joint"}'
+_OUT_OF_PLANE = 'body.beam.modes={count=8, family="out-of-plane bending", boundary="joint", enrich="none"}'
 _ALL_AXIAL = 'body.rod.modes={count=1, family="axial", boundary="joint", enrich="inertia"}'
 
 
