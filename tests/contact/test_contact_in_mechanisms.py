@@ -21,7 +21,7 @@ ARM: dict[str, Any] = {
             "nu": 0.3,
             "rho": "2700 kg/m^3",
             "mesh": {"divisions": [8, 1, 1], "order": 1},
-            "modes": {"count": 3},
+            "modes": {"count": 3, "enrich": "none"},
             "marker": {"root": {"face": "x-"}, "under": {"face": "y-"}, "end": {"face": "x+"}},
         }
     },

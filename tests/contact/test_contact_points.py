@@ -29,7 +29,7 @@ BLOCK: dict[str, Any] = {
             "nu": 0.3,
             "rho": "2700 kg/m^3",
             "mesh": {"divisions": [4, 3, 2], "order": 1},
-            "modes": {"count": 4},
+            "modes": {"count": 4, "enrich": "none"},
             "marker": {"middle": {"at": ["100 mm", "0 mm", "0 mm"]}, "bottom": {"face": "y-"}},
         }
     },

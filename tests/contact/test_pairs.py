@@ -27,7 +27,7 @@ def simulation(duration: str, output_step: str, tip: str) -> dict[str, Any]:
 def bars(*overrides: str) -> Pipeline:
     """Two equal bars of length 10 and wave speed 30, the first at 10 m/s, half a metre before the other."""
     side = dict.fromkeys(("depth", "width"), "1 m") | {"length": "10 m", "E": "900 Pa", "nu": 0.0, "rho": "1 kg/m^3"}
-    bar = {"shape": "bar", **side, "modes": {"count": 20, "family": "axial"}}
+    bar = {"shape": "bar", **side, "modes": {"count": 20, "family": "axial", "enrich": "none"}}
     bar |= {"marker": {"left": {"face": "x-"}, "right": {"face": "x+"}}}
     mesh = {"first": [60, 1, 1], "second": [60, 2, 1]}
     joint = {"type": "prismatic", "axis": [1, 0, 0], "parent": "ground"}
@@ -67,9 +67,18 @@ def test_a_clearance_delays_the_contact_and_the_other_order_turns_the_force_roun
 
 def rod_on_block(friction: float, step: str) -> Pipeline:
     """A rod that spins and strikes a free block aslant, both with six modes."""
-    rod = ALUMINIUM | {"length": "200 mm", **dict.fromkeys(("depth", "width"), "20 mm"), "modes": {"count": 6}}
+    rod = ALUMINIUM | {
+        "length": "200 mm",
+        **dict.fromkeys(("depth", "width"), "20 mm"),
+        "modes": {"count": 6, "enrich": "none"},
+    }
     rod |= {"mesh": {"divisions": [10, 2, 2], "order": 1}}
-    block = ALUMINIUM | {"length": "100 mm", "depth": "100 mm", "width": "40 mm", "modes": {"count": 6}}
+    block = ALUMINIUM | {
+        "length": "100 mm",
+        "depth": "100 mm",
+        "width": "40 mm",
+        "modes": {"count": 6, "enrich": "none"},
+    }
     block |= {"mesh": {"divisions": [4, 4, 2], "order": 1}}
     middle = {"rod": {"at": ["100 mm", "0 mm", "0 mm"]}, "block": {"at": ["50 mm", "0 mm", "0 mm"]}}
     joint = {"type": "free", "parent": "ground"}

@@ -29,7 +29,7 @@ def pressed_blocks(first: list[int], second: list[int]) -> tuple[ContactTable, f
     Without Poisson's ratio the pressure is the same everywhere.
     """
     block = {"shape": "bar", "E": "70 GPa", "nu": 0.0, "rho": "2700 kg/m^3", "length": "100 mm"}
-    block |= {"depth": "40 mm", "width": "40 mm", "modes": {"count": 1, "family": "axial"}}
+    block |= {"depth": "40 mm", "width": "40 mm", "modes": {"count": 1, "family": "axial", "enrich": "none"}}
     block |= {"marker": {"left": {"face": "x-"}, "right": {"face": "x+"}}}
     slide = {"type": "prismatic", "axis": [1, 0, 0], "parent": "ground.end"}
     scene = {
@@ -86,9 +86,14 @@ def test_the_pressure_between_other_meshes_is_that_of_points_on_triangles(second
 
 def test_a_stiff_block_in_the_place_of_a_plane_has_its_forces() -> None:
     block: dict[str, Any] = {"shape": "bar", "length": "200 mm", "depth": "100 mm", "width": "60 mm", "E": "70 GPa"}
-    block |= {"nu": 0.3, "rho": "2700 kg/m^3", "mesh": {"divisions": [4, 3, 2], "order": 1}, "modes": {"count": 4}}
+    block |= {
+        "nu": 0.3,
+        "rho": "2700 kg/m^3",
+        "mesh": {"divisions": [4, 3, 2], "order": 1},
+        "modes": {"count": 4, "enrich": "none"},
+    }
     block |= {"marker": {"middle": {"at": ["100 mm", "0 mm", "0 mm"]}, "bottom": {"face": "y-"}}}
-    anvil = block | {"length": "400 mm", "width": "200 mm", "E": "7e7 GPa", "modes": {"count": 1}}
+    anvil = block | {"length": "400 mm", "width": "200 mm", "E": "7e7 GPa", "modes": {"count": 1, "enrich": "none"}}
     anvil |= {"marker": {"end": {"face": "x-"}, "top": {"face": "y+"}}}
     free = {"type": "free", "parent": "ground", "child": "block.middle"}
     plane = {
