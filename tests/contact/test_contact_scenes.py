@@ -61,8 +61,8 @@ def test_each_figure_that_has_no_stated_error_says_why(dropped: Pipeline, monkey
     def fail(*_: Any) -> None:
         raise StabilityError("the step is too long")
 
-    monkeypatch.setattr(dropped, "motion_by", fail)
     figures = contact_figures(dropped)["contacts"]
+    monkeypatch.setattr(dropped, "motion_by", fail)
     final: dict[str, Any] = {"joint_positions": {}, "joint_rates": {}}
     stated = figure_errors(dropped, {"final": final, "contacts": figures, "frequencies_hz": [1.0]})
     assert "after a contact two runs part" in str(stated["final.kinetic_energy_j"])
