@@ -46,7 +46,7 @@ def _compare(run: Pipeline) -> dict[str, dict[str, float | str]]:
         histories = run.motion_by(other, other.march(run.output_times)).contacts
     except (StabilityError, AccuracyError) as error:
         why = f"the march with {'twice' if longer else 'half'} the step failed: {error}"
-        return {name: dict.fromkeys(own.figures, why) | _OF_ITSELF for name, own in run.motion.contacts.items()}
+        return {name: {**dict.fromkeys(own.figures, why), **_OF_ITSELF} for name, own in run.motion.contacts.items()}
     change = 2.0 if any(body.damping for body in plan.mechanism.contacts) else 4.0
     share, step = SAFETY / (change - 1.0) * (1.0 if longer else change), method.step
     return {name: _differences(own, histories[name], share, step) for name, own in run.motion.contacts.items()}
@@ -60,6 +60,6 @@ def _differences(own: ContactHistory, other: ContactHistory, share: float, step:
         if value is None or theirs[key] is None:
             found[key] = "nothing touches" if value is None else "by the other step nothing touches"
             continue
-        found[key] = share * float(np.linalg.norm(np.subtract(value, theirs[key])))
-        found[key] += step if key in _TIMES else 0.0
+        change = share * float(np.linalg.norm(np.subtract(value, theirs[key])))
+        found[key] = change + (step if key in _TIMES else 0.0)
     return found
