@@ -122,6 +122,7 @@ def test_tangents_by_a_mass_and_differences_that_are_drawn_back_are_those_of_the
     monkeypatch.setattr(CentralDifference, "marches_tangents", False)
     (drawn,) = package.jacobian(result, ["slide.position"], ["body.block.mass"])
     assert [each.by_tangents for each in (mass, spring, drawn)] == [True, True, False]
+    assert [each.lacking for each in (mass, spring, drawn)] == ["", "", "central-difference"]
     size = np.abs(spring.slope).max() * STIFFNESS
     np.testing.assert_allclose(mass.slope * MASS, -spring.slope * STIFFNESS, atol=1e-9 * size)
     np.testing.assert_allclose(drawn.slope * MASS, -spring.slope * STIFFNESS, atol=1e-7 * size)

@@ -108,17 +108,22 @@ def _print(found: Sequence[Sensitivity], rows: Sequence[dict[str, Any]]) -> None
     console = open_console()
     if any(row["history"] for row in rows):
         console.print("of histories: ratios of root mean squares over time, without signs")
-    moving = [(each.parameter.key, each.by_tangents) for each in found if each.channel.moves]
-    for way, chosen in (("tangents of the motion", True), ("differences of motions", False)):
-        keys = [*dict.fromkeys(key for key, by_tangents in moving if by_tangents == chosen)]
-        if keys:
-            console.print(f"by {way}: {', '.join(keys)}")
+    for way in dict.fromkeys(_way(each) for each in found if each.channel.moves):
+        keys = [*dict.fromkeys(each.parameter.key for each in found if each.channel.moves and _way(each) == way)]
+        console.print(f"by {way}: {', '.join(keys)}")
     for row in rows:
         if row["jumps"]:
             console.print(
                 f"warning: the largest {row['of']} jumps to another place or time when {row['to']} changes by 0.1 %; "
                 "its derivative is that where it is now"
             )
+
+
+def _way(each: Sensitivity) -> str:
+    """Say how the motion has been differentiated."""
+    if each.by_tangents:
+        return "tangents of the motion"
+    return f"differences of motions (without tangents: {each.lacking})"
 
 
 def _print_uncertainties(found: Sequence[Uncertainty]) -> None:

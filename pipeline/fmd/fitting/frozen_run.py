@@ -15,7 +15,14 @@ from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.dynamics.compiler.program import LANES
 from fmd.fitting.neighbours import PartedMarch, find_all_turns, goes_in_parts, march_in_parts, march_neighbours
 from fmd.fitting.parameters import Parameter, change_parameters
-from fmd.fitting.tangents import Side, Tangent, changes_in_line, find_direction, march_tangents
+from fmd.fitting.tangents import (
+    Side,
+    Tangent,
+    changes_in_line,
+    find_direction,
+    march_tangents,
+    say_what_lacks_tangents,
+)
 from fmd.integrators.protocol import Trajectory
 from fmd.scene.variants import change_simulation
 from fmd.stages.pipeline import Pipeline
@@ -35,6 +42,8 @@ class Beside:
         The frozen run at both; none where no motion is needed.
     by_tangents : bool
         True if their motions are the scene's own less and more its tangent, so that their difference is exact.
+    lacking : str
+        What of the run has no tangent where motions are differences.
     """
 
     low: Pipeline
@@ -42,6 +51,7 @@ class Beside:
     step: float
     plans: tuple[Plan, ...] = ()
     by_tangents: bool = False
+    lacking: str = ""
 
 
 @dataclass(frozen=True)
@@ -159,7 +169,8 @@ class FrozenRun:
         else:
             found = self._variants(motion, parameter, share * DIFFERENCE)
             trajectories = [self._march(plan) for plan in found.plans]
-        return self._with_motions(found, trajectories)
+        assert motion.plan is not None
+        return replace(self._with_motions(found, trajectories), lacking=say_what_lacks_tangents(motion.plan))
 
     def _tangent(self, motion: FrozenMotion, parameter: Parameter) -> Tangent | None:
         """Return a motion's derivative by a number's logarithm, if it is to be had; those by others go with it."""

@@ -35,6 +35,8 @@ class Sensitivity:
         True if the largest value is at another place, or long before or after, as soon as the number changes a little.
     by_tangents : bool
         True if it is by the motion's tangent, which is marched beside it, not by a difference of motions.
+    lacking : str
+        What of the run has no tangents otherwise.
     """
 
     channel: ResultChannel
@@ -44,6 +46,7 @@ class Sensitivity:
     error: Array
     jumps: bool = False
     by_tangents: bool = False
+    lacking: str = ""
 
     @property
     def relative(self) -> float:
@@ -84,6 +87,7 @@ class Sensitivity:
             "interval": [share - off, share + off] if known else None,
             "jumps": self.jumps,
             "by_tangents": self.by_tangents,
+            "lacking": self.lacking,
         }
 
 
@@ -137,7 +141,9 @@ def _differentiate(
         else:
             near = pairs[1]
             jumps = _jumps(channel, near.low, near.high, share=near.step / abs(parameter.value))
-            yield Sensitivity(channel, parameter, value, slope, np.abs(slope - rough), jumps, near.by_tangents)
+            yield Sensitivity(
+                channel, parameter, value, slope, np.abs(slope - rough), jumps, near.by_tangents, near.lacking
+            )
 
 
 def change_of(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeline) -> Array:

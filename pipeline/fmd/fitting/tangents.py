@@ -93,6 +93,16 @@ def find_direction(plan: Plan, sides: Sequence[Side]) -> Direction | None:
     return Direction(numbers, beside if vary else [], q, v)
 
 
+def say_what_lacks_tangents(plan: Plan) -> str:
+    """Return what of a run has no tangents by any number, or by this one."""
+    system = plan.marched[0]
+    if not system.has_tangents:
+        return "sampled controllers" if system.is_sampled else "contact"
+    if not plan.integrator.carries_tangent(system, [system]):
+        return str(plan.integrator.name)
+    return "shapes of bodies, or oscillators, that change with it"
+
+
 def _has_like_coordinates(plan: Plan, other: Plan) -> bool:
     """Return whether two runs have as many positions, constraints and inputs of their equations."""
     (own, q, _), (theirs, there, _) = plan.marched, other.marched
