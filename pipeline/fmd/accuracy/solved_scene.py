@@ -86,14 +86,8 @@ class SolvedScene:
 
     Parameters
     ----------
-    scene : Scene
-        As `fmd.load_scene` returns it.
-    cache : Cache, optional
-        Where results are kept; the user's cache folder by default.
-    monitor : Monitor, optional
-        Reports each stage's progress.
-    keep_all : bool
-        Integrate modes that nothing can excite, too.
+    scene, cache, monitor, keep_all
+        As for `Pipeline`.
     like : Pipeline, optional
         Stages of a scene with the same flexible bodies, whose results of these are taken.
 

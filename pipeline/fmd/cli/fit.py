@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, SceneName, Several, print_json
 from fmd.cli.sensitivities import split_names
-from fmd.cli.tables import open_console, print_files, print_table, print_warnings
+from fmd.cli.tables import open_console, print_files, print_records, print_warnings
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.limits.fitting import SAME_CHI2
@@ -126,20 +126,14 @@ def _read_sigma(text: str) -> tuple[str, float]:
 
 def _print(found: Fit) -> None:
     summary = found.summary()
-    rows: list[tuple[Any, ...]] = []
-    for row in summary["parameters"]:
-        low, high = row["interval"]
-        at = "at its bound" if row["at_bound"] else ""
-        rows.append((row["key"], row["start"], row["value"], low, high, row["unit"], at))
-    columns = {
-        "number": "{}",
-        "first": "{:.5g}",
-        "fitted": "{:.6g}",
-        "95 % from": "{:.6g}",
-        "to": "{:.6g}",
-        "unit": "{}",
-    }
-    print_table("Fit", {**columns, "": "{}"}, rows)
+    columns = {"number": "key", "first": "start:.5g", "fitted": "value:.6g", "95 % from": "low:.6g", "to": "high:.6g"}
+    rows = [
+        row
+        | dict(zip(("low", "high"), row["interval"], strict=True))
+        | {"at": "at its bound" if row["at_bound"] else ""}
+        for row in summary["parameters"]
+    ]
+    print_records("Fit", columns | {"unit": "unit", "": "at"}, rows)
     console = open_console()
     console.print(
         f"chi-squared {found.chi2:.5g} of {found.n_free} degrees of freedom (probability {found.probability:.2g}); "

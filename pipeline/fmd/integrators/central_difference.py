@@ -7,7 +7,7 @@ Stable for ω_max h < 2.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,6 @@ from fmd.integrators.fixed_step import (
 )
 from fmd.integrators.protocol import (
     Integrator,
-    Progress,
     State,
     Trajectory,
     require_step,
@@ -65,12 +64,6 @@ class CentralDifference(FixedStepIntegrator):
     def lag(self, system: System) -> Array:
         """Return half a step."""
         return np.full(system.n, 0.5 * self.step)
-
-    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        contacts = np.full((times.size, getattr(system, "n_contact_values", 0)), np.nan)
-        end, q, v, seconds = self.fixed_march(system).run(start, times, progress, contacts)
-        return replace(self.describe(times, q, v, end, end.step - start.step, seconds), contacts=contacts)
 
     def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
         """Return the trajectory of a march with so many steps."""

@@ -297,6 +297,12 @@ class FixedStepIntegrator(ResumableIntegrator):
     def fixed_march(self, system: System) -> FixedMarch:
         """Return what a system is marched with."""
 
+    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
+        """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
+        contacts = np.full((times.size, getattr(system, "n_contact_values", 0)), np.nan)
+        end, q, v, seconds = self.fixed_march(system).run(start, times, progress, contacts)
+        return replace(self.describe(times, q, v, end, end.step - start.step, seconds), contacts=contacts)
+
     def lag(self, system: System) -> Array | None:
         """Return how long before a state's time its rates are (n,) [s]; None if its start takes more than that."""
         return None

@@ -44,7 +44,6 @@ from fmd.integrators.fixed_step import (
 )
 from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import (
-    Progress,
     State,
     Trajectory,
     require_ratio,
@@ -96,11 +95,6 @@ class ReversibleSubcycling(FixedStepIntegrator):
         start.a[:n_slow] += start.a @ D
         move = self.substeps * self.step * start.v
         return replace(start, memory=np.concatenate([move, D.ravel()]))
-
-    def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
-        """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        end, q, v, seconds = self.fixed_march(system).run(start, times, progress)
-        return self.describe(times, q, v, end, end.step - start.step, seconds)
 
     def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
         """Return the trajectory of a march with so many fast steps."""

@@ -121,8 +121,7 @@ class Subcycling(FixedStepIntegrator):
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         if self.substeps == 1:
             return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
-        end, q, v, seconds = self.fixed_march(system).run(start, times, progress)
-        return self.describe(times, q, v, end, end.step - start.step, seconds)
+        return super().resume(system, start, times, progress)
 
     def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
         """Return the trajectory of a march with so many fast steps."""

@@ -128,8 +128,9 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     return _histories(run, name, origin)
 
 
-def require_results(scene: Scene, names: Sequence[str], origin: str = "--of") -> None:
-    """Raise ``InputError`` for a name that no result has, before anything is computed."""
+def require_results(scene: Scene, names: Sequence[str]) -> None:
+    """Raise ``InputError`` for a name of ``--of`` that no result has, before anything is computed."""
+    origin = "--of"
     for name in names:
         first, _, last = name.partition(".")
         of_body = first in _OF_A_BODY or (first in scene.body and last.partition(".")[0] in (*_OF_A_BODY, "mass"))

@@ -190,5 +190,5 @@ def _symmetric(G: Array) -> Array:
     """Return G read-only; raise ``AccuracyError`` if it isn't symmetric or not finite."""
     error = float(np.abs(G - G.transpose(1, 0, 3, 2)).max() / np.abs(G).max())
     if not error < 1e-10:
-        raise AccuracyError(f"the inertia shape integrals is not symmetric: relative error {error:.1e}")
+        raise AccuracyError(f"the inertia shape integrals are not symmetric: relative error {error:.1e}")
     return read_only(G)

@@ -64,7 +64,7 @@ def draw_chart(
         There are no curves, or the shapes of times, curves and component labels disagree.
     """
     _check(time, curves, component_labels)
-    time, time_label = (1e3 * time, "time [ms]") if time[-1] < _SHORT else (time, "time [s]")
+    time, time_label = time_axis(time)
     factor, label = fit_length(ylabel, _largest(curve.columns for curve in curves))
     with open_figure(path, SIZE_INCHES, DOTS_PER_INCH, padding=0.1) as figure:
         figure.suptitle(title, fontsize=15)
@@ -111,6 +111,11 @@ def _check(time: Array, curves: Sequence[Curve], component_labels: Sequence[str]
             )
     if len(component_labels) != n_components and (component_labels or n_components > 1):
         raise ValueError(f"{len(component_labels)} component labels for {n_components} components")
+
+
+def time_axis(time: Array) -> tuple[Array, str]:
+    """Return times as an axis has them, short ones in milliseconds, and its label."""
+    return (1e3 * time, "time [ms]") if time[-1] < _SHORT else (time, "time [s]")
 
 
 def fit_length(label: str, largest: float) -> tuple[float, str]:

@@ -12,12 +12,11 @@ from fmd.core.arrays import Array
 from fmd.core.html import prefix_for
 from fmd.core.limits.shown import CHARTED_QUANTITIES, SEEN_ERROR
 from fmd.render.chart_data import HistoryFrame
-from fmd.render.charts import COLOURS
+from fmd.render.charts import COLOURS, time_axis
 from fmd.render.figure import open_figure, style_axes
 
 _FRAME_INCHES = (6.4, 3.0)
 _DOTS_PER_INCH = 110
-_SHORT = 0.1  # of times: those are in milliseconds [s]
 
 
 def draw_histories(time: Array, frames: Sequence[HistoryFrame], path: Path, *, title: str) -> None:
@@ -29,7 +28,7 @@ def draw_histories(time: Array, frames: Sequence[HistoryFrame], path: Path, *, t
         Times [s].
     """
     shown, left_out = frames[:CHARTED_QUANTITIES], max(len(frames) - CHARTED_QUANTITIES, 0)
-    factor, unit = (1e3, "ms") if time[-1] < _SHORT else (1.0, "s")
+    time, label = time_axis(time)
     columns = min(len(shown), 2)
     rows = math.ceil(len(shown) / columns)
     size = (columns * _FRAME_INCHES[0], rows * _FRAME_INCHES[1] + 0.4)
@@ -40,12 +39,12 @@ def draw_histories(time: Array, frames: Sequence[HistoryFrame], path: Path, *, t
             by, prefix = prefix_for(float(np.abs(frame.columns).max()), frame.unit)
             for k, values in enumerate(frame.columns.T):
                 colour = COLOURS[k % len(COLOURS)]
-                axes.plot(factor * time, values / by, color=colour, linewidth=1.6)
+                axes.plot(time, values / by, color=colour, linewidth=1.6)
                 if frame.error is not None and frame.error > SEEN_ERROR * float(np.ptp(values)):
                     low, high = (values - frame.error) / by, (values + frame.error) / by
-                    axes.fill_between(factor * time, low, high, color=colour, alpha=0.2, linewidth=0)
+                    axes.fill_between(time, low, high, color=colour, alpha=0.2, linewidth=0)
             last = number > len(shown) - columns
-            style_axes(axes, f"time [{unit}]" if last else "", f"[{prefix}{frame.unit}]", frame.name)
+            style_axes(axes, label if last else "", f"[{prefix}{frame.unit}]", frame.name)
             axes.title.set_fontsize(12)
             axes.margins(x=0)
             if len(frame.components) > 1:

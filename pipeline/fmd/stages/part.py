@@ -17,22 +17,19 @@ from fmd.recovery.deformation import DeformationShapes, deformation_shapes, node
 from fmd.recovery.stress import element_stress, modal_stress, point_stress
 from fmd.reduction.body import SecondOrder
 from fmd.reduction.inertia import add_normal_blocks, normal_blocks
-from fmd.scene.any_body import Flexible
 from fmd.scene.bar import Bar
 from fmd.scene.imported_bodies import MatrixPart, ReducedPart
 from fmd.scene.propeller import Propeller
 from fmd.scene.scene import Scene
-from fmd.scene.source_files import SourceFiles
 from fmd.scene.values import Formulation
 from fmd.stages.meshing.bodies import find_material, make_mesh, read_body_matrices
 from fmd.stages.named_elements import find_sides, number_elements, stress_places
-from fmd.stages.parent_joint import read_parent_joint
 from fmd.stages.part_inputs import (
+    KeyedPart,
     assembly_inputs,
     body_inputs,
     contact_inputs,
     digest_of_body,
-    element_inputs,
     mesh_inputs,
     modes_inputs,
 )
@@ -167,7 +164,7 @@ def _recover_nodal_stress(part: FlexiblePart) -> NDArray[np.float32]:
     return modal_stress(part.space, part.material, part.body.shapes, nodes).astype(np.float32)
 
 
-class FlexiblePart:
+class FlexiblePart(KeyedPart):
     """A flexible body of a scene, whose stages run on first use.
 
     Parameters
@@ -211,7 +208,7 @@ class FlexiblePart:
         "element stress",
         _recover_element_stress,
         ("mesh", "body"),
-        element_inputs,
+        lambda part: {"body": part.key("body"), "elements": part.elements, "sides": part.element_sides},
         _STRESS,
         in_key=("mesh",),
         applies=lambda part: bool(part.shape.element),
@@ -249,15 +246,8 @@ class FlexiblePart:
         modes: Modes | None = None,
         piece: PieceMesh | None = None,
     ) -> None:
-        own = store if modes is None else store.alone()
-        self.name, self.file, self.piece, self.store = name, scene.file, piece, own
-        self.shape: Flexible = scene.flexible[name]
-        self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
-        self.joint = read_parent_joint(scene, name)
-        self.contact_faces = scene.faces_in_contact(name, with_bodies=False)
-        self.paired_faces = scene.faces_in_contact(name, with_bodies=True)
-        self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
-        self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
+        super().__init__(scene, name, piece)
+        self.store = store if modes is None else store.alone()
         self.results: dict[str, Any] = {} if piece is None else {"mesh": piece.mesh}
         if like is not None and like.key("modes") == self.key("modes"):
             same = all(getattr(like, name) == getattr(self, name) for name in _OF_THE_PART)
@@ -272,19 +262,9 @@ class FlexiblePart:
         return PART_STAGES[stage].key(self)
 
     @property
-    def has_mesh(self) -> bool:
-        """A mesh, and so stress and pictures: bodies that are given by their matrices have none."""
-        return self.shape.shape not in ("matrices", "reduced")
-
-    @property
     def has_stress(self) -> bool:
         """A surface with its stress: of a mesh, or of a file that gives it for a reduced body."""
         return self.has_mesh or (self.is_reduced and file_surface(self.fe) is not None)
-
-    @property
-    def is_reduced(self) -> bool:
-        """A file holds the body reduced, by another program or by this one."""
-        return self.shape.shape == "reduced"
 
     @cached_property
     def order(self) -> int:
@@ -299,11 +279,6 @@ class FlexiblePart:
     def formulation(self) -> Formulation:
         """Strain of linear hexahedra, ``enhanced`` or ``plain``."""
         return getattr(getattr(self.shape, "mesh", None), "formulation", "enhanced")
-
-    @property
-    def is_supported(self) -> bool:
-        """True if supports fix the body in its frame, and not its joint's section alone, which may turn freely."""
-        return bool(self.shape.support) and not self.joint.free
 
     @property
     def mesh_notes(self) -> tuple[str, ...]:

@@ -1,41 +1,47 @@
-"""Inputs of the keys that the results of a flexible body's stages are kept under."""
+"""A flexible body as its scene gives it, and the keys that the results of its stages are kept under."""
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 from fmd.scene.any_body import Flexible
+from fmd.scene.scene import Scene
 from fmd.scene.source_files import SourceFiles
-from fmd.stages.parent_joint import ParentJoint
+from fmd.stages.parent_joint import read_parent_joint
 from fmd.stages.piece_mesh import PieceMesh
 
 
-class KeyedPart(Protocol):
-    """Flexible body as the keys of its stages see it."""
+class KeyedPart:
+    """A flexible body of a scene before anything of it is computed: all that the keys of its stages are made of."""
 
-    shape: Flexible
-    source: SourceFiles | None
-    piece: PieceMesh | None
-    joint: ParentJoint
-    frame: str
-    stiffening: str
-    contact_faces: tuple[str, ...]
-    paired_faces: tuple[str, ...]
+    def __init__(self, scene: Scene, name: str, piece: PieceMesh | None = None) -> None:
+        self.name, self.file, self.piece = name, scene.file, piece
+        self.shape: Flexible = scene.flexible[name]
+        self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
+        self.joint = read_parent_joint(scene, name)
+        self.contact_faces = scene.faces_in_contact(name, with_bodies=False)
+        self.paired_faces = scene.faces_in_contact(name, with_bodies=True)
+        self.frame = scene.simulation.frame if scene.moves else "joint-conforming"
+        self.stiffening = scene.simulation.stiffening if scene.moves else "auto"
+
+    @property
+    def has_mesh(self) -> bool:
+        """A mesh, and so stress and pictures: bodies that are given by their matrices have none."""
+        return self.shape.shape not in ("matrices", "reduced")
 
     @property
     def is_reduced(self) -> bool:
-        """A file holds the body reduced."""
+        """A file holds the body reduced, by another program or by this one."""
+        return self.shape.shape == "reduced"
 
     @property
-    def elements(self) -> dict[str, int]:
-        """Numbers of the named elements."""
-
-    @property
-    def element_sides(self) -> tuple[bool, ...]:
-        """Faces of the named elements of a shell."""
+    def is_supported(self) -> bool:
+        """True if supports fix the body in its frame, and not its joint's section alone, which may turn freely."""
+        return bool(self.shape.support) and not self.joint.free
 
     def key(self, stage: str) -> str:
-        """Return the key of a stage's result."""
+        """Return the key that a stage's result is kept under; empty if it never is."""
+        raise NotImplementedError
 
 
 def mesh_inputs(part: KeyedPart) -> Any:
@@ -94,8 +100,3 @@ def digest_of_body(part: KeyedPart) -> Any:
 def contact_inputs(part: KeyedPart) -> Any:
     """Return what the points that may touch something depend on, and their flexibility."""
     return {"body": part.key("body"), "faces": part.contact_faces, "paired": part.paired_faces}
-
-
-def element_inputs(part: KeyedPart) -> Any:
-    """Return what the stress of the named elements depends on."""
-    return {"body": part.key("body"), "elements": part.elements, "sides": part.element_sides}
