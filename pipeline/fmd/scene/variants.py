@@ -104,11 +104,6 @@ def complete_for_linear_answers(scene: Scene) -> Scene:
     return scene.model_copy(update={"joint": joints, "simulation_table": simulation})
 
 
-def complete_mechanism(scene: Scene) -> Scene:
-    """Return a scene with joints or force elements with what linear answers need beside them, parts alone unchanged."""
-    return complete_for_linear_answers(scene) if scene.joint or any(scene.elements.values()) else scene
-
-
 def damp_bodies(scene: Scene, damping: float) -> Scene | None:
     """Return the scene with damping for the bodies that have none; ``None`` if all have some, or one is in pieces."""
     if all(body.modes.damping for body in scene.flexible.values()):

@@ -11,7 +11,7 @@ from fmd.reduction.rotating import WhirlingModes, rotating_modes
 from fmd.responses.interpolated_models import interpolate_models, matrices_of
 from fmd.responses.whirl import hub_modes, whirling_modes
 from fmd.scene.modes import damping_ratios
-from fmd.scene.variants import complete_mechanism
+from fmd.scene.variants import complete_for_linear_answers
 from fmd.stages.turning import OnHub, TurningRotor, scene_in_space
 
 if TYPE_CHECKING:
@@ -24,8 +24,10 @@ Vibrations = Callable[[float], WhirlingModes]
 
 def coupled(run: Pipeline) -> Pipeline:
     """Return the stages of a scene with its joints and force elements also where it has no simulation."""
-    scene = complete_mechanism(run.scene)
-    return run if scene is run.scene else run.variant(scene, run.store.monitor)
+    scene = run.scene
+    if scene.moves or not (scene.joint or any(scene.elements.values())):
+        return run
+    return run.variant(complete_for_linear_answers(scene), run.store.monitor)
 
 
 def runs_in_bearings(scene: Scene) -> bool:
