@@ -1,4 +1,4 @@
-"""What an assistant may do with scenes of a folder by `fmd mcp`: load, check, run, change, look."""
+"""Tools of `fmd mcp` for an assistant, on the scenes of a folder: load, check, run, change, look."""
 
 from __future__ import annotations
 

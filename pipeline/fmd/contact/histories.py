@@ -35,7 +35,7 @@ class ContactHistory(NamedTuple):
 
     @property
     def figures(self) -> dict[str, Any]:
-        """What a summary has of it: first and last time of contact, sums, and largest values at any step."""
+        """Figures for a summary: first and last time of contact, sums, and largest values at any step."""
         begin, end = self.span
         force, area, pressure = self.largest
         return {

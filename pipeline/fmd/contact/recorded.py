@@ -1,4 +1,4 @@
-"""What a march notes of a mechanism's contacts at its output times: rows of numbers, and what stands where in them."""
+"""Rows of numbers that a march notes of a mechanism's contacts at its output times, and what stands where in them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmd.core.arrays import Array, IntArray
 
 
 class RecordedBody(Protocol):
-    """What a record needs of a body that touches: its name, those of its contacts, numbers of points and modes."""
+    """A body that touches, as a record needs it: its name, those of its contacts, numbers of points and modes."""
 
     @property
     def body(self) -> str:

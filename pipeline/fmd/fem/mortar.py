@@ -114,7 +114,7 @@ def _group(space: Discretisation, chosen: IntArray) -> list[_Facets]:
 
 @dataclass(frozen=True)
 class _Overlap:
-    """What facets of one group have in common with those of another, as triangles.
+    """Triangles that facets of one group have in common with those of another.
 
     Attributes
     ----------

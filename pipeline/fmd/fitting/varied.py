@@ -44,7 +44,7 @@ class VariedNumber:
 
     @property
     def scale(self) -> float:
-        """What shares are of, where a fit doesn't count in the number's logarithm [SI]."""
+        """Size that shares are of, where a fit doesn't count in the number's logarithm [SI]."""
         return abs(self.parameter.value) or self.high - self.low
 
     def to_share(self, value: float) -> float:

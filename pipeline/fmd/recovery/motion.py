@@ -142,7 +142,7 @@ class Motion:
 
     @property
     def _pushes(self) -> tuple[Array, ...]:
-        """What contacts do to the bodies' frames (n_times, n_bodies, 6) and to modes (n_times, n); nothing without."""
+        """Forces of contacts on the bodies' frames (n_times, n_bodies, 6) and on modes (n_times, n); none without."""
         if self.touched is None:
             return ()
         mechanism, n_times = self.mechanism, len(self.times)

@@ -1,4 +1,4 @@
-"""What contacts deform a body beside its modes, in deflections and stress."""
+"""Deflections and stress by which contacts deform a body beside its modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What has been found of a scene beside others like it, for its own stages to take."""
+"""Results of a scene that were found beside others like it, for its own stages to take."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ STATUSES = ("ok", "refused", "failed")
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is wanted of each point, beside the summary of its run.
+    """Results that are wanted of each point, beside the summary of its run.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class _Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class _Structure:
-    """What mechanisms have in common that differ in numbers of joints alone, of which only forces' slopes depend."""
+    """Parts that mechanisms share which differ in numbers of joints alone, of which only forces' slopes depend."""
 
     samples: tuple[_Sample, ...]
     n_slow: int
