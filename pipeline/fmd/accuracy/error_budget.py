@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from fmd.accuracy.corner_stress import CornerStress
 from fmd.accuracy.details import detail_quantities
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_LIMIT, NO_PART, SOURCES, Row
-from fmd.accuracy.model_errors import ModelError, summarise_causes
+from fmd.accuracy.model_errors import ModelError
 from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
 from fmd.accuracy.requested_stress import EXTREMES, request_key
 from fmd.accuracy.time_limit import TimeLimit
@@ -74,7 +74,7 @@ class Budget:
             "safety": self.safety,
             "rows": [row.summary() for row in self.rows],
             "details": [row.summary() for row in self.details],
-            "model": summarise_causes(self.model),
+            "model": [asdict(cause) for cause in self.model],
             "left_out": list(self.left_out),
             "seconds": self.seconds,
             "integration": self.integration,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -308,17 +308,3 @@ def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Arra
         numbers, alike = find_counterparts(x, own.shapes, x, m, other.shapes, other.omega)
         gains.append(np.where(alike > ALIKE, (other.omega[numbers] / own.omega) ** 2 - 1, 0.0))
     return gains[0], gains[1]
-
-
-def summarise_causes(causes: tuple[ModelError, ...]) -> list[dict[str, Any]]:
-    """Return causes as plain numbers and texts."""
-    return [
-        {
-            "cause": each.cause,
-            "error": each.error,
-            "quantity": each.quantity,
-            "counted": each.counted,
-            "text": each.text,
-        }
-        for each in causes
-    ]
