@@ -72,6 +72,7 @@ FACTS = {
     "fmd.core.formula": {"BEFORE", "UNTIL"},
     "fmd.core.netcdf": {"_CHAR", "_DOUBLE", "_DIMENSION", "_VARIABLE", "_ATTRIBUTE", "_LARGEST"},
     "fmd.dynamics.compiler.c_source": {"_PER_LINE"},
+    "fmd.dynamics.compiler.parts": {"SPACING"},
     "fmd.dynamics.compiler.program": {"LANES"},
     "fmd.dynamics.compiler.functions": {"FIRST_STUMPFF", "LAST_STUMPFF", "LAST_ARC", "SERIES_LIMITS"},
     "fmd.dynamics.compiler.writer": {"_ROUNDING"},

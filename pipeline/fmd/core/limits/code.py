@@ -9,6 +9,12 @@ TINY_SQUARE = 1e-300  # Pa²: the square of a von Mises stress whose root has a 
 STRUCTURAL = (0.0, 1.0, -1.0)  # numbers that stand in code themselves: what they simplify is a mechanism's structure
 DOUBLES_IN_LINE = 8  # of the processor's cache
 
+# Long programs.
+LONG_PROGRAM = 10_000  # operations, some 80 kB of machine code: from here on, parts that are alike share it
+MOST_IN_PART = 2500  # operations of a part: LLVM's time for a function grows faster than it does
+MOST_COPIED = 64  # values that one function copies to or from the parts' arrays: LLVM compares each with all others
+STANDING = (*STRUCTURAL, 0.5)  # numbers that stand in shared code: as an exponent, 0.5 is a square root
+
 # Products.
 UNROLLED = 16  # columns up to which a matrix is multiplied without a loop, its columns in the code
 ACCUMULATORS = 8  # vector registers that a product sums in: enough to hide the latency of ``fma``

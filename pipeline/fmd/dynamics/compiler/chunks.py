@@ -46,10 +46,12 @@ class ChunkWriter(Writer):
     ----------
     register : int
         Doubles in a vector register.
+    constants : str
+        Address of the constants that its code reads.
     """
 
-    def __init__(self, register: int) -> None:
-        super().__init__()
+    def __init__(self, register: int, constants: str = "@constants") -> None:
+        super().__init__(constants=constants)
         self._register = register
         self._copies: dict[tuple[str, int], str] = {}
         self._in_memory: dict[str, str] = {}

@@ -28,7 +28,7 @@ def differentiate(
     Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM, 2008, chapter 3.
     """
     slopes: dict[int, Scalar | Vector] = {}
-    for number in graph.live(output.node for output in outputs):
+    for number in graph.live_by_marks(output.node for output in outputs):
         node = graph.nodes[number]
         changes = any(not slopes[k].is_zero for k in node.arguments)
         if number in seeds:

@@ -148,6 +148,7 @@ def trace_frames(inputs: Coordinates) -> list[MovingFrame]:
     """Trace the frames of a mechanism's bodies, each after its parent's."""
     frames: list[MovingFrame] = []
     for number, link in enumerate(inputs.mechanism.links):
+        inputs.graph.mark()
         parent = frames[link.parent] if link.parent >= 0 else None
         frame = _trace_frame(inputs, number, link, parent)
         if parent is not None:

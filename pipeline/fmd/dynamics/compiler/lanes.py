@@ -136,7 +136,7 @@ class LaneEmitter:
         return self._out.value(f"load {_KIND}, ptr {self._address(argument, place)}, align 8")
 
     def _address(self, argument: str, place: int) -> str:
-        return self._out.value(f"getelementptr double, ptr %{argument}, i64 {place * LANES}")
+        return self._out.address(argument, place * LANES)
 
     def _scalar(self, number: int) -> str:
         known = self._scalars.get(number)

@@ -10,7 +10,8 @@ from fmd.dynamics.compiler.functions import CHOICES, DECLARATIONS, FUNCTIONS, fu
 from fmd.dynamics.compiler.lanes import LaneEmitter
 from fmd.dynamics.compiler.oscillator_code import OscillatorWriter
 from fmd.dynamics.compiler.oscillators import OSCILLATED
-from fmd.dynamics.compiler.program import Program
+from fmd.dynamics.compiler.parts import PLAIN, SPACING, WIDE, Parts, cut_program
+from fmd.dynamics.compiler.program import LANES, Program
 from fmd.dynamics.compiler.writer import literal
 
 
@@ -18,38 +19,121 @@ def emit(program: Program, register: int) -> tuple[str, Array]:
     """Write a program as a module of LLVM's language, for vector registers of so many doubles, and its constants.
 
     The code reads these from an array ``@constants`` that it is loaded with. So it depends on the structure of the
-    program's graph alone, in which 0, 1 and -1 are simplified: other numbers give the same code.
+    program's graph alone, in which 0, 1 and -1 are simplified: other numbers give the same code. A long program is
+    written as calls of functions that parts share which are alike.
     """
-    emitter = _Emitter(program, register)
-    emitter.write_nodes()
-    emitter.write_outputs()
+    module, parts = _Module(register), cut_program(program, register)
     own = "" if program.in_place else "noalias "
     arguments = ", ".join(f"ptr {own}%{name}" for name in program.arguments)
-    functions = sorted(emitter.functions | emitter.lanes.functions)
-    lines = [
-        "declare double @llvm.fma.f64(double, double, double)",
-        "declare <8 x double> @llvm.fma.v8f64(<8 x double>, <8 x double>, <8 x double>)",
-        "declare double @llvm.sqrt.f64(double)",
-        *(DECLARATIONS if functions else ()),
-        f"@constants = external constant [{len(emitter.out.constants)} x double], align 64",
-        *(function_code(name) for name in functions),
-        f"define void @{program.name}({arguments}) nounwind {{",
-        "entry:",
-        *emitter.out.room,
-        *emitter.out.lines,
-        "ret void",
-        "}",
-        "!0 = !{}",
-    ]
-    return "\n".join(lines) + "\n", np.array(emitter.out.constants)
+    body = module.body_of(program) if parts is None else module.calls_of(program, parts)
+    module.add(f"define void @{program.name}({arguments}) nounwind", body)
+    return module.text(), np.array(module.constants)
+
+
+class _Module:
+    """A module under construction.
+
+    Attributes
+    ----------
+    constants : list of float
+        Of all its functions, each of which begins a line of the cache.
+    """
+
+    def __init__(self, register: int) -> None:
+        self._register = register
+        self.constants: list[float] = []
+        self._functions: set[str] = set()
+        self._lines: list[str] = []
+
+    def text(self) -> str:
+        """Return all of it."""
+        functions = sorted(self._functions)
+        lines = [
+            "declare double @llvm.fma.f64(double, double, double)",
+            "declare <8 x double> @llvm.fma.v8f64(<8 x double>, <8 x double>, <8 x double>)",
+            "declare double @llvm.sqrt.f64(double)",
+            *(DECLARATIONS if functions else ()),
+            f"@constants = external constant [{len(self.constants)} x double], align 64",
+            *(function_code(name) for name in functions),
+            *self._lines,
+            "!0 = !{}",
+        ]
+        return "\n".join(lines) + "\n"
+
+    def add(self, head: str, body: list[str]) -> None:
+        """Add a function that returns nothing."""
+        self._lines += [f"{head} {{", "entry:", *body, "ret void", "}"]
+
+    def body_of(self, program: Program) -> list[str]:
+        """Write a program's statements, with constants of its own."""
+        first = len(self.constants)
+        at = f"getelementptr (double, ptr @constants, i64 {first})" if first else "@constants"
+        out = ChunkWriter(self._register, at)
+        body = self._statements(program, out)
+        self.constants += out.constants
+        return body
+
+    def _statements(self, program: Program, out: ChunkWriter) -> list[str]:
+        emitter = _Emitter(program, out)
+        emitter.write_nodes()
+        emitter.write_outputs()
+        self._functions |= emitter.functions | emitter.lanes.functions
+        return [*out.room, *out.lines]
+
+    def calls_of(self, program: Program, parts: Parts) -> list[str]:
+        """Write a program's parts, and return the statements that call them."""
+        templates = []
+        for function in parts.functions:
+            out = PartWriter(self._register)
+            body = self._statements(function, out)
+            self.add(f"define internal void @{function.name}({PartWriter.HEAD}) nounwind", body)
+            templates.append(np.array(out.constants))
+        places, calls = list[int](), list[str]()
+        for call in parts.calls:
+            template = templates[call.function]
+            constants, varying = template.copy(), template >= 2.0
+            constants[varying] = call.constants[template[varying].astype(int) - 2]
+            first = f"ptr getelementptr (double, ptr @constants, i64 {len(self.constants)})"
+            at = f"ptr getelementptr (i32, ptr @places, i64 {len(places)})"
+            calls.append(f"call void @{parts.functions[call.function].name}(ptr %plain, ptr %wide, {first}, {at})")
+            self.constants += constants.tolist()
+            places += call.places
+        arguments = ", ".join(f"ptr %{name}" for name in (*program.arguments, PLAIN, WIDE))
+        for side in (*parts.before, *parts.after):
+            self.add(f"define internal void @{side.name}({arguments}) nounwind", self.body_of(side))
+        table = ", ".join(f"i32 {place}" for place in places)
+        self._lines.append(f"@places = internal constant [{len(places)} x i32] [{table}]")
+        rooms = [f"%{name} = alloca [{size} x double], align 64" for name, size in parts.sizes.items()]
+        copies = [[f"call void @{side.name}({arguments})" for side in sides] for sides in (parts.before, parts.after)]
+        return [*rooms, *copies[0], *calls, *copies[1]]
+
+
+class PartWriter(ChunkWriter):
+    """Writes a function that parts of a program share: each call brings its constants, and places of what it takes."""
+
+    HEAD = "ptr %plain, ptr %wide, ptr noalias %constants, ptr noalias %places"
+
+    def __init__(self, register: int) -> None:
+        super().__init__(register, constants="%constants")
+        self._begin: dict[int, str] = {}
+
+    def address(self, argument: str, place: int) -> str:
+        """Write the address of a place of an array, which counts from where the call has the value."""
+        number, offset = divmod(place, SPACING * (LANES if argument == WIDE else 1))
+        if number not in self._begin:
+            at = self.value(f"getelementptr i32, ptr %places, i64 {number}")
+            first = self.value(f"load i32, ptr {at}, align 4, !invariant.load !0")
+            first = self.value(f"zext i32 {first} to i64")
+            self._begin[number] = self.value(f"getelementptr double, ptr %{argument}, i64 {first}")
+        begin = self._begin[number]
+        return self.value(f"getelementptr double, ptr {begin}, i64 {offset}") if offset else begin
 
 
 class _Emitter:
     """Writes a program's nodes in their order, and keeps the values of scalars and vectors by node."""
 
-    def __init__(self, program: Program, register: int) -> None:
-        self._program, self._graph = program, program.graph
-        self.out = ChunkWriter(register)
+    def __init__(self, program: Program, out: ChunkWriter) -> None:
+        self._program, self._graph, self.out = program, program.graph, out
         self.functions: set[str] = set()
         self._scalars: dict[int, str] = {}
         self._vectors: dict[int, list[Chunk]] = {}

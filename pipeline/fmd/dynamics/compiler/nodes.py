@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -39,11 +40,18 @@ class Node(NamedTuple):
 
 
 class NodeTable:
-    """Nodes in an order in which they can be evaluated, and the constant arrays that they name."""
+    """Nodes in an order in which they can be evaluated, and the constant arrays that they name.
+
+    Attributes
+    ----------
+    marks : list of int
+        Numbers of nodes where something begins that others may be like, ascending: here a long program is cut.
+    """
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
         self.arrays: list[Array] = []
+        self.marks: list[int] = []
         self._numbers: dict[tuple[str, tuple[int, ...], float | int | Place | None, int], int] = {}
         self._array_numbers: dict[tuple[tuple[int, ...], bytes], int] = {}
 
@@ -57,6 +65,11 @@ class NodeTable:
             number = self._numbers[key] = len(self.nodes)
             self.nodes.append(Node(operation, arguments, data, size))
         return number
+
+    def mark(self) -> None:
+        """Mark that something begins with the next node that others may be like, such as a body's share."""
+        if self.marks[-1:] != [len(self.nodes)]:
+            self.marks.append(len(self.nodes))
 
     def add_array(self, values: Array) -> int:
         """Return the number of a constant array in `arrays`."""
@@ -84,3 +97,16 @@ class NodeTable:
                     stack.append((node, True))
                     stack += [(argument, False) for argument in reversed(self.nodes[node].arguments)]
         return list(order)
+
+    def between_marks(self, outputs: Iterable[int]) -> list[list[int]]:
+        """Return the nodes that the outputs depend on, ascending, from mark to mark."""
+        found: dict[int, list[int]] = {}
+        for number in sorted(self.live(outputs)):
+            found.setdefault(bisect_right(self.marks, number), []).append(number)
+        return list(found.values())
+
+    def live_by_marks(self, outputs: Iterable[int]) -> Iterator[int]:
+        """Go through the nodes that the outputs depend on, and mark what is made meanwhile where they are marked."""
+        for numbers in self.between_marks(outputs):
+            self.mark()
+            yield from numbers

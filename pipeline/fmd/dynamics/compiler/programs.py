@@ -148,6 +148,7 @@ def trace_leap(inputs: Coordinates) -> list[Output]:
     new = trace_accelerations(frames, ActingForces(leaping, frames))
     h, rates, positions = leaping.step, [], []
     for number, a in enumerate(new):
+        inputs.graph.mark()
         v = [rate + x * h for rate, x in zip(inputs.joint_rates(number), a.joint, strict=True)]
         rates.append(BodyValues(v, combine([(1.0, inputs.modal_rates(number)), (h, a.modes)])))
         joint = zip(inputs.joint_positions(number), v, strict=True)

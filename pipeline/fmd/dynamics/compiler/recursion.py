@@ -153,9 +153,14 @@ def trace_accelerations(frames: list[MovingFrame], forces: Forces) -> list[BodyV
     """Trace the accelerations of a mechanism's joints and modes, body by body; frozen ones are 0."""
     bodies: dict[int, ArticulatedBody] = {}
     for frame in reversed(frames):
+        forces.graph.mark()
         children = [bodies[child.number] for child in frame.children]
         bodies[frame.number] = _articulate(forces, frame, children)
-    return [_accelerate(forces, bodies[frame.number], bodies) for frame in frames]
+    values = []
+    for frame in frames:
+        forces.graph.mark()
+        values.append(_accelerate(forces, bodies[frame.number], bodies))
+    return values
 
 
 def _articulate(forces: Forces, frame: MovingFrame, children: list[ArticulatedBody]) -> ArticulatedBody:

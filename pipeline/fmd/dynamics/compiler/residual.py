@@ -69,6 +69,7 @@ def trace_joint_forces(inputs: Coordinates, frames: list[MovingFrame], acting: F
     carried: dict[int, Vector6] = {}
     found: list[JointForce] = []
     for frame in reversed(frames):
+        inputs.graph.mark()
         found.append(JointForce(x[frame.number], *_forces(inputs, acting, frame, x[frame.number], carried)))
         carried[frame.number] = rotate(frame.R, found[-1].at_place(frame))
     return found[::-1]
@@ -78,6 +79,7 @@ def trace_motion(inputs: Coordinates, frames: list[MovingFrame], acting: Forces)
     """Trace the accelerations of the bodies' frames for accelerations of the coordinates, the argument ``a``."""
     x: list[Vector6] = []
     for frame in frames:
+        inputs.graph.mark()
         x.append(_accelerate(inputs, acting, frame, x))
     return x
 

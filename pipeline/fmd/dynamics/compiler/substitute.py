@@ -18,7 +18,7 @@ def substitute(
     What becomes equal to an expression that is there is that one.
     """
     values: dict[int, Scalar | Vector] = {}
-    for number in graph.live(output.node for output in outputs):
+    for number in graph.live_by_marks(output.node for output in outputs):
         arguments = graph.nodes[number].arguments
         if number in replaced:
             values[number] = replaced[number]

@@ -46,6 +46,8 @@ class Writer:
     ----------
     prefix : str
         Of the names, so that two writers can share a function.
+    constants : str
+        Address of the constants that its code reads.
 
     Attributes
     ----------
@@ -54,13 +56,14 @@ class Writer:
     room : list of str
         Memory of its own, which is named on entry.
     constants : list of float
-        Numbers that its code reads from the array ``@constants``, so that others give the same code.
+        Numbers that its code reads there, so that others give the same code.
     """
 
-    def __init__(self, prefix: str = "t") -> None:
+    def __init__(self, prefix: str = "t", constants: str = "@constants") -> None:
         self.lines: list[str] = []
         self.room: list[str] = []
         self.constants: list[float] = []
+        self._address = constants
         self._prefix, self._count, self._block, self._n_loops = prefix, 0, "entry", 0
         self._free = range(0)  # places among the constants that are kept for single numbers
 
@@ -87,7 +90,7 @@ class Writer:
             self._free = range(self._keep(np.zeros(DOUBLES_IN_LINE)), len(self.constants))
         place, self._free = self._free[0], self._free[1:]
         self.constants[place] = value
-        return self.load_constant(self.value(f"getelementptr double, ptr @constants, i64 {place}"))
+        return self.load_constant(self.value(f"getelementptr double, ptr {self._address}, i64 {place}"))
 
     def load_constant(self, address: str, width: int = 1) -> str:
         """Write the load of a chunk of constants."""
@@ -95,7 +98,7 @@ class Writer:
 
     def table(self, values: Array) -> str:
         """Write the address of an array of constants, row by row."""
-        return self.value(f"getelementptr double, ptr @constants, i64 {self._keep(values)}")
+        return self.value(f"getelementptr double, ptr {self._address}, i64 {self._keep(values)}")
 
     def _keep(self, values: Array) -> int:
         """Add constants that begin a line of the cache, and return the place of the first."""
