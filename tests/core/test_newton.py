@@ -59,6 +59,11 @@ def test_each_failure_has_its_reason() -> None:
     assert (worse.failure, worse.state[0]) == ("no better", 1.0)
 
 
+def test_no_more_corrections_are_made_than_allowed() -> None:
+    found = find_root(1.0, lambda x: x**2 + 1.0, lambda x: 2.0 * x + 0.1, Tolerance(3))
+    assert (found.failure, found.corrections) == ("too many corrections", 3)
+
+
 def test_a_size_that_round_off_holds_has_settled_and_one_that_shrinks_has_not() -> None:
     assert settles(1e-15, 1.0, 1e-14, 1e-8)
     assert settles(9e-10, 1e-9, 1e-14, 1e-8)

@@ -64,6 +64,25 @@ def test_the_measured_order_is_the_declared_one(
     assert order_of(steps, errors) == pytest.approx(order, abs=0.25)
 
 
+def test_forces_are_not_carried_on_over_a_breakpoint() -> None:
+    """From the cycle that begins with a load's jump or after it, none of the forces before it is remembered."""
+
+    class Jumping(LinearSystem):
+        breakpoints = (0.018,)
+
+    known = gyroscopic(1.0)
+    system, method = Jumping(known.M, known.K, 1, known.C), Subcycling(1e-3, 5, "carried")
+    ends = (method.march(system, *start_of(known), np.array([0.005 * n - 5e-4])).end for n in range(1, 7))
+    assert [end.memory[2 * system.n] for end in ends] == [1.0, 2.0, 2.0, 2.0, 1.0, 2.0]
+
+
+def test_a_cycle_is_no_longer_than_the_slow_coordinates_allow() -> None:
+    """Two oscillators of 300 and 100 rad/s: ``2/ω`` bounds the cycle of the slow one, and the fast one's step."""
+    system = LinearSystem(np.eye(2), np.diag([300.0**2, 100.0**2]), 1)
+    assert Subcycling(1e-3, 2).largest_step(system) == pytest.approx(2.0 / 300.0 / 2, rel=1e-12)
+    assert Subcycling(1e-3, 5).largest_step(system) == pytest.approx(2.0 / 300.0 / 5, rel=1e-12)
+
+
 @pytest.mark.parametrize("forces", ["carried", "frozen"])
 def test_a_state_goes_on_bit_for_bit_and_output_times_change_none(forces: str) -> None:
     system, method = gyroscopic(1.0), Subcycling(1e-3, 7, forces)

@@ -70,6 +70,15 @@ def test_a_long_march_under_noise_has_the_root_mean_square_of_the_density(tmp_pa
     np.testing.assert_allclose([np.sqrt((x[late] ** 2).mean()) for x in marched], found.random.rms, rtol=0.01)
 
 
+def test_noise_in_a_band_crosses_zero_as_often_as_rice_says() -> None:
+    """Between f₁ and f₂ of a flat density ``√((f₂³ − f₁³)/(3 (f₂ − f₁)))`` times a second (Rice, 1945)."""
+    low, high = 20.0, 50.0
+    frequencies = np.linspace(low, high, 3001)
+    found = random_response(frequencies, np.full((3001, 1), 2.0 + 0.0j), np.ones_like)
+    assert found.rates_hz == pytest.approx([np.sqrt((high**3 - low**3) / (3 * (high - low)))], rel=1e-6)
+    assert found.rms == pytest.approx([2.0 * np.sqrt(high - low)], rel=1e-12)
+
+
 def test_densities_are_numbers_formulas_and_tables(tmp_path: Path) -> None:
     f = np.array([10.0, 100.0, 1000.0])
     np.testing.assert_allclose(read_density("0.5", tmp_path, AT)(f), 0.5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -52,6 +53,18 @@ def test_an_overdamped_motion_hides_no_slow_one() -> None:
 def test_zeros_that_cancel_poles_are_left_out() -> None:
     model = model_of(np.diag([1e4, 4e4, 9e4]), np.zeros((3, 3)), 1, 1)
     assert model.zeros_hz().size == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_modes_that_an_output_does_not_see_give_no_zeros(seed: int) -> None:
+    """Two oscillators without a coupling, turned into each other's coordinates: the force moves both, one is seen."""
+    rng = np.random.default_rng(seed)
+    Q, _ = np.linalg.qr(rng.normal(size=(2, 2)))
+    K = Q @ np.diag(rng.uniform(1e3, 1e5, 2)) @ Q.T
+    model = model_of(K, 1e-4 * K, 0, 0)
+    alone = replace(model, C=np.concatenate([Q[:, 0], np.zeros(2)])[None])
+    assert len(model.zeros_hz()) == 1
+    assert alone.zeros_hz().size == 0
 
 
 def test_a_growing_motion_is_told() -> None:
