@@ -11,7 +11,12 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
-from fmd.dynamics.transmitted_loads import geometric_stiffness_over, transmitted_loads, without_negligible_terms
+from fmd.dynamics.transmitted_loads import (
+    BodyLoads,
+    geometric_stiffness_over,
+    transmitted_loads,
+    without_negligible_terms,
+)
 from fmd.reduction.body import MarkerShapes
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.free import FREE
@@ -97,3 +102,20 @@ def test_terms_that_no_load_makes_count_are_left_out() -> None:
     assert np.array_equal(left[:2], displacement2[:2])  # across the pull, a tenth of it is taken for granted
     assert not left[2:].any()
     assert without_negligible_terms(mechanism, 0, loads, 100.0).links[1].place_displacement2.size == 0
+
+
+def test_rotation_and_the_joints_moment_stiffen_by_their_own_forms() -> None:
+    """A rotation as centrifugal forces act, ``−ω × (ω × r)``; a moment about the axis does work on the joint's turn."""
+    rng, spin, moment = np.random.default_rng(4), np.array([0.3, -1.2, 2.0]), np.array([0.5, 1.5, -2.0])
+    forms, turned = rng.normal(size=(3, 3, 2, 2)), rng.normal(size=(2, 2))
+    stiffening, bent = forms + forms.swapaxes(2, 3), turned + turned.T
+    axis = np.array([0.0, 0.6, 0.8])
+    integrals = replace(ROD, G=np.zeros((3, 3, 3, 3)), S=np.zeros((3, 3)), stiffening=stiffening)
+    link = Link("rod", integrals, REVOLUTE, axis=axis, omega=np.ones(2), joint_displacement2=bent)
+    still, loads = np.zeros((1, 3)), np.zeros((0, 1, 6))
+    acting = BodyLoads(
+        spin[None], still, still, loads, np.r_[0.0, 0.0, 0.0, moment][None], np.zeros((0, 6), dtype=bool)
+    )
+    (K,) = geometric_stiffness_over(Mechanism([link]), 0, acting)
+    outwards = -np.array([np.cross(spin, np.cross(spin, e)) for e in np.eye(3)])
+    assert pytest.approx(K, rel=1e-12) == np.tensordot(outwards, stiffening, 2) - (moment @ axis) * bent

@@ -117,6 +117,14 @@ def test_shear_of_a_rectangle_is_a_parabola_and_its_torsion_has_the_stress_of_a_
     assert np.linalg.norm(shear, axis=1).max() == pytest.approx(0.01 / EXACT["tube"][3], rel=8e-3)  # on a polygon
 
 
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+def test_a_round_section_has_cowpers_coefficients_from_the_full_circle_to_the_thin_ring(nu: float) -> None:
+    """Cowper, J Appl Mech 33 (1966): ``6 (1 + ν)/(7 + 6 ν)``, and ``2 (1 + ν)/(4 + 3 ν)`` of a thin wall."""
+    assert round_section(0.1).shear_areas(nu) == pytest.approx(np.full(2, 6 * (1 + nu) / (7 + 6 * nu)), rel=1e-12)
+    thin = round_section(0.1, 0.1 * (1 - 1e-9)).shear_areas(nu)
+    assert thin == pytest.approx(np.full(2, 2 * (1 + nu) / (4 + 3 * nu)), rel=1e-8)
+
+
 def test_beams_of_any_direction_are_free_and_have_the_inertia_of_their_sections() -> None:
     rng = np.random.default_rng(5)
     x = rng.uniform(-1, 1, (5, 3))
