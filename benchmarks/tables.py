@@ -180,6 +180,15 @@ def march_flops() -> str:
     return markdown(("mechanism", "coordinates", "operations a step", "Gflop/s", "a dense product's, same run"), cells)
 
 
+def derivatives() -> str:
+    """Tabulate run times of marches with derivatives, beside those without."""
+    columns = {"scene": "{scene}", "coordinates": "{coordinates}", "a step": "{step_ns:.0f} ns"}
+    columns |= {"eight tangents": "{tangents:r}", "by masses": "{by_masses:r}", "adjoint": "{adjoint}"}
+    rows = read_rows("derivatives")
+    shown = [row | {"adjoint": format_ratio(float(row["adjoint"])) if row["adjoint"] != "nan" else "–"} for row in rows]
+    return listed("derivatives", columns, shown)
+
+
 def fmu() -> str:
     """Tabulate errors by way and tolerance, sizes and run time of the scenes' FMUs."""
 
@@ -231,6 +240,7 @@ TABLES: dict[str, Callable[[], str]] = {
             "processor time": "{seconds} s",
         },
     ),
+    "derivatives": derivatives,
     "eigen": eigen,
     "assembly": assembly,
     "error-sources": error_sources,
