@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -127,6 +129,30 @@ def test_the_sdk_serves_the_tools_and_nothing_else(tools: SceneTools) -> None:
     assert (picture.content[0].type, picture.content[0].mime_type) == ("image", "image/png")
     assert fault.is_error
     assert "no such file" in fault.content[0].text
+
+
+STRAY = """
+import os, subprocess, sys
+from pathlib import Path
+import fmd.cli.mcp as served
+
+class Server:
+    def run(self, transport):
+        os.write(1, b"of a library")
+        subprocess.run([sys.executable, "-c", "print('of a child')"], check=True)
+        sys.stdout.buffer.write(b"{}\\n")
+        sys.stdout.buffer.flush()
+
+served.make_server = lambda folder: Server()
+served.mcp(Path())
+os.write(1, b"afterwards")
+"""
+
+
+def test_what_libraries_and_children_print_is_not_among_the_protocol() -> None:
+    run = subprocess.run([sys.executable, "-c", STRAY], capture_output=True, check=True, text=True)
+    assert run.stdout == "{}\nafterwards"
+    assert run.stderr == "of a libraryof a child\n"
 
 
 def test_without_the_sdk_the_command_names_the_extra(

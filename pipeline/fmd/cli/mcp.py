@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -26,7 +30,28 @@ def mcp(folder: Path = Path()) -> None:
     """
     if not folder.is_dir():
         raise InputError("FOLDER", "", str(folder), "is no folder")
-    make_server(folder).run("stdio")
+    server = make_server(folder)
+    with _own_output():
+        server.run("stdio")
+
+
+@contextlib.contextmanager
+def _own_output() -> Iterator[None]:
+    """Keep standard output for the protocol: what libraries and children write to its descriptor goes to standard error.
+
+    The SDK takes ``sys.stdout``, which is a copy of the descriptor here.
+    """
+    given = sys.stdout
+    given.flush()
+    own = os.dup(given.fileno())
+    os.dup2(sys.stderr.fileno(), given.fileno())
+    try:
+        with os.fdopen(own, "w", encoding="utf-8", closefd=False) as sys.stdout:
+            yield
+    finally:
+        os.dup2(own, given.fileno())
+        os.close(own)
+        sys.stdout = given
 
 
 def make_server(folder: Path) -> Any:
