@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from fmd.scene.bar import Bar, BarMesh
 from fmd.scene.beams import BeamMesh, Box, ISection, Profile, Rectangle, Shaft, ShaftSegment
+from fmd.scene.bearing_tables import BearingTable
 from fmd.scene.bodies import Solid
 from fmd.scene.constraints import Gear, Rack
 from fmd.scene.contacts import Contact
@@ -299,6 +300,7 @@ SECTIONS = (
     Section("### Force by elongation", ForceByElongation, _ELONGATION),
     Section("### Bushing", Bushing),
     Section("### Bearing", Bearing),
+    Section("### Table of a bearing", BearingTable),
     Section("### Stop of a slide or a spring", LengthStop),
     Section("### Stop of a hinge", AngleStop),
     Section("## Contact", Contact, _CONTACT),

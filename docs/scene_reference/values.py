@@ -73,7 +73,7 @@ def describe_values(annotation: Any, metadata: Sequence[Any], anchors: Mapping[t
     if issubclass(annotation, TimeFunction):
         return ValueWords(f"[{annotation.kind} over time]({anchors[TimeFunction]})", unit=si_unit(annotation.kind))
     if issubclass(annotation, BaseModel):
-        return ValueWords(f"[table]({anchors[annotation]})")
+        return ValueWords(f"[table]({next(anchors[kind] for kind in annotation.__mro__ if kind in anchors)})")
     return ValueWords(_PLAIN[annotation], limits)
 
 

@@ -15,6 +15,7 @@ from fmd.accuracy.response_errors import SHIFTS, shift_frequencies, total_error
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
 from fmd.stages.rotor import find_vibrations
+from fmd.stages.whirl_tables import without_whirl_tables
 
 if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
@@ -38,10 +39,11 @@ def estimate_frequency_errors(run: Pipeline, rates: Array, frequencies_hz: Array
     if not run.parts:
         return np.zeros_like(frequencies_hz)
     try:
-        shift = shift_frequencies(run)
+        shift = shift_frequencies(without_whirl_tables(run))
         if isinstance(shift, str):
             return shift
-        vibrations, more = find_vibrations(shift.pair.run, float(rates[-1])), np.full_like(frequencies_hz, np.nan)
+        richer = shift.pair.run.variant(shift.pair.run.scene.model_copy(update={"bearing": run.scene.bearing}))
+        vibrations, more = find_vibrations(richer, float(rates[-1])), np.full_like(frequencies_hz, np.nan)
         for k, rate in enumerate(rates.tolist()):
             there = vibrations(rate).frequencies_hz[: frequencies_hz.shape[1]]
             more[k, : len(there)] = there

@@ -37,7 +37,7 @@ def mcp(folder: Path = Path()) -> None:
 
 @contextlib.contextmanager
 def _own_output() -> Iterator[None]:
-    """Keep standard output for the protocol: what libraries and children write to its descriptor goes to standard error.
+    """Keep standard output for the protocol: what libraries and children write there goes to standard error.
 
     The SDK takes ``sys.stdout``, which is a copy of the descriptor here.
     """

@@ -14,6 +14,8 @@ from fmd.scene.inheritance import list_files
 from fmd.scene.reading import suggest_name
 from fmd.scene.toml_files import list_ready_scenes, read_tables
 
+_ROBOTS = (".urdf", ".xml", ".mjcf")
+
 
 def new(
     path: Path,
@@ -28,12 +30,12 @@ def new(
     path
         The file to write, e.g. part.toml.
     from_
-        Make it of this part, e.g. bracket.step, with its faces as markers, or of this robot, e.g. arm.urdf; or copy
-        this ready scene, e.g. beam.
+        Make it of this part, e.g. bracket.step, with its faces as markers, or of this robot, e.g. arm.urdf or arm.xml
+        (MJCF); or copy this ready scene, e.g. beam.
     flexible
         Links of the robot that become flexible bars by their boxes; as often as needed.
     """
-    if flexible and not (from_ and from_.lower().endswith(".urdf")):
+    if flexible and not (from_ and Path(from_).suffix.lower() in _ROBOTS):
         raise InputError("--flexible", "", flexible[0], "names a link of a robot: give one, --from arm.urdf")
     if from_ is None:
         _write_scene(path, (files("fmd.cli.templates") / "part.toml").read_text(encoding="utf-8"))
@@ -50,10 +52,10 @@ def _make_scene(part: str, path: Path, flexible: tuple[str, ...]) -> str:
     from fmd.stages.meshing.cad_files import cad_suffixes, is_cad_file
 
     _require_free(path)  # before the file is read
-    if part.lower().endswith(".urdf"):
-        from fmd.cli.urdf_scenes import write_urdf_scene
+    if Path(part).suffix.lower() in _ROBOTS:
+        from fmd.cli.robot_scenes import write_robot_scene
 
-        text, notes = write_urdf_scene(Path(part), path, flexible)
+        text, notes = write_robot_scene(Path(part), path, flexible)
         for note in notes:
             open_console().print(f"not in the scene: {note}", soft_wrap=True)
         return text
@@ -61,7 +63,10 @@ def _make_scene(part: str, path: Path, flexible: tuple[str, ...]) -> str:
         return write_cad_scene(Path(part), path)
     mend = suggest_name(part, list_ready_scenes(), "the ready scenes")
     raise InputError(
-        "--from", "", part, f"is no CAD file ({' '.join(cad_suffixes())}), no .urdf and no ready scene; {mend}"
+        "--from",
+        "",
+        part,
+        f"is no CAD file ({' '.join(cad_suffixes())}), no robot ({' '.join(_ROBOTS)}) and no ready scene; {mend}",
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmd.cli.inputs import DEFAULTS, Options, read_quantity
 from fmd.cli.options import Flag, Folder, SceneName, print_json
-from fmd.cli.tables import open_console, print_files, print_table
+from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
 from fmd.core.units import parse_quantity
 
@@ -69,7 +69,8 @@ def unbalance(
     folder = out or Path("out") / pipeline.scene.name
     files = write_circular_response(response, folder)
     if options.json:
-        print_json({"rows": response.rows(), "criticals": response.critical_rows(), "files": files})
+        found = {"rows": response.rows(), "criticals": response.critical_rows()}
+        print_json({**found, "warnings": list(response.warnings), "files": files})
         return
     columns = {"marker": "{}", "rpm": "{:.2f}", "± rpm": "{}", "radius [mm]": "{:.4g}", "± mm": "{}"}
     columns["amplification"] = "{:.3g}"
@@ -81,6 +82,7 @@ def unbalance(
     print_table(f"{response.title}, largest orbits", columns, rows)
     if isinstance(response.errors, str):
         open_console().print(f"errors not stated: {response.errors}", soft_wrap=True)
+    print_warnings(response.warnings)
     print_files(folder, files)
 
 

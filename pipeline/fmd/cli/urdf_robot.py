@@ -1,4 +1,4 @@
-"""A robot as a URDF file describes it: links with inertia and shapes, joints, and what of it a scene can't hold.
+"""A robot from a URDF file: links with inertia and shapes, joints, and what of it a scene can't hold.
 
 The file's conventions are those of its specification (wiki.ros.org/urdf/XML): SI units, a link's frame in the joint
 that carries it, rotations by roll, pitch and yaw about fixed axes, moments of inertia about the centre of mass.
@@ -6,83 +6,19 @@ that carries it, rotations by roll, pitch and yaw about fixed axes, moments of i
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fmd.core.arrays import Array
+from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape, read_numbers, read_xml
 from fmd.core.errors import InputError
 
 KNOWN = {"robot", "link", "joint", "material"}
 
 
-@dataclass(frozen=True)
-class Pose:
-    """Place and axes in the frame of something else: position (3,) [m] and rotation (3, 3)."""
-
-    at: Array = field(default_factory=lambda: np.zeros(3))
-    axes: Array = field(default_factory=lambda: np.eye(3))
-
-    def then(self, other: Pose) -> Pose:
-        """Return a pose that is given in this one."""
-        return Pose(self.at + self.axes @ other.at, self.axes @ other.axes)
-
-
-@dataclass(frozen=True)
-class Shape:
-    """Shape of a link: ``box``, ``cylinder``, ``sphere`` or ``mesh``, with its sizes [m], or file and scale."""
-
-    kind: str
-    pose: Pose
-    size: tuple[float, ...] = ()
-    file: str = ""
-    scale: tuple[float, ...] = (1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True)
-class RobotLink:
-    """A link: mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m²] in the link's axes, and shapes."""
-
-    name: str
-    mass: float
-    centre: Array
-    inertia: Array
-    visuals: tuple[Shape, ...]
-    collisions: tuple[Shape, ...]
-
-
-@dataclass(frozen=True)
-class RobotJoint:
-    """A joint: where it is on its parent, its axis there, and numbers of its table, by their keys."""
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    pose: Pose
-    axis: Array
-    limits: dict[str, float]
-    damping: float
-    friction: float
-    mimic: tuple[str, float, float] | None
-
-
-@dataclass(frozen=True)
-class Robot:
-    """A robot: links and joints by name, the link that nothing carries, and what else the file holds."""
-
-    name: str
-    links: dict[str, RobotLink]
-    joints: dict[str, RobotJoint]
-    root: str
-    others: list[str]
-
-
-def read_robot(path: Path) -> Robot:
+def read_urdf(path: Path) -> Robot:
     """Read a URDF file.
 
     Raises
@@ -90,14 +26,7 @@ def read_robot(path: Path) -> Robot:
     InputError
         It can't be read, is no URDF, or its joints are no tree of its links.
     """
-    try:
-        top = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from None
-    except ElementTree.ParseError as error:
-        raise InputError(str(path), "", None, f"is no XML: {error}") from None
-    if top.tag != "robot":
-        raise InputError(str(path), top.tag, None, "is no URDF, whose first element is <robot>")
+    top = read_xml(path, "robot", "URDF")
     try:
         links = {link.name: link for link in map(_read_link, top.findall("link"))}
         joints = {joint.name: joint for joint in map(_read_joint, top.findall("joint"))}
@@ -111,23 +40,16 @@ def read_robot(path: Path) -> Robot:
     roots = [name for name in links if name not in carried]
     if len(roots) != 1 or len(set(carried)) != len(carried):
         raise InputError(str(path), "joint", None, "a robot's joints have to carry every link but one, once each")
-    others = sorted({child.tag for child in top} - KNOWN)
+    others = tuple(f"<{tag}> isn't read" for tag in sorted({child.tag for child in top} - KNOWN))
     return Robot(top.get("name", path.stem), links, joints, roots[0], others)
-
-
-def _numbers(text: str | None, default: str) -> Array:
-    values = [float(word) for word in (text or default).split()]
-    if len(values) != len(default.split()) or not all(map(math.isfinite, values)):
-        raise ValueError(f"{text!r} where {len(default.split())} numbers belong")
-    return np.array(values)
 
 
 def _read_pose(element: ElementTree.Element) -> Pose:
     origin = element.find("origin")
     if origin is None:
         return Pose()
-    rpy = _numbers(origin.get("rpy"), "0 0 0")
-    return Pose(_numbers(origin.get("xyz"), "0 0 0"), Rotation.from_euler("xyz", rpy).as_matrix())
+    rpy = read_numbers(origin.get("rpy"), "0 0 0")
+    return Pose(read_numbers(origin.get("xyz"), "0 0 0"), Rotation.from_euler("xyz", rpy).as_matrix())
 
 
 def _read_link(element: ElementTree.Element) -> RobotLink:
@@ -160,12 +82,12 @@ def _read_shape(element: ElementTree.Element) -> Shape:
         raise ValueError("a shape without geometry")
     pose = _read_pose(element)
     if given.tag == "box":
-        return Shape("box", pose, tuple(_numbers(given.get("size"), "1 1 1")))
+        return Shape("box", pose, tuple(read_numbers(given.get("size"), "1 1 1")))
     if given.tag == "cylinder":
         return Shape("cylinder", pose, (float(given.attrib["radius"]), float(given.attrib["length"])))
     if given.tag == "sphere":
         return Shape("sphere", pose, (float(given.attrib["radius"]),))
-    scale = tuple(_numbers(given.get("scale"), "1 1 1"))
+    scale = tuple(read_numbers(given.get("scale"), "1 1 1"))
     return Shape(given.tag, pose, file=given.get("filename", ""), scale=scale)
 
 
@@ -189,7 +111,7 @@ def _read_joint(element: ElementTree.Element) -> RobotJoint:
         parent,
         child,
         pose=_read_pose(element),
-        axis=_numbers(None if axis is None else axis.get("xyz"), "1 0 0"),
+        axis=read_numbers(None if axis is None else axis.get("xyz"), "1 0 0"),
         limits={} if limit is None else {key: float(value) for key, value in limit.attrib.items()},
         damping=0.0 if dynamics is None else float(dynamics.get("damping", "0")),
         friction=0.0 if dynamics is None else float(dynamics.get("friction", "0")),

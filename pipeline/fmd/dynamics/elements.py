@@ -13,6 +13,7 @@ from fmd.core.limits.mechanism import NO_LENGTH
 from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.closures import Place
 from fmd.dynamics.force_laws import ForceLaw
+from fmd.dynamics.state_functions import StateCurve
 
 
 @dataclass(frozen=True)
@@ -144,6 +145,22 @@ class SixAxisSpring(_Pair):
         """Return unit forces and moments (6,) along each axis that has stiffness, in space, with their compliances."""
         stiff, sizes = np.linalg.norm(self.K, axis=1) > 0.0, self.K.diagonal()
         return [(np.kron(np.eye(2)[k // 3], axes[:, k % 3]), 1 / sizes[k]) for k in np.flatnonzero(stiff)]
+
+
+@dataclass(frozen=True)
+class SpeedDependentBearing(SixAxisSpring):
+    """Six springs and dampers whose first two follow the rate of rotation of the second place about their z axis.
+
+    K and C have their largest values. Forces are ``-k(|ω_z|) d - c(|ω_z|) ḋ`` along x and y.
+
+    Parameters
+    ----------
+    radial, damper : StateCurve
+        Stiffness [N/m] and damping [N s/m] by the size of the rate [rad/s].
+    """
+
+    radial: StateCurve = field(kw_only=True)
+    damper: StateCurve = field(kw_only=True)
 
 
 Element = PointSpring | SixAxisSpring

@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
-from fmd.core.arrays import IntArray
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
 from fmd.core.formula import ADD, CONSTANT, MULTIPLY
 from fmd.core.state_formula import CURVE, VARIABLE
 from fmd.dynamics.closures import GROUND, Place
@@ -79,6 +81,12 @@ class StateCurve:
     knots: tuple[float, ...]
     cubics: tuple[tuple[float, float, float, float], ...]
     period: float = 0.0
+
+    def values(self, x: Array) -> Array:
+        """Return the values at places, of a curve without a period."""
+        piece = np.maximum(np.searchsorted(self.knots, x, side="right") - 1, 0)
+        apart = np.maximum(x - np.array(self.knots)[piece], 0.0)
+        return np.asarray((np.array(self.cubics)[piece] * apart[:, None] ** np.arange(4)).sum(axis=1))
 
 
 @dataclass(frozen=True)

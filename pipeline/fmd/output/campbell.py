@@ -22,6 +22,7 @@ from fmd.output.error_table import NOT_STATED
 from fmd.reduction.rotating import WhirlingModes
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rotor import Vibrations, coupled, find_vibrations, runs_in_bearings
+from fmd.stages.whirl_tables import warn_of_last_rows
 
 RPM = 2 * np.pi / 60
 """One revolution per minute [rad/s]."""
@@ -86,6 +87,8 @@ class CampbellDiagram:
         Rates are written in revolutions per minute.
     errors_hz : ndarray or str
         Stated errors of the frequencies, shape (n_rates, n_modes), or why there are none.
+    of_tables : tuple of dict
+        Warnings of bearings' tables that end below the highest rate.
     """
 
     title: str
@@ -99,6 +102,7 @@ class CampbellDiagram:
     unstable: tuple[UnstableRange, ...]
     in_rpm: bool
     errors_hz: Array | str = NO_ERRORS
+    of_tables: tuple[dict[str, str], ...] = ()
 
     def with_errors(self, run: Pipeline) -> CampbellDiagram:
         """Return the diagram with the errors of its frequencies, or why none are stated."""
@@ -174,8 +178,8 @@ class CampbellDiagram:
         ]
 
     def warnings(self) -> list[dict[str, str]]:
-        """Return a warning, with its code and text, for each range in which something grows."""
-        found = []
+        """Return warnings, with code and text, of each range in which something grows and of tables that end."""
+        found = [*self.of_tables]
         for at in self.unstable:
             start, end = (f"{self.in_unit(rate):.5g}" for rate in (at.start, at.end))
             ends = f"to {end}" if at.end < self.rates[-1] else f"up to the highest rate, {end}"
@@ -223,8 +227,9 @@ def _compute(run: Pipeline, rates: Array, orders: Sequence[float], in_rpm: bool,
     unstable = _find_unstable(vibrations, rates, frequencies)
     kind = "rotor in its bearings" if runs_in_bearings(run.scene) else "frequencies on a turning hub"
     title = f"{run.scene.title}: {kind}"
+    ends = warn_of_last_rows(run.scene, float(rates[-1]))
     return CampbellDiagram(
-        title, rates, frequencies, growth, damping, whirl, tuple(orders), crossings, unstable, in_rpm
+        title, rates, frequencies, growth, damping, whirl, tuple(orders), crossings, unstable, in_rpm, of_tables=ends
     )
 
 

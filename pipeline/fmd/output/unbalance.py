@@ -20,11 +20,11 @@ from fmd.core.limits.responses import HALF_POWER, OF_PEAK, PEAK_DIGITS, POINTS_O
 from fmd.output.campbell import RPM
 from fmd.output.error_table import NOT_STATED
 from fmd.responses.circular_forces import circular_response
-from fmd.responses.interpolated_models import interpolate_models
-from fmd.responses.state_space import StateSpace
+from fmd.responses.interpolated_models import interpolate_models, with_inputs_seen
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rotor import coupled, runs_in_bearings
 from fmd.stages.turning import TurningRotor
+from fmd.stages.whirl_tables import synchronous, warn_of_last_rows
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,8 @@ class CircularResponse:
         Radius of the part that goes round otherwise [m]; 0 of a rotor that is the same all around.
     errors : ndarray or str
         Stated errors of the amplitudes [m], shape (n_rates, n_markers), or why there are none.
+    warnings : tuple of dict
+        Code and text for each table of a bearing that ends below the highest rate.
     """
 
     title: str
@@ -78,6 +80,7 @@ class CircularResponse:
     against: Array
     criticals: tuple[Critical, ...]
     errors: Array | str = NO_ERRORS
+    warnings: tuple[dict[str, str], ...] = ()
 
     @property
     def amplitude(self) -> Array:
@@ -129,7 +132,7 @@ def compute_circular_response(
     InputError
         The scene is no rotor in bearings, the marker is unknown, or as `fmd.stages.turning.TurningRotor`.
     """
-    run = coupled(run)
+    run = synchronous(coupled(run), order)
     with threadpool_limits(1):
         if not runs_in_bearings(run.scene):
             mend = "isn't a rotor in bearings: its first body hangs on a free joint, and [bearing.NAME] hold it"
@@ -141,7 +144,8 @@ def compute_circular_response(
         def over(rates: Array, criticals: tuple[Critical, ...]) -> CircularResponse:
             found = [at(rate) for rate in rates.tolist()]
             displacement, against = (np.array(part) for part in zip(*found, strict=True))
-            return CircularResponse(title, rates, seen, displacement, against, criticals)
+            ends = warn_of_last_rows(run.scene, float(rates[-1]))
+            return CircularResponse(title, rates, seen, displacement, against, criticals, warnings=ends)
 
         amplitude, peaks = over(rates, ()).amplitude, list[Critical]()
         for k, name in enumerate(seen):
@@ -159,7 +163,8 @@ def _orbits(
         raise InputError("--at", "", place, f"is no marker; the markers: {', '.join(dict.fromkeys(rotor.markers))}")
     seen = rotor.places_on_axis(place)
     forced, n_points = rotor.forced(place), len(rotor.markers)
-    matrices = interpolate_models(lambda rate: _with_inputs_seen(forced(rate)), float(rates[0]), float(rates[-1]))
+    ends = float(rates[0]), float(rates[-1])
+    matrices = interpolate_models(lambda rate: with_inputs_seen(forced(rate)), *ends, rotor.bends)
 
     def at(rate: float) -> tuple[Array, Array]:
         A, both = matrices(rate)
@@ -181,7 +186,7 @@ def with_orbit_errors(
         return lambda rate: _radii(at(rate))
 
     with threadpool_limits(1):
-        found = find_richer_orbits(coupled(run), respond, float(response.rates[-1]), order)
+        found = find_richer_orbits(synchronous(coupled(run), order), respond, float(response.rates[-1]), order)
         if isinstance(found, str):
             return replace(response, errors=found)
         criticals = tuple(_with_errors(at, response.markers.index(at.marker), found) for at in response.criticals)
@@ -207,12 +212,6 @@ def _with_errors(at: Critical, k: int, richer: RicherOrbits) -> Critical:
 def _radii(both: tuple[Array, Array]) -> Array:
     """Return the largest distances of markers from the axis by their displacement with a force and against it [m]."""
     return np.asarray(np.abs(both[0]) + both[1])
-
-
-def _with_inputs_seen(model: StateSpace) -> StateSpace:
-    """Return a model without inputs, whose last outputs are the columns of its input matrix."""
-    C, outputs = np.concatenate([model.C, model.B.T]), (*model.outputs, *model.inputs)
-    return StateSpace(model.A, np.zeros((len(model.A), 0)), C, np.zeros((len(C), 0)), model.states, (), outputs)
 
 
 def _reach(at: Callable[[float], tuple[Array, Array]], k: int, rate: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -21,12 +21,17 @@ Matrices = tuple[Array, Array]
 """State matrix (n, n) and output matrix (n_outputs, n)."""
 
 
-def interpolate_models(model: Callable[[float], StateSpace], start: float, end: float) -> Callable[[float], Matrices]:
+def interpolate_models(
+    model: Callable[[float], StateSpace], start: float, end: float, bends: Sequence[float] = ()
+) -> Callable[[float], Matrices]:
     """Return state and output matrices as a function of a parameter, from few models that are computed.
 
     Between ``start`` and ``end`` they follow a polynomial of degree 7 through Chebyshev's nodes (Berrut & Trefethen,
-    SIAM Review 46, 2004), held against models between them; where that is off, each half has one of its own.
+    SIAM Review 46, 2004), held against models between them; where that is off, each half has one of its own, and so has
+    each side of a place at which models bend.
     """
+    if inside := [at for at in bends if start < at < end]:
+        return _join(model, start, inside[len(inside) // 2], end, inside)
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
     if half < NARROWEST_PANEL * abs(end):
         return partial(matrices_of, model)
@@ -46,7 +51,14 @@ def interpolate_models(model: Callable[[float], StateSpace], start: float, end: 
     alike = all(at.states == nodes[0].states for at in nodes)  # loops may choose other independent coordinates
     if alike and all(_agree(model(x).A, whole(x)[0]) for x in checked):
         return whole
-    low, high = (interpolate_models(model, *ends) for ends in ((start, middle), (middle, end)))
+    return _join(model, start, middle, end)
+
+
+def _join(
+    model: Callable[[float], StateSpace], start: float, middle: float, end: float, bends: Sequence[float] = ()
+) -> Callable[[float], Matrices]:
+    """Return matrices by one polynomial or more on each side of a place."""
+    low, high = (interpolate_models(model, *ends, bends) for ends in ((start, middle), (middle, end)))
     return lambda parameter: (low if parameter <= middle else high)(parameter)
 
 
@@ -63,3 +75,9 @@ def _agree(A: Array, B: Array) -> bool:
     one = one[np.abs(one) > RIGID_DRIFT * fastest]
     apart = np.abs(one[:, None] - other).min(axis=1, initial=np.inf)
     return bool((apart <= INTERPOLATED * np.abs(one) + SUMMED * fastest).all())
+
+
+def with_inputs_seen(model: StateSpace) -> StateSpace:
+    """Return a model without inputs, whose last outputs are the columns of its input matrix."""
+    C, outputs = np.concatenate([model.C, model.B.T]), (*model.outputs, *model.inputs)
+    return StateSpace(model.A, np.zeros((len(model.A), 0)), C, np.zeros((len(C), 0)), model.states, (), outputs)

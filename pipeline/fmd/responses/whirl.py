@@ -61,7 +61,7 @@ def whirling_modes(
     bends = (transverse > ACROSS_AXIS * moved) & (moved > (SOLVED * _reach(vectors, (*across, along))) ** 2)
     circulation = find_circulation(first, second)
     carried = bends & (poles.imag == 0.0)
-    omega = np.where(bends, rate + np.sign(circulation) * poles.imag, poles.imag)
+    omega = np.where(bends, rate + np.where(circulation < 0.0, -1.0, 1.0) * poles.imag, poles.imag)
     whirl = np.where(carried, 1.0, np.where(bends, np.sign(omega) * np.abs(circulation), 0.0))
     kept = order_poles(poles, np.abs(omega))
     return WhirlingModes(np.abs(omega[kept]) / (2 * np.pi), poles.real[kept], whirl[kept])

@@ -19,6 +19,7 @@ from fmd.core.units import (
     TranslationalStiffness,
     Velocity,
 )
+from fmd.scene.bearing_tables import BearingTable, RadialDamping, RadialStiffness
 from fmd.scene.curves import ForceByElongation
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Axis, Number, PlaceName, Point, Turn, Words
@@ -239,10 +240,14 @@ class Bearing(SceneTable):
         The two places, that of the housing first.
     axis : tuple of float
         Direction of the axis in the axes of the first place; its length doesn't count.
-    radial, axial : float
-        Stiffness across the axis and along it [N/m].
-    radial_damper, axial_damper : float
-        Coefficients of dampers across the axis and along it [N s/m].
+    radial : float or table
+        Stiffness across the axis [N/m], a quantity or a table over the shaft's speed or the frequency of its whirl.
+    axial : float
+        Stiffness along the axis [N/m].
+    radial_damper : float or table
+        Coefficient of a damper across the axis [N s/m], likewise.
+    axial_damper : float
+        Coefficient of a damper along the axis [N s/m].
 
     Examples
     --------
@@ -260,10 +265,21 @@ class Bearing(SceneTable):
 
     between: Places
     axis: Axis
-    radial: Annotated[TranslationalStiffness, Positive]
+    radial: RadialStiffness
     axial: Stiffness = 0.0
-    radial_damper: Damping = 0.0
+    radial_damper: RadialDamping = 0.0
     axial_damper: Damping = 0.0
+
+    @property
+    def tables(self) -> dict[str, BearingTable]:
+        """The coefficients that tables give, by their keys."""
+        given = {"radial": self.radial, "radial_damper": self.radial_damper}
+        return {key: value for key, value in given.items() if isinstance(value, BearingTable)}
+
+    @property
+    def whirl_tables(self) -> dict[str, BearingTable]:
+        """Those over the frequency of whirl."""
+        return {key: table for key, table in self.tables.items() if table.over == "whirl"}
 
 
 ForceElement = Spring | Bushing | Bearing

@@ -11,6 +11,7 @@ from typing import Any
 
 from fmd.core.errors import InputError
 from fmd.scene.any_body import Flexible
+from fmd.scene.bearing_tables import BearingTable
 from fmd.scene.joints.fixed import Fixed
 from fmd.scene.joints.free import Free
 from fmd.scene.loads import Drive, PointForce
@@ -102,6 +103,16 @@ def complete_for_linear_answers(scene: Scene) -> Scene:
     tip = f"{name}.{list(body.marker)[-1]}"
     simulation = Simulation(duration=1.0, output_step=1.0, tip=tip, run=(AutoRun(integrator="auto"),))
     return scene.model_copy(update={"joint": joints, "simulation_table": simulation})
+
+
+def change_bearings(scene: Scene, change: Callable[[BearingTable], BearingTable | float]) -> Scene:
+    """Return the scene with its bearings' tables over the frequency of whirl changed; itself if there are none."""
+    bearings = {
+        name: bearing.model_copy(update={key: change(table) for key, table in bearing.whirl_tables.items()})
+        for name, bearing in scene.bearing.items()
+        if bearing.whirl_tables
+    }
+    return scene.model_copy(update={"bearing": {**scene.bearing, **bearings}}) if bearings else scene
 
 
 def damp_bodies(scene: Scene, damping: float) -> Scene | None:

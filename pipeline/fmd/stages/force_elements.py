@@ -13,13 +13,16 @@ from fmd.core.errors import InputError
 from fmd.core.formula import parse_formula
 from fmd.core.rotations import rotation_by
 from fmd.dynamics.closures import Place
-from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
+from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring, SpeedDependentBearing
 from fmd.dynamics.force_laws import ForceCurve, ForceLaw, Stop, smooth_curve, straight_curve
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
+from fmd.dynamics.state_functions import StateCurve
+from fmd.scene.bearing_tables import BearingTable
 from fmd.scene.curves import ForceByElongation
 from fmd.scene.force_elements import AngleStop, Bearing, Bushing, LengthStop, Spring
 from fmd.scene.joints.joint import JointTable
+from fmd.stages.state_functions import make_curve
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
@@ -52,7 +55,7 @@ def add_elements(
     """
     springs = [(name, spring, _spring(name, spring, locate)) for name, spring in scene.spring.items()]
     bushings = [(name, table, _bushing(scene, name, table, locate)) for name, table in scene.bushing.items()]
-    bearings = [_bearing(name, table, locate) for name, table in scene.bearing.items()]
+    bearings = [_bearing(scene, name, table, locate) for name, table in scene.bearing.items()]
     if not (springs or bushings or bearings):
         return mechanism
     q, _ = place_joints(scene, mechanism)
@@ -96,14 +99,44 @@ def _bushing(scene: Scene, name: str, given: Bushing, locate: Locate) -> SixAxis
         raise InputError(scene.file, f"bushing.{name}", None, str(error)) from error
 
 
-def _bearing(name: str, given: Bearing, locate: Locate) -> SixAxisSpring:
+def _bearing(scene: Scene, name: str, given: Bearing, locate: Locate) -> SixAxisSpring:
     """Make the bushing of a bearing, whose z axis is the shaft's; its rotations are free."""
+    for key in given.whirl_tables:
+        mend = (
+            "is known to fmd campbell and fmd unbalance of a rotor in bearings alone; a table over 'speed' works here"
+        )
+        raise InputError(scene.file, f"bearing.{name}.{key}.over", "whirl", mend)
     first, second = _ends(given.between, locate)
     axis = np.array(given.axis, dtype=float)
-    first = replace(first, axes=first.axes @ _turned_to(axis / np.linalg.norm(axis)))
-    K = np.diag([given.radial, given.radial, given.axial, 0.0, 0.0, 0.0])
-    C = np.diag([given.radial_damper, given.radial_damper, given.axial_damper, 0.0, 0.0, 0.0])
-    return SixAxisSpring(name, (first, second), K, C)
+    ends = replace(first, axes=first.axes @ _turned_to(axis / np.linalg.norm(axis))), second
+    (radial, k), (damper, c) = (
+        _with_largest(scene, f"bearing.{name}.{key}", curve) for key, curve in bearing_curves(given).items()
+    )
+    K = np.diag([k, k, given.axial, 0.0, 0.0, 0.0])
+    C = np.diag([c, c, given.axial_damper, 0.0, 0.0, 0.0])
+    if given.tables:
+        return SpeedDependentBearing(name, ends, K, C, radial=radial, damper=damper)
+    return SixAxisSpring(name, ends, K, C)
+
+
+def bearing_curves(given: Bearing) -> dict[str, StateCurve]:
+    """Return a bearing's coefficients across its axis as curves, by their keys; of one number a constant one."""
+    numbers = {"radial": given.radial, "radial_damper": given.radial_damper}
+    return {
+        key: make_curve(value) if isinstance(value, BearingTable) else StateCurve((0.0,), ((value, 0.0, 0.0, 0.0),))
+        for key, value in numbers.items()
+    }
+
+
+def _with_largest(scene: Scene, key: str, curve: StateCurve) -> tuple[StateCurve, float]:
+    """Return a curve with its largest value; raises ``InputError`` if it goes below 0 between its arguments."""
+    places = np.interp(
+        np.linspace(0, len(curve.knots) - 1, 20 * len(curve.knots)), range(len(curve.knots)), curve.knots
+    )
+    values = curve.values(places)
+    if values.min() < 0.0:
+        raise InputError(scene.file, f"{key}.between", "smooth", "the curve goes below 0; 'straight' works")
+    return curve, float(values.max())
 
 
 def _relaxed(bushing: SixAxisSpring, strain: Array, position: bool, turn: bool) -> SixAxisSpring:

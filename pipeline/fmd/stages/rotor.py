@@ -13,6 +13,7 @@ from fmd.responses.whirl import hub_modes, whirling_modes
 from fmd.scene.modes import damping_ratios
 from fmd.scene.variants import complete_for_linear_answers
 from fmd.stages.turning import OnHub, TurningRotor, scene_in_space
+from fmd.stages.whirl_tables import find_vibrations_by_whirl
 
 if TYPE_CHECKING:
     from fmd.scene.scene import Scene
@@ -52,10 +53,11 @@ def find_vibrations(run: Pipeline, highest: float | None = None) -> Vibrations:
     """
     if _is_alone(run.scene):
         return _part_on_hub(run)
+    if runs_in_bearings(run.scene) and any(bearing.whirl_tables for bearing in run.scene.bearing.values()):
+        return find_vibrations_by_whirl(run, highest)
     rotor = TurningRotor(run, runs_in_bearings(run.scene))
-
     way, states = rotor.way, rotor.model(0.0).states
-    interpolated = None if highest is None else interpolate_models(rotor.model, 0.0, highest)
+    interpolated = None if highest is None else interpolate_models(rotor.model, 0.0, highest, rotor.bends)
 
     def vibrations(rate: float) -> WhirlingModes:
         A, C = matrices_of(rotor.model, rate) if interpolated is None else interpolated(rate)

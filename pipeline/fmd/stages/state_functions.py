@@ -69,7 +69,7 @@ class FunctionBuilder:
     ) -> StateFunction:
         """Return a formula's function; ``own`` is the joint whose position and rate are ``q`` and ``rate``."""
         variables = [self._variable(table, name, own) for name in parsed.variables]
-        curves = [_curve(table.variables[name]) for name in parsed.curves]
+        curves = [make_curve(table.variables[name]) for name in parsed.curves]
         return StateFunction(parsed.codes, parsed.constants, tuple(variables), tuple(curves), factor)
 
     def of_text(self, text: str) -> StateFunction:
@@ -153,7 +153,8 @@ def _signal(curve: FormulaVariable, until: float) -> Signal:
     return (smooth_table if curve.between == "smooth" else linear_table)(times, values, curve.beyond, until)
 
 
-def _curve(given: FormulaVariable) -> StateCurve:
+def make_curve(given: FormulaVariable) -> StateCurve:
+    """Return the curve of a table."""
     x, y = given.rows
     repeats = given.beyond == "repeat"
     pieces = _smooth_pieces(x, y, repeats) if given.between == "smooth" else _straight_pieces(x, y)

@@ -13,6 +13,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.responses import ALIKE_AROUND, COMPARED_TURN, ECCENTRIC, ON_AXIS, SHORTEST_RATE, STEADY_RATE
 from fmd.core.limits.round_off import EXACT
 from fmd.core.rotations import matrix_of_quaternion, quaternion_of_matrix, rotation_by
+from fmd.dynamics.elements import SpeedDependentBearing
 from fmd.dynamics.kinematics import Kinematics
 from fmd.integrators.protocol import evaluate_projection
 from fmd.responses.linearisation import Linearisation
@@ -152,12 +153,16 @@ class TurningRotor:
             self._require_balance(rate, model)
         return model
 
-    def forced(self, place: str) -> Callable[[float], StateSpace]:
-        """Return models at a rate [rad/s] as `model`, whose inputs are forces on a marker along both axes across."""
-        body, _, name = place.partition(".")
-        number = self.mechanism.find_marker(self.mechanism.number_of(body), name)
-        at = self.mechanism.links[number].markers[name]
-        inputs = [MarkerPort(f"{place} {k}", "N", number, at, way, False) for k, way in enumerate(self._directions[:2])]
+    def forced(self, *places: str) -> Callable[[float], StateSpace]:
+        """Return models at a rate [rad/s] as `model`, whose inputs are forces on markers along both axes across."""
+        inputs = []
+        for place in places:
+            body, _, name = place.partition(".")
+            number = self.mechanism.find_marker(self.mechanism.number_of(body), name)
+            at = self.mechanism.links[number].markers[name]
+            inputs += [
+                MarkerPort(f"{place} {k}", "N", number, at, way, False) for k, way in enumerate(self._directions[:2])
+            ]
         linearisation = Linearisation(self.mechanism, inputs, self._ports())
 
         def model(rate: float) -> StateSpace:
@@ -166,6 +171,12 @@ class TurningRotor:
             return linearisation.at(OperatingPoint(0.0, q, rotation.rates), rotation.motions)
 
         return model
+
+    @property
+    def bends(self) -> list[float]:
+        """Rates at which a table of a bearing begins anew [rad/s], ascending."""
+        bearings = (at for at in self.mechanism.elements if isinstance(at, SpeedDependentBearing))
+        return sorted({knot for at in bearings for curve in (at.radial, at.damper) for knot in curve.knots})
 
     @property
     def markers(self) -> list[str]:

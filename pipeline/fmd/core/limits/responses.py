@@ -54,6 +54,7 @@ BENDS = 1e-2
 # Campbell diagram.
 NO_DAMPING = 1e-10  # damping ratio of round-off
 NO_WHIRL = 0.1  # circulation below which a motion is to and fro
+WHIRLS_BETWEEN = 4  # frequencies of whirl between two rows of a bearing's table at which vibrations are looked for
 
 # Steady rotation.
 ALIKE_AROUND = 1e-4  # of stiffness: equations of a rotor that are the same at every angle

@@ -19,12 +19,14 @@ from fmd.dynamics.compiler.algebra import (
     transpose,
 )
 from fmd.dynamics.compiler.coordinates import Coordinates
+from fmd.dynamics.compiler.formulas import trace_periodic_table
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, Terms, total
 from fmd.dynamics.compiler.places import PlaceMotion, trace_place
-from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring
+from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring, SpeedDependentBearing
 
 _AXES = range(3)
+Matrix = list[list[Scalar | float]]
 
 
 @dataclass
@@ -89,6 +91,8 @@ def _trace_motion(inputs: Coordinates, frames: list[MovingFrame], element: Eleme
     first, second = (trace_end(inputs, frames, end) for end in element.ends)
     if isinstance(element, PointSpring):
         return _SpringMotion(element, first, second)
+    if isinstance(element, SpeedDependentBearing):
+        return _BearingMotion(element, first, second)
     return _BushingMotion(element, first, second)
 
 
@@ -165,16 +169,34 @@ class _BushingMotion:
 
     def energy(self) -> Scalar:
         """Return the elastic energy."""
-        e, _ = self.strains()
-        K = self.element.K
-        return total(e[i] * e[j] * float(K[i, j]) for i in range(len(e)) for j in range(len(e))) * 0.5
+        (e, _), (K, _) = self.strains(), self.matrices()
+        return total(e[i] * e[j] * K[i][j] for i in range(len(e)) for j in range(len(e))) * 0.5
+
+    def matrices(self) -> tuple[Matrix, Matrix]:
+        """Return stiffness and damping."""
+        return self.element.K.tolist(), self.element.C.tolist()
 
     def actions(self) -> list[Action]:
         """Return force and moment on both places."""
-        (e, rates), K, C = self.strains(), self.element.K, self.element.C
+        (e, rates), (K, C) = self.strains(), self.matrices()
         n = range(len(e))
-        f = [-total([e[j] * float(K[i, j]) + rates[j] * float(C[i, j]) for j in n]) for i in n]
+        f = [-total([e[j] * K[i][j] + rates[j] * C[i][j] for j in n]) for i in n]
         force = times(self.first.A, f[:3])
         moment = times(self.first.A, self.through(1.0, f[3:])) if f[3:] else scale(0.0, force)
         back = scale(-1.0, add(moment, cross(self.apart, force)))
         return [Action(self.second, force, moment), Action(self.first, scale(-1.0, force), back)]
+
+
+@dataclass
+class _BearingMotion(_BushingMotion):
+    """A bearing between two places that move, one of which turns in it."""
+
+    element: SpeedDependentBearing
+
+    def matrices(self) -> tuple[Matrix, Matrix]:
+        """Return stiffness and damping at the rate of rotation."""
+        K, C = super().matrices()
+        rate = self.w[2].select(self.w[2], -self.w[2])
+        for A, curve in ((K, self.element.radial), (C, self.element.damper)):
+            A[0][0] = A[1][1] = trace_periodic_table(curve.knots, curve.cubics, curve.period, rate)
+        return K, C

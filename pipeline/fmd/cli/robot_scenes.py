@@ -1,4 +1,4 @@
-"""Text of a scene for a robot from a URDF file, with what of the file it can't hold."""
+"""Text of a scene for a robot from a URDF or MJCF file, with what of the file it can't hold."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fmd.cli.cad_scenes import make_name
-from fmd.cli.urdf_robot import Pose, Robot, RobotJoint, RobotLink, Shape, read_robot
+from fmd.cli.mjcf_robot import read_mjcf
+from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape
+from fmd.cli.urdf_robot import read_urdf
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.scene import LIGHT_LINK, LIGHT_RADIUS, SKEW_INERTIA, STOP_ANGLE, STOP_LENGTH, STOP_LOADS
@@ -24,12 +26,15 @@ _KINDS = {
     "fixed": "fixed",
     "floating": "free",
     "planar": "planar",
+    "ball": "spherical",
 }
+READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
+"""How a robot's file is read, by its suffix."""
 _ALUMINIUM = {"E": "70 GPa", "nu": 0.33}
 
 
-def write_urdf_scene(urdf: Path, target: Path, flexible: Sequence[str] = ()) -> tuple[str, list[str]]:
-    """Return the text of a scene for the robot in a URDF file, and what of the file isn't in it.
+def write_robot_scene(file: Path, target: Path, flexible: Sequence[str] = ()) -> tuple[str, list[str]]:
+    """Return the text of a scene for the robot in a file, and what of the file isn't in it.
 
     The link that nothing carries stands on the ground. Links without mass on fixed joints are markers of the link that
     they are on. The frame of a body is its link's, turned to the principal axes of its inertia where the file gives
@@ -37,8 +42,8 @@ def write_urdf_scene(urdf: Path, target: Path, flexible: Sequence[str] = ()) -> 
 
     Parameters
     ----------
-    urdf : Path
-        The file.
+    file : Path
+        URDF, or MJCF with the suffix ``.xml`` or ``.mjcf``.
     target : Path
         Where the scene will lie, which its files are relative to.
     flexible : sequence of str
@@ -47,22 +52,22 @@ def write_urdf_scene(urdf: Path, target: Path, flexible: Sequence[str] = ()) -> 
     Raises
     ------
     InputError
-        The file is no URDF, or a link that is to be flexible isn't there, or has no box.
+        The file is no such file, or a link that is to be flexible isn't there, or has no box.
     """
-    writer = _Writer(read_robot(urdf), urdf, target, flexible)
+    writer = _Writer(READERS[file.suffix.lower()](file), file, target, flexible)
     return writer.text(), writer.notes
 
 
 class _Writer:
     """Tables of a scene for a robot, gathered link by link."""
 
-    def __init__(self, robot: Robot, urdf: Path, target: Path, flexible: Sequence[str]) -> None:
-        self.robot, self.urdf, self.target = robot, urdf, target
-        self.notes: list[str] = []
+    def __init__(self, robot: Robot, file: Path, target: Path, flexible: Sequence[str]) -> None:
+        self.robot, self.file, self.target = robot, file, target
+        self.notes = list(robot.notes)
         for name in flexible:
             if name not in robot.links or name == robot.root:
                 names = ", ".join(link for link in robot.links if link != robot.root)
-                raise InputError("--flexible", "", name, f"is no moving link of {urdf.name}; there are {names}")
+                raise InputError("--flexible", "", name, f"is no moving link of {file.name}; there are {names}")
         self.flexible = set(flexible)
         self.parents = {joint.child: joint for joint in robot.joints.values()}
         self.frames = {name: self._frame(name) for name in robot.links if self._carrier(name) == name}
@@ -113,7 +118,6 @@ class _Writer:
         robot, root = self.robot, self._carrier(self.robot.root)
         if robot.links[root].mass:
             self.notes.append(f"{root} stands on the ground: its mass of {robot.links[root].mass:g} kg has no effect")
-        self.notes += [f"<{tag}> isn't read" for tag in robot.others]
         joints = [
             self._joint(joint, root) for joint in robot.joints.values() if self._carrier(joint.child) == joint.child
         ]
@@ -125,7 +129,7 @@ class _Writer:
         tip = self._tip(root)
         notes = [f"# - {note}" for note in self.notes]
         head = [
-            f"# The robot of {self.urdf.name}. It falls under its weight; docs/control.md has drives and controllers.",
+            f"# The robot of {self.file.name}. It falls under its weight; docs/control.md has drives and controllers.",
             *(["# What the file has and this scene hasn't:", *notes] if notes else []),
             f"title = {json.dumps(robot.name)}",
         ]
@@ -134,7 +138,7 @@ class _Writer:
             'duration = "1 s"',
             'output_step = "10 ms"',
             f'tip = "{tip}"',
-            'gravity = ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]',
+            _write({"gravity": [f"{x:g} m/s^2" for x in robot.gravity]}),
             "",
             "[[simulation.run]]",
             'integrator = "auto"',
@@ -215,7 +219,7 @@ class _Writer:
         name = make_name(joint.name) or "joint"
         kind = _KINDS.get(joint.kind)
         if kind is None:
-            raise InputError(str(self.urdf), f"joint {joint.name}", joint.kind, f"is none of {', '.join(_KINDS)}")
+            raise InputError(str(self.file), f"joint {joint.name}", joint.kind, f"is none of {', '.join(_KINDS)}")
         carrier = self._carrier(joint.parent)
         self.markers[carrier][name] = self._in_body(joint.parent, joint.pose)
         parent = f"ground.{name}" if carrier == root else f"{self.names[carrier]}.{name}"
@@ -225,6 +229,8 @@ class _Writer:
         if kind in ("revolute", "prismatic"):
             turns = kind == "revolute"
             table |= {"damper": f"{joint.damping:.9g} {'N m s/rad' if turns else 'N s/m'}"} if joint.damping else {}
+            table |= {"spring": f"{joint.spring:.9g} {'N m/rad' if turns else 'N/m'}"} if joint.spring else {}
+            table |= {"rest": f"{joint.rest:.12g} {'rad' if turns else 'm'}"} if joint.spring and joint.rest else {}
             table |= {"friction": f"{joint.friction:.9g} {'N m' if turns else 'N'}"} if joint.friction else {}
             table |= self._stops(joint, turns)
         text = f"[joint.{name}]\n{_write(table)}"
@@ -271,11 +277,14 @@ class _Writer:
             if shape.kind == "sphere":
                 self.notes.append(f"{link.name}: a sphere is drawn as a cylinder of its size")
             return {"type": "cylinder", **ends, "radius": f"{radius:.9g} m"}
+        if shape.kind != "mesh":
+            self.notes.append(f"{link.name}: the {shape.kind} is left out of pictures")
+            return None
         file = self._find(shape.file)
         unit = {1.0: "m", 1e-3: "mm"}.get(shape.scale[0]) if len(set(shape.scale)) == 1 else None
         if file is None or file.suffix.lower() != ".stl" or unit is None:
             why = "isn't there" if file is None else "only STL in m or mm is drawn"
-            self.notes.append(f"{link.name}: the shape {shape.file or shape.kind} is left out ({why})")
+            self.notes.append(f"{link.name}: the shape {shape.file} is left out ({why})")
             return None
         path = Path(os.path.relpath(file, self.target.parent)).as_posix()
         return {"type": "file", "file": path, "unit": unit, "at": _lengths(pose.at), **_rotation(pose)}
@@ -283,10 +292,10 @@ class _Writer:
     def _find(self, name: str) -> Path | None:
         """Return the file of a mesh; those of packages are looked for in the folders above the URDF file."""
         inside = name.removeprefix("file://")
-        places = [self.urdf.parent / inside]
+        places = [self.file.parent / inside]
         if name.startswith("package://"):
             package, _, inside = name.removeprefix("package://").partition("/")
-            for folder in self.urdf.resolve().parents:
+            for folder in self.file.resolve().parents:
                 places += [folder / package / inside, folder / inside]
         return next((place for place in places if place.is_file()), None)
 

@@ -1,0 +1,107 @@
+"""A robot as a file of URDF or MJCF describes it: links with inertia and shapes, joints, and what else it holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Place and axes in the frame of something else: position (3,) [m] and rotation (3, 3)."""
+
+    at: Array = field(default_factory=lambda: np.zeros(3))
+    axes: Array = field(default_factory=lambda: np.eye(3))
+
+    def then(self, other: Pose) -> Pose:
+        """Return a pose that is given in this one."""
+        return Pose(self.at + self.axes @ other.at, self.axes @ other.axes)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Shape of a link: ``box``, ``cylinder``, ``sphere`` or ``mesh``, with its sizes [m], or file and scale."""
+
+    kind: str
+    pose: Pose
+    size: tuple[float, ...] = ()
+    file: str = ""
+    scale: tuple[float, ...] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class RobotLink:
+    """A link: mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m²] in the link's axes, and shapes."""
+
+    name: str
+    mass: float
+    centre: Array
+    inertia: Array
+    visuals: tuple[Shape, ...] = ()
+    collisions: tuple[Shape, ...] = ()
+
+
+@dataclass(frozen=True)
+class RobotJoint:
+    """A joint: where it is on its parent, its axis there, and numbers of its table, by their keys.
+
+    ``spring`` and ``rest`` are stiffness [N m/rad or N/m] and the position at which it pulls nowhere [rad or m].
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    pose: Pose
+    axis: Array
+    limits: dict[str, float]
+    damping: float = 0.0
+    friction: float = 0.0
+    mimic: tuple[str, float, float] | None = None
+    spring: float = 0.0
+    rest: float = 0.0
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot: links and joints by name, the link that nothing carries, gravity [m/s²] and what a scene can't hold."""
+
+    name: str
+    links: dict[str, RobotLink]
+    joints: dict[str, RobotJoint]
+    root: str
+    notes: tuple[str, ...]
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+
+
+def read_xml(path: Path, tag: str, what: str) -> ElementTree.Element:
+    """Return the first element of an XML file.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, or its first element isn't ``tag``.
+    """
+    try:
+        top = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from None
+    except ElementTree.ParseError as error:
+        raise InputError(str(path), "", None, f"is no XML: {error}") from None
+    if top.tag != tag:
+        raise InputError(str(path), top.tag, None, f"is no {what}, whose first element is <{tag}>")
+    return top
+
+
+def read_numbers(text: str | None, default: str) -> Array:
+    """Return as many finite numbers as a default has; raises ``ValueError`` for others."""
+    values = [float(word) for word in (text or default).split()]
+    if len(values) != len(default.split()) or not np.isfinite(values).all():
+        raise ValueError(f"{text!r} where {len(default.split())} numbers belong")
+    return np.array(values)
