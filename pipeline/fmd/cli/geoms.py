@@ -13,7 +13,7 @@ from fmd.core.arrays import Array
 
 
 @dataclass(frozen=True)
-class Part:
+class SolidMass:
     """Mass [kg], its centre (3,) [m], and the inertia about it (3, 3) [kg m²], in the axes of a body."""
 
     mass: float
@@ -21,18 +21,18 @@ class Part:
     inertia: Array
 
 
-def add_parts(parts: Iterable[Part]) -> Part:
+def add_masses(parts: Iterable[SolidMass]) -> SolidMass:
     """Return mass, centre and inertia of parts together, by Steiner's rule."""
     found = [*parts]
     mass = sum(part.mass for part in found)
     if not mass:
-        return Part(0.0, np.zeros(3), np.zeros((3, 3)))
+        return SolidMass(0.0, np.zeros(3), np.zeros((3, 3)))
     centre = sum((part.mass * part.centre for part in found), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))
     for part in found:
         d = part.centre - centre
         inertia += part.inertia + part.mass * (d @ d * np.eye(3) - np.outer(d, d))
-    return Part(mass, centre, inertia)
+    return SolidMass(mass, centre, inertia)
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class Geom:
     file: str
     scale: tuple[float, ...]
 
-    def part(self, mass: float | None, density: float) -> Part:
+    def part(self, mass: float | None, density: float) -> SolidMass:
         """Return the solid's mass, centre and inertia, by its mass [kg] or by its density [kg/m³]."""
         volume, own = self._moments()
         mass = density * volume if mass is None else mass
         R = self.pose.axes
-        return Part(mass, self.pose.at, mass * R @ np.diag(own) @ R.T)
+        return SolidMass(mass, self.pose.at, mass * R @ np.diag(own) @ R.T)
 
     def _moments(self) -> tuple[float, Array]:
         """Return the volume [m³], and the moments of inertia about the centre over the mass, (3,) [m²]."""

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fmd.cli.geoms import Geom, Part, add_parts
+from fmd.cli.geoms import Geom, SolidMass, add_masses
 from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape, read_numbers, read_xml
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
@@ -221,20 +221,20 @@ class _Reader:
             touches = given.get("contype", "1") != "0" or given.get("conaffinity", "1") != "0"
             shapes[touches].append(geom.shape(Pose(geom.pose.at - origin, geom.pose.axes)))
         inertial = body.find("inertial")
-        part = self._inertial(inertial) if inertial is not None else add_parts(self._parts(geoms, name))
+        part = self._inertial(inertial) if inertial is not None else add_masses(self._parts(geoms, name))
         visuals, collisions = (tuple(of) for of in shapes)
         return RobotLink(name, part.mass, part.centre - origin, part.inertia, visuals, collisions)
 
-    def _inertial(self, element: ElementTree.Element) -> Part:
+    def _inertial(self, element: ElementTree.Element) -> SolidMass:
         pose, given = self._pose(element.attrib), element.attrib
         if "fullinertia" in given:
             xx, yy, zz, xy, xz, yz = read_numbers(given["fullinertia"], "0 0 0 0 0 0")
             inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         else:
             inertia = np.diag(read_numbers(given["diaginertia"], "0 0 0"))
-        return Part(float(given["mass"]), pose.at, pose.axes @ inertia @ pose.axes.T)
+        return SolidMass(float(given["mass"]), pose.at, pose.axes @ inertia @ pose.axes.T)
 
-    def _parts(self, geoms: list[tuple[Geom, Attributes]], name: str) -> Iterator[Part]:
+    def _parts(self, geoms: list[tuple[Geom, Attributes]], name: str) -> Iterator[SolidMass]:
         for geom, given in geoms:
             mass, density = given.get("mass"), float(given.get("density", "1000"))
             if float(mass if mass is not None else density) == 0.0:
