@@ -6,6 +6,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.coarse_mesh import make_coarse_pair
+from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.estimators import combine_excess, energy_excess
 from fmd.core.cache import Cache
 
@@ -57,3 +58,30 @@ def test_the_excess_of_frequencies_behind_a_rigid_face_is_not_what_two_meshes_te
         assert (changed[:2] < true[:2]).all()
         assert (true < stated).all()
         assert (stated < 4 * true).all()
+
+
+def test_the_largest_stress_next_to_a_rigid_face_is_stated_by_two_meshes(tmp_path: Path) -> None:
+    """A link as the robot's, bent by a steady force, against twice the elements each way."""
+    push = """
+start = "equilibrium"
+[drive.push]
+type = "point force"
+marker = "bar.tip"
+direction = [0, 1, 0]
+force = "10 N"
+"""
+    link = (
+        BAR.replace("20 mm", "30 mm")
+        .replace("40 mm", "16 mm")
+        .replace('face = "x+"', 'face = "x+", attachment = "rigid"')
+    )
+    runs = []
+    for divisions in ([14, 2, 2], [28, 4, 4]):
+        file = tmp_path / "link.toml"
+        mesh = f"{{ order = 2, divisions = {divisions} }}"
+        file.write_text(link.replace("MESH", mesh).replace("210 GPa", "70 GPa") + push)
+        runs.append(Pipeline(load_scene(file), Cache(None)))
+    run, fine = runs
+    (row,) = (row for row in state_errors(run).rows if row.name == "bar, largest von Mises stress")
+    true = abs(fine.stress_of("bar").worst()[2] / run.stress_of("bar").worst()[2] - 1)
+    assert true < row.numerical < 8 * true

@@ -78,6 +78,7 @@ class Estimates(Comparison):
         self._shifts: dict[str, float] = {}  # changes of the motion by shifted frequencies
         self._across: Pair | None = None  # the run and its scene with more elements from side to side
         self._shapes: dict[str, float] = {}  # errors by shapes of the mesh
+        self._behind_rigid_faces: set[str] = set()  # largest stresses next to one
 
     def by_source(self) -> dict[str, dict[str, float | str]]:
         """Return the relative errors of the quantities by source, or the reason why there is no estimate.
@@ -296,12 +297,14 @@ class Estimates(Comparison):
     def _otherwise_coarse(self, pair: Pair, recovery: dict[str, float | str]) -> dict[str, float | str]:
         """Estimate what else changes on a coarser mesh that rings at the run's frequencies, the shapes' part.
 
-        The difference between the stress of two meshes holds the error of its recovery; that is not counted twice.
+        The difference between the stress of two meshes holds the error of its recovery; that is not counted twice. Next
+        to a rigid face it alone counts: patches of elements smooth there what the face does to the stress.
         """
         for name, error in self._changes_by_shapes(pair).items():
             shape = error / pair.gains[self.quantities[name].kind]
             if isinstance(again := recovery.get(name), float):
-                recovery[name] = again = min(again, MOST_OF_CHANGE * shape)
+                most = shape if name in self._behind_rigid_faces else MOST_OF_CHANGE * shape
+                recovery[name] = again = min(again, most)
                 shape = max(shape - again, 0.0)
             self._shapes[name] = math.hypot(self._shapes.get(name, 0.0), shape)
         return {}
@@ -330,8 +333,19 @@ class Estimates(Comparison):
             q, node = self.motion.modal(name)[k], int(part.surface.nodes[place])
             field = (part.body.shapes @ q)[:, :, None]
             again = float(von_mises(patch_stress(part.space, part.material, field, node).T)[0])
-            errors[f"{name}, largest von Mises stress"] = abs(again - worst) / worst
+            errors[quantity := f"{name}, largest von Mises stress"] = abs(again - worst) / worst
+            if _is_next_to_rigid_face(part, node):
+                self._behind_rigid_faces.add(quantity)
         return errors
+
+
+def _is_next_to_rigid_face(part: FlexiblePart, node: int) -> bool:
+    """Return true for a node of an element on a rigid face that isn't on the face itself, where stress has no limit."""
+    rigid = [marker.nodes for marker in part.markers.values() if marker.rigid]
+    if not rigid or any(node in nodes for nodes in rigid):
+        return False
+    around = part.space.element_nodes[(part.space.element_nodes == node).any(axis=1)]
+    return bool(np.isin(around, np.concatenate(rigid)).any())
 
 
 def energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
