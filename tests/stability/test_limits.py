@@ -7,12 +7,12 @@ from fmd.core.errors import StabilityError
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import cycle_growth
+from fmd.stability.inertial_coupling import inertial_coupling
 from fmd.stability.limits import (
     ReferenceMatrices,
     explicit_method,
     find_limits,
     find_sudden_step,
-    inertial_coupling,
 )
 from fmd.stability.operating_points import OperatingPoints
 from fmd.stability.tangent import OperatingPoint

@@ -104,19 +104,27 @@ def source_digest(*names: str) -> str:
     FileNotFoundError
         A name is no folder and no file: a source that has moved must not silently leave a result's key.
     """
-    digest, numbers = hashlib.blake2b(digest_size=8), set()
+    digest, numbers = hashlib.blake2b(digest_size=8), set[bytes]()
     for name in names:
         place = _ROOT / name
         if not place.exists():
             raise FileNotFoundError(f"{name}: no such source in {_ROOT}; a stage's key names it")
         for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
             if "__pycache__" not in path.parts:
-                digest.update(source := path.read_bytes())
-                numbers |= {name for match in _NUMBERS.findall(source) for name in _WORDS.findall(match)}
+                source, named = _read_source(path)
+                digest.update(source)
+                numbers |= named
     for path in sorted((_ROOT / "fmd" / "core" / "limits").glob("*.py")):
         if path.stem.encode() in numbers:
             digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+@cache
+def _read_source(path: Path) -> tuple[bytes, set[bytes]]:
+    """Return a source, which many stages' keys name, and the words of its imports from `fmd.core.limits`."""
+    source = path.read_bytes()
+    return source, {name for match in _NUMBERS.findall(source) for name in _WORDS.findall(match)}
 
 
 def kernel_folder() -> Path:

@@ -20,6 +20,7 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import ResumableIntegrator
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import cycle_growth
+from fmd.stability.inertial_coupling import inertial_coupling
 from fmd.stability.operating_points import OperatingPoints
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stability.splitting import recommend_step
@@ -176,14 +177,3 @@ def find_sudden_step(M: Array, K: Array, n_slow: int, substeps: int) -> tuple[fl
     radius = cycle_growth(M, K, n_slow, 0.5 * low, substeps) if low else 1.0
     rate = np.log(radius) / (substeps * 0.5 * low) if radius > 1 + STABLE else 0.0
     return low, float(rate)
-
-
-def inertial_coupling(M: Array, n_slow: int) -> float:
-    """Return the largest canonical correlation of slow and fast coordinates in a mass matrix: 0 if they don't couple.
-
-    It is the largest ``x_Lᵀ M_LS x_S`` for ``x_Lᵀ M_LL x_L = x_Sᵀ M_SS x_S = 1``, and always below 1.
-    """
-    if not 0 < n_slow < len(M):
-        return 0.0
-    L, S = (np.linalg.cholesky(M[part, part]) for part in (slice(0, n_slow), slice(n_slow, None)))
-    return float(np.linalg.norm(np.linalg.solve(L, np.linalg.solve(S, M[n_slow:, :n_slow]).T), 2))
