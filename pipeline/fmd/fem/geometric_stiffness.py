@@ -12,6 +12,8 @@ Bathe, Finite Element Procedures, section 6.2).
 
 from __future__ import annotations
 
+from functools import singledispatch
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -23,8 +25,9 @@ from fmd.fem.strain import stresses
 _TENSOR = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # places of the components in a vector of six
 
 
+@singledispatch
 def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
-    """Assemble the geometric stiffness of the linear stress of each displacement.
+    """Return the geometric stiffness of the linear stress of each displacement, assembled from that of elements.
 
     Parameters
     ----------

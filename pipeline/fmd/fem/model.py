@@ -61,6 +61,11 @@ class FEModel:
         return sp.csr_array((each.data, 3 * each.indices + axis, each.indptr), shape=(3 * n, 3 * n))
 
     @property
+    def local_pairs(self) -> int:
+        """Pairs of nodes of an element, for which a stress has entries before they are summed."""
+        return int(self.discretisation.element_nodes.shape[1]) ** 2
+
+    @property
     def mass(self) -> float:
         """Total mass [kg]."""
         return float(self.m.sum())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,12 +38,25 @@ class SurfaceTopology:
 
 def surface_topology(space: Discretisation) -> SurfaceTopology:
     """Find the outer surface of a discretisation."""
+    return polygon_surface(space.x, [around for _, around in boundary_polygons(space)])
+
+
+def polygon_surface(x: Array, polygons_by_size: Sequence[IntArray]) -> SurfaceTopology:
+    """Return the surface of polygons, counter-clockwise from outside; six or eight nodes have some between corners.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_nodes, 3)
+        Positions of all nodes.
+    polygons_by_size : sequence of ndarray, shapes (n_facets, n_around)
+        Nodes around the facets of 3, 4, 6 or 8 nodes; a corner is first.
+    """
     triangles, edges = [], []
-    for _, around in boundary_polygons(space):
+    for around in polygons_by_size:
         n_around = around.shape[1]
-        polygons = _split_along_length(space.x, around) if n_around == 8 else around
+        polygons = _split_along_length(x, around) if n_around == 8 else around
         rim = np.arange(n_around)
-        if space.order == 1:
+        if n_around < 6:
             fan = np.array([(0, k, k + 1) for k in range(1, n_around - 1)])
         else:  # a triangle at each corner, and the polygon of the mid-edge nodes within
             corners = np.array([(k - 1, k, k + 1) for k in range(0, n_around, 2)]) % n_around
@@ -122,7 +136,10 @@ def boundary_polygons(space: Discretisation) -> list[tuple[IntArray, IntArray]]:
         if of_kind.any():
             table = np.zeros((len(polygons), n_around), dtype=np.int64)
             table[numbers] = [polygons[k] for k in numbers]
-            result.append((np.flatnonzero(of_kind), _turn_outwards(space, elements[of_kind], table[local[of_kind]])))
+            own = elements[of_kind]
+            around = space.element_nodes[own[:, None], table[local[of_kind]]]
+            inside = space.corner_coordinates[own].mean(axis=1)
+            result.append((np.flatnonzero(of_kind), turn_outwards(space.x, around, inside)))
     return result
 
 
@@ -135,14 +152,21 @@ def _split_along_length(x: Array, polygons: IntArray) -> IntArray:
     return np.where((other > one)[:, None], np.roll(polygons, -2, axis=1), polygons)
 
 
-def _turn_outwards(space: Discretisation, elements: IntArray, around: IntArray) -> IntArray:
-    """Return the nodes around facets, local nodes ``around`` (n_facets, n_around), counter-clockwise from outside."""
-    polygons = space.element_nodes[elements[:, None], around]
-    corners = space.x[polygons[:, :: space.order]]
+def turn_outwards(x: Array, polygons: IntArray, inside: Array) -> IntArray:
+    """Return the nodes around facets (n_facets, n_around) counter-clockwise, seen from outside.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n_nodes, 3)
+        Positions of all nodes.
+    inside : ndarray, shape (n_facets, 3)
+        A place in the element of each facet.
+    """
+    polygons, has_middles = polygons.copy(), polygons.shape[1] >= 6
+    corners = x[polygons[:, :: 1 + has_middles]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outward = corners.mean(axis=1) - space.corner_coordinates[elements].mean(axis=1)
-    inward = np.einsum("fi,fi->f", normal, outward) < 0
+    inward = np.einsum("fi,fi->f", normal, corners.mean(axis=1) - inside) < 0
     polygons[inward] = polygons[inward, ::-1]
-    if space.order == 2:  # keep a corner in front: the reversal has put a mid-edge node there
+    if has_middles:  # keep a corner in front: the reversal has put a mid-edge node there
         polygons[inward] = np.roll(polygons[inward], 1, axis=1)
     return np.asarray(polygons)

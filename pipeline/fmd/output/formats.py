@@ -11,11 +11,16 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.core.files import read_text
+from fmd.core.units import unit_ratio
+from fmd.fem.formats.abaqus import SUFFIXES
 from fmd.fem.model import FEModel
 from fmd.reduction.craig_bampton import Superelement
-from fmd.reduction.formats.body_format import DrawnBody, ExportedBody, body_format
+from fmd.reduction.formats.body_format import DrawnBody, ExportedBody, LoadCases, body_format
+from fmd.reduction.load_cases import shape_cases, stiffening_cases
 from fmd.reduction.modal_data import ModalData, modal_data, without_stiffening
 from fmd.reduction.modes import Modes
+from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.modes import damping_ratios
 from fmd.scene.outputs import MECHANISM_FORMATS
 from fmd.stages.pipeline import Pipeline
@@ -68,6 +73,22 @@ class PipelineBody(ExportedBody):
         if self._part.fe.T is not None:
             raise self.fault("link", "is in no file of full matrices; reduced bodies have it, e.g. --to sid or nastran")
         return self._part.fe, self._part.modes
+
+    def load_cases(self) -> LoadCases:
+        """Return the loads for the deck that gives the nodes of the body's matrices, in its units."""
+        part = self._part
+        if not isinstance(part.shape, MatrixPart):
+            raise self.fault("shape", "has its own stress; load cases are for bodies that are given by their matrices")
+        given, deck = part.shape.matrices, part.source.paths["nodes"] if part.source else None
+        if deck is None or deck.suffix.lower() not in SUFFIXES or given.unknowns != 3:
+            problem = "load cases are written for a deck of CalculiX (.inp) with three unknowns a node"
+            raise self.fault("matrices.nodes", problem)
+        fe, model = part.fe, part.model
+        shapes = part.body.shapes if self._run.scene.moves else part.modes.shapes
+        newton = unit_ratio(given.stiffness_unit, "N/m") * unit_ratio(given.unit, "m")
+        stiffening = {name: f / newton for name, f in stiffening_cases(fe, model.solver, model.markers).items()}
+        of_shapes = {name: f / newton for name, f in shape_cases(fe, shapes).items()}
+        return LoadCases(read_text(deck), part.given_model.labels, fe.rigid_modes, stiffening, of_shapes)
 
     def frequencies_hz(self) -> Array:
         """Return the natural frequencies of the body's modes [Hz]."""

@@ -34,6 +34,7 @@ from fmd.output.spot_stress import limitless_warnings, spot_stress_warnings
 from fmd.output.variable_errors import why_no_budget
 from fmd.recovery.motion import Motion
 from fmd.stages.division import part_of
+from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.signals import find_idle_drives, find_jumping_tables
 
@@ -213,13 +214,20 @@ def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:
             found.append({"code": "buckling", "body": name, "text": text})
     for name, spin in run.stiffening_loads.items():
         if not spin.stiffened and spin.change > run.scene.simulation.error:
-            why = "simulation.stiffening is off" if run.parts[name].has_mesh else "without a mesh it has but its file's"
+            why = _why_not_stiffened(run.parts[name])
             text = (
                 f"{name}: the loads through it can change its stiffness by up to {100 * spin.change:.2g} %, which is "
                 f"left out: {why}"
             )
             found.append({"code": "stiffening-left-out", "body": name, "text": text})
     return found
+
+
+def _why_not_stiffened(part: FlexiblePart) -> str:
+    """Return why a body's stiffening is left out, and what would give it."""
+    if part.can_be_stiffened:
+        return "simulation.stiffening is off"
+    return "it has but its file's" if part.is_reduced else "matrices.geometric_stiffness gives it"
 
 
 def _division_warnings(run: Pipeline) -> list[dict[str, str]]:

@@ -19,6 +19,7 @@ from fmd.core.limits.modes import MASSLESS, NO_FREQUENCY, OWN_FRAME
 from fmd.core.rotations import rigid_motions
 from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.markers import Marker
+from fmd.fem.surface import SurfaceTopology
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.modal_data import ModalData, function_products
 from fmd.reduction.modes import Modes
@@ -43,6 +44,19 @@ class EquivalentModel(MatrixModel):
     def shapes(self) -> Array:
         """The file's shapes at the nodes, shape (n_nodes, 3, n)."""
         return self.values[:, 4:].reshape(len(self.values), -1, 3).transpose(0, 2, 1)
+
+    @property
+    def surface(self) -> SurfaceTopology | None:
+        """The file's surface; ``None`` if it has none with stress."""
+        return self.data.surface if self.data.stress is not None else None
+
+    def stress_of(self, shapes: Array) -> Array:
+        """Return the stress (n_surface, 6, n) of displacements of the file's nodes, which its shapes combine to."""
+        assert self.data.stress is not None
+        nodes = list(self.data.nodes.values())
+        x = np.array([node.position for node in nodes])
+        own = np.array([node.translation for node in nodes])
+        return np.asarray(self.data.stress @ _combination(own, rigid_motions(x), shapes)[0])
 
 
 def equivalent_model(data: ModalData) -> EquivalentModel:
@@ -172,14 +186,6 @@ def finish_body(model: EquivalentModel, body: FlexibleBody, markers: Mapping[str
             "node that rests in its frame, or leave stiffening out by simulation.stiffening = 'off'"
         )
     return _stiffened(data, body, turn, markers)
-
-
-def combination_of(model: EquivalentModel, body: FlexibleBody) -> Array:
-    """Combinations of the file's shapes that a finished body's are, beside rigid motions; shape (n, n)."""
-    nodes = list(model.data.nodes.values())
-    x = np.array([node.position for node in nodes])
-    own = np.array([node.translation for node in nodes])
-    return _combination(own, rigid_motions(x), body.shapes)[0]
 
 
 def _combination(shapes: Array, R: Array, wanted: Array) -> tuple[Array, Array]:

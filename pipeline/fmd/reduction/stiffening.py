@@ -128,8 +128,7 @@ class _Support:
         felt = np.flatnonzero(np.abs(rest).max(axis=0) > SOLVED * np.abs(flat).max(axis=0))
         u = self._solver.static_response(rest[:, felt].reshape(*loads.shape[:2], -1))
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
-        entries = self._fe.discretisation.element_nodes.shape[1] ** 2 if elements else ENTRIES_AT_ONCE
-        at_a_time = max(1, ENTRIES_AT_ONCE // entries)
+        at_a_time = max(1, ENTRIES_AT_ONCE // self._fe.local_pairs)
         for first in range(0, len(felt) if elements else 0, at_a_time):
             part = slice(first, first + at_a_time)
             out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
@@ -173,7 +172,8 @@ def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
     ndarray, shape (k, n, n)
         Symmetric [N/m per unit of the shapes squared].
     """
-    n_nodes, n = len(fe.discretisation.x), shapes.shape[2]
+    matrices, n = geometric_stiffness(fe, u), shapes.shape[2]
+    n_nodes = matrices[0].shape[0]  # those of elements come first
     flat = shapes[:n_nodes].reshape(n_nodes, -1)
-    K = np.array([flat.reshape(-1, n).T @ (k_G @ flat).reshape(-1, n) for k_G in geometric_stiffness(fe, u)])
+    K = np.array([flat.reshape(-1, n).T @ (k_G @ flat).reshape(-1, n) for k_G in matrices])
     return np.asarray(0.5 * (K + K.swapaxes(1, 2)))

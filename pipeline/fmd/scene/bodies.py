@@ -50,6 +50,11 @@ class Deformable(SceneTable):
 
     file_keys: ClassVar[tuple[str, ...]] = ()
 
+    @property
+    def may_have_stress(self) -> bool:
+        """False if no element and no file can tell its stress."""
+        return True
+
     def of_order(self, order: int) -> dict[str, Any]:
         """Return the changes for elements of another order."""
         return {}

@@ -304,7 +304,7 @@ class CrossCheck:
                 f"holds bodies in one piece, and {name} is in several; pieces = 1 exports it", *path, "file"
             )
         if picture.body is None:  # of the whole mechanism
-            if isinstance(picture, StressPicture) and all(body.shape == "matrices" for body in flexible.values()):
+            if isinstance(picture, StressPicture) and not any(body.may_have_stress for body in flexible.values()):
                 yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
             return
         if picture.body not in self.scene.body:
@@ -312,10 +312,12 @@ class CrossCheck:
         elif picture.body not in flexible:
             names = suggest_name(picture.body, flexible, "the flexible bodies")
             yield FaultError(f"is rigid, without modes or stress; {names}", *path, "body")
-        elif flexible[picture.body].shape == "matrices" and not of_body_alone:
-            yield FaultError("is given by its matrices: without elements there is no stress or picture", *path, "body")
-        elif flexible[picture.body].shape == "reduced" and not of_body_alone:
-            if isinstance(picture, StressPicture | Film):  # which the file may hold
+        elif flexible[picture.body].shape in ("matrices", "reduced") and not of_body_alone:
+            if isinstance(picture, StressPicture | Film) and flexible[picture.body].may_have_stress:
+                return
+            if flexible[picture.body].shape == "matrices":
+                mend = "is given by its matrices: without elements no such picture, and stress by matrices.stress alone"
+                yield FaultError(mend, *path, "body")
                 return
             yield FaultError("is reduced: it has no mesh, and no pictures of it or of its modes", *path, "body")
 

@@ -253,6 +253,11 @@ class MatrixFiles(SceneTable):
         Unit of the mass matrix.
     unknowns : int
         Unknowns of each node: 3 displacements, or 6, with rotations in rad behind them, as of shells and beams.
+    stress : str
+        Displacements with their stress, which ``fmd export --to load-cases`` asks for: CalculiX's ``.frd``, or
+        ``.csv``. In units of ``unit`` and ``stiffness_unit / unit``.
+    geometric_stiffness : str
+        Geometric stiffness under the loads of that export, a file each: a name in which ``*`` stands for any text.
 
     Examples
     --------
@@ -274,10 +279,12 @@ class MatrixFiles(SceneTable):
     stiffness_unit: Annotated[str, UnitCheck("N/m")] = "N/m"
     mass_unit: MassUnit = "kg"
     unknowns: Literal[3, 6] = 3
+    stress: SourceFile | None = None
+    geometric_stiffness: SourceFile | None = None
 
 
 class MatrixPart(Meshless):
-    """A body without a mesh, given by its matrices: it has modes and motion, but no stress and no picture.
+    """A body without a mesh, given by its matrices: it has modes and motion, and stress if a file has it.
 
     Parameters
     ----------
@@ -300,12 +307,17 @@ class MatrixPart(Meshless):
         marker = { root = { nodes = [17, 18, 19, 25] }, tip = { plane = "x = 340 mm" } }
     """
 
-    file_keys = ("matrices", "stiffness", "mass", "nodes")
+    file_keys = ("matrices", "stiffness", "mass", "nodes", "stress", "geometric_stiffness")
 
     shape: Literal["matrices"]
     matrices: MatrixFiles
     modes: ModeSettings
     marker: dict[Name, MarkerPlace]
+
+    @property
+    def may_have_stress(self) -> bool:
+        """True if a file tells its stress."""
+        return self.matrices.stress is not None
 
     @model_validator(mode="after")
     def _on_nodes(self) -> MatrixPart:

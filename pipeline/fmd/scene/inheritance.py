@@ -13,7 +13,7 @@ from fmd.scene.reading import suggest_name
 
 Tables = dict[str, Any]
 
-_MATRICES = ("stiffness", "mass", "nodes")
+_MATRICES = ("stiffness", "mass", "nodes", "stress", "geometric_stiffness")
 
 
 def move_files(tables: Tables, folder: Path, to: Path) -> Tables:

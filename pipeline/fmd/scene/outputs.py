@@ -56,6 +56,7 @@ EXPORT_FORMATS: dict[str, tuple[str, ...]] = {
     "openfast": (".dat",),
     "nastran": (".pch",),
     "full": (".mtx", ".npz", ".txt"),
+    "load-cases": (".inp",),
     "fmu": (".fmu",),
 }
 """Formats of other programs, and the suffixes of their files."""

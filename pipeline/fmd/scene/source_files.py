@@ -22,7 +22,7 @@ class SourceFiles:
     Attributes
     ----------
     paths : dict of str to Path
-        Path of each file by its key in the scene.
+        Path of each file by its key in the scene; of a name with ``*`` those of all its files by ``key/name``.
     digests : dict of str to str
         Digest of each file's content; results are kept by content, wherever the file lies.
     """
@@ -48,22 +48,40 @@ class SourceFiles:
         if not shape.file_keys:
             return None
         table, *keys = shape.file_keys
-        names = {key: str(getattr(getattr(shape, table), key)) for key in keys}
-        paths = {key: Path(scene_file).parent / name for key, name in names.items()}
-        digests = {}
-        for key, path in paths.items():
+        given = {key: getattr(getattr(shape, table), key) for key in keys}
+        paths, digests = dict[str, Path](), dict[str, str]()
+        for key, name in given.items():
+            if name is None:
+                continue
             try:
-                digests[key] = digest_file(path)
+                found = _expand(key, Path(scene_file).parent / str(name))
+                digests |= {own: digest_file(path) for own, path in found.items()}
             except ValueError as error:
-                raise InputError(scene_file, f"body.{body}.{table}.{key}", names[key], str(error)) from None
+                raise InputError(scene_file, f"body.{body}.{table}.{key}", name, str(error)) from None
+            paths |= found
         return SourceFiles(paths, digests)
+
+    def all_of(self, key: str) -> list[Path]:
+        """Return the paths of a key, several if its name has a ``*``, none if it isn't given."""
+        return [path for own, path in self.paths.items() if own.partition("/")[0] == key]
 
     def identity(self, part: dict[str, Any]) -> dict[str, Any]:
         """Return a body's table with the files' contents in place of their names, for hashing."""
         table = next(key for key in ("matrices", "body", "mesh") if key in part)
-        own = {key: value for key, value in part[table].items() if key not in self.paths}
+        named = {key.partition("/")[0] for key in self.paths}
+        own = {key: value for key, value in part[table].items() if key not in named}
         kinds = [path.suffix.lower() for path in self.paths.values()]
         return part | {table: own, "content": self.digests, "kinds": kinds}
+
+
+def _expand(key: str, path: Path) -> dict[str, Path]:
+    """Return the files of a name by key, or by key and name if the name has a ``*``, in alphabetic order."""
+    if "*" not in path.name:
+        return {key: path}
+    found = {f"{key}/{own.name}": own for own in sorted(path.parent.glob(path.name))}
+    if not found:
+        raise ValueError("no file has such a name")
+    return found
 
 
 def load_repaired(name_or_path: str, overrides: Sequence[str]) -> Scene:

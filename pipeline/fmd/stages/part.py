@@ -35,8 +35,6 @@ from fmd.stages.part_inputs import (
 )
 from fmd.stages.reduced_files import (
     file_notes,
-    file_stress,
-    file_surface,
     modes_of_file,
     place_file_markers,
     read_reduced_body,
@@ -47,6 +45,7 @@ from fmd.stages.store import StageStore
 
 if TYPE_CHECKING:
     from fmd.contact.touching_body import ContactPoints
+    from fmd.fem.formats.matrix_model import MatrixModel
     from fmd.fem.markers import Marker
     from fmd.fem.material import AnyMaterial
     from fmd.fem.mesh import SolidMesh
@@ -121,8 +120,8 @@ def _stiffen(part: FlexiblePart) -> SecondOrder:
 
     if part.is_reduced and part.body.integrals.stiffening.size:  # by its file
         return SecondOrder(part.body.integrals, part.body.markers)
-    if not part.has_mesh:
-        given = NO_MESH.format("file" if part.is_reduced else "matrices")
+    if not part.can_be_stiffened:
+        given = NO_MESH.format("file" if part.is_reduced else "matrices, without geometric_stiffness")
         mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
     body = stiffen_reduced(part.model, part.body)
@@ -134,17 +133,18 @@ def _integrate_along_normal(part: FlexiblePart) -> Array:
 
 
 def _find_surface(part: FlexiblePart) -> SurfaceTopology:
-    if part.is_reduced:
-        found = file_surface(part.fe)
-        if found is None:
-            raise InputError(part.file, f"body.{part.name}.body", None, "is of a file without a surface's stress")
-        return found
-    return surface_topology(part.space)
+    if part.has_mesh:
+        return surface_topology(part.space)
+    found = part.given_model.surface
+    if found is None:
+        key = "body" if part.is_reduced else "matrices.stress"
+        raise InputError(part.file, f"body.{part.name}.{key}", None, "is of no file with a surface's stress")
+    return found
 
 
 def _recover_surface_stress(part: FlexiblePart) -> Array:
-    if part.is_reduced:
-        return file_stress(part.fe, part.body)
+    if not part.has_mesh:
+        return part.given_model.stress_of(part.body.shapes)
     return modal_stress(part.space, part.material, part.body.shapes, part.surface.nodes)
 
 
@@ -263,8 +263,23 @@ class FlexiblePart(KeyedPart):
 
     @property
     def has_stress(self) -> bool:
-        """A surface with its stress: of a mesh, or of a file that gives it for a reduced body."""
-        return self.has_mesh or (self.is_reduced and file_surface(self.fe) is not None)
+        """A surface with its stress: of a mesh, or of a file that gives it."""
+        if isinstance(self.shape, MatrixPart):  # told without reading the matrices
+            return self.shape.may_have_stress
+        return self.has_mesh or self.given_model.surface is not None
+
+    @property
+    def can_be_stiffened(self) -> bool:
+        """Stress, or files of its geometric stiffness; a reduced body has that of its file."""
+        return self.has_mesh or (isinstance(self.shape, MatrixPart) and bool(self.shape.matrices.geometric_stiffness))
+
+    @property
+    def given_model(self) -> MatrixModel:
+        """The model of a body that is given by matrices or reduced."""
+        from fmd.fem.formats.matrix_model import MatrixModel
+
+        assert isinstance(self.fe, MatrixModel)
+        return self.fe
 
     @cached_property
     def order(self) -> int:
@@ -312,7 +327,6 @@ class FlexiblePart(KeyedPart):
     @cached_property
     def markers(self) -> dict[str, Marker]:
         """Markers on the finite element model, by name."""
-        from fmd.fem.formats.matrix_model import MatrixModel
         from fmd.stages.markers import place_link_markers, place_markers, place_node_markers
 
         if self.has_mesh:
@@ -321,8 +335,7 @@ class FlexiblePart(KeyedPart):
             return place_markers(self.shape, self.space, self.file, self.name, given)
         if self.is_reduced:
             return place_file_markers(self.fe, self.shape, self.file, self.name)
-        assert isinstance(self.fe, MatrixModel)
-        return place_node_markers(self.shape, self.fe, self.file, self.name)
+        return place_node_markers(self.shape, self.given_model, self.file, self.name)
 
     @cached_property
     def fixed(self) -> IntArray | None:

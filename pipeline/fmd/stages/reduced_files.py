@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from fmd.core.errors import InputError
 from fmd.reduction.formats.body_format import BodyFormat, body_format
 from fmd.reduction.modal_data import without_stiffening
@@ -16,10 +14,8 @@ from fmd.scene.outputs import BODY_FORMATS
 from fmd.scene.reading import suggest_name
 
 if TYPE_CHECKING:
-    from fmd.core.arrays import Array
     from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
-    from fmd.fem.surface import SurfaceTopology
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.equivalent_model import EquivalentModel
     from fmd.reduction.modes import Modes
@@ -64,21 +60,6 @@ def modes_of_file(fe: FEModel) -> Modes:
 def file_notes(fe: FEModel) -> tuple[str, ...]:
     """Return what a body's file says that can't be right, and what was taken instead."""
     return _equivalent(fe).data.notes
-
-
-def file_surface(fe: FEModel) -> SurfaceTopology | None:
-    """Return the surface of a body whose file tells it with its stress; else ``None``."""
-    data = _equivalent(fe).data
-    return data.surface if data.stress is not None else None
-
-
-def file_stress(fe: FEModel, body: FlexibleBody) -> Array:
-    """Return the stress at the surface's nodes for each modal coordinate of a body, (n_surface, 6, n) [Pa per unit]."""
-    from fmd.reduction.equivalent_model import combination_of
-
-    model = _equivalent(fe)
-    assert model.data.stress is not None
-    return np.asarray(model.data.stress @ combination_of(model, body))
 
 
 def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> dict[str, Marker]:

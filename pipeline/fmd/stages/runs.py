@@ -53,7 +53,7 @@ def check_loads(run: Pipeline) -> Mapping[str, StiffeningLoads]:
     if not run.parts:
         return {}
     bodies = {name: part.body for name, part in run.parts.items()}
-    meshed = [name for name, part in run.parts.items() if part.has_mesh or part.body.integrals.stiffening.size]
+    meshed = [name for name, part in run.parts.items() if part.can_be_stiffened or part.body.integrals.stiffening.size]
     return check_stiffening_loads(run.divided_scene, bodies, meshed)
 
 

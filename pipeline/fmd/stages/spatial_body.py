@@ -16,7 +16,7 @@ from fmd.reduction.modes import TooManyModesError
 from fmd.scene.modes import damping_ratios
 from fmd.stages.basis import reduce_body
 from fmd.stages.part import FlexiblePart
-from fmd.stages.reduced_files import file_stress, reduce_file_body
+from fmd.stages.reduced_files import reduce_file_body
 
 if TYPE_CHECKING:
     from fmd.core.arrays import Array
@@ -50,7 +50,7 @@ def _reduce(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
         body = part.for_any_motion(part.body)
     else:
         body = reduce_body(model, part.modes, part.shape.modes, part.frame)
-    elements = part.has_mesh and stiffened
+    elements = part.can_be_stiffened and stiffened
     if not elements and model.fe.arms is None:
         return body
     from fmd.reduction.stiffening import stiffen_body
@@ -65,7 +65,7 @@ def surface_stress(part: FlexiblePart, body: FlexibleBody) -> Array | None:
     """Stress of a body that `spatial_body` has made, at its surface's nodes, (n_surface, 6, n); ``None`` without."""
     if part.has_mesh:
         return modal_stress(part.space, part.material, body.shapes, part.surface.nodes)
-    return file_stress(part.fe, body) if part.has_stress else None
+    return part.given_model.stress_of(body.shapes) if part.has_stress else None
 
 
 def _on_any_marker(part: FlexiblePart) -> ConstrainedModel:

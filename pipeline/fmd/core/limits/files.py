@@ -9,6 +9,11 @@ ISOTROPIC = 1e-6  # difference of masses along x, y and z
 IN_LINE = 1e-6  # second moment of a marker's nodes across a line, over the sum of all: they lie in it
 MOST_MATRIX_BYTES = 4_000_000_000  # of a matrix's file: more doesn't fit into the memory of most machines
 
+# What another program has computed for a body without elements.
+UNMATCHED_FIELD = 1e-3  # part of a shape's deformation or of a load that isn't a combination of the given ones
+NOT_SCALAR = 1e-4  # of a geometric stiffness: difference between directions, and force of a translation
+LARGEST_CASE = 1e-2  # deformation of a load case, of the body's size: digits of K + K_G are left for K_G
+
 # Free bodies' matrices.
 RIGID_FORCE = 1e-5  # force of a rigid motion over the sum of its terms
 # Stiffness of a rigid motion over that of the smoothest deformation: a frequency is off by half of it.

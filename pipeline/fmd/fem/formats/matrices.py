@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import zipfile
 from collections.abc import Sequence
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,7 @@ def read_matrices(
     labels, x, deck = _read_nodes(nodes)
     x = x * units[0]
     given = (("stiffness", stiffness, units[1]), ("mass", mass, units[2]))
-    K, M = (_read(path, labels, unknowns, what) * unit for what, path, unit in given)
+    K, M = (read_matrix(path, labels, unknowns, what) * unit for what, path, unit in given)
     if unknowns == 6:
         arm = sp.diags_array(np.tile(np.repeat([1.0, units[0]], 3), len(x)))
         K, M = (sp.csr_array(arm @ A @ arm) for A in (K, M))
@@ -121,13 +122,13 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
     """Read node numbers (n_nodes,) and positions (n_nodes, 3) in the file's unit, and a deck's connections."""
     if path.suffix.lower() in DECKS:
         try:
-            return read_grid_points(_text(path))
+            return read_grid_points(read_matrix_text(path))
         except MeshFileError as error:
             raise InputError(str(path), "", None, str(error)) from error
     if path.suffix.lower() in abaqus.SUFFIXES:
         return *_nodes_of_deck(path), Connections()
     rows: list[list[float]] = []
-    for number, line in enumerate(_text(path).splitlines(), start=1):
+    for number, line in enumerate(read_matrix_text(path).splitlines(), start=1):
         items = [item for item in re.split(r"[,;\s]+", line.strip()) if item]
         if not items or items[0].startswith(("#", "*")) or (not rows and not _is_number(items[0])):
             continue  # a comment or the header
@@ -145,7 +146,7 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
 def _nodes_of_deck(path: Path) -> tuple[IntArray, Array]:
     """Read the nodes of the elements of a deck of Abaqus or CalculiX, in ascending order, as CalculiX's rows are."""
     try:
-        raw = abaqus.read_abaqus(_text(path))
+        raw = abaqus.read_abaqus(read_matrix_text(path))
     except MeshFileError as error:
         raise InputError(str(path), "", None, str(error)) from error
     found = raw.connections
@@ -159,7 +160,7 @@ def _nodes_of_deck(path: Path) -> tuple[IntArray, Array]:
     return raw.numbers[order], raw.points[order]
 
 
-def _read(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
+def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
     """Read the stiffness or the mass of some unknowns a node, shape (unknowns n_nodes, unknowns n_nodes)."""
     n = unknowns * len(labels)
     try:
@@ -204,7 +205,7 @@ def _read_op4(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_
 
 def _read_dmig(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
     """Read a matrix of DMIG cards by node labels."""
-    found = read_dmig(_text(path))
+    found = read_dmig(read_matrix_text(path))
     name = choose_matrix(found, what)
     lines = [(0, [*map(str, key), repr(value)]) for key, value in found[name].items()]
     try:
@@ -240,23 +241,44 @@ def _real_matrix(shape: tuple[int, ...], row: IntArray, column: IntArray, values
 
 def _read_text(path: Path, labels: IntArray, unknowns: int) -> sp.csr_array:
     """Read a matrix in Matrix Market form or in Abaqus' rows, of five items by node labels or of three by numbers."""
-    text = _text(path)
+    text = read_matrix_text(path)
     if text.startswith("%%MatrixMarket"):
         return _read_matrix_market(text)
-    lines = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        items = [item for item in re.split(r"[,\s]+", line.strip()) if item]
-        if items and not items[0].startswith(("*", "#", "%")):
-            lines.append((number, items))
-    by_numbers = bool(lines) and len(lines[0][1]) == 3
-    row, column, values = (_coordinate_entries if by_numbers else _label_entries)(lines, labels, unknowns)
     n = unknowns * len(labels)
+    table = _coordinate_table(text, n)
+    if by_numbers := table is not None:
+        row, column, values = table
+    else:
+        lines = []
+        for number, line in enumerate(text.splitlines(), start=1):
+            items = [item for item in re.split(r"[,\s]+", line.strip()) if item]
+            if items and not items[0].startswith(("*", "#", "%")):
+                lines.append((number, items))
+        by_numbers = bool(lines) and len(lines[0][1]) == 3
+        row, column, values = (_coordinate_entries if by_numbers else _label_entries)(lines, labels, unknowns)
     last = 1 + int(max(row.max(initial=-1), column.max(initial=-1)))
     if by_numbers and last < n - (unknowns - 3):  # rotations of a last node may have no stiffness
         raise ValueError(f"its last row is {last}, and {len(labels)} nodes have {n} {_WHAT[unknowns]}")
     if _is_half(row, column, n):
         row, column, values = _both_halves(row, column, values)
     return _real_matrix((n, n), row, column, values)
+
+
+def _coordinate_table(text: str, n: int) -> tuple[IntArray, IntArray, Array] | None:
+    """Return what `_coordinate_entries` does, of numbers between blanks without a fault; else ``None``."""
+    if len(text.lstrip().partition("\n")[0].split()) != 3:
+        return None
+    try:
+        table = np.loadtxt(StringIO(text), ndmin=2)
+    except ValueError:
+        return None
+    if table.shape[1] != 3 or not len(table):
+        return None
+    index = table[:, :2]
+    if not ((index >= 1) & (index <= n) & (index == np.floor(index))).all():
+        return None
+    row, column = index.T.astype(np.int64) - 1
+    return row, column, table[:, 2]
 
 
 def _label_entries(lines: Sequence[_Line], labels: IntArray, unknowns: int) -> tuple[IntArray, IntArray, Array]:
@@ -340,7 +362,7 @@ def _both_halves(row: IntArray, column: IntArray, values: Array) -> tuple[IntArr
     return np.r_[row, column[off]], np.r_[column, row[off]], np.r_[values, values[off]]
 
 
-def _text(path: Path) -> str:
+def read_matrix_text(path: Path) -> str:
     """Read a text file of a size that memory holds, or raise ``InputError``."""
     if path.is_file() and path.stat().st_size > MOST_MATRIX_BYTES:
         raise InputError(str(path), "", None, f"is over {MOST_MATRIX_BYTES / 1e9:g} GB")

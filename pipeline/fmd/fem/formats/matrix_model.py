@@ -2,13 +2,63 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import AccuracyError
+from fmd.core.limits.files import UNMATCHED_FIELD
+from fmd.core.rotations import rigid_motions
+from fmd.fem.geometric_stiffness import geometric_stiffness
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
+from fmd.fem.surface import SurfaceTopology
+
+_EXPORT = "write load cases anew (fmd export --to load-cases), for what the scene has now, and run them"
+
+
+@dataclass(frozen=True)
+class StressFields:
+    """Displacements of a body with the stress that another program has computed for each.
+
+    Attributes
+    ----------
+    file : str
+        File that they come from.
+    nodes : ndarray, shape (n,)
+        Nodes of the model.
+    displacement : ndarray, shape (n, 3, k)
+        [m]
+    stress : ndarray, shape (n, 6, k)
+        xx, yy, zz, yz, xz, xy [Pa].
+    surface : SurfaceTopology
+        Surface whose nodes are among those; without triangles if the elements aren't known.
+    """
+
+    file: str
+    nodes: IntArray
+    displacement: Array
+    stress: Array
+    surface: SurfaceTopology
+
+
+@dataclass(frozen=True)
+class StressedStiffness:
+    """Geometric stiffness under some loads, as another program has computed it.
+
+    Attributes
+    ----------
+    files : str
+        Files that it comes from.
+    matrices : tuple of sparse array, shape (n_nodes, n_nodes)
+        Scalar matrices k [N/m], each for all three components of a displacement. Since ``k (θ × x) = θ × f``, the load
+        of each is ``k x``.
+    """
+
+    files: str
+    matrices: tuple[sp.csr_array, ...]
 
 
 @dataclass(frozen=True)
@@ -21,10 +71,55 @@ class MatrixModel(FEModel):
         Node positions [m].
     labels : ndarray, shape (n_nodes,)
         Node numbers in the other program.
+    fields : StressFields, optional
+        Stress of some displacements.
+    stressed : StressedStiffness, optional
+        Geometric stiffness under some loads.
     """
 
     positions: Array
     labels: IntArray
+    fields: StressFields | None = field(default=None, kw_only=True)
+    stressed: StressedStiffness | None = field(default=None, kw_only=True)
+
+    @property
+    def local_pairs(self) -> int:
+        """Entries that a stress has beside its sums: none, without elements."""
+        return 1
+
+    @property
+    def surface(self) -> SurfaceTopology | None:
+        """Surface at whose nodes the stress is known; ``None`` without stress."""
+        return None if self.fields is None else self.fields.surface
+
+    def stress_of(self, shapes: Array) -> Array:
+        """Return the stress at the surface's nodes for displacements of all points.
+
+        Parameters
+        ----------
+        shapes : ndarray, shape (n_points, 3, n)
+            Displacements.
+
+        Returns
+        -------
+        ndarray, shape (n_surface, 6, n)
+            xx, yy, zz, yz, xz, xy [Pa per unit of the displacement].
+
+        Raises
+        ------
+        AccuracyError
+            A displacement is no combination of those with known stress, rigid motions aside; with what is missing.
+        """
+        fields = self.fields
+        assert fields is not None
+        R = np.linalg.qr(rigid_motions(self.x[fields.nodes]).reshape(-1, 6))[0]
+        known, wanted = (
+            u - R @ (R.T @ u)
+            for u in (field.reshape(len(R), -1) for field in (fields.displacement, shapes[fields.nodes]))
+        )
+        share = _combine(known, wanted, f"{fields.file}: mode {{}} isn't a combination of its {{}} displacements")
+        place = np.searchsorted(fields.nodes, fields.surface.nodes)
+        return np.asarray(fields.stress[place] @ share)
 
     @property
     def x(self) -> Array:
@@ -38,3 +133,29 @@ class MatrixModel(FEModel):
     def frequency_changes(self, shapes: Array) -> Array:
         """Return relative changes (n,) of the frequencies of modes (n_nodes, 3, n) by lumping of masses."""
         return np.zeros(shapes.shape[2])
+
+
+@geometric_stiffness.register
+def _(fe: MatrixModel, u: Array) -> list[sp.csr_array]:
+    """Combine the geometric stiffness under given loads to that under the loads ``K u``."""
+    assert fe.stressed is not None
+    matrices = fe.stressed.matrices
+    known = np.stack([(k @ fe.x).ravel() for k in matrices], axis=1)
+    message = f"{fe.stressed.files}: load {{}} isn't a combination of those of its {{}} matrices"
+    share = _combine(known, fe.K @ u.reshape(len(known), -1), message)
+    n = len(fe.x)
+    return [sum((c * k for c, k in zip(column, matrices, strict=True)), sp.csr_array((n, n))) for column in share.T]
+
+
+def _combine(known: Array, wanted: Array, message: str) -> Array:
+    """Express columns by others; shape (n_known, n_wanted). Raises ``AccuracyError`` if one is none of theirs."""
+    sizes = np.linalg.norm(known, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    share = np.linalg.lstsq(known / sizes, wanted, rcond=UNMATCHED_FIELD**2)[0] / sizes[:, None]
+    missing = np.linalg.norm(wanted - known @ share, axis=0)
+    parts = missing / np.maximum(np.linalg.norm(wanted, axis=0), np.finfo(float).tiny)
+    worst = int(parts.argmax())
+    if parts[worst] > UNMATCHED_FIELD:
+        text = message.format(worst + 1, known.shape[1])
+        raise AccuracyError(f"{text}: {100 * parts[worst]:.3g} % of it are missing; {_EXPORT}")
+    return np.asarray(share)

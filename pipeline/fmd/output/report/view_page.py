@@ -100,7 +100,7 @@ def _markers(posed: Pipeline) -> dict[str, Any]:
 def _named_faces(run: Pipeline, body: str) -> dict[str, Any]:
     """Return the names of a flexible body's faces, and which of them each triangle of its surface is on."""
     part = run.wholes.get(body)
-    if part is None or not part.has_stress or not part.mesh.faces:
+    if part is None or not part.has_mesh or not part.mesh.faces:
         return {}
     names = [*part.mesh.faces, ""]
     labels = np.full(len(part.space.boundary_facets[0]), len(names) - 1)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from fmd.core.arrays import Array
+    from fmd.core.arrays import Array, IntArray
     from fmd.core.errors import InputError
     from fmd.fem.model import FEModel
     from fmd.fem.surface import SurfaceTopology
@@ -33,6 +33,28 @@ class DrawnBody(NamedTuple):
     body: FlexibleBody
     surface: SurfaceTopology | None
     stress: Array | None
+
+
+class LoadCases(NamedTuple):
+    """Loads for another program's deck of a body, in its units.
+
+    Attributes
+    ----------
+    deck : str
+        Text of the deck that holds the body.
+    labels : ndarray, shape (n_nodes,)
+        Node numbers.
+    rigid : ndarray, shape (3 n_nodes, 6)
+        Rigid motions.
+    stiffening, shapes : dict of str to ndarray, shape (n_nodes, 3)
+        Loads that stiffen, and those under which the body deforms as its shapes.
+    """
+
+    deck: str
+    labels: IntArray
+    rigid: Array
+    stiffening: dict[str, Array]
+    shapes: dict[str, Array]
 
 
 class ExportedBody(ABC):
@@ -71,6 +93,10 @@ class ExportedBody(ABC):
         """Return the full matrices, and the modes."""
 
     @abstractmethod
+    def load_cases(self) -> LoadCases:
+        """Return the loads under which the program of its matrices computes its stress and geometric stiffness."""
+
+    @abstractmethod
     def frequencies_hz(self) -> Array:
         """Return the natural frequencies of the body's modes [Hz]."""
 
@@ -96,5 +122,5 @@ class BodyFormat(NamedTuple):
 
 def body_format(name: str) -> BodyFormat:
     """Return the format of a name, ``FORMAT`` of the file NAME_file.py beside this one, loaded on first use."""
-    found: BodyFormat = import_module(f"fmd.reduction.formats.{name}_file").FORMAT
+    found: BodyFormat = import_module(f"fmd.reduction.formats.{name.replace('-', '_')}_file").FORMAT
     return found

@@ -83,7 +83,16 @@ def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:
     assert source is not None
     given, paths = shape.matrices, source.paths
     units = unit_ratio(given.unit, "m"), unit_ratio(given.stiffness_unit, "N/m"), unit_ratio(given.mass_unit, "kg")
-    return read_matrices(paths["stiffness"], paths["mass"], paths["nodes"], units, given.unknowns)
+    model = read_matrices(paths["stiffness"], paths["mass"], paths["nodes"], units, given.unknowns)
+    if not (given.stress or given.geometric_stiffness):
+        return model
+    from fmd.fem.formats.program_answers import read_geometric_stiffness, read_stress
+
+    if given.stress:
+        model = read_stress(model, paths["stress"], paths["nodes"], (units[0], units[1] / units[0]))
+    if stiffened := source.all_of("geometric_stiffness"):
+        model = read_geometric_stiffness(model, stiffened, given.unknowns, units[1])
+    return model
 
 
 def find_material(shape: Flexible, mesh: SolidMesh, file: str, body: str) -> AnyMaterial:

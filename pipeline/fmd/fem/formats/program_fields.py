@@ -1,0 +1,145 @@
+"""Displacements and stress that another finite element program has computed at a body's nodes, from its files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+
+CSV_HEADER = ("case", "node", "ux", "uy", "uz", "sxx", "syy", "szz", "syz", "sxz", "sxy")
+_FRD_STRESS = {"SXX": 0, "SYY": 1, "SZZ": 2, "SYZ": 3, "SZX": 4, "SXY": 5}
+_FRD_VALUE, _FRD_FIRST = 12, 13  # characters of a value, and where the first begins
+
+
+@dataclass(frozen=True)
+class ProgramFields:
+    """Displacements with their stress, a case each, in the units of their file.
+
+    Attributes
+    ----------
+    labels : ndarray, shape (n,)
+        Numbers of the nodes, ascending.
+    displacement : ndarray, shape (n, 3, k)
+        Displacement of each case.
+    stress : ndarray, shape (n, 6, k)
+        xx, yy, zz, yz, xz, xy.
+    """
+
+    labels: IntArray
+    displacement: Array
+    stress: Array
+
+
+def read_frd(text: str) -> ProgramFields:
+    """Read displacements and stress of all steps of CalculiX's results, ``.frd`` in text, of its long format.
+
+    Raises
+    ------
+    ValueError
+        A step has stress without displacement or for other nodes, or a line isn't read; with its number.
+    """
+    u, sigma = list[tuple[IntArray, Array]](), list[tuple[IntArray, Array]]()
+    for name, components, labels, values in _frd_blocks(text):
+        if name == "DISP":
+            u.append((labels, values[:, :3]))
+        elif name == "STRESS":
+            if len(sigma) >= len(u):
+                raise ValueError(f"stress number {len(sigma) + 1} has no displacement before it; *NODE FILE with U")
+            sigma.append((labels, values[:, np.argsort([_FRD_STRESS[component] for component in components[:6]])]))
+            u = u[: len(sigma) - 1] + u[-1:]  # of displacements without stress none is kept
+    return _gather(u[: len(sigma)], sigma)
+
+
+def read_csv_fields(text: str) -> ProgramFields:
+    """Read rows of case, node, three displacements and six stresses, with a header that names them.
+
+    Raises
+    ------
+    ValueError
+        The header has other names, a row isn't of eleven numbers, or cases have other nodes.
+    """
+    head, *lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")] or [""]
+    if tuple(item.strip().lower() for item in head.split(",")) != CSV_HEADER:
+        raise ValueError(f"its header must be {','.join(CSV_HEADER)}")
+    try:
+        table = np.array([line.split(",") for line in lines], dtype=float).reshape(-1, len(CSV_HEADER))
+    except ValueError:
+        raise ValueError(f"rows are of {len(CSV_HEADER)} numbers") from None
+    cases = [table[table[:, 0] == case] for case in dict.fromkeys(table[:, 0].tolist())]
+    labels = [rows[:, 1].astype(np.int64) for rows in cases]
+    return _gather(
+        [(own, rows[:, 2:5]) for own, rows in zip(labels, cases, strict=True)],
+        [(own, rows[:, 5:]) for own, rows in zip(labels, cases, strict=True)],
+    )
+
+
+def read_point_stress(text: str) -> list[list[str]]:
+    """Read the stress at the points of integration of each step of CalculiX's ``.dat``, as lines of initial stress.
+
+    Returns
+    -------
+    list of list of str
+        For each step ``element,point,xx,yy,zz,xy,xz,yz`` as `*INITIAL CONDITIONS` takes them.
+    """
+    steps, time = list[list[str]](), ""
+    for line in text.splitlines():
+        items = line.split()
+        if line.lstrip().startswith("stresses (elem"):
+            if items[-1] != time:  # sets of elements follow each other at one time
+                steps.append([])
+            time = items[-1]
+        elif steps and len(items) == 8:
+            steps[-1].append(",".join(items))
+    return steps
+
+
+def _gather(u: list[tuple[IntArray, Array]], sigma: list[tuple[IntArray, Array]]) -> ProgramFields:
+    """Return fields of all cases at the nodes that the first has stress at."""
+    if not sigma:
+        raise ValueError("holds no displacements with stress; CalculiX writes them by *NODE FILE, U and *EL FILE, S")
+    labels = np.unique(sigma[0][0])
+    fields = []
+    for number, each in enumerate(zip(u, sigma, strict=True), start=1):
+        rows = []
+        for own, values in each:
+            order = np.argsort(own, kind="stable")
+            place = np.searchsorted(own[order], labels)
+            found = own[order][np.minimum(place, len(own) - 1)]
+            if not np.array_equal(found, labels):
+                raise ValueError(f"case {number} isn't for the nodes of the first one")
+            rows.append(values[order][place])
+        fields.append(np.concatenate(rows, axis=1))
+    both = np.stack(fields, axis=2)
+    if not np.isfinite(both).all():
+        raise ValueError("some of its displacements or stresses aren't finite numbers")
+    return ProgramFields(labels, both[:, :3], both[:, 3:])
+
+
+def _frd_blocks(text: str) -> Iterator[tuple[str, list[str], IntArray, Array]]:
+    """Yield name, components, nodes and values of each block of results at nodes."""
+    name, components, rows = "", list[str](), list[str]()
+    for number, line in enumerate(text.splitlines(), start=1):
+        key = line[:3]
+        if line.startswith("  100C"):
+            if not line.rstrip().endswith("1"):
+                raise ValueError(f"line {number}: its format isn't the long one of text, as *NODE FILE writes it")
+            name, components, rows = "?", [], []
+        elif key == " -4" and name:
+            name = line.split()[1]
+        elif key == " -5" and name:
+            components.append(line.split()[1])
+        elif key == " -1" and name:
+            rows.append(line)
+        elif key == " -3" and name:
+            n = len([component for component in components if component != "ALL"])
+            ends = [_FRD_FIRST + _FRD_VALUE * k for k in range(n + 1)]
+            try:
+                values = [[float(row[a:b]) for a, b in pairwise(ends)] for row in rows]
+                yield name, components, np.array([int(row[3:_FRD_FIRST]) for row in rows]), np.array(values)
+            except ValueError:
+                raise ValueError(f"the results before line {number} aren't read as numbers") from None
+            name = ""

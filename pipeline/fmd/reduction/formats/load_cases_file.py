@@ -1,0 +1,94 @@
+"""Decks for CalculiX that compute what a body of its matrices lacks: the stress of its shapes, and its K_G.
+
+The first deck has a static step for each load. Its answers, ``.frd``, tell the stress. With the ``.dat`` of that deck
+beside it one more is written for each load that stiffens. It has the stress at the points of integration as initial
+stress of a body that is held at rest: to a deformed one CalculiX, as others, would add the stiffness by the
+displacement to that by the stress. Then it writes the stiffness of the free body.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import qr
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import InputError
+from fmd.core.files import read_text, whole_file
+from fmd.fem.formats.program_fields import read_point_stress
+from fmd.reduction.formats.body_format import BodyFormat, ExportedBody, LoadCases
+
+
+def write_load_cases(path: Path, cases: LoadCases) -> list[Path]:
+    """Write the deck of all loads and, if its ``.dat`` lies beside it, those of the geometric stiffness.
+
+    Raises
+    ------
+    InputError
+        The ``.dat`` has another number of steps, or the deck has no sections of solids.
+    """
+    model = re.split(r"(?im)^\s*\*\s*STEP\b", cases.deck)[0].rstrip() + "\n"
+    sections = re.findall(r"(?im)^\s*\*\s*SOLID\s+SECTION\b.*?\bELSET\s*=\s*([^,\s]+)", model)
+    if not sections:
+        raise InputError(
+            str(path), "", None, "the deck of nodes has no *SOLID SECTION, of whose elements stress is wanted"
+        )
+    support = _support(cases)
+    prints = [f"*EL PRINT, ELSET={name}\nS" for name in dict.fromkeys(sections)]
+    every = cases.stiffening | cases.shapes
+    steps = [_step(name, cases.labels, load, prints) for name, load in every.items()]
+    written = [_write(path, [model, support, *steps])]
+    answers = path.with_suffix(".dat")
+    if not answers.is_file():
+        return written
+    stress = read_point_stress(read_text(answers))
+    if len(stress) != len(every):
+        fault = f"has the stress of {len(stress)} steps, and {path.name} has {len(every)}; run it anew"
+        raise InputError(str(answers), "", None, fault)
+    for (name, load), own in zip(cases.stiffening.items(), stress, strict=False):
+        initial = "\n".join(["*INITIAL CONDITIONS, TYPE=STRESS", *own, ""])
+        deck = [model, initial, *_stored(name, cases.labels, load)]
+        written.append(_write(path.with_name(f"{path.stem}-kg-{name}.inp"), deck))
+    return written
+
+
+def _support(cases: LoadCases) -> str:
+    """Return six single displacements that hold the body without strain."""
+    fixed = qr(cases.rigid.T / np.abs(cases.rigid).max(axis=0)[:, None], mode="r", pivoting=True)[1][:6]
+    lines = [f"{cases.labels[k // 3]}, {k % 3 + 1}, {k % 3 + 1}" for k in sorted(fixed.tolist())]
+    return "\n".join(["*BOUNDARY", *lines, ""])
+
+
+def _stored(name: str, labels: IntArray, load: Array) -> list[str]:
+    """Return a step in which all but one displacement are held, and one that writes the free body's matrices.
+
+    A body that is held more softly would answer to the digits that the stress has too few.
+    """
+    held = "\n".join(["*BOUNDARY", f"{labels[0]}, 1, 2", *(f"{label}, 1, 3" for label in labels[1:]), ""])
+    end = ["*STEP, PERTURBATION", "*BOUNDARY, OP=NEW", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "1", "*END STEP", ""]
+    return [held, _step(name, labels, load, []), "\n".join(end)]
+
+
+def _step(name: str, labels: IntArray, load: Array, prints: Sequence[str]) -> str:
+    """Return a static step under a load."""
+    lines = ["*STEP", f"** {name}", "*STATIC", "*CLOAD, OP=NEW"]
+    for label, forces in zip(labels, load.tolist(), strict=True):
+        lines += [f"{label}, {axis}, {force:.12e}" for axis, force in enumerate(forces, start=1) if force]
+    lines += ["*NODE FILE", "U", "*EL FILE", "S", *prints, "*END STEP", ""]
+    return "\n".join(lines)
+
+
+def _write(path: Path, parts: Sequence[str]) -> Path:
+    with whole_file(path) as part, part.open("w", encoding="utf-8") as stream:
+        stream.writelines(parts)
+    return path
+
+
+def _export(body: ExportedBody, path: Path) -> list[Path]:
+    return write_load_cases(path, body.load_cases())
+
+
+FORMAT = BodyFormat(_export)

@@ -1,0 +1,284 @@
+"""Stress and geometric stiffness that another program has computed for a body without elements."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fmd import load_scene
+from fmd.core.cache import Cache
+from fmd.core.errors import AccuracyError, InputError
+from fmd.fem.assembly import assemble
+from fmd.fem.formats.import_mesh import read_mesh
+from fmd.fem.formats.matrices import read_matrices
+from fmd.fem.formats.matrix_model import MatrixModel
+from fmd.fem.formats.program_answers import read_geometric_stiffness, read_stress
+from fmd.fem.formats.program_fields import CSV_HEADER, read_frd
+from fmd.fem.geometric_stiffness import geometric_stiffness
+from fmd.fem.material import Material
+from fmd.fem.model import FEModel
+from fmd.fem.surface import surface_topology
+from fmd.output.formats import write_format
+from fmd.output.summary import _stiffness_warnings
+from fmd.recovery.stress import modal_stress
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.loads import centrifugal_fields, inertia_of
+from fmd.stages.basis import reduce_body, stiffen_reduced
+from fmd.stages.pipeline import Pipeline
+
+SECTION = "*MATERIAL,NAME=M\n*ELASTIC\n70000.,.3\n*DENSITY\n2.7e-9\n*SOLID SECTION,ELSET=E,MATERIAL=M\n"
+SCENE = """
+title = "arm"
+[body.arm]
+matrices = {{ stiffness = "arm.sti", mass = "arm.mas", nodes = "arm.inp", unit = "mm", stiffness_unit = "N/mm", \
+mass_unit = "t"{} }}
+modes = {{ count = 4, boundary = "joint", enrich = "inertia" }}
+marker = {{ root = {{ plane = "x = 0 mm" }}, tip = {{ plane = "x = 200 mm" }} }}
+[joint.hub]
+type = "revolute"
+axis = [0, 0, 1]
+child = "arm.root"
+parent = "ground"
+[drive.spin]
+type = "motion"
+joint = "hub"
+angle = {{ formula = "3000*t**2", unit = "rad" }}
+[simulation]
+duration = "10 ms"
+output_step = "1 ms"
+tip = "arm.tip"
+[[simulation.run]]
+integrator = "auto"
+"""
+
+
+def arm_deck() -> str:
+    """Four C3D20 of 50 × 20 × 4 mm in line."""
+    number: dict[tuple[int, int, int], int] = {}
+    corners = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+    middles = [(1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2)]
+    middles += [(0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)]
+    elements = []
+    for element in range(4):
+        places = [(i + 2 * element, j, k) for i, j, k in corners + middles]
+        own = [str(number.setdefault(place, len(number) + 1)) for place in places]
+        elements.append(f"{element + 1}," + ",".join(own[:10]) + ",\n" + ",".join(own[10:]))
+    nodes = [f"{n},{25.0 * i},{10.0 * j},{2.0 * k}" for (i, j, k), n in number.items()]
+    return "\n".join(["*NODE", *nodes, "*ELEMENT,TYPE=C3D20,ELSET=E", *elements, SECTION])
+
+
+def calculix(folder: Path, job: str) -> None:
+    subprocess.run(["ccx", job], cwd=folder, check=True, capture_output=True, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The arm after the whole road: matrices, load cases, their answers, and the geometric stiffness under each."""
+    if shutil.which("ccx") is None:
+        pytest.skip("CalculiX isn't installed")
+    folder = tmp_path_factory.mktemp("arm")
+    (folder / "arm-body.inp").write_text(arm_deck())
+    (folder / "arm.inp").write_text(arm_deck() + "*STEP\n*FREQUENCY,SOLVER=MATRIXSTORAGE\n1\n*END STEP\n")
+    answers = ', stress = "cases.frd", geometric_stiffness = "cases-kg-*.sti"'
+    for name, text in (("plain", ""), ("stressed", answers.rpartition(", geo")[0]), ("whole", answers)):
+        (folder / f"{name}.toml").write_text(SCENE.format(text))
+    calculix(folder, "arm")
+    assert write_format(pipeline(folder, "plain"), "load-cases", "arm", folder / "cases.inp") == [folder / "cases.inp"]
+    calculix(folder, "cases")
+    for deck in write_format(pipeline(folder, "stressed"), "load-cases", "arm", folder / "cases.inp")[1:]:
+        calculix(folder, deck.stem)
+    return folder
+
+
+def pipeline(folder: Path, name: str) -> Pipeline:
+    return Pipeline(load_scene(str(folder / f"{name}.toml")), Cache(None))
+
+
+def test_a_body_of_calculix_has_the_stress_and_the_stiffening_of_the_same_part_meshed_here(folder: Path) -> None:
+    part = pipeline(folder, "whole").parts["arm"]
+    mesh = read_mesh(folder / "arm-body.inp", 1e-3)
+    fe = assemble(mesh, 2, Material(70e9, 0.3, 2700.0))
+    apart = np.linalg.norm(part.fe.x[:, None] - fe.x, axis=2)
+    place = apart.argmin(axis=1)  # of each of the matrices' nodes on the mesh
+    markers = {name: replace(own, nodes=place[own.nodes]) for name, own in part.markers.items()}
+    model = replace(part.model, fe=fe, markers=markers)
+    modes = replace(part.modes, shapes=part.modes.shapes[np.argsort(place)])
+    own = reduce_body(model, modes, part.shape.modes, part.frame)
+    stiffened = stiffen_reduced(model, own)
+    sign = np.sign(np.einsum("naj,naj->j", own.shapes[place], part.body.shapes))
+    assert own.omega == pytest.approx(part.body.omega, rel=1e-6)
+
+    integrals, markers_of = part.second_order
+    for name in ("stiffening", "displacement2", "rotation2"):
+        mine, theirs = getattr(stiffened.integrals, name), getattr(integrals, name)
+        assert np.abs(mine * np.outer(sign, sign) - theirs).max() <= 1e-5 * np.abs(mine).max()
+    mine, theirs = (bodies["tip"].displacement2 for bodies in (stiffened.markers, markers_of))
+    assert np.abs(mine * np.outer(sign, sign) - theirs).max() < 1e-5 * np.abs(mine).max()
+
+    mine = modal_stress(fe.discretisation, fe.material, own.shapes, place[part.surface.nodes]) * sign
+    size = np.abs(mine).max(axis=(0, 1))  # of each mode; CalculiX extrapolates from other points
+    assert (np.abs(mine - part.surface_stress).max(axis=(0, 1)) < 0.1 * size).all()
+    assert np.abs((mine - part.surface_stress)[..., 0]).max() < 1e-3 * size[0]
+    assert np.abs(mine).mean() == pytest.approx(np.abs(part.surface_stress).mean(), rel=0.02)
+    assert np.array_equal(np.sort(place[part.surface.nodes]), surface_topology(fe.discretisation).nodes)
+    assert len(part.surface.triangles) == len(surface_topology(fe.discretisation).triangles)
+
+
+def test_the_run_has_stress_in_motion_and_without_the_files_says_what_gives_it(folder: Path) -> None:
+    whole, plain = pipeline(folder, "whole"), pipeline(folder, "plain")
+    assert whole.stress_of("arm").worst()[2] > 1e6
+    assert not [warning for warning in _stiffness_warnings(whole) if warning["code"] == "stiffening-left-out"]
+    (warning,) = _stiffness_warnings(plain)
+    assert warning["text"].endswith("left out: matrices.geometric_stiffness gives it")
+    assert not plain.wholes["arm"].has_stress
+
+
+def test_loads_that_the_files_have_not_and_matrices_by_displacement_are_refused(folder: Path) -> None:
+    paths = sorted(folder.glob("cases-kg-*.sti"))
+    model = read_matrices(folder / "arm.sti", folder / "arm.mas", folder / "arm.inp", (1e-3, 1e3, 1e3))
+    few = read_geometric_stiffness(model, paths[:5], 3, 1e3)
+    u = FreeBodySolver(model).static_response(inertia_of(model, centrifugal_fields(model.x, np.array([0.0, 0.0, 1.0]))))
+    with pytest.raises(AccuracyError, match=r"load 1 isn't a combination of those of its 5 matrices: \S+ % of it are"):
+        geometric_stiffness(few, u)
+    deck = (folder / "cases.inp").read_text().split("*EL PRINT")[0]  # one step, whose displacement stays
+    end = "*END STEP\n*STEP,PERTURBATION\n*BOUNDARY,OP=NEW\n*FREQUENCY,SOLVER=MATRIXSTORAGE\n1\n*END STEP\n"
+    (folder / "deformed.inp").write_text(deck + end)
+    calculix(folder, "deformed")
+    with pytest.raises(AccuracyError, match=r"no geometric stiffness: .* takes the stress as initial stress"):
+        read_geometric_stiffness(model, [folder / "deformed.sti"], 3, 1e3)
+
+
+@pytest.fixture
+def model(small_bar: FEModel) -> MatrixModel:
+    """The small bar by its matrices."""
+    x = small_bar.x
+    return MatrixModel(None, None, small_bar.K, small_bar.m, x, 1 + np.arange(len(x)))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_geometric_stiffness_comes_alone_or_with_the_stiffness(
+    model: MatrixModel, small_bar: FEModel, alone: bool, tmp_path: Path
+) -> None:
+    solver = FreeBodySolver(small_bar)
+    rng = np.random.default_rng(3)
+    u = solver.static_response(rng.normal(size=(len(model.x), 3, 4)))
+    known = geometric_stiffness(small_bar, u)
+    for k, own in enumerate(known):
+        A = sp.kron(own, sp.eye_array(3)) * 1e-3 + (0 if alone else 1) * small_bar.K
+        sp.save_npz(tmp_path / f"kg-{k}.npz", sp.csr_array(A))
+    stressed = read_geometric_stiffness(model, sorted(tmp_path.glob("kg-*.npz")), 3, 1.0)
+    share = rng.normal(size=4)
+    (found,) = geometric_stiffness(stressed, (u @ share)[:, :, None])
+    wanted = sum(c * k for c, k in zip(share, known, strict=True))
+    assert abs(found - wanted).max() < 1e-6 * abs(wanted).max()
+
+
+def test_geometric_stiffness_of_six_unknowns_is_refused(model: MatrixModel, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is read for three unknowns a node; with rotations leave it out"):
+        read_geometric_stiffness(model, [tmp_path / "kg.npz"], 6, 1.0)
+
+
+def csv_of(model: MatrixModel, u: np.ndarray, stress: np.ndarray) -> str:
+    rows = [
+        ",".join(map(repr, [case + 1, int(label), *u[k, :, case].tolist(), *stress[k, :, case].tolist()]))
+        for case in range(u.shape[2])
+        for k, label in enumerate(model.labels)
+    ]
+    return "\n".join(["case,node,ux,uy,uz,sxx,syy,szz,syz,sxz,sxy", *rows])
+
+
+def test_stress_of_shapes_is_combined_from_cases_beside_rigid_motions(
+    model: MatrixModel, small_bar: FEModel, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(4)
+    u = FreeBodySolver(small_bar).static_response(rng.normal(size=(len(model.x), 3, 3)))
+    nodes = np.arange(len(model.x))
+    moved = u + (small_bar.rigid_modes @ rng.normal(size=(6, 3)) * np.abs(u).max()).reshape(u.shape)
+    stress = modal_stress(small_bar.discretisation, small_bar.material, moved, nodes)
+    (tmp_path / "cases.csv").write_text(csv_of(model, 1e3 * moved, 1e-6 * stress))
+    given = read_stress(model, tmp_path / "cases.csv", tmp_path / "nodes.csv", (1e-3, 1e6))
+    share = rng.normal(size=(3, 2))
+    found = given.stress_of(u @ share)
+    assert np.abs(found - stress @ share).max() < 1e-9 * np.abs(stress).max()
+    assert not len(given.surface.triangles)  # no elements are known
+    with pytest.raises(AccuracyError, match=r"cases\.csv: mode 1 isn't a combination of its 3 displacements: \S+ % of"):
+        given.stress_of(FreeBodySolver(small_bar).static_response(rng.normal(size=(len(model.x), 3, 1))))
+
+
+FRD = """    1C
+ -1         7 0.00000E+00 0.00000E+00 0.00000E+00
+ -3
+    1PSTEP                         1           1           1
+  100CL  101 1.000000000           2                     0    1           1
+ -4  DISP        4    1
+ -5  D1          1    2    1    0
+ -5  D2          1    2    2    0
+ -5  D3          1    2    3    0
+ -5  ALL         1    2    0    0    1ALL
+ -1         7 1.19048E-02-1.68160E-16-1.15440E-16
+ -1         9 2.00000E+00-3.00000E+00 4.00000E+00
+ -3
+  100CL  101 1.000000000           2                     0    1           1
+ -4  STRESS      6    1
+ -5  SXX         1    4    1    1
+ -5  SYY         1    4    2    2
+ -5  SZZ         1    4    3    3
+ -5  SXY         1    4    1    2
+ -5  SYZ         1    4    2    3
+ -5  SZX         1    4    3    1
+ -1         7 1.00000E+00 2.00000E+00 3.00000E+00 4.00000E+00 5.00000E+00 6.00000E+00
+ -1         9-1.00000E+00 0.00000E+00 0.00000E+00 0.00000E+00 0.00000E+00 0.00000E+00
+ -3
+ 9999
+"""
+
+
+def test_results_of_calculix_are_read_by_name_and_column() -> None:
+    found = read_frd(FRD)
+    assert found.labels.tolist() == [7, 9]
+    assert found.displacement[1, :, 0].tolist() == [2.0, -3.0, 4.0]
+    assert found.stress[0, :, 0].tolist() == [1.0, 2.0, 3.0, 5.0, 6.0, 4.0]  # yz, xz, xy
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (FRD.replace("STRESS", "TOSTRAIN"), "holds no displacements with stress"),
+        (FRD.replace("DISP", "FORC"), "stress number 1 has no displacement before it"),
+        (
+            FRD.replace("    1           1\n -4", "    1           2\n -4"),
+            "line 5: its format isn't the long one of text",
+        ),
+        (FRD.replace("4.00000E+00\n", "4.0x000E+00\n"), "the results before line 13 aren't read as numbers"),
+    ],
+)
+def test_results_that_are_not_read_are_named(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        read_frd(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("node,x\n1,2\n", "its header must be case,node,ux"),
+        (f"{','.join(CSV_HEADER)}\n1,2,3\n", "rows are of 11 numbers"),
+        (f"{','.join(CSV_HEADER)}\n1,1{',0' * 9}\n2,2{',0' * 9}\n", "case 2 isn't for the nodes of the first one"),
+        (f"{','.join(CSV_HEADER)}\n1,1{',nan' * 9}\n", "aren't finite numbers"),
+        (f"{','.join(CSV_HEADER)}\n1,900{',0' * 9}\n", r"has node 900 \(and 0 more\), which isn't among the nodes"),
+    ],
+)
+def test_rows_that_do_not_fit_are_named(model: MatrixModel, text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "cases.csv").write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_stress(model, tmp_path / "cases.csv", tmp_path / "nodes.csv", (1.0, 1.0))
+
+
+def test_other_files_of_stress_are_refused_with_those_that_are_read(model: MatrixModel, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"stress is read from \.frd and \.csv"):
+        read_stress(model, tmp_path / "cases.op2", tmp_path / "nodes.csv", (1.0, 1.0))
