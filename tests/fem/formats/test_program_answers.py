@@ -115,7 +115,7 @@ def test_a_body_of_calculix_has_the_stress_and_the_stiffening_of_the_same_part_m
     assert own.omega == pytest.approx(part.body.omega, rel=1e-6)
 
     integrals, markers_of = part.second_order
-    for name in ("stiffening", "displacement2", "rotation2"):
+    for name in ("stiffening", "rotation2"):
         mine, theirs = getattr(stiffened.integrals, name), getattr(integrals, name)
         assert np.abs(mine * np.outer(sign, sign) - theirs).max() <= 1e-5 * np.abs(mine).max()
     mine, theirs = (bodies["tip"].displacement2 for bodies in (stiffened.markers, markers_of))
@@ -176,7 +176,7 @@ def test_geometric_stiffness_comes_alone_or_with_the_stiffness(
     share = rng.normal(size=4)
     (found,) = geometric_stiffness(stressed, (u @ share)[:, :, None])
     wanted = sum(c * k for c, k in zip(share, known, strict=True))
-    assert abs(found - wanted).max() < 1e-6 * abs(wanted).max()
+    assert abs(found - wanted).max() < 1e-5 * abs(wanted).max()  # K is far larger, and is taken off
 
 
 def test_geometric_stiffness_of_six_unknowns_is_refused(model: MatrixModel, tmp_path: Path) -> None:
