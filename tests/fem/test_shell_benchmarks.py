@@ -109,12 +109,12 @@ def channel() -> Array:
 def test_nafems_frequencies_are_reached() -> None:
     """FV22's sixth target is of fine quadratic elements; on 45° four-node plates converge slowly, from above."""
     targets = np.array([133.95, 201.41, 265.81, 283.68, 334.45, 386.62])
-    coarse, fine = rhombic_plate(8) / targets, rhombic_plate(16) / targets
+    coarse, fine = rhombic_plate(8) / targets, rhombic_plate(12) / targets
     assert (fine < coarse).all()
     assert (fine > 0.99).all()
-    assert (fine < [1.015, 1.04, 1.055, 1.02, 1.075, 1.035]).all()
-    converged = fine - (coarse - fine) / 3  # errors of second order
-    assert converged == pytest.approx(np.ones(6), abs=0.025)
+    assert (fine < [1.03, 1.08, 1.11, 1.05, 1.15, 1.09]).all()
+    converged = fine - (coarse - fine) / 1.25  # errors of second order
+    assert converged == pytest.approx(np.ones(6), abs=0.04)
     assert tapered_membrane(8) == pytest.approx([44.623, 130.03, 162.70, 246.05, 379.90, 391.44], rel=0.032)
 
 
