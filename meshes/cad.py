@@ -121,6 +121,70 @@ def mesh_cad(
         return _read_out(gmsh, order, names, whole)
 
 
+def mesh_sheet(path: Path, size: float, target: Path, begin: Callable[[float], None] = lambda elements: None) -> None:
+    """Mesh the surfaces in a CAD file with quadrilaterals, and write Gmsh's own file; surfaces that touch share nodes.
+
+    Physical groups are the surfaces, by number ``face-1`` …, name and colour, and the curves that bound one surface
+    alone, ``edge-1`` ….
+
+    Parameters
+    ----------
+    path : Path
+        STEP, IGES or BREP.
+    size : float
+        Edge length of the elements [m], smaller where curves are round.
+    target : Path
+        The ``.msh`` file.
+    begin : callable
+        Called with the number of elements that are expected, before the mesh is made.
+
+    Raises
+    ------
+    CadError
+        The file has solids, no surface, or the size would give too many elements.
+    """
+    with gmsh_model("cad") as gmsh:
+        gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
+        entities = import_cad(gmsh, path)
+        if gmsh.model.getEntities(3):
+            raise CadError("it has solids, and shells are of midsurfaces; export these as surfaces, or leave shell out")
+        surfaces = [entity for entity in entities if entity[0] == 2]
+        if not surfaces:
+            raise CadError("there is no surface in it")
+        names = _names(gmsh, path)
+        if len(surfaces) > 1:
+            names = _fragment(gmsh, surfaces, names)
+        expected = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / size**2
+        if expected > _MOST_ELEMENTS:
+            raise CadError(
+                f"a size of {size:g} m gives about {expected:.1e} elements; {_MOST_ELEMENTS:.0e} are the most"
+            )
+        _group_sheet(gmsh, names)
+        for option, value in {
+            "MeshSizeMax": 2 * size,  # each element is divided by four
+            "MeshSizeFromCurvature": _AROUND / 2,
+            "RecombineAll": 1,
+            "SubdivisionAlgorithm": 1,
+            "MshFileVersion": 4.1,
+        }.items():
+            gmsh.option.setNumber(f"Mesh.{option}", value)
+        begin(expected)
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(target))
+
+
+def _group_sheet(gmsh: Any, names: Mapping[tuple[int, int], list[str]]) -> None:
+    """Make physical groups of surfaces and of the curves at their rims."""
+    groups: dict[tuple[int, str], list[int]] = {}
+    for number, (_, tag) in enumerate(gmsh.model.getEntities(2), start=1):
+        for name in dict.fromkeys([f"face-{number}", *names.get((2, tag), [])]):
+            groups.setdefault((2, name), []).append(tag)
+    rims = [tag for _, tag in gmsh.model.getEntities(1) if len(gmsh.model.getAdjacencies(1, tag)[0]) == 1]
+    groups |= {(1, f"edge-{number}"): [tag] for number, tag in enumerate(rims, start=1)}
+    for (dimension, name), tags in groups.items():
+        gmsh.model.addPhysicalGroup(dimension, tags, name=name)
+
+
 def _surfaces_named(names: Mapping[tuple[int, int], list[str]], whole: Mapping[int, int], name: str) -> list[int]:
     """Return the surfaces of a face's name, in which upper and lower case may differ."""
     of = {tag: [f"face-{number}", *names.get((2, tag), [])] for tag, number in whole.items()}
@@ -312,15 +376,19 @@ def main(arguments: list[str]) -> str | None:
     ----------
     arguments : list of str
         File, file to write, seconds for reading, seconds for meshing each element that is expected, and, to mesh it,
-        size and order of the elements and, of a sector, the number of sectors and its cuts. The system ends the process
-        when that time is over, as on a damaged file.
+        size and order of the elements, or ``shell``, and, of a sector, the number of sectors and its cuts. The system
+        ends the process when that time is over, as on a damaged file.
     """
     source, target, reading, each, *sizes = arguments
     quiet = io.StringIO()
     _end_after(float(reading))
     try:
         with contextlib.redirect_stdout(quiet):
-            if sizes:
+            if sizes and sizes[1] == "shell":
+                mesh_sheet(
+                    Path(source), float(sizes[0]), Path(target), lambda n: _end_after(float(reading) + float(each) * n)
+                )
+            elif sizes:
                 mesh = mesh_cad(
                     Path(source),
                     float(sizes[0]),

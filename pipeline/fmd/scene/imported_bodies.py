@@ -76,7 +76,7 @@ class MeshFile(DividedMesh, SectorMesh):
 
 
 class CadFile(SectorMesh):
-    """A CAD file whose solids are meshed with tetrahedra that follow its curved faces.
+    """A CAD file whose solids are meshed with tetrahedra that follow its curved faces, or its surfaces as shells.
 
     Parameters
     ----------
@@ -85,7 +85,9 @@ class CadFile(SectorMesh):
     size : float
         Edge length of an element [m]; around bores and fillets elements are smaller.
     order : int
-        Polynomial order of the displacement in an element.
+        Polynomial order of the displacement in an element; 1 of shells.
+    shell : float, optional
+        Thickness [m]: the file's surfaces are the midsurfaces of shells.
 
     Examples
     --------
@@ -99,6 +101,20 @@ class CadFile(SectorMesh):
     cad: SourceFile
     size: PositiveLength
     order: Order = 2
+    shell: PositiveLength | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _linear_if_shell(cls, table: Any) -> Any:
+        return {"order": 1} | table if isinstance(table, dict) and table.get("shell") is not None else table
+
+    @model_validator(mode="after")
+    def _shells_are_linear(self) -> CadFile:
+        if self.shell is not None and self.order == 2:
+            raise FaultError("is of solids: shells have four nodes", "order")
+        if self.shell is not None and self.cyclic is not None:
+            raise FaultError("is of solids, not of shells", "cyclic")
+        return self
 
 
 class Substance(SceneTable):
@@ -216,9 +232,14 @@ class CadPart(Imported):
     shape: Literal["cad"]
     mesh: CadFile
 
+    @property
+    def is_shell(self) -> bool:
+        """True if the file's surfaces are shells."""
+        return self.mesh.shell is not None
+
     def of_order(self, order: int) -> dict[str, Any]:
         """Return the changes for elements of another order."""
-        return {"mesh": self.mesh.model_copy(update={"order": order})}
+        return {} if self.is_shell else {"mesh": self.mesh.model_copy(update={"order": order})}
 
     def resized(self, factor: float) -> dict[str, Any]:
         """Return the changes for a mesh with about ``factor`` times the elements each way."""

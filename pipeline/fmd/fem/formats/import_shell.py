@@ -58,7 +58,9 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> tuple[Sheet, 
     given = [(b, kind, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind in _SHELLS and len(cells)]
     if not given:
         raise MeshFileError(f"there are no shells of three or four nodes; the elements: {listed}")
-    lost = {kind: n for kind, n in count.items() if kind not in (*_SHELLS, "vertex")}
+    rims = _rims(raw)
+    known = (*_SHELLS, "vertex", "line") if rims else (*_SHELLS, "vertex")
+    lost = {kind: n for kind, n in count.items() if kind not in known}
     if lost:
         names = ", ".join(f"{n} {kind}" for kind, n in lost.items())
         raise MeshFileError(f"elements beside shells of three or four nodes aren't read with mesh.shell: {names}")
@@ -85,6 +87,7 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> tuple[Sheet, 
     sets = {name: own for name, own in sets.items() if len(own)}
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *sets.values()]))
     parts = sets | ({"rest" if sets else "all": rest} if len(rest) else {})
+    raw.point_sets = rims | raw.point_sets
     faces = faces_of_points(raw, place)
     sheet = Sheet(
         raw.points[used] * scale,
@@ -98,6 +101,20 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> tuple[Sheet, 
         notes=tuple(notes),
     )
     return sheet, place
+
+
+def _rims(raw: RawMesh) -> dict[str, IntArray]:
+    """Return the nodes of named sets of lines, as Gmsh's physical curves; none if some lines have no name."""
+    rims: dict[str, list[IntArray]] = {}
+    for b, (kind, lines) in enumerate(raw.blocks):
+        if kind != "line":
+            continue
+        named = {name: chosen[b] for name, chosen in raw.cell_sets.items() if len(chosen[b])}
+        if len(np.unique(np.concatenate([_NONE, *named.values()]))) < len(lines):
+            return {}
+        for name, own in named.items():
+            rims.setdefault(name, []).append(lines[own].ravel())
+    return {name: np.unique(np.concatenate(nodes)) for name, nodes in rims.items()}
 
 
 def _sections(raw: RawMesh, of: IntArray, scale: float, thickness: float | None) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ from fmd.scene.sectors import SectorMesh
 from fmd.scene.shells import Plate, Tube
 from fmd.scene.source_files import SourceFiles
 from fmd.stages.meshing.beams import mesh_beams
-from fmd.stages.meshing.cad_files import mesh_cad_file
+from fmd.stages.meshing.cad_files import mesh_cad_file, mesh_cad_sheet
 
 if TYPE_CHECKING:
     from fmd.fem.model import FEModel
@@ -48,6 +48,8 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     if shape.shape == "cad":
         assert source is not None
         table = shape.mesh
+        if table.shell is not None:
+            return mesh_cad_sheet(source.path, table.size, table.shell)
         sector = None if table.cyclic is None or table.cuts is None else (table.cyclic, *table.cuts)
         return _complete(mesh_cad_file(source.path, table.size, table.order, sector), table, source)
     assert not isinstance(shape, MatrixPart | ReducedPart)

@@ -111,6 +111,25 @@ def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, s
         raise InputError(str(path), "", None, str(error)) from error
 
 
+def mesh_cad_sheet(path: Path, size: float, thickness: float) -> SolidMesh:
+    """Mesh the surfaces of a CAD file as shells of a thickness [m], with elements of a size [m].
+
+    Raises
+    ------
+    InputError
+        As `mesh_cad_file`, or the file has solids.
+    """
+    from fmd.fem.formats.import_shell import read_shell
+
+    with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
+        sheet = Path(folder) / "sheet.msh"
+        _run_gmsh(path, sheet, repr(size), "shell")
+        try:
+            return read_shell(sheet, 1.0, thickness)
+        except InputError as error:
+            raise InputError(str(path), "", None, error.mend) from error
+
+
 def describe_cad_file(path: Path) -> PartOutline:
     """Describe the part in a CAD file by its faces, without meshing it; raises as `mesh_cad_file`."""
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
