@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import InputError
 from fmd.core.limits.shown import FLAT_MOTION, HARDLY_TURNS, WEIGHTLESS
 from fmd.output.joint_marks import Marks
 from fmd.output.rigid_shapes import shape_surfaces
@@ -51,7 +52,8 @@ def view_mechanism(
     """
     from fmd.render.moving_bodies import MovingMechanism
 
-    meshed = [name for name, part in run.wholes.items() if part.has_stress and (not alone or name == coloured)]
+    wanted = {name: part for name, part in run.wholes.items() if part.has_stress and (not alone or name == coloured)}
+    meshed = [name for name, part in wanted.items() if len(part.surface.triangles)]  # nodes alone can't be drawn
     bodies = tuple(
         _flexible(run, name, chosen, scale, component if stressed and coloured in (None, name) else None)
         for name in meshed
@@ -73,6 +75,9 @@ def body_surface(run: Pipeline, body: str) -> Surface:
     from fmd.render.surface import Surface
 
     part = run.wholes[body]
+    if not len(part.surface.triangles):
+        mend = "tells no elements, so the stress has no picture; take the deck (.inp) that the matrices are of"
+        raise InputError(run.scene.file, f"body.{body}.matrices.nodes", None, mend)
     x = part.space.x if not run.scene.moves else run.node_positions(body)  # a part alone isn't reduced
     return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
 

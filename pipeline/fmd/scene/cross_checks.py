@@ -316,7 +316,7 @@ class CrossCheck:
             if isinstance(picture, StressPicture | Film) and flexible[picture.body].may_have_stress:
                 return
             if flexible[picture.body].shape == "matrices":
-                mend = "is given by its matrices: without elements no such picture, and stress by matrices.stress alone"
+                mend = "is given by its matrices: without elements there is no stress but that of matrices.stress"
                 yield FaultError(mend, *path, "body")
                 return
             yield FaultError("is reduced: it has no mesh, and no pictures of it or of its modes", *path, "body")

@@ -18,6 +18,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.fem.assembly import assemble
 from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.formats.matrices import read_matrices
+from fmd.fem.formats.matrix_files import write_matrices
 from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.formats.program_answers import read_geometric_stiffness, read_stress
 from fmd.fem.formats.program_fields import CSV_HEADER, read_frd, read_point_stress
@@ -27,6 +28,7 @@ from fmd.fem.model import FEModel
 from fmd.fem.strain import stresses
 from fmd.fem.surface import surface_topology
 from fmd.output.formats import write_format
+from fmd.output.mechanism_view import body_surface
 from fmd.output.summary import _stiffness_warnings
 from fmd.recovery.stress import modal_stress
 from fmd.reduction.eigen import FreeBodySolver
@@ -222,6 +224,19 @@ def test_stress_of_shapes_is_combined_from_cases_beside_rigid_motions(
     assert not len(given.surface.triangles)  # no elements are known
     with pytest.raises(AccuracyError, match=r"cases\.csv: mode 1 isn't a combination of its 3 displacements: \S+ % of"):
         given.stress_of(FreeBodySolver(small_bar).static_response(rng.normal(size=(len(model.x), 3, 1))))
+
+
+def test_stress_of_nodes_alone_has_no_picture_and_says_what_gives_one(small_bar: FEModel, tmp_path: Path) -> None:
+    x, n = small_bar.x, len(small_bar.x)
+    write_matrices(tmp_path / "bar.npz", small_bar, 1 + np.arange(n))
+    (tmp_path / "cases.csv").write_text("\n".join([",".join(CSV_HEADER), *(f"1,{k + 1}{',0' * 9}" for k in range(n))]))
+    files = 'stiffness = "bar.npz", mass = "bar-mass.npz", nodes = "bar-nodes.csv", stress = "cases.csv"'
+    end = f'marker = {{ end = {{ plane = "x = {x[:, 0].min()}" }} }}'
+    body = f'matrices = {{ {files}, unit = "m" }}\nmodes = {{ count = 2 }}\n{end}'
+    (tmp_path / "bar.toml").write_text(f'title = "bar"\n[body.bar]\n{body}\n')
+    run = pipeline(tmp_path, "bar")
+    with pytest.raises(InputError, match="tells no elements, so the stress has no picture; take the deck"):
+        body_surface(run, "bar")
 
 
 FRD = """    1C
