@@ -11,12 +11,13 @@ from pydantic import Field, model_validator
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import Deformable, DividedMesh, Poisson, Solid, require_interface
 from fmd.scene.links import FaceLink, MassOnLink, TiedFace
+from fmd.scene.matrix_files import MatrixFiles
 from fmd.scene.modes import ModeSettings, ReducedModes
 from fmd.scene.orientation import Orientation
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.sectors import SectorMesh
-from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, SourceFile, Text, UnitCheck
+from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, SourceFile, Text
 
 
 class MeshFile(DividedMesh, SectorMesh):
@@ -253,55 +254,6 @@ class Meshless(Deformable):
     link: ClassVar[Mapping[str, FaceLink]] = MappingProxyType({})
     mass: ClassVar[Mapping[str, MassOnLink]] = MappingProxyType({})
     support: ClassVar[tuple[Support, ...]] = ()
-
-
-class MatrixFiles(SceneTable):
-    """Files that hold a body's matrices as another program wrote them, three or six unknowns a node.
-
-    Parameters
-    ----------
-    stiffness, mass : str
-        Matrix of the free body, relative to the scene's file: Matrix Market, SciPy's ``.npz``, or what
-        Abaqus writes: rows of node, direction, node, direction, value, or of row, column, value. Of Nastran, OUTPUT4
-        (``.op4``) and DMIG cards (``.pch``); of CalculiX, ``.sti`` and ``.mas``.
-    nodes : str
-        Rows of a node's number, x, y and z, in the order of the matrices; or a deck of Nastran, Abaqus or CalculiX.
-    unit : str
-        Unit of length of ``nodes``.
-    stiffness_unit : str
-        Unit of the stiffness matrix.
-    mass_unit : str
-        Unit of the mass matrix.
-    unknowns : int
-        Unknowns of each node: 3 displacements, or 6, with rotations in rad behind them, as of shells and beams.
-    stress : str
-        Displacements with their stress, which ``fmd export --to load-cases`` asks for: CalculiX's ``.frd``, or
-        ``.csv``. In units of ``unit`` and ``stiffness_unit / unit``.
-    geometric_stiffness : str
-        Geometric stiffness under the loads of that export, a file each: a name in which ``*`` stands for any text.
-
-    Examples
-    --------
-    ::
-
-        [body.beam.matrices]
-        stiffness = "K.mtx"
-        mass = "M.mtx"
-        nodes = "nodes.csv"
-        unit = "mm"
-        stiffness_unit = "N/mm"
-        mass_unit = "t"
-    """
-
-    stiffness: SourceFile
-    mass: SourceFile
-    nodes: SourceFile
-    unit: LengthUnit
-    stiffness_unit: Annotated[str, UnitCheck("N/m")] = "N/m"
-    mass_unit: MassUnit = "kg"
-    unknowns: Literal[3, 6] = 3
-    stress: SourceFile | None = None
-    geometric_stiffness: SourceFile | None = None
 
 
 class MatrixPart(Meshless):
