@@ -12,7 +12,6 @@ from fmd.core.arrays import Array, IntArray
 
 CSV_HEADER = ("case", "node", "ux", "uy", "uz", "sxx", "syy", "szz", "syz", "sxz", "sxy")
 _FRD_STRESS = {"SXX": 0, "SYY": 1, "SZZ": 2, "SYZ": 3, "SZX": 4, "SXY": 5}
-_FRD_VALUE, _FRD_FIRST = 12, 13  # characters of a value, and where the first begins
 
 
 @dataclass(frozen=True)
@@ -136,10 +135,10 @@ def _frd_blocks(text: str) -> Iterator[tuple[str, list[str], IntArray, Array]]:
             rows.append(line)
         elif key == " -3" and name:
             n = len([component for component in components if component != "ALL"])
-            ends = [_FRD_FIRST + _FRD_VALUE * k for k in range(n + 1)]
+            ends = range(13, 14 + 12 * n, 12)  # of the node's number, and of each value
             try:
                 values = [[float(row[a:b]) for a, b in pairwise(ends)] for row in rows]
-                yield name, components, np.array([int(row[3:_FRD_FIRST]) for row in rows]), np.array(values)
+                yield name, components, np.array([int(row[3:13]) for row in rows]), np.array(values)
             except ValueError:
                 raise ValueError(f"the results before line {number} aren't read as numbers") from None
             name = ""
