@@ -19,6 +19,7 @@ from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.loads import PulseDrive
 from fmd.scene.outputs import CHART_QUANTITIES, Chart
 from fmd.scene.reading import SceneTable
+from fmd.scene.rigid_surfaces import SURFACES
 from fmd.scene.runs import RUNS
 from fmd.scene.schema import KNOWN_BY_FILES, is_kind, is_known_by_scene, read_docstring, read_meanings
 from fmd.scene.toml_files import list_ready_scenes
@@ -32,6 +33,7 @@ _KINDS = {
     "Controllers": "Kind of controller.",
     "Runs": "Method of integration.",
     "Outputs": "Kind of output.",
+    "Surfaces of rigid bodies": "Kind of surface.",
     "Shapes of rigid bodies in pictures": "Kind of shape.",
 }
 _NO_KEYS = {(TimeFunction, "constant")}  # a constant is written as the quantity itself
@@ -52,6 +54,7 @@ def write_page() -> str:
     anchors: dict[type, str] = {section.table: section.anchor for section in SECTIONS if section.table}
     # Where a table may be of several kinds, a link leads to the part of the page about all of them.
     anchors |= {Bar: "#bodies", PulseDrive: "#drives", PidController: "#controllers", RUNS[0]: "#runs"}
+    anchors |= dict.fromkeys(SURFACES, "#surfaces-of-rigid-bodies")
     anchors |= {Chart: "#outputs", Gear: "#couplers", JOINTS[0]: "#joints"}
     ready = ", ".join(f"`{name}`" for name in list_ready_scenes())
     blocks, kind = [INTRODUCTION.format(ready=ready).strip()], ""

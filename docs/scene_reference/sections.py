@@ -57,6 +57,7 @@ from fmd.scene.places import GroundPlace, MarkerPlace, NamedElement, Support
 from fmd.scene.propeller import Propeller, PropellerMesh
 from fmd.scene.reading import SceneTable
 from fmd.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
+from fmd.scene.rigid_surfaces import BallSurface, BoreSurface, BoxSurface, ElasticSurface, PinSurface
 from fmd.scene.runs import RUNS
 from fmd.scene.scene import PublishedResults, Scene
 from fmd.scene.shells import Plate, ShellMesh, Tube
@@ -113,6 +114,10 @@ like = "blade-1"
 modes = { damping = 0.01 }
 ```
 """
+_SURFACES = """
+What of a rigid body may touch something in a [contact](#contacts): `type` is `"ball"`, `"box"`, `"pin"` or `"bore"`.
+"""
+
 _VISUALS = """\
 A shape is a table `[[body.NAME.visual]]`, and its key `type` says of which kind it is. It shows the body in
 pictures and films, and has no effect on the motion.
@@ -264,6 +269,11 @@ SECTIONS = (
     Section("### Point mass", PointMass),
     Section("### Rigid body", RigidBody),
     Section("### Markers of a rigid body", PointMarker),
+    Section("### Surfaces of rigid bodies", ElasticSurface, _SURFACES),
+    Section("### Ball that touches", BallSurface),
+    Section("### Box that touches", BoxSurface),
+    Section("### Pin that touches", PinSurface),
+    Section("### Bore that touches", BoreSurface),
     Section("### Shapes of rigid bodies in pictures", VisualSettings, _VISUALS),
     Section("### Box in pictures", BoxVisual),
     Section("### Cylinder in pictures", CylinderVisual),

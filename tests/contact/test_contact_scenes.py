@@ -145,7 +145,10 @@ def test_a_block_that_begins_in_the_ground_is_refused_by_its_depth() -> None:
         ('simulation.run.0.integrator="exponential"', "takes no contact; central-difference and generalized-alpha do"),
         ('simulation.start="steady"', "doesn't know of contacts; 'undeformed' and 'equilibrium' do"),
         ("accuracy=0.01", "no error budget states theirs"),
-        ('contact.floor.between=["block.bottom", "ground"]', "a face of a flexible body second"),
+        (
+            'contact.floor.between=["block.bottom", "ground"]',
+            "a face of a flexible body, or a surface of a rigid one, second",
+        ),
         ('contact.floor.between=["ground", "block.top"]', "marker"),
         (
             'contact.wall={ between = ["ground", "block.side"], normal = [1, 0, 0], damping = "1 ms" }',
@@ -163,15 +166,6 @@ def test_what_contact_can_not_do_is_refused(override: str, message: str) -> None
 def test_a_flat_face_has_no_near_field_of_a_half_space() -> None:
     with pytest.raises(InputError, match="bottom is no sphere, cylinder, cone or ellipsoid"):
         _ = block("contact.floor.near_field=half-space").mechanism
-
-
-def test_a_rigid_body_is_refused_for_its_surface_has_no_stiffness() -> None:
-    weight = {"shape": "rigid", "mass": "1 kg", "inertia": ["1 g m^2"] * 3}
-    weight |= {"marker": {"bottom": {"at": ["0 m", "0 m", "0 m"]}}}
-    joint = BLOCK["joint"] | {"other": {"type": "free", "parent": "ground", "child": "weight.bottom"}}
-    contact = {"floor": {"between": ["ground", "weight.bottom"], "normal": [0, 1, 0]}}
-    with pytest.raises(InputError, match="rigid, and nothing says how stiff"):
-        block(body=BLOCK["body"] | {"weight": weight}, joint=joint, contact=contact)
 
 
 def test_a_marker_at_a_point_is_no_face() -> None:

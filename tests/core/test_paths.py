@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from pathlib import Path
 
@@ -125,3 +126,15 @@ def test_kernels_have_a_new_folder_where_no_other_can_be_made(tmp_path: Path, mo
     folder = kernel_folder()
     assert folder.is_dir()
     assert folder.parent == tmp_path / "temporary"
+
+
+def test_all_that_kernels_are_compiled_from_is_in_the_name_of_their_folder() -> None:
+    package = Path(folders.__file__).parents[1]
+    marked = [
+        file
+        for file in package.rglob("*.py")
+        if re.search(r"^@(kernel|inner|inlined|contracted)\b", file.read_text(), re.M)
+    ]
+    assert len(marked) > 20
+    for file in marked:
+        assert any(file.is_relative_to(package.parent / source) for source in KERNEL_SOURCES), file

@@ -47,7 +47,7 @@ def _compare(run: Pipeline) -> dict[str, dict[str, float | str]]:
     except (StabilityError, AccuracyError) as error:
         why = f"the march with {'twice' if longer else 'half'} the step failed: {error}"
         return {name: {**dict.fromkeys(own.figures, why), **_OF_ITSELF} for name, own in run.motion.contacts.items()}
-    change = 2.0 if any(body.damping for body in plan.mechanism.contacts) else 4.0
+    change = 2.0 if any(body.loses_energy for body in plan.mechanism.contacts) else 4.0
     share, step = SAFETY / (change - 1.0) * (1.0 if longer else change), method.step
     return {name: _differences(own, histories[name], share, step) for name, own in run.motion.contacts.items()}
 

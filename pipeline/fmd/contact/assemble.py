@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from fmd.contact.histories import BEGIN, END, N_VALUES
+from fmd.contact.round_laws import law_table
 from fmd.contact.surfaces import ContactSurface, find_surfaces
 from fmd.contact.tables import ContactTable
 from fmd.contact.touching_body import ContactPlane
@@ -61,18 +62,24 @@ def contact_table(
 
 def _anchor(table: ContactTable, body: TouchingBody, surface: ContactSurface, at: slice) -> None:
     """Let points before a plane have their slip counted from where they are at the start, if they are set down."""
-    if surface.master < 0 and body.anchor is not None:
-        origin, R = body.anchor
-        table.tip[at] = table.before[at] = origin + body.points.x[surface.points] @ R.T
+    if isinstance(surface.of, ContactPlane) and body.anchor is not None:
+        (origin, R), points = body.anchor, surface.points
+        table.tip[at] = origin + body.points.x[points] @ R.T - body.points.radii[points, None] * surface.of.normal
+        table.before[at] = table.touched_then[at] = table.tip[at]
+        table.frame_then[table.surface[at.start]] = np.concatenate([origin, R.ravel()])
         table.seen[at, 1] = 1
 
 
 def _groups(n_bodies: int, surfaces: Sequence[ContactSurface]) -> IntArray:
-    """Return the number of each surface's group; those with a body in common, but the ground, are in one."""
+    """Return the number of each surface's group; those with a body in common, but the ground, are in one.
+
+    Round points don't feel each other: each surface with such has its own.
+    """
     ends = np.array([(own.slave, own.slave if own.master < 0 else own.master) for own in surfaces])
     graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n_bodies, n_bodies))
     _, of_body = connected_components(graph, directed=False)
-    _, group = np.unique(of_body[ends[:, 0]], return_inverse=True)
+    own = [n_bodies + k if surface.of.law else of_body[ends[k, 0]] for k, surface in enumerate(surfaces)]
+    _, group = np.unique(own, return_inverse=True)
     return np.asarray(group, dtype=np.int64)
 
 
@@ -98,6 +105,7 @@ def _bodies(
         "shapes": shapes,
         "G": G,
         "place": np.zeros((size, 3)),
+        "radii": np.concatenate([body.points.radii for body in bodies]),
         "border": np.concatenate([body.points.border for body in bodies]).astype(np.int64),
         "placed": np.full(size, -1, dtype=np.int64),
     }
@@ -116,14 +124,23 @@ def _surfaces(
         ends = np.stack([x.min(axis=0), x.max(axis=0)])
         box[k] = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
         reach[k, 0] = _reach(shapes)
-        if own.master >= 0:
+        if len(own.triangles):
             theirs = bodies[own.master].points
             reach[k, 1] = _reach(theirs.shapes[own.triangles])
             corners = theirs.x[own.triangles]
             sizes = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max()
             radius[k] = NEAR_RADIUS * sizes
     counts = [len(own.triangles) for own in surfaces]
+    laws = [own.of.law for own in surfaces]
     return {
+        "primitive": np.array([own.primitive.row if own.primitive else np.zeros(17) for own in surfaces]),
+        "rounded": np.array([law is not None for law in laws], dtype=np.int64),
+        "law": law_table(laws),
+        "ends": np.array([law.ends if law else np.inf for law in laws]),
+        "loss": np.array([law.loss if law else 0.0 for law in laws]),
+        "slide": np.array([own.of.slide for own in surfaces]),
+        "frame": np.zeros((n, 12)),
+        "frame_then": np.zeros((n, 12)),
         "slave": np.array([own.slave for own in surfaces], dtype=np.int64),
         "master": np.array([own.master for own in surfaces], dtype=np.int64),
         "point": point,
@@ -164,10 +181,11 @@ def _points(
     n, supple = int(counts.sum()), list[Array]()
     for own in surfaces:
         soft = (1.0 + own.softness) * bodies[own.slave].points.softness[own.points]
-        if own.master >= 0:
+        if len(own.triangles):
             soft = soft + (1.0 + own.softness) * bodies[own.master].points.softness[own.triangles].max()
         supple.append(soft)
     vectors = ("weights", "spot", "free", "force", "own", "moved", "at", "known", "tip", "before")
+    of_round = ("dent", "dent_then", "drag", "drag_then", "touched", "touched_then")
     then = ("undamped", "viscous", "weights_then", "normal_then", "moved_then", "elastic_then", "viscous_then")
     return {
         "node": np.concatenate([first[own.slave] + own.points for own in surfaces]),
@@ -181,7 +199,10 @@ def _points(
         "active": np.zeros(n, dtype=np.int64),
         "seen": np.zeros((n, 2), dtype=np.int64),
         **{name: np.zeros((n, 3, 3)) for name in ("axes", "turned", "Q", "Q_then")},
-        **{name: np.zeros((n, 3)) for name in (*vectors, *then)},
+        **{name: np.zeros((n, 3)) for name in (*vectors, *of_round, *then)},
+        **{name: np.zeros(n) for name in ("gap_then", "speed", "speed_then", "soft", "soft_then", "shed", "stored")},
+        "peak": np.ones(n),
+        "shares": np.concatenate([bodies[own.slave].points.shares[own.points] for own in surfaces]),
         "foot_then": np.zeros((n, 3), dtype=np.int64),
         "chosen": np.zeros(n, dtype=np.int64),
         "slot": np.full(n, -1, dtype=np.int64),
@@ -209,6 +230,7 @@ def _rooms(group: IntArray, damping: Array) -> dict[str, Any]:
         "L": np.zeros(ends[-1, 1]),
         "n_factored": np.full(len(counts), -1, dtype=np.int64),
         "answer": np.zeros(most),
+        "way": np.zeros((3, 3)),
         "b": np.zeros(int(counts.max())),
         "block": np.zeros((3, 3)),
         "product": np.zeros((3, 3)),

@@ -59,7 +59,7 @@ def _was_pressed(c: ContactTable, i: int) -> bool:
 @inner
 def _is_stale(c: ContactTable, i: int) -> bool:
     """Return true if a point has gone on over the other body, or turned against it, since its blocks were found."""
-    if c.master[c.surface[i]] < 0:
+    if c.master[c.surface[i]] < 0 or c.primitive[c.surface[i], 0] > 0.0:
         return False
     for a in range(3):
         if c.foot[i, a] != c.foot_then[i, a] or abs(c.weights[i, a] - c.weights_then[i, a]) > TURNED_BLOCKS:

@@ -15,6 +15,7 @@ from fmd.contact.friction_forces import find_friction_forces
 from fmd.contact.normal_forces import find_normal_forces
 from fmd.contact.places import place_surface
 from fmd.contact.pushes import push_bodies
+from fmd.contact.round_points import press_round_points
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import BANDS, ROUNDED_PLACE
@@ -37,6 +38,10 @@ def touch(c: ContactTable, t: float, q: Array, origins: Array, rotations: Array)
         for i in range(c.group[g], c.group[g + 1]):
             for a in range(3):
                 c.force[i, a], c.own[i, a], c.moved[i, a] = 0.0, 0.0, 0.0
+        if c.rounded[c.surface[c.group[g]]] == 1:
+            if press_round_points(c, g, t):
+                push_bodies(c, g, q, origins, rotations)
+            continue
         damped = c.damping[g] > 0.0
         if damped:
             soften_gaps(c, g, t)

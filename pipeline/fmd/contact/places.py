@@ -6,6 +6,8 @@ import math
 
 from fmd.contact.near_triangles import keep_near_triangles
 from fmd.contact.nodes import modal_size, place_node
+from fmd.contact.round_points import follow_material
+from fmd.contact.standing import stand_on_plane, stand_on_primitive
 from fmd.contact.tables import ContactTable
 from fmd.contact.triangles import stand_on_triangles
 from fmd.core.arrays import Array
@@ -19,13 +21,24 @@ def place_surface(c: ContactTable, s: int, q: Array, origins: Array, rotations: 
     link = c.link[c.slave[s]]
     for i in range(c.point[s], c.point[s + 1]):
         c.seen[i, 0] = 0
+    if c.rounded[s] == 1:
+        _place_round_points(c, s, q, origins, rotations)
+        return
     if c.master[s] < 0:
         if not _may_touch_plane(c, s, q, origins[link], rotations[link]):
             return
         for i in range(c.point[s], c.point[s + 1]):
             place_node(c, c.node[i], c.slave[s], q, origins, rotations)
-            _stand_on_plane(c, s, i)
+            stand_on_plane(c, s, i)
             _turn(c, s, i, rotations)
+            _find_slip(c, i)
+        return
+    if c.primitive[s, 0] > 0.0:
+        for i in range(c.point[s], c.point[s + 1]):
+            place_node(c, c.node[i], c.slave[s], q, origins, rotations)
+            if stand_on_primitive(c, s, i, origins, rotations):
+                _turn(c, s, i, rotations)
+                _find_slip(c, i)
         return
     if not keep_near_triangles(c, s, q, origins, rotations):
         c.clock[1] = 1.0
@@ -40,6 +53,21 @@ def place_surface(c: ContactTable, s: int, q: Array, origins: Array, rotations: 
                 place_node(c, c.corner[c.near[i, k], e], c.master[s], q, origins, rotations)
         if stand_on_triangles(c, s, i, rotations[link], rotations[master]):
             _turn(c, s, i, rotations)
+            _find_slip(c, i)
+
+
+@inner
+def _place_round_points(c: ContactTable, s: int, q: Array, origins: Array, rotations: Array) -> None:
+    """Find where the points of a rigid body stand before a plane, or before another rigid body."""
+    for i in range(c.point[s], c.point[s + 1]):
+        place_node(c, c.node[i], c.slave[s], q, origins, rotations)
+        if c.master[s] < 0:
+            stand_on_plane(c, s, i)
+        elif not stand_on_primitive(c, s, i, origins, rotations):
+            continue
+        _turn(c, s, i, rotations)
+        follow_material(c, s, i, origins, rotations)
+        _find_slip(c, i)
 
 
 @inner
@@ -65,25 +93,9 @@ def _may_touch_plane(c: ContactTable, s: int, q: Array, origin: Array, R: Array)
 
 
 @inner
-def _stand_on_plane(c: ContactTable, s: int, i: int) -> None:
-    gap = c.clearance[s]
-    for a in range(3):
-        c.spot[i, a] = c.place[c.node[i], a]
-        gap += c.plane[s, 0, a] * (c.spot[i, a] - c.position[s, a])
-        for b in range(3):
-            c.axes[i, a, b] = c.plane[s, a, b]
-    c.free[i, 0] = gap
-    c.seen[i, 0] = 1
-
-
-@inner
 def _turn(c: ContactTable, s: int, i: int, rotations: Array) -> None:
-    """Turn a point's axes into those of its body, and find its slip since the last step; of one new there is none."""
-    link = c.link[c.slave[s]]
-    if c.seen[i, 1] == 0:
-        for a in range(3):
-            c.tip[i, a], c.before[i, a], c.known[i, a] = c.spot[i, a], c.spot[i, a], 0.0
-    first = c.point[s]
+    """Turn a point's axes into those of its body."""
+    link, first = c.link[c.slave[s]], c.point[s]
     if i > first and c.master[s] < 0:  # the axes of one point are those of all
         for a in range(3):
             for b in range(3):
@@ -98,6 +110,14 @@ def _turn(c: ContactTable, s: int, i: int, rotations: Array) -> None:
                     c.Q[i, a, b] = 0.0
                     for k in range(3):
                         c.Q[i, a, b] += rotations[link, k, a] * rotations[c.link[c.master[s]], k, b]
+
+
+@inner
+def _find_slip(c: ContactTable, i: int) -> None:
+    """Find a point's slip since the last step; of one that is new there is none."""
+    if c.seen[i, 1] == 0:
+        for a in range(3):
+            c.tip[i, a], c.before[i, a], c.known[i, a] = c.spot[i, a], c.spot[i, a], 0.0
     d0, d1, d2 = c.spot[i, 0] - c.tip[i, 0], c.spot[i, 1] - c.tip[i, 1], c.spot[i, 2] - c.tip[i, 2]
     c.free[i, 1], c.free[i, 2] = 0.0, 0.0
     for k in range(3):

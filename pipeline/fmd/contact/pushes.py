@@ -21,16 +21,9 @@ def push_bodies(c: ContactTable, g: int, q: Array, origins: Array, rotations: Ar
             continue
         s = c.surface[i]
         body, other = c.slave[s], c.master[s]
-        link, moving = c.link[body], 1.0
-        if other >= 0:
-            at = c.first_entry[g, 0] + 3 * own * (c.stride[g] + 1)
-            whole = c.D[at] + c.D[at + c.stride[g] + 1] + c.D[at + 2 * c.stride[g] + 2]
-            k, m = c.node[i], c.node[i] - c.first[body]
-            moving = (c.G[k, m, 0, 0] + c.G[k, m, 1, 1] + c.G[k, m, 2, 2]) / whole
-        for a in range(3):
-            c.at[i, a] = c.place[c.node[i], a]
-            for k in range(3):
-                c.at[i, a] += moving * rotations[link, a, k] * c.moved[i, k]
+        link = c.link[body]
+        if c.rounded[s] == 0:
+            _place_force(c, g, own, rotations[link])
         _push_frame(c, i, link, c.own[i, 0], c.own[i, 1], c.own[i, 2], origins, rotations)
         _push_modes(c, c.node[i], body, c.own[i, 0], c.own[i, 1], c.own[i, 2])
         if other >= 0:
@@ -38,9 +31,24 @@ def push_bodies(c: ContactTable, g: int, q: Array, origins: Array, rotations: Ar
             f1 = -(c.Q[i, 0, 1] * c.own[i, 0] + c.Q[i, 1, 1] * c.own[i, 1] + c.Q[i, 2, 1] * c.own[i, 2])
             f2 = -(c.Q[i, 0, 2] * c.own[i, 0] + c.Q[i, 1, 2] * c.own[i, 1] + c.Q[i, 2, 2] * c.own[i, 2])
             _push_frame(c, i, c.link[other], f0, f1, f2, origins, rotations)
-            for e in range(3):
+            for e in range(3 if c.primitive[s, 0] == 0.0 else 0):
                 w = c.weights[i, e]
                 _push_modes(c, c.foot[i, e], other, w * f0, w * f1, w * f2)
+
+
+@inner
+def _place_force(c: ContactTable, g: int, own: int, R: Array) -> None:
+    """Find where the force on a chosen point acts; R turns its body into space."""
+    i, moving = c.chosen[c.group[g] + own], 1.0
+    s, k = c.surface[i], c.node[i]
+    if c.master[s] >= 0:
+        at, m = c.first_entry[g, 0] + 3 * own * (c.stride[g] + 1), k - c.first[c.slave[s]]
+        whole = c.D[at] + c.D[at + c.stride[g] + 1] + c.D[at + 2 * c.stride[g] + 2]
+        moving = (c.G[k, m, 0, 0] + c.G[k, m, 1, 1] + c.G[k, m, 2, 2]) / whole
+    for a in range(3):
+        c.at[i, a] = c.place[k, a]
+        for b in range(3):
+            c.at[i, a] += moving * R[a, b] * c.moved[i, b]
 
 
 @inner

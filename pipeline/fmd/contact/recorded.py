@@ -76,7 +76,7 @@ class ContactRecord:
     @property
     def forces(self) -> Mapping[str, Array]:
         """Forces on the points of bodies, in their axes [N], shapes (n_times, n_points, 3), by their names."""
-        return {name: own.reshape(len(self.rows), -1, 3) for name, own in self._by_body(2).items()}
+        return {name: own.reshape(len(self.rows), own.shape[1] // 3, 3) for name, own in self._by_body(2).items()}
 
     @property
     def pushes(self) -> Mapping[str, Array]:

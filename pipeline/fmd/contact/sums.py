@@ -21,6 +21,7 @@ from fmd.contact.histories import (
     N_VALUES,
     PRESSURE,
 )
+from fmd.contact.round_points import keep_round_points
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.kernels.kernel import inner
@@ -43,6 +44,7 @@ def evaluate_contacts(c: ContactTable, t: float, origins: Array, rotations: Arra
         if c.seen[i, 0] == 1:
             for a in range(3):
                 c.now[c.contact[c.surface[i]], ENERGY] += 0.5 * (c.own[i, a] - c.viscous[i, a]) * c.moved[i, a]
+            c.now[c.contact[c.surface[i]], ENERGY] += c.stored[i]
 
 
 @inner
@@ -71,7 +73,7 @@ def _add_values(c: ContactTable, i: int, origins: Array, rotations: Array) -> No
     v[MOMENT + 2] += x0 * f1 - x1 * f0
     if c.areas[i] > 0.0:
         v[AREA] += c.areas[i]
-        v[PRESSURE] = max(v[PRESSURE], c.force[i, 0] / c.areas[i])
+        v[PRESSURE] = max(v[PRESSURE], c.peak[i] * (c.force[i, 0] - c.drag[i, 0]) / c.areas[i])
 
 
 @inner
@@ -91,7 +93,7 @@ def note_values(c: ContactTable, values: Array) -> None:
     for i in range(c.node.size):
         if c.areas[i] > 0.0:
             at = pressures + c.node[i]
-            values[at] = max(values[at], c.force[i, 0] / c.areas[i])
+            values[at] = max(values[at], c.peak[i] * (c.force[i, 0] - c.drag[i, 0]) / c.areas[i])
         if c.force[i, 0] != 0.0:
             _note_force(c, i, forces, values)
     at = forces + 3 * nodes
@@ -108,7 +110,7 @@ def note_values(c: ContactTable, values: Array) -> None:
 @inner
 def _note_force(c: ContactTable, i: int, first: int, values: Array) -> None:
     """Add the force on a point to that of its node, and its opposite to the corners of the triangle below."""
-    other = c.master[c.surface[i]] >= 0
+    other = c.master[c.surface[i]] >= 0 and c.primitive[c.surface[i], 0] == 0.0
     for b in range(3):
         values[first + 3 * c.node[i] + b] += c.own[i, b]
         if other:
@@ -145,7 +147,9 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
     for number in range(c.slave.size):
         c.height[number, 1] = c.height[number, 0]
     for g in range(c.noise.size):
-        if c.damping[g] > 0.0:
+        if c.rounded[c.surface[c.group[g]]] == 1:
+            keep_round_points(c, g, begins)
+        elif c.damping[g] > 0.0:
             keep_damping(c, g, begins)
     for i in range(c.node.size):
         if c.seen[i, 0] == 1:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fmd.contact.primitives import Primitive
 from fmd.contact.touching_body import ContactPair, ContactPlane, ContactPoints, TouchingBody
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.contact import EDGE_SOFTNESS, SHARP_EDGE
@@ -36,6 +37,8 @@ class ContactSurface:
         1 if the contact's force is reported on the points' body, else -1.
     softness : float
         More of the own flexibility of each point.
+    primitive : Primitive, optional
+        The second body's surface, if that is rigid.
     """
 
     slave: int
@@ -48,6 +51,7 @@ class ContactSurface:
     of: ContactPlane | ContactPair
     sign: int
     softness: float
+    primitive: Primitive | None = None
 
 
 _NO_TRIANGLES = np.zeros((0, 3), dtype=np.int64), np.zeros((0, 6), dtype=np.int64)
@@ -71,6 +75,13 @@ def find_surfaces(bodies: Sequence[TouchingBody]) -> list[tuple[int, ContactSurf
         for pair in body.pairs:
             other = names.index(pair.other)
             theirs, sign = bodies[other].points, -1 if pair.reported_on_other else 1
+            if primitive := theirs.primitives.get(pair.other_face):
+                points, areas = own.faces[pair.face], own.areas[pair.face]
+                outward = np.zeros((len(points), 3))
+                rigid = ContactSurface(k, other, points, areas, outward, *_NO_TRIANGLES, pair, sign, 0.0, primitive)
+                found.append((number, rigid))
+                number += 1
+                continue
             mine, beyond = own.surfaces[pair.face], theirs.surfaces[pair.other_face]
             points, areas = own.faces[pair.face], own.areas[pair.face]
             rim, normals = find_rim(beyond), node_normals(own, mine)[points]

@@ -32,6 +32,7 @@ class ContactTable(Table):
     shapes: Array  # (n_nodes, 3, most modes)
     G: Array  # (n_nodes, most nodes of a body, 3, 3), the second from the body's first node on
     place: Array  # (n_nodes, 3): deformed, in space [m]
+    radii: Array  # (n_nodes,): of round points [m]; 0 of others
     border: IntArray  # (n_nodes,): 1 at the border of a grid that is smaller than its face
     placed: IntArray  # (n_nodes,): number of the state at which it was found
     # Surfaces.
@@ -44,6 +45,16 @@ class ContactTable(Table):
     softness: Array  # (n_surfaces,): more of the own flexibility of each point
     clearance: Array  # (n_surfaces,): what is added to gaps [m]
     friction: Array  # (n_surfaces,)
+    primitive: Array  # (n_surfaces, 17): kind, place, axes, half extents and radius of a rigid body's surface
+    rounded: (
+        IntArray  # (n_surfaces,): 1 if its points are centres of balls or of pieces of pins, with laws of their own
+    )
+    law: Array  # (n_surfaces, most rows, 7): their force over depth, as `fmd.contact.round_laws` has it
+    ends: Array  # (n_surfaces,): depth up to which it is known [m]
+    loss: Array  # (n_surfaces,): share of the force at the speed of the approach
+    slide: Array  # (n_surfaces,): how much softer it is aside
+    frame: Array  # (n_surfaces, 12): origin and axes of the points' body in the other's frame, of round points
+    frame_then: Array  # (n_surfaces, 12): at the last step
     plane: Array  # (n_surfaces, 3, 3): normal and tangents of the ground's plane in space, a row each
     position: Array  # (n_surfaces, 3): a point of it
     reach: Array  # (n_surfaces, 2): no modal coordinates of length 1 displace points, or triangles, farther
@@ -62,6 +73,8 @@ class ContactTable(Table):
     surface: IntArray  # (n,)
     areas: Array  # (n,): force by a pressure of 1; 0 for those on edges [m²]
     outward: Array  # (n, 3): unit normal of its face, in own axes
+    peak: Array  # (n,): largest over mean pressure
+    shares: Array  # (n,): of a round point in the law's force
     near: IntArray  # (n, NEAR_TRIANGLES)
     n_near: IntArray  # (n,)
     foot: IntArray  # (n, 3): nodes at the corners of the triangle below it
@@ -87,6 +100,20 @@ class ContactTable(Table):
     moved_then: Array  # (n, 3): displacements at the last step
     elastic_then: Array  # (n, 3): the elastic part of forces at the last step
     viscous_then: Array  # (n, 3): the damper's
+    # Round points, along the contact's axes.
+    dent: Array  # (n, 3): deflection [m]
+    dent_then: Array  # (n, 3): at the last step
+    drag: Array  # (n, 3): damper's part of the force [N]
+    drag_then: Array  # (n, 3)
+    touched: Array  # (n, 3): place, in the other's frame [m]
+    touched_then: Array  # (n, 3)
+    gap_then: Array  # (n,) [m]
+    speed: Array  # (n,): of the approach [m/s]; 0 away from contact
+    speed_then: Array  # (n,)
+    soft: Array  # (n,): how far a force of 1 moves it aside [m/N]; 0 away from contact
+    soft_then: Array  # (n,): at the last step
+    shed: Array  # (n,): energy that the change of that takes [J]
+    stored: Array  # (n,): energy beyond that of a constant stiffness [J]
     # Groups.
     damping: Array  # (n_groups,): time β [s]
     share: Array  # (n_groups,): part of new forces that is elastic at once, h/(h + β)
@@ -108,6 +135,7 @@ class ContactTable(Table):
     factored: IntArray  # (n,): places of points in it, from the group's first entry on
     n_factored: IntArray  # (n_groups,): how many; -1 if it isn't to be used
     answer: Array  # (as many): displacements by them
+    way: Array  # (3, 3)
     b: Array  # (most points of a group,)
     block: Array  # (3, 3)
     product: Array  # (3, 3)
@@ -151,7 +179,16 @@ class ContactTable(Table):
     @property
     def _remembered(self) -> tuple[Array | IntArray, ...]:
         last = self.known, self.tip, self.before, self.moved_then, self.elastic_then, self.viscous_then
-        return *last, self.sums, self.clock, self.height, self.seen
+        of_round = (
+            self.dent_then,
+            self.drag_then,
+            self.touched_then,
+            self.gap_then,
+            self.speed_then,
+            self.soft_then,
+            self.frame_then,
+        )
+        return *last, *of_round, self.sums, self.clock, self.height, self.seen
 
     @property
     def _ends(self) -> IntArray:

@@ -1,4 +1,4 @@
-"""A flexible body with the points of its faces that may touch, and the planes and faces that they may touch."""
+"""A body with the points of its faces that may touch, and the planes and faces that they may touch."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fmd.contact.primitives import Primitive
 from fmd.contact.recorded import ContactRecord
+from fmd.contact.round_laws import RoundLaw
 from fmd.contact.surface_fit import is_flat
 from fmd.core.arrays import Array, BoolArray, IntArray, require_shape
 from fmd.core.limits.contact import CARRYING
@@ -35,7 +37,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class ContactPoints:
-    """Points of a reduced body's faces, and how they move.
+    """Points of a body's faces, and how they move.
 
     A force ``f_d`` on point d moves point c by ``shapes_c q`` through the modes and by ``G_cd f_d`` beside them; what
     the modes leave out is static and has no mass (massless-boundary reduction; Monjaraz-Tec, Gross & Krack, J Sound
@@ -68,6 +70,12 @@ class ContactPoints:
         By which forces on a grid's points act on these nodes; without, each point is at its own.
     grids : mapping of str to Grid
         Grids of faces that have one.
+    radii : ndarray, shape (n,)
+        Of points that are centres of balls or of pieces of pins [m]; 0 of nodes.
+    shares : ndarray, shape (n,)
+        Part of a law's force that each of those has.
+    primitives : mapping of str to Primitive
+        Surfaces of a rigid body that points of others may touch.
     """
 
     x: Array
@@ -82,11 +90,17 @@ class ContactPoints:
     nodes: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     weights: Array | None = None
     grids: Mapping[str, Grid] = field(default_factory=dict)
+    radii: Array = field(default_factory=lambda: np.zeros(0))
+    shares: Array = field(default_factory=lambda: np.zeros(0))
+    primitives: Mapping[str, Primitive] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.x)
         if not len(self.border):
             object.__setattr__(self, "border", np.zeros(n, dtype=bool))
+        if not len(self.radii):
+            object.__setattr__(self, "radii", np.zeros(n))
+            object.__setattr__(self, "shares", np.ones(n))
         require_shape("x", self.x, (None, 3))
         for name, numbers in self.faces.items():
             require_shape(f"areas of {name}", self.areas[name], (len(numbers),))
@@ -96,6 +110,16 @@ class ContactPoints:
     def on_nodes(self, forces: Array) -> Array:
         """Return the forces on `nodes` of forces on points, (n_times, n, 3) and (n_times, n_nodes, 3)."""
         return forces if self.weights is None else np.einsum("np,tna->tpa", self.weights, forces)
+
+    @property
+    def is_rigid(self) -> bool:
+        """True of a rigid body."""
+        return bool((self.radii > 0.0).any() or self.primitives)
+
+    @property
+    def extent(self) -> float:
+        """Largest extent of the points along an axis [m]; 0 without points."""
+        return float(np.ptp(self.x, axis=0).max() + 2.0 * self.radii.max()) if len(self.x) else 0.0
 
     def is_flat(self, face: str) -> bool:
         """Return true if the points of a face are all but in a plane."""
@@ -135,6 +159,10 @@ class ContactPlane:
         Time β of the damping of the points' flexibility [s].
     near_field : str
         What gives the flexibility near a contact.
+    law : RoundLaw, optional
+        Force of each point of a rigid body by its depth.
+    slide : float
+        How much softer it is aside.
     """
 
     name: str
@@ -145,6 +173,8 @@ class ContactPlane:
     clearance: float = 0.0
     damping: float = 0.0
     near_field: str = "mesh"
+    law: RoundLaw | None = None
+    slide: float = 1.0
 
     @property
     def axes(self) -> Array:
@@ -177,6 +207,12 @@ class ContactPair:
         Time β of the damping of the points' flexibility [s].
     reported_on_other : bool
         True if the contact's force is to be that on the other body.
+    near_field : str
+        What gives the flexibility near a contact.
+    law : RoundLaw, optional
+        Force of each point of a rigid body by its depth, before another one.
+    slide : float
+        How much softer it is aside.
     """
 
     name: str
@@ -187,6 +223,9 @@ class ContactPair:
     clearance: float = 0.0
     damping: float = 0.0
     reported_on_other: bool = False
+    near_field: str = "mesh"
+    law: RoundLaw | None = None
+    slide: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -219,21 +258,31 @@ class TouchingBody:
         return n, modes
 
     @property
+    def contacts(self) -> tuple[ContactPlane | ContactPair, ...]:
+        """Its contacts, in the order of their values."""
+        return (*self.planes, *self.pairs)
+
+    @property
     def damping(self) -> float:
         """Largest time of damping of its contacts [s]."""
-        laws: list[ContactPlane | ContactPair] = [*self.planes, *self.pairs]
-        return max((law.damping for law in laws), default=0.0)
+        return max((own.damping for own in self.contacts), default=0.0)
+
+    @property
+    def loses_energy(self) -> bool:
+        """True if its contacts are damped, or lose energy in a shock."""
+        return self.damping > 0.0 or any(own.law is not None and own.law.loss > 0.0 for own in self.contacts)
 
     @property
     def digest(self) -> str:
         """Digest of all numbers."""
-        own = [*(getattr(self.points, name) for name in ("x", "shapes", "G")), *self.points.areas.values()]
+        arrays = ("x", "shapes", "G", "radii", "shares")
+        own = [*(getattr(self.points, name) for name in arrays), *self.points.areas.values()]
         own += [x for plane in self.planes for x in (plane.position, plane.normal)]
         own += self.anchor or ()
         own += [*self.points.faces.values(), *self.points.surfaces.values()]
         content = b"".join(np.ascontiguousarray(x).tobytes() for x in own)
-        laws = ((at.name, at.face, at.friction, at.clearance, at.damping) for at in self.planes)
-        names = repr([self.body, self.pairs, *laws])
+        laws = ((at.name, at.face, at.friction, at.clearance, at.damping, at.law, at.slide) for at in self.planes)
+        names = repr([self.body, self.pairs, self.points.primitives, *laws])
         return hashlib.blake2b(content + names.encode(), digest_size=16).hexdigest()
 
     def stiffness(self, J: Array) -> Array:
@@ -242,7 +291,7 @@ class TouchingBody:
         Velocities are in the body's axes. Any fewer points, and any of their directions alone, are less stiff.
         """
         n = 3 * len(self.points.x)
-        rows = J.reshape(n, -1)
+        rows = J.reshape(n, J.shape[2])
         return np.asarray(rows.T @ np.linalg.solve(self.points.G.reshape(n, n), rows))
 
     @staticmethod
@@ -252,10 +301,9 @@ class TouchingBody:
 
     def face_of(self, contact: str) -> str:
         """Return the face whose points one of its contacts takes."""
-        faces = {plane.name: plane.face for plane in self.planes} | {pair.name: pair.face for pair in self.pairs}
-        return faces[contact]
+        return {own.name: own.face for own in self.contacts}[contact]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of its contacts, in the order of their values."""
-        return (*(plane.name for plane in self.planes), *(pair.name for pair in self.pairs))
+        return tuple(own.name for own in self.contacts)

@@ -120,7 +120,7 @@ def _set_normal(c: ContactTable, f: int, i: int, square: float, height: float) -
             n0 = (c.place[p, 0] - w0 * c.place[a, 0] - w1 * c.place[b, 0] - w2 * c.place[d, 0]) / distance
             n1 = (c.place[p, 1] - w0 * c.place[a, 1] - w1 * c.place[b, 1] - w2 * c.place[d, 1]) / distance
             n2 = (c.place[p, 2] - w0 * c.place[a, 2] - w1 * c.place[b, 2] - w2 * c.place[d, 2]) / distance
-    _set_axes(c, i, n0, n1, n2)
+    set_axes(c, i, n0, n1, n2)
     return float(size)
 
 
@@ -137,7 +137,7 @@ def _on_rim(c: ContactTable, f: int, i: int) -> bool:
 
 
 @inner
-def _set_axes(c: ContactTable, i: int, n0: float, n1: float, n2: float) -> None:
+def set_axes(c: ContactTable, i: int, n0: float, n1: float, n2: float) -> None:
     """Set a point's normal, and tangents that are across it."""
     c.axes[i, 0, 0], c.axes[i, 0, 1], c.axes[i, 0, 2] = n0, n1, n2
     if abs(n0) <= abs(n1) and abs(n0) <= abs(n2):

@@ -21,6 +21,8 @@ _private: dict[Path, bool] = {}  # folders that were looked at in this run
 
 KERNEL_SOURCES = (
     "fmd/kernels",
+    "fmd/contact",
+    "fmd/core/limits",
     "fmd/dynamics",
     "fmd/integrators",
     "fmd/recovery/kernels",

@@ -16,10 +16,11 @@ from fmd.stages.pipeline import Pipeline
 def contact_figures(run: Pipeline) -> dict[str, Any]:
     """Return the contacts of the first run by name; nothing without contacts."""
     histories = run.motion.contacts
-    figures = {name: {"near_field": "mesh", **own.figures} for name, own in histories.items()}
-    for body in run.motion.mechanism.contacts:
+    touching = run.motion.mechanism.contacts
+    near_fields = {own.name: own.near_field for body in touching for own in body.contacts}
+    figures = {name: {"near_field": near_fields[name], **own.figures} for name, own in histories.items()}
+    for body in touching:
         for plane in body.planes:
-            figures[plane.name] |= {"near_field": plane.near_field}
             own = run.contact_deformation(body.body, run.motion)
             if own is not None and plane.face in body.points.grids:
                 stress, depth = own.stress_below(plane.face, run.motion)
@@ -41,6 +42,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                 )
                 found.append({"code": "contact-energy", "text": text})
         found += [{"code": "contact-grid", "text": text} for text in _grid_faults(motion)]
+        found += [{"code": "contact-wide", "text": text} for text in _pin_faults(motion)]
         found += [{"code": "contact-coarse", "text": text} for text in _coarse_faults(motion)]
     for name, body, face in run.scene.touching_faces:
         if raised := run.parts[body].contact_points.raised:
@@ -64,7 +66,7 @@ def _grid_faults(motion: Motion) -> Iterator[str]:
     """Yield what is wrong with the grids that contacts' near fields have: too small, or too coarse."""
     planes = [(body, plane) for body in motion.mechanism.contacts for plane in body.planes]
     for body, plane in planes:
-        if not plane.near_field.startswith("half-space"):
+        if plane.face not in body.points.grids:
             continue
         own, key = motion.contacts[plane.name], f"contact.{plane.name}"
         pressed = own.area.max() / body.points.areas[plane.face][0]
@@ -80,10 +82,21 @@ def _grid_faults(motion: Motion) -> Iterator[str]:
             )
 
 
+def _pin_faults(motion: Motion) -> Iterator[str]:
+    """Yield which pins press a wider part of their bores than a half-space tells."""
+    for body in motion.mechanism.contacts:
+        for own in body.contacts:
+            if own.law and motion.contacts[own.name].beyond_grid:
+                yield (
+                    f"contact.{own.name}: the pin presses more than a quarter of its bore's round, where a half-space "
+                    "is too soft; flexible bodies, whose faces fit, tell it by their meshes"
+                )
+
+
 def _coarse_faults(motion: Motion) -> Iterator[str]:
     """Yield which contacts of curved faces press few points of the mesh, so that their force isn't sure."""
     for body in motion.mechanism.contacts:
-        for name in body.names:
+        for name in () if body.points.is_rigid else body.names:
             own = body.points.faces[body.face_of(name)]
             gridded = body.face_of(name) in body.points.grids
             pressed = int((motion.contact_pressures[body.body][:, own] > 0.0).sum(axis=1).max())
@@ -112,7 +125,7 @@ def _unseen_depth(run: Pipeline, contact: str, body: str, face: str) -> tuple[fl
     deeper = (np.minimum(points, 0.0) - lowest(reduced.x[nodes], reduced.shapes[nodes])).max()
     extent = float(np.ptp(touching.points.x[own], axis=0).max())
     why = "it tilts onto a corner; smaller elements there, or linear hexahedra, help"
-    if plane.near_field.startswith("half-space"):
+    if plane.face in touching.points.grids:
         why = "it touches beside the near field's grid, which is where the face is lowest at the start; near_field = "
         why += "'mesh' follows it"
     return (float(deeper), why) if deeper > UNSEEN_DEPTH * extent else (0.0, "")

@@ -30,6 +30,10 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
     """
     (touching,) = (own for own in run.motion.mechanism.contacts if output.contact in own.names)
     face = touching.face_of(output.contact)
+    if touching.points.is_rigid:
+        number = run.scene.output.index(output) if output in run.scene.output else 0
+        message = "is of rigid bodies, which have no mesh to draw it on; a chart of contact_pressure shows it over time"
+        raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
     points, pressures = touching.points, run.motion.contact_pressures[touching.body]
     own = points.faces[face]
     frame = int(pressures[:, own].max(axis=1).argmax())
@@ -45,8 +49,7 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
     on_face = np.isin(part.surface.nodes, part.markers[face].nodes)
     values = _fill(values, known, on_face, surface.triangles)
     peak, time = pressures[frame, own].max(), run.motion.times[frame]
-    grids = {plane.name for plane in touching.planes if plane.near_field.startswith("half-space")}
-    wide = f", on {1e6 * run.motion.contacts[output.contact].area[frame]:.3g} mm²" if output.contact in grids else ""
+    wide = f", on {1e6 * run.motion.contacts[output.contact].area[frame]:.3g} mm²" if face in points.grids else ""
     draw(
         "pictures.draw_field",
         surface,

@@ -10,6 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.core.limits.shown import BORE_WALL
 from fmd.core.rotations import rotation_by
 from fmd.stages.visual_files import read_visual
 
@@ -36,7 +37,23 @@ def shape_surfaces(run: Pipeline, body: str, size: float) -> list[tuple[Surface,
     table: Any = run.scene.body[body]
     if table.visual:
         return [(_given_surface(run, body, number), visual.colour) for number, visual in enumerate(table.visual)]
+    if table.surface:
+        return [(_touching_surface(surface), None) for surface in table.surface.values()]
     return [(_usual_surface(table, size), None)]
+
+
+def _touching_surface(table: Any) -> Surface:
+    """Return a ball, a box, a pin or a bore that may touch something."""
+    from fmd.render.solids import make_ball, make_box, make_cylinder, make_tube
+
+    if table.type == "ball":
+        return make_ball(np.array(table.at), table.radius)
+    if table.type == "box":
+        return make_box(np.array(table.size), np.array(table.at), rotation_by(table.rotation))
+    ends = np.array(table.start), np.array(table.end)
+    if table.type == "pin":
+        return make_cylinder(*ends, table.radius)
+    return make_tube(*ends, table.radius, BORE_WALL * table.radius)
 
 
 def _given_surface(run: Pipeline, body: str, number: int) -> Surface:

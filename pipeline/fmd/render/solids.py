@@ -32,6 +32,19 @@ def make_cylinder(start: Array, end: Array, radius: float) -> Surface:
     return _surface(points, np.concatenate([_fans(sides), *caps]))
 
 
+def make_tube(start: Array, end: Array, inside: float, outside: float) -> Surface:
+    """Return a tube between the middles of its ends, (3,) each [m], with two radii [m]."""
+    angle = 2 * np.pi * np.arange(_AROUND) / _AROUND
+    ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1) @ axes_along(end - start).T
+    rings = [start + outside * ring, end + outside * ring, end + inside * ring, start + inside * ring]
+    k, n = np.arange(_AROUND), (np.arange(_AROUND) + 1) % _AROUND
+    around = [
+        np.stack([k + a * _AROUND, n + a * _AROUND, n + b * _AROUND, k + b * _AROUND], axis=1)
+        for a, b in ((0, 1), (1, 2), (2, 3), (3, 0))
+    ]
+    return _surface(np.concatenate(rings), _fans(np.concatenate(around)))
+
+
 def make_ball(centre: Array, radius: float) -> Surface:
     """Return a ball around a centre (3,) [m] with a radius [m]."""
     polar, around = np.linspace(0, np.pi, _RINGS + 1)[1:-1], 2 * np.pi * np.arange(_AROUND) / _AROUND

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from fmd.core.limits.scene import MOST_CUT_PIECES
 from fmd.core.units import PositiveDensity, PositiveStress
@@ -12,18 +12,7 @@ from fmd.scene.links import FaceLink, MassOnLink
 from fmd.scene.modes import ModeSettings, RayleighDamping
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
-from fmd.scene.values import Formulation, Name, Number, Words
-
-
-def _check_poisson(nu: float) -> float:
-    if not nu > -1:
-        raise ValueError("must be above -1; most metals have about 0.3")
-    if not nu < 0.5:
-        raise ValueError("must be below 0.5 (0.5 is incompressible); 0.499 works")
-    return nu
-
-
-Poisson = Annotated[Number, AfterValidator(_check_poisson), Words("number above -1 and below 0.5")]
+from fmd.scene.values import Formulation, Name, Poisson, Words
 
 
 def _check_pieces(value: object) -> object:

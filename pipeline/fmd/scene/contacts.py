@@ -1,4 +1,4 @@
-"""Contacts in a scene file: faces of flexible bodies that may touch something."""
+"""Contacts in a scene file: faces of flexible bodies and surfaces of rigid ones that may touch something."""
 
 from __future__ import annotations
 
@@ -7,21 +7,24 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from fmd.core.limits.contact import LEAST_RESTITUTION
 from fmd.core.units import Length, NonNegativeTime, PositiveLength
-from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.values import Axis, Number, PlaceName
 
 
 class Contact(SceneTable):
-    """A contact of a flexible body's face with a plane of the ground or a face of another body, and its friction.
+    """A contact of a body with a plane of the ground or with another body, and its friction.
 
-    A face is that of an averaged marker; its points are those that a constant pressure acts on. What the bodies' modes
-    leave out of the deflection by forces on them is known from the meshes, and so is the pressure.
+    A flexible body touches with the face of an averaged marker; its points are those that a constant pressure acts on.
+    What its modes leave out of the deflection by forces on them is known from its mesh, and so is the pressure. A rigid
+    body touches with one of its surfaces, a ball, a box, a pin or a bore, whose flexibility is a half-space's.
 
     Parameters
     ----------
     between : tuple of str
-        The ground or a place on it, where the plane is, and a marker on the face; or markers on faces of two bodies.
+        The ground or a place on it, where the plane is, and a marker on the face or a surface of a rigid body; or two
+        of these, of two bodies.
     normal : tuple of float
         Direction out of the ground, in the axes of the place; its length doesn't count.
     friction : float
@@ -31,6 +34,8 @@ class Contact(SceneTable):
     damping : float
         Time β of the damping of the flexibility that modes leave out [s]: a deflection w takes the force of
         ``w + β ẇ``. Contacts with a body in common have the same. It shortens the longest step.
+    restitution : float
+        Of two rigid bodies, or one and a plane, the speed after a shock over that before, if nothing else holds them.
     near_field : str
         What gives the flexibility near a contact with a plane: the ``"mesh"``, or, on a sphere, a cylinder, a cone or
         an ellipsoid, a ``"half-space"`` with a fine grid where the face is lowest at the start. ``"auto"`` takes this
@@ -59,6 +64,7 @@ class Contact(SceneTable):
     friction: Annotated[Number, Field(ge=0.0, le=10.0)] = 0.0
     clearance: Length = 0.0
     damping: NonNegativeTime = 0.0
+    restitution: Annotated[Number, Field(ge=LEAST_RESTITUTION, le=1.0)] = 1.0
     near_field: Literal["auto", "mesh", "half-space"] = "auto"
     points: Annotated[int, Field(ge=50, le=1000)] = 400
     width: PositiveLength | None = None
@@ -87,16 +93,22 @@ class Contact(SceneTable):
 
 
 def check_bodies(
-    contacts: Mapping[str, Contact], flexible: Collection[str], pieces: Collection[str], known: Collection[str]
+    contacts: Mapping[str, Contact], pieces: Collection[str], flexible: Collection[str]
 ) -> Iterator[FaultError]:
-    """Yield faults of contacts with bodies that can't touch, or of another damping than one of the same body."""
+    """Yield faults of contacts with bodies in pieces, or of another damping or restitution than others allow."""
     of_body: dict[str, tuple[str, float]] = {}
     for name, contact in contacts.items():
-        for body in sorted({end.partition(".")[0] for end in contact.between} - {"ground"}):
-            if body in known and body not in flexible:
-                what = "in pieces" if body in pieces else "rigid, and nothing says how stiff its surface is"
-                mend = "pieces = 1 works" if body in pieces else "a flexible body with few modes works"
-                yield FaultError(f"touches with {body}, which is {what}; {mend}", "contact", name, "between")
+        bodies = sorted({end.partition(".")[0] for end in contact.between} - {"ground"})
+        for body in bodies:
+            if body in pieces:
+                yield FaultError(
+                    f"touches with {body}, which is in pieces; pieces = 1 works", "contact", name, "between"
+                )
+            if body not in flexible:
+                continue
+            if contact.restitution != 1.0:
+                fault = f"is for rigid bodies alone: {body} bounces by its modes; damping takes energy, too"
+                yield FaultError(fault, "contact", name, "restitution")
             other, damping = of_body.setdefault(body, (name, contact.damping))
             if damping != contact.damping:
                 fault = f"isn't that of contact.{other}, {damping:g} s, which has {body} in common with it"
@@ -109,7 +121,10 @@ def check_faces(contacts: Mapping[str, Contact]) -> Iterator[FaultError]:
     for name, contact in contacts.items():
         first, second = (end.partition(".")[0] for end in contact.between)
         if contact.on_ground and (first != "ground" or second == "ground"):
-            mend = "'ground' or a place on it first, where a plane is, and a face of a flexible body second"
+            mend = (
+                "'ground' or a place on it first, where a plane is, and a face of a flexible body, or a surface of a "
+            )
+            mend += "rigid one, second"
             yield FaultError(f"must be {mend}", "contact", name, "between")
         elif first == second:
             mend = "two bodies, or a plane of the ground, can touch; divide the body, and join its parts"
@@ -119,3 +134,16 @@ def check_faces(contacts: Mapping[str, Contact]) -> Iterator[FaultError]:
             mend = "a face touches one plane, and two faces make one contact; join them, or name parts of faces"
             yield FaultError(f"has the face of contact.{taken[faces]}; {mend}", "contact", name, "between")
         taken[faces] = name
+
+
+def check_surface(place: str, surfaces: Collection[str], contact: Contact, *path: str | int) -> Iterator[FaultError]:
+    """Check a place on a rigid body that touches something: one of its surfaces."""
+    body, _, surface = place.partition(".")
+    if not surfaces:
+        mend = f"give it one, e.g. [body.{body}.surface.skin] with type = 'ball', radius, E and nu"
+        yield FaultError(f"touches with {body}, a rigid body without a surface; {mend}", *path)
+    elif surface not in surfaces:
+        yield UnknownNameError("surface", place, [f"{body}.{own}" for own in surfaces], "the surfaces", *path)
+    if contact.near_field == "half-space" or contact.width is not None:
+        key = "width" if contact.width is not None else "near_field"
+        yield FaultError("is for faces of flexible bodies; round rigid surfaces have laws of their own", *path[:2], key)

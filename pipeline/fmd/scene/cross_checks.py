@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.units import unit_ratio
-from fmd.scene.contacts import check_bodies, check_faces
+from fmd.scene.contacts import check_bodies, check_faces, check_surface
 from fmd.scene.controllers import Controller
 from fmd.scene.curves import TimeFunction
 from fmd.scene.histories import Quantities
@@ -19,6 +19,7 @@ from fmd.scene.loads import Drive, MarkerLoad, MotionDrive
 from fmd.scene.outputs import CONTACT_QUANTITIES, JOINT_QUANTITIES, MECHANISM_FORMATS, Chart, Export
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
+from fmd.scene.rigid_bodies import Undeformable
 from fmd.scene.runs import name_methods
 from fmd.scene.scene_tables import SceneTables
 from fmd.scene.state_loads import OWN, FormulaVariables, LoadOverTime
@@ -160,10 +161,13 @@ class CrossCheck:
     def _check_contacts(self) -> Iterator[FaultError]:
         for name, contact in self.scene.contact.items():
             for number, place in enumerate(contact.between):
-                yield from self._check_place(place, "contact", name, "between", number)
+                body = self.scene.body.get(place.partition(".")[0])
+                if isinstance(body, Undeformable):
+                    yield from check_surface(place, [*body.surface], contact, "contact", name, "between", number)
+                else:
+                    yield from self._check_place(place, "contact", name, "between", number)
         yield from check_faces(self.scene.contact)
-        whole = {*self.scene.flexible} - {*self.scene.pieces}
-        yield from check_bodies(self.scene.contact, whole, self.scene.pieces, {*self.scene.body})
+        yield from check_bodies(self.scene.contact, self.scene.pieces, self.scene.flexible)
         if self.scene.contact and self.scene.sampled:
             fault = f"can't be in a scene with a sampled controller, {self.scene.sampled[0]}"
             yield FaultError(fault, "contact", next(iter(self.scene.contact)))

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
-from fmd.scene.bodies import Deformable, DividedMesh, Poisson, Solid, require_interface
+from fmd.scene.bodies import Deformable, DividedMesh, Solid, require_interface
 from fmd.scene.links import FaceLink, MassOnLink, TiedFace
 from fmd.scene.matrix_files import MatrixFiles
 from fmd.scene.modes import ModeSettings, ReducedModes
@@ -17,7 +17,7 @@ from fmd.scene.orientation import Orientation
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.sectors import SectorMesh
-from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, SourceFile, Text
+from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, Poisson, SourceFile, Text
 
 
 class MeshFile(DividedMesh, SectorMesh):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.units import MomentOfInertia, NonNegative, PositiveLength, PositiveMass
 from fmd.scene.orientation import Orientation
 from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.rigid_surfaces import RigidSurface
 from fmd.scene.values import Name, Point
 from fmd.scene.visuals import Visuals
 
@@ -53,12 +54,22 @@ class Undeformable(SceneTable):
         Points for joints, loads and results, by name.
     visual : tuple of Visual
         Shapes in pictures and films. By default a rod is one of its length, a point mass a ball, and any other body
-        rods or a plate through its markers, or the box that has its inertia.
+        its surfaces, else rods or a plate through its markers, or the box that has its inertia.
+    surface : dict of str to RigidSurface
+        Balls, boxes, pins and bores that may touch something, by name.
     """
 
     mass: PositiveMass
     marker: dict[Name, PointMarker]
     visual: Visuals = ()
+    surface: dict[Name, RigidSurface] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _surfaces_have_names_of_their_own(self) -> Self:
+        for name in self.surface:
+            if name in self.marker:
+                raise FaultError("is the name of a marker; another one works", "surface", name)
+        return self
 
 
 class Rod(Undeformable):

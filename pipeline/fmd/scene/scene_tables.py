@@ -53,13 +53,20 @@ class SceneTables(SceneTable):
 
     @property
     def touching_faces(self) -> tuple[tuple[str, str, str], ...]:
-        """Contact, body and marker of each face that may touch something."""
+        """Contact, body and marker of each face of a flexible body that may touch something."""
         both = ((name, *end.partition(".")[::2]) for name, own in self.contact.items() for end in own.between)
-        return tuple((name, body, face) for name, body, face in both if body != "ground")
+        return tuple((name, body, face) for name, body, face in both if body in self.flexible)
+
+    @property
+    def rigid_in_contact(self) -> tuple[str, ...]:
+        """The rigid bodies that may touch something."""
+        bodies = (end.partition(".")[0] for own in self.contact.values() for end in own.between)
+        return tuple(dict.fromkeys(body for body in bodies if body in self.body and body not in self.flexible))
 
     def faces_in_contact(self, body: str, with_bodies: bool) -> tuple[str, ...]:
-        """Return the markers on the faces of a body that may touch something, or other bodies alone."""
-        faces = (at for at in self.touching_faces if not (with_bodies and self.contact[at[0]].on_ground))
+        """Return the markers on the faces of a body that may touch something, or other flexible bodies alone."""
+        pairs = {name for name, *_ in self.touching_faces if [at[0] for at in self.touching_faces].count(name) == 2}
+        faces = (at for at in self.touching_faces if at[0] in pairs or not with_bodies)
         return tuple(dict.fromkeys(face for _, own, face in faces if own == body))
 
     @property

@@ -44,6 +44,14 @@ def _check_name(name: str) -> str:
     return name
 
 
+def _check_poisson(nu: float) -> float:
+    if not nu > -1:
+        raise ValueError("must be above -1; most metals have about 0.3")
+    if not nu < 0.5:
+        raise ValueError("must be below 0.5 (0.5 is incompressible); 0.499 works")
+    return nu
+
+
 def _number_as_text(name: object) -> object:
     return str(name) if isinstance(name, int) and not isinstance(name, bool) else name
 
@@ -200,6 +208,7 @@ LengthUnit = Annotated[str, UnitCheck("m")]
 MassUnit = Annotated[str, UnitCheck("kg")]
 ForceUnit = Annotated[str, UnitCheck("N")]
 Number = Annotated[float, Field(strict=True), AfterValidator(require_possible)]
+Poisson = Annotated[Number, AfterValidator(_check_poisson), Words("number above -1 and below 0.5")]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]
 Formulation = Literal["enhanced", "plain"]

@@ -144,7 +144,7 @@ def step_limits(omega: Array, lowest: float, error: float, duration: float) -> A
     The error over a duration T is ``ω T (ω h)²/24 · (ω₁/ω)²``, ω₁ the lowest frequency.
     """
     moving = np.maximum(omega, 1e-150)
-    accurate = np.sqrt(24 * error / (duration * moving * lowest**2))
+    accurate = np.sqrt(24 * error / (duration * moving)) / lowest  # its square may be no number
     return np.asarray(np.minimum(accurate, 2 * STABLE_SHARE / moving))
 
 

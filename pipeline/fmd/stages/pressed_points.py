@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmd.contact.round_laws import DEPTH, LOAD, POWER
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.contact import DEEP_START
+from fmd.core.limits.contact import DEEP_START, SOFTEST_DENT
 from fmd.integrators.protocol import evaluate
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def pressed_stiffness(system: TouchingSystem, q: Array) -> Array:
     evaluate(p, 0.0, q, still, np.zeros(system.n))
     c = p.contact
     points = [body.points for body in system.mechanism.contacts]
-    size = max(float(np.ptp(own.x, axis=0).max()) for own in points)
+    size = max(own.extent for own in points)
     J = [system.point_velocities(q, int(link), own.x, own.shapes) for link, own in zip(c.link, points, strict=True)]
     for g in range(len(c.noise)):
         mine = np.arange(c.group[g], c.group[g + 1])
@@ -36,8 +37,33 @@ def pressed_stiffness(system: TouchingSystem, q: Array) -> Array:
             T = _motions(c, mine, body, len(own.x))
             rows += np.einsum("iakb,kbn->ian", T, J[body], optimize=True)
             D += np.einsum("iakc,kcld,jbld->iajb", T, own.G, T, optimize=True)
+        for k, i in enumerate(mine):
+            if c.rounded[s := c.surface[i]]:
+                rows[k] = _velocity(system, p, q, i, c.slave[s])
+                if c.dent[i, 0] > 0.0:  # hardly pressed ones are too soft to tell how far to go
+                    D[k, :, k] = np.minimum(_round_flexibility(c, i), SOFTEST_DENT * D[k, :, k])
+            if c.primitive[s, 0]:
+                rows[k] -= _velocity(system, p, q, i, c.master[s])
         K += rows[held].T @ np.linalg.solve(D[held][:, held], rows[held])
     return K
+
+
+def _velocity(system: TouchingSystem, p: Any, q: Array, i: int, body: int) -> Array:
+    """Return the velocity along a point's axes, by unit rates, of a body where the point touches, (3, n)."""
+    c, link = p.contact, int(p.contact.link[body])
+    R, at = p.rotations[link], c.place[c.node[i]] - c.radii[c.node[i]] * c.axes[i, 0]
+    x = (at - p.origins[link]) @ R
+    n_modes = int(c.n_modes[body])
+    return np.asarray(c.axes[i] @ R @ system.point_velocities(q, link, x[None], np.zeros((1, 3, n_modes)))[0])
+
+
+def _round_flexibility(c: ContactTable, i: int) -> Array:
+    """Return the flexibility of a round point along its axes at its depth, by the slope of its law, (3, 3)."""
+    law, s = c.law[c.surface[i]], c.surface[i]
+    depth = c.dent[i, 0]
+    row = law[max(0, int(np.searchsorted(law[:, DEPTH], depth, side="right")) - 1)]
+    secant = c.shares[i] * row[LOAD] / row[DEPTH] * (depth / row[DEPTH]) ** (row[POWER] - 1.0)
+    return np.diag(np.array([1.0 / row[POWER], c.slide[s], c.slide[s]]) / secant)
 
 
 def _motions(c: ContactTable, mine: IntArray, body: int, n: int) -> Array:
@@ -47,7 +73,7 @@ def _motions(c: ContactTable, mine: IntArray, body: int, n: int) -> Array:
         s = c.surface[i]
         if c.slave[s] == body:
             T[k, :, c.node[i] - first] += c.turned[i]
-        if c.master[s] == body:
+        if c.master[s] == body and not c.primitive[s, 0]:
             for e in range(3):
                 T[k, :, c.foot[i, e] - first] -= c.weights[i, e] * c.turned[i] @ c.Q[i]
     return T

@@ -11,7 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InertiaError, InputError, StabilityError
-from fmd.core.limits.contact import CHOSEN_STEP, DEEP_START, HALVED_STEPS, LARGEST_STEP, LOST_ENERGY
+from fmd.core.limits.contact import CHOSEN_STEP, DEEP_START, HALVED_STEPS, LARGEST_STEP, LOST_ENERGY, SHOCK_STEPS
 from fmd.core.limits.mechanism import NO_FORCE
 from fmd.core.limits.stability import ALLOWED_GROWTH, LEAST_CYCLES, SURELY_STABLE, TRIED_PART, TRIED_TIMES
 from fmd.dynamics.compiled_system.shared import share_system
@@ -250,7 +250,8 @@ def _limit_contact_step(built: Pipeline, plan: Plan, limit: float, free: bool) -
     _require_free_start(built, plan)
     step = plan.integrator.step
     if free:
-        share = built.results.get("contact step", CHOSEN_STEP)
+        round_laws = any(own.law for body in plan.mechanism.contacts for own in body.contacts)
+        share = built.results.get("contact step", CHOSEN_STEP) * (SHOCK_STEPS if round_laws else 1.0)
         return Growth(plan.system.resolving_step(share * plan.system.largest_step)[0])
     if step > LARGEST_STEP * limit:  # which an implicit method has none of
         raise InputError(
@@ -274,7 +275,7 @@ def _require_free_start(built: Pipeline, plan: Plan) -> None:
     for body in plan.mechanism.contacts:
         for name in body.names:
             depth = table.deepest(number)
-            if depth > DEEP_START * float(np.ptp(body.points.x, axis=0).max()):
+            if depth > DEEP_START * body.points.extent:
                 mend = f"{body.body} has to start above what it touches, or on it"
                 raise InputError(built.scene.file, f"contact.{name}", None, f"begins {depth:.4g} m deep: {mend}")
             number += 1

@@ -65,3 +65,17 @@ DEPTHS_BELOW = 30  # depths at which it is
 COLUMNS_BELOW = 16  # rectangles below which it is
 CARRYING = 0.05  # of a grid point's force on a node: nodes with more have a stress that elements don't show
 UNSEEN_WEIGHT = 1e-6  # of a node: one with less everywhere is left out
+
+# Rigid bodies.
+USUAL_ROUNDING = 0.05  # of the least extent of a box: radius of its edges and corners where none is given
+LEAST_RESTITUTION = 0.05  # below it a damper of a shock would be stiffer than the surface
+PRIMITIVE_DEPTH = 1e-5  # of a radius: how deep a surface is pressed at least in what steps are chosen by
+SHOCK_STEPS = 0.25  # of the step that is chosen elsewhere: forces of round surfaces rise as a power of the depth
+SAME_TIME = 1e-12  # of a time: a state that is no later than the last step by more has its forces
+LAW_ROWS = 24  # depths at which the force of a pin is computed
+LAW_STRIPS = 100  # strips that its contact is divided into
+WIDEST_ANGLE = 0.7853981633974483  # [rad]: half of a pin's contact in a bore, up to which a half-space tells it
+LEAST_ANGLE = 1e-4  # [rad]: the same at the first of these depths
+ROUND_ENOUGH = 1e-5  # difference of curvatures, of the larger one, that counts as none
+FLATTEST = 1e-12  # (b/a)² of an elliptic contact
+SOFTEST_DENT = 10.0  # of the expected flexibility: more that a round surface has at rest, hardly pressed, is left out

@@ -64,3 +64,5 @@ BRIEF_PICTURES = 3  # on the page for those who decide
 BRIEF_DOUBTS = 8  # sentences there about what is uncertain
 REPORTED_ROWS = 12  # of a table
 REPORTED_DIGITS = 5  # of a number in a table that is a file of its own
+
+BORE_WALL = 1.4  # of a bore's radius: outside of what is drawn around it

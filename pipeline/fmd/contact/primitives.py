@@ -1,0 +1,64 @@
+"""Surfaces of rigid bodies: points with a radius, and balls, boxes, pins and bores that points may touch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmd.core.arrays import Array
+
+PLANE, BALL, BOX, PIN, BORE = range(5)
+"""Kinds of primitives, as kernels know them; those from `PIN` on have an axis."""
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """A surface of a rigid body that points may touch, known by its distance from any place.
+
+    Parameters
+    ----------
+    kind : int
+        `BALL`, `BOX`, `PIN` or `BORE`.
+    at : tuple of float
+        Its middle in the body's frame [m].
+    axes : tuple of tuple of float
+        Rows: directions in the body's frame, the last one along the axis of a pin or a bore.
+    half : tuple of float
+        Half extents of what is round about it along these [m]: a box without its rounding, an axis, a point.
+    radius : float
+        Distance of the surface from that [m].
+    """
+
+    kind: int
+    at: tuple[float, float, float]
+    axes: tuple[tuple[float, float, float], ...]
+    half: tuple[float, float, float]
+    radius: float
+
+    @property
+    def row(self) -> Array:
+        """All numbers that kernels read, shape (17,)."""
+        return np.concatenate([[self.kind], self.at, np.ravel(self.axes), self.half, [self.radius]])
+
+
+@dataclass(frozen=True)
+class RoundPoints:
+    """Points of a rigid body, each the centre of a ball or of a piece of a pin.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, 3)
+        Centres in the body's frame [m].
+    radius : float
+        Distance of the surface from them [m].
+    shares : ndarray, shape (n,)
+        Part of the law's force that each has at a depth: 1 of a ball, less of the pieces of a pin.
+    length : float
+        Length of a pin [m]; 0 of balls.
+    """
+
+    x: Array
+    radius: float
+    shares: Array
+    length: float = 0.0

@@ -1,0 +1,161 @@
+"""Surfaces of rigid bodies that may touch something: balls, boxes, pins and bores."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from fmd.core.limits.contact import USUAL_ROUNDING
+from fmd.core.units import PositiveLength, PositiveStress
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import Point, Poisson, Turn
+
+
+class ElasticSurface(SceneTable):
+    """Keys that all surfaces of rigid bodies have in common.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus of the material there [Pa].
+    nu : float
+        Poisson's ratio.
+    """
+
+    E: PositiveStress
+    nu: Poisson
+
+
+class BallSurface(ElasticSurface):
+    """A ball, or a rounded tip.
+
+    Parameters
+    ----------
+    radius : float
+        Radius [m].
+    at : tuple of float
+        Centre in the body's frame [m].
+
+    Examples
+    --------
+    ::
+
+        [body.bob.surface.skin]
+        type = "ball"
+        radius = "20 mm"
+        E = "210 GPa"
+        nu = 0.3
+    """
+
+    type: Literal["ball"]
+    radius: PositiveLength
+    at: Point = (0.0, 0.0, 0.0)
+
+
+class BoxSurface(ElasticSurface):
+    """A box with rounded edges and corners.
+
+    Parameters
+    ----------
+    size : tuple of float
+        Extents along x, y and z [m].
+    at : tuple of float
+        Middle in the body's frame [m].
+    rotation : tuple of float
+        Rotation vector that turns the box in the body's frame [rad].
+    rounding : float, optional
+        Radius of its edges and corners [m]; by default a twentieth of the least extent. A sharp corner would dent
+        under the least force.
+
+    Examples
+    --------
+    ::
+
+        [body.crate.surface.skin]
+        type = "box"
+        size = ["0.4 m", "0.3 m", "0.2 m"]
+        E = "1 GPa"
+        nu = 0.3
+    """
+
+    type: Literal["box"]
+    size: tuple[PositiveLength, PositiveLength, PositiveLength]
+    at: Point = (0.0, 0.0, 0.0)
+    rotation: Turn = (0.0, 0.0, 0.0)
+    rounding: PositiveLength | None = None
+
+    @property
+    def edge_radius(self) -> float:
+        """Radius of its edges and corners [m]."""
+        return USUAL_ROUNDING * min(self.size) if self.rounding is None else self.rounding
+
+    @model_validator(mode="after")
+    def _has_faces(self) -> Self:
+        if 2.0 * self.edge_radius > min(self.size):
+            raise FaultError(f"is more than half of the least extent, {min(self.size):g} m", "rounding")
+        return self
+
+
+class AxialSurface(ElasticSurface):
+    """Keys of surfaces around an axis.
+
+    Parameters
+    ----------
+    start, end : tuple of float
+        Ends of the axis in the body's frame [m].
+    radius : float
+        Radius [m].
+    """
+
+    start: Point
+    end: Point
+    radius: PositiveLength
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> Self:
+        if self.start == self.end:
+            raise FaultError("is the start: a pin or a bore needs a length", "end")
+        return self
+
+
+class PinSurface(AxialSurface):
+    """The outside of a cylinder.
+
+    Examples
+    --------
+    ::
+
+        [body.rod.surface.journal]
+        type = "pin"
+        start = ["0 mm", "0 mm", "-10 mm"]
+        end = ["0 mm", "0 mm", "10 mm"]
+        radius = "9.5 mm"
+        E = "207 GPa"
+        nu = 0.3
+    """
+
+    type: Literal["pin"]
+
+
+class BoreSurface(AxialSurface):
+    """The inside of a cylinder.
+
+    Examples
+    --------
+    ::
+
+        [body.slider.surface.bore]
+        type = "bore"
+        start = ["0 mm", "0 mm", "-10 mm"]
+        end = ["0 mm", "0 mm", "10 mm"]
+        radius = "10 mm"
+        E = "207 GPa"
+        nu = 0.3
+    """
+
+    type: Literal["bore"]
+
+
+SURFACES = (BallSurface, BoxSurface, PinSurface, BoreSurface)
+RigidSurface = Annotated[BallSurface | BoxSurface | PinSurface | BoreSurface, Field(discriminator="type")]

@@ -1,0 +1,141 @@
+"""A slider-crank whose last joint is a pin in a wider bore, against a model by SciPy; and with nearly no clearance."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fmd import Pipeline, load_scene
+from fmd.contact.round_laws import DEPTH, LOAD, POWER, RoundLaw, joint_modulus, pin_law
+from fmd.core.arrays import Array
+from tests.contact.test_rigid_contacts import scene
+
+CRANK, ROD, RATE = 0.05, 0.12, 100.0  # of the slider-crank that Flores and others have: lengths [m]; [rad/s]
+M_ROD, I_ROD, M_SLIDER = 0.21, 2.5e-5, 0.14
+RADIUS, WIDTH, STEEL = 0.01, 0.02, {"E": 207e9, "nu": 0.3}
+
+
+def slider_crank(clearance: float, duration: float, **contact: Any) -> Pipeline:
+    def axis(at: float) -> dict[str, Any]:
+        return {"start": [at, 0, -WIDTH / 2], "end": [at, 0, WIDTH / 2], **STEEL}
+
+    bodies = {
+        "crank": {
+            "mass": 0.3,
+            "inertia": [1e-5] * 3,
+            "marker": {"hub": {"at": [0, 0, 0]}, "end": {"at": [CRANK, 0, 0]}},
+        },
+        "rod": {
+            "mass": M_ROD,
+            "centre": [ROD / 2, 0, 0],
+            "inertia": [I_ROD] * 3,
+            "marker": {"big": {"at": [0, 0, 0]}, "small": {"at": [ROD, 0, 0]}},
+            "surface": {"journal": {"type": "pin", "radius": RADIUS, **axis(ROD)}},
+        },
+        "slider": {
+            "mass": M_SLIDER,
+            "inertia": [1e-5] * 3,
+            "marker": {"middle": {"at": [0, 0, 0]}},
+            "surface": {"bore": {"type": "bore", "radius": RADIUS + clearance, **axis(0.0)}},
+        },
+    }
+    z = {"type": "revolute", "axis": [0, 0, 1]}
+    joints = {
+        "hub": z | {"parent": "ground", "child": "crank.hub"},
+        "big": z | {"parent": "crank.end", "child": "rod.big", "rate": -RATE * (1.0 + CRANK / ROD)},
+        "guide": {"type": "prismatic", "axis": [1, 0, 0], "parent": "ground", "child": "slider.middle"},
+    }
+    joints["guide"]["position"] = CRANK + ROD
+    fit = {"between": ["slider.bore", "rod.journal"], **contact}
+    own = scene({k: {"shape": "rigid"} | body for k, body in bodies.items()}, joints, {"fit": fit}, duration)
+    motion = {"type": "motion", "joint": "hub", "angle": {"formula": f"{RATE}*t", "unit": "rad"}}
+    own["simulation"]["tip"] = "slider.middle"
+    return Pipeline(load_scene(own | {"drive": {"turn": motion}}))
+
+
+def by_scipy(clearance: float, times: Array, restitution: float) -> tuple[Array, float]:
+    """March the rod's angle and the slider's place; return the latter and the largest force.
+
+    The journal is a point on the rod, pushed along its line to the bore's centre. Of a shock the speed of the approach
+    is that at which the gap closes, an event of the march.
+    """
+    rows, _ = pin_law(RADIUS, RADIUS + clearance, WIDTH, joint_modulus((207e9, 0.3), (207e9, 0.3)))
+    loss, table, largest = RoundLaw(rows, restitution).loss, np.array(rows), 0.0
+
+    def apart(t: float, y: Array) -> tuple[Array, Array]:
+        a, b = RATE * t, y[0]
+        journal = CRANK * np.array([np.cos(a), np.sin(a)]) + ROD * np.array([np.cos(b), np.sin(b)])
+        speed = RATE * CRANK * np.array([-np.sin(a), np.cos(a)]) + y[2] * ROD * np.array([-np.sin(b), np.cos(b)])
+        return journal - [y[1], 0.0], speed - [y[3], 0.0]
+
+    def depth(t: float, y: Array, *_: Any) -> float:
+        return float(np.linalg.norm(apart(t, y)[0]) - clearance)
+
+    def force(t: float, y: Array, first: float) -> Array:
+        d, v = apart(t, y)
+        n = d / max(float(np.linalg.norm(d)), 1e-30)
+        deep, rate = depth(t, y), float(v @ n)
+        if deep <= 0.0:
+            return np.zeros(2)
+        row = table[max(0, np.searchsorted(table[:, DEPTH], deep, side="right") - 1)]
+        size = row[LOAD] * (deep / row[DEPTH]) ** row[POWER] * (1.0 + loss * rate / first)
+        return -max(0.0, size) * n  # on the journal
+
+    def slopes(t: float, y: Array, first: float) -> Array:
+        a, b, f = RATE * t, y[0], force(t, y, first)
+        pivot, across = -(RATE**2) * CRANK * np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(b), np.cos(b)])
+        turn = (ROD * across @ f - M_ROD * ROD / 2 * across @ pivot) / (I_ROD + M_ROD * ROD**2 / 4)
+        return np.array([y[2], y[3], turn, -f[0] / M_SLIDER])
+
+    depth.terminal = True  # type: ignore[attr-defined]
+    t, y, first, found = 0.0, np.array([0.0, CRANK + ROD, -RATE * CRANK / ROD, 0.0]), 1.0, np.zeros(len(times))
+    inside = False
+    while t < times[-1]:
+        depth.direction = -1.0 if inside else 1.0  # type: ignore[attr-defined]
+        step = 2e-6 if inside else 1e-4
+        run = solve_ivp(
+            slopes, (t, times[-1]), y, "DOP853", args=(first,), events=depth, rtol=1e-10, atol=1e-13, max_step=step,
+            dense_output=True,
+        )  # fmt: skip
+        now = (times >= t) & (times <= run.t[-1])
+        if now.any():
+            found[now] = run.sol(times[now])[1]
+        if inside:
+            largest = max(largest, *(float(np.linalg.norm(force(at, run.sol(at), first))) for at in run.t))
+        t, y, inside = float(run.t[-1]), run.y[:, -1], not inside
+        d, v = apart(t, y)
+        first = float(v @ d / np.linalg.norm(d)) if inside else 1.0
+    return found, largest
+
+
+@cache
+def loose() -> Pipeline:
+    return slider_crank(0.5e-3, 8e-3, restitution=0.9)
+
+
+def test_a_slider_crank_with_a_clearance_moves_as_an_independent_model_does() -> None:
+    run = loose()
+    own, places = run.motion.contacts["fit"], run.motion.trajectory.q[:, -1]
+    exact, largest = by_scipy(0.5e-3, run.motion.times, 0.9)
+    assert own.impulse[-1, 0] > 0.0  # the slider is pulled back
+    np.testing.assert_allclose(places, exact, atol=0.01 * 0.5e-3)  # of the clearance, over some shocks
+    assert own.figures["largest_force_n"] == pytest.approx(largest, rel=0.01)
+
+
+def test_the_pin_stays_in_its_bore_and_friction_and_loss_take_energy() -> None:
+    run = slider_crank(0.5e-3, 8e-3, restitution=0.9, friction=0.1)
+    own = run.motion.contacts["fit"]
+    assert own.friction_work[-1] > 0.0
+    assert own.damping_work[-1] > 0.0
+    assert abs(own.energy_error[-1]) < 0.01 * run.motion.energies[0].max()
+
+
+def test_with_little_clearance_the_slider_is_where_a_joint_has_it() -> None:
+    run = slider_crank(1e-5, 4e-3, restitution=0.5)
+    angle = RATE * run.motion.times
+    exact = CRANK * np.cos(angle) + np.sqrt(ROD**2 - (CRANK * np.sin(angle)) ** 2)
+    np.testing.assert_allclose(run.motion.trajectory.q[:, -1], exact, atol=2e-5)
