@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.cli.mjcf_robot import read_mjcf
 from fmd.cli.robot_scenes import write_robot_scene
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
@@ -77,6 +78,43 @@ def test_joints_of_one_body_an_included_file_and_an_equality_are_taken(tmp_path:
     assert M[5, 5] == pytest.approx(0.4 * hull * 0.1**2 + tail * 0.02**2 / 2)
 
 
+SETTINGS = """<mujoco>
+  <compiler inertiagrouprange="0 1" settotalmass="-1"/>
+  <option density="1.2" wind="0 0 0"><flag gravity="disable" limit="disable" contact="disable"/></option>
+  <default class="robot"><joint damping="0.5"/><geom density="2000"/></default>
+  <default><joint frictionloss="0.2"/><equality active="false"/></default>
+  <include file="parts/body.xml"/>
+  <equality><joint joint1="y" joint2="x"/></equality>
+</mujoco>"""
+PARTS = {
+    "body": """<mujocoinclude><worldbody><body name="a" gravcomp="1"><joint name="x" range="-10 10"/>
+      <geom size="0.1"/><geom size="0.3" group="3"/><include file="b.xml"/></body></worldbody></mujocoinclude>""",
+    "b": """<any><body name="b" zaxis="0 0 -1"><joint name="y" class="robot" margin="0.1" springdamper="0 0"/>
+      <geom type="box" fromto="0 0 0 0 0 0.4" size="0.1 0.3"/></body></any>""",
+}
+
+
+def test_settings_are_taken_or_named(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "a.xml").write_text(SETTINGS)
+    for name, text in PARTS.items():
+        (tmp_path / "parts" / f"{name}.xml").write_text(text)
+    robot = read_mjcf(tmp_path / "a.xml")
+    assert robot.gravity == (0.0, 0.0, 0.0)
+    assert robot.links["a"].mass == pytest.approx(2000 * 4 / 3 * np.pi * 0.1**3)  # without the geom of group 3
+    assert robot.links["b"].mass == pytest.approx(2000 * 0.2 * 0.2 * 0.4)  # as wide as its first size
+    for joint in robot.joints.values():
+        assert (joint.damping, joint.friction, joint.limits, joint.mimic) == (0.5, 0.2, {}, None)
+    np.testing.assert_allclose(robot.joints["y"].pose.axes, np.diag([1.0, -1.0, -1.0]), atol=1e-15)
+    assert sorted(robot.notes) == [
+        "body gravcomp 1 isn't taken: a",
+        "equality joint isn't taken: not active",
+        "geoms of the world, and contact of others, aren't taken: as in docs/contact.md",
+        "joint margin 0.1 isn't taken: y",
+        "option density 1.2 isn't taken: the file",
+    ]
+
+
 BODY = '<mujoco><worldbody><body name="a">{}</body></worldbody></mujoco>'
 
 
@@ -88,7 +126,19 @@ BODY = '<mujoco><worldbody><body name="a">{}</body></worldbody></mujoco>'
         (BODY.format('<joint/><geom type="mesh" mesh="m"/>'), "the mesh m, which isn't there"),
         (BODY.format('<joint/><geom type="hfield" size="1"/>'), "has its inertia from a hfield"),
         (BODY.format('<joint type="screw"/><geom size="1"/>'), "screw"),
-        (BODY.format('<joint axis="0 0 0"/><geom size="1"/>'), "an axis of no length"),
+        (
+            BODY.format('<joint axis="0 0 0"/><geom size="1"/>'),
+            "body a: can't be read: the axis of a-joint has a vector",
+        ),
+        (BODY.format('<joint springdamper="0.1 1"/><geom size="1"/>'), "joint springdamper '0.1 1' isn't read"),
+        (BODY.format('<joint damping="nan"/><geom size="1"/>'), "body a: can't be read: damping 'nan' is no finite"),
+        (BODY.format('<joint/><geom size="1" mass="-1"/>'), "mass '-1' is below 0"),
+        (BODY.format('<joint/><inertial pos="0 0 0" mass="nan" diaginertia="1 1 1"/>'), "mass 'nan' is no finite"),
+        (BODY.format('<joint/><geom type="cylinder" fromto="0 0 0 1 0 0"/>'), "body a: can't be read: a cylinder of 2"),
+        (BODY.format('<joint/><geom type="box" size="1"/>'), "a box of 3 sizes above 0 has 1"),
+        (BODY.format('<joint/><geom size="1" axisangle="0 0 0 1"/>'), "axisangle has a vector of no length"),
+        ('<mujoco><include file="a.xml"/></mujoco>', "include = 'a.xml': is included twice, or in itself"),
+        ('<mujoco><compiler boundmass="0.1"/></mujoco>', "boundmass '0.1' isn't read; save the model compiled"),
         (BODY.format('<joint class="b"/><geom size="1"/>'), "'b'"),
         (BODY.format('<joint/><geom size="1"/><replicate/>'), "<replicate> isn't read"),
         ('<mujoco><compiler coordinate="global"/></mujoco>', "save the model compiled"),

@@ -35,6 +35,9 @@ def add_masses(parts: Iterable[SolidMass]) -> SolidMass:
     return SolidMass(mass, centre, inertia)
 
 
+_SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3}
+
+
 @dataclass(frozen=True)
 class Geom:
     """A geom: its kind, its pose in the body, its sizes [m], halves as MJCF has them, and a mesh's file and scale."""
@@ -44,6 +47,13 @@ class Geom:
     size: tuple[float, ...]
     file: str
     scale: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Raise ``ValueError`` for a solid without its sizes."""
+        needed = _SIZES.get(self.kind, 0)
+        if len(self.size) < needed or not all(x > 0.0 for x in self.size[:needed]):
+            words = " ".join(f"{x:g}" for x in self.size)
+            raise ValueError(f"a {self.kind} of {needed} sizes above 0 has {words or 'none'}")
 
     def part(self, mass: float | None, density: float) -> SolidMass:
         """Return the solid's mass, centre and inertia, by its mass [kg] or by its density [kg/m³]."""

@@ -8,16 +8,27 @@ compiler says radian, and a body without ``inertial`` has the mass of its geoms.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fmd.cli.geoms import Geom, SolidMass, add_masses
-from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape, read_numbers, read_xml
+from fmd.cli.mjcf_attributes import DISABLED, list_untaken
+from fmd.cli.mjcf_files import naming, read_model
+from fmd.cli.mjcf_turns import direction, read_turn, turn_z
+from fmd.cli.robot import (
+    Pose,
+    Robot,
+    RobotJoint,
+    RobotLink,
+    Shape,
+    read_list,
+    read_number,
+    read_numbers,
+)
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.scene import LIGHT_SHARE
@@ -25,6 +36,7 @@ from fmd.core.limits.scene import LIGHT_SHARE
 _WORLD = "world"
 _READ = {"compiler", "option", "default", "asset", "worldbody", "equality", "include"}
 _IDLE = {"visual", "statistic", "size", "custom"}  # pictures and sizes of arrays
+_OF_BODIES = {"inertial", "joint", "freejoint", "geom", "camera", "light"}  # read with the body, or idle
 _KINDS = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "floating"}
 
 Attributes = Mapping[str, str]
@@ -38,25 +50,13 @@ def read_mjcf(path: Path) -> Robot:
     InputError
         It can't be read, is no MJCF, or has a body whose inertia or place isn't clear.
     """
-    top = read_xml(path, "mujoco", "MJCF")
-    try:
-        _include(top, path)
+    top = read_model(path)
+    with naming(path, ""):
         return _Reader(top, path).robot()
-    except (KeyError, ValueError) as error:
-        raise InputError(str(path), "", None, f"has an element that can't be read: {error}") from None
 
 
-def _include(top: ElementTree.Element, path: Path) -> None:
-    """Put the elements of included files in their places."""
-    for parent in [*top.iter()]:
-        for place, element in reversed([*enumerate(parent)]):
-            if element.tag == "include":
-                parent.remove(element)
-                file = path.parent / element.attrib["file"]
-                other = read_xml(file, "mujoco", "MJCF")
-                _include(other, path)
-                for child in reversed(other):
-                    parent.insert(place, child)
+def _shorten(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:6])}{' …' if len(names) > 6 else ''}"
 
 
 class _Reader:
@@ -64,30 +64,28 @@ class _Reader:
 
     def __init__(self, top: ElementTree.Element, path: Path) -> None:
         self.top, self.path = top, path
-        self.compiler: dict[str, str] = {}
-        for element in top.findall("compiler"):
-            self.compiler |= element.attrib
-        for key, value in (("coordinate", "global"), ("inertiafromgeom", "true"), ("balanceinertia", "true")):
-            if self.compiler.get(key) == value:
-                raise InputError(str(path), f"compiler {key}", value, "isn't read; save the model compiled")
-        if float(self.compiler.get("settotalmass", "-1")) > 0.0:
-            raise InputError(str(path), "compiler settotalmass", None, "isn't read; save the model compiled")
+        self.notes: list[str] = []
+        self.untaken: dict[str, list[str]] = {}
+        self.compiler, self.option, flags = (self._settings(tag) for tag in ("compiler", "option", "option/flag"))
+        off = [DISABLED[key] for key, value in flags.items() if value == "disable" and key in DISABLED]
+        self.disabled = set[str]().union(*off)
         self.unit = 1.0 if self.compiler.get("angle", "degree") == "radian" else math.pi / 180
-        self.defaults: dict[str, dict[str, dict[str, str]]] = {}
-        for element in top.findall("default"):
-            self._read_defaults(element, {})
+        self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
+        mains = top.findall("default")
+        for element in mains:
+            self._read_defaults(element, "main", self.defaults["main"])
+        self.defaults |= {element.get("class", "main"): self.defaults["main"] for element in mains}
         self.meshes = {
             mesh.get("name", Path(mesh.get("file", "")).stem): self._of(mesh, "main")
             for mesh in top.iterfind("asset/mesh")
         }
         self.links: dict[str, RobotLink] = {_WORLD: RobotLink(_WORLD, 0.0, np.zeros(3), np.zeros((3, 3)))}
         self.joints: dict[str, RobotJoint] = {}
-        self.notes: list[str] = []
 
     def robot(self) -> Robot:
         """Return the robot."""
         worlds = self.top.findall("worldbody")
-        if any(world.find("geom") is not None for world in worlds):
+        if any(world.find(".//geom") is not None for world in worlds):
             self.notes.append("geoms of the world, and contact of others, aren't taken: as in docs/contact.md")
         for world in worlds:
             self._read_children(world, _WORLD, np.zeros(3), world.get("childclass", "main"))
@@ -96,29 +94,43 @@ class _Reader:
         self._read_followers()
         others = sorted({child.tag for child in self.top} - _READ - _IDLE)
         self.notes += [f"<{tag}> isn't read{self._names_in(tag)}" for tag in others]
-        option = {key: value for element in self.top.findall("option") for key, value in element.attrib.items()}
-        x, y, z = read_numbers(option.get("gravity"), "0 0 -9.81").tolist()
+        for what, names in self.untaken.items():
+            self.notes.append(f"{what} isn't taken: {_shorten(names)}")
+        weight = "0 0 0" if "gravity" in self.disabled else self.option.get("gravity")
+        x, y, z = read_numbers(weight, "0 0 -9.81").tolist()
         name = self.top.get("model", self.path.stem)
         return Robot(name, self.links, self.joints, _WORLD, tuple(self.notes), (x, y, z))
 
     def _names_in(self, tag: str) -> str:
         names = [child.get("name", child.tag) for element in self.top.findall(tag) for child in element]
-        return f": {', '.join(names[:6])}{' …' if len(names) > 6 else ''}" if names else ""
+        return f": {_shorten(names)}" if names else ""
 
-    def _read_defaults(self, element: ElementTree.Element, inherited: dict[str, dict[str, str]]) -> None:
+    def _settings(self, path: str) -> Attributes:
+        """Return the attributes of the elements of a path, of which the last counts."""
+        given = {key: value for element in self.top.findall(path) for key, value in element.attrib.items()}
+        self._note_untaken(path.rpartition("/")[2], given, "the file")
+        return given
+
+    def _note_untaken(self, tag: str, given: Attributes, name: str) -> None:
+        for what in list_untaken(tag, given):
+            self.untaken.setdefault(what, []).append(name)
+
+    def _read_defaults(self, element: ElementTree.Element, name: str, inherited: dict[str, dict[str, str]]) -> None:
         own = {tag: dict(values) for tag, values in inherited.items()}
         for child in element:
             if child.tag != "default":
                 own[child.tag] = {**own.get(child.tag, {}), **child.attrib}
-        self.defaults[element.get("class", "main")] = own
+        self.defaults[name] = own
         for child in element.findall("default"):
-            self._read_defaults(child, own)
+            if (name := child.attrib["class"]) in self.defaults:
+                raise ValueError(f"two defaults are of the class {name!r}")
+            self._read_defaults(child, name, own)
 
-    def _of(self, element: ElementTree.Element, scope: str) -> Attributes:
-        """Return an element's attributes with those of its class; raises ``KeyError`` for an unknown class."""
-        name = element.get("class", scope)
-        defaults = self.defaults[name] if name != "main" else self.defaults.get("main", {})
-        return {**defaults.get(element.tag, {}), **element.attrib}
+    def _of(self, element: ElementTree.Element, scope: str, kind: str = "") -> Attributes:
+        """Return an element's attributes with those of its class; raises ``ValueError`` for an unknown class."""
+        if (name := element.get("class", scope)) not in self.defaults:
+            raise ValueError(f"<{element.tag}> is of the class {name!r}, which isn't there")
+        return {**self.defaults[name].get(kind or element.tag, {}), **element.attrib}
 
     def _name(self, element: ElementTree.Element, kind: str) -> str:
         base = name = element.get("name") or f"{kind}-{len(self.links)}"
@@ -131,7 +143,9 @@ class _Reader:
         within = Pose(-origin)
         for child in body:
             if child.tag == "body":
-                self._read_body(child, link, within, child.get("childclass", scope))
+                name = self._name(child, "body")
+                with naming(self.path, f"body {name}"):
+                    self._read_body(child, name, link, within, child.get("childclass", scope))
             elif child.tag == "site":
                 at = self._of(child, scope)
                 name = self._name(child, "site")
@@ -139,9 +153,11 @@ class _Reader:
                 self._add_joint(f"{name}-on-{link}", "fixed", link, name, within.then(self._pose(at)), {})
             elif child.tag in ("frame", "replicate", "composite", "flexcomp", "attach"):
                 raise ValueError(f"<{child.tag}> isn't read; save the model compiled")
+            elif child.tag not in _OF_BODIES:
+                self.notes.append(f"<{child.tag}> of {link} isn't read")
 
-    def _read_body(self, body: ElementTree.Element, parent: str, within: Pose, scope: str) -> None:
-        name = self._name(body, "body")
+    def _read_body(self, body: ElementTree.Element, name: str, parent: str, within: Pose, scope: str) -> None:
+        self._note_untaken("body", body.attrib, name)
         self.links[name] = RobotLink(name, 0.0, np.zeros(3), np.zeros((3, 3)))  # keeps its name
         pose, joints = within.then(self._pose(body.attrib)), self._joints_of(body, scope)
         places, at = [], np.zeros(3)
@@ -169,17 +185,17 @@ class _Reader:
             if element.tag == "freejoint":
                 found.append((element.attrib, "floating"))
             elif element.tag == "joint":
-                given = self._of(element, scope)
-                found.append((given, _KINDS[given.get("type", "hinge")]))
+                given = {key: of for key, of in self._of(element, scope).items() if key not in self.disabled}
+                self._note_untaken("joint", given, given.get("name", f"of {body.get('name', 'a body')}"))
+                if (kind := given.get("type", "hinge")) not in _KINDS:
+                    raise ValueError(f"a joint of type {kind} is none of {', '.join(_KINDS)}")
+                found.append((given, _KINDS[kind]))
         return found
 
     def _add_joint(self, name: str, kind: str, parent: str, child: str, pose: Pose, given: Attributes) -> None:
         unit = self.unit if kind == "revolute" else 1.0
-        axis = read_numbers(given.get("axis"), "0 0 1")
-        size = float(np.linalg.norm(axis))
-        if not size > 0.0:
-            raise ValueError(f"joint {name} has an axis of no length")
-        start = unit * float(given.get("ref", "0"))
+        axis = direction(read_numbers(given.get("axis"), "0 0 1"), f"the axis of {name}")
+        start = unit * read_number(given, "ref", "0")
         limited = given.get("limited", "auto")
         ranged = "range" in given and limited == "auto" and self.compiler.get("autolimits", "true") == "true"
         limits: dict[str, float] = {}
@@ -192,10 +208,10 @@ class _Reader:
             limits["effort"] = float(np.abs(read_numbers(given["actuatorfrcrange"], "0 0")).max())
         if start:
             self.notes.append(f"{name}: its position counts from the file's ref, {given['ref']}")
-        if float(given.get("armature", "0")):
+        if read_number(given, "armature", "0", least=0.0):
             self.notes.append(f"{name}: armature {given['armature']} (a motor's rotor: as in docs/control.md)")
         if kind not in ("revolute", "prismatic"):
-            resists = [key for key in ("stiffness", "damping", "frictionloss") if float(given.get(key, "0"))]
+            resists = [key for key in ("stiffness", "damping", "frictionloss") if read_number(given, key, "0")]
             self.notes += [f"{name}: {key} {given[key]} of a {kind} joint isn't taken" for key in resists]
             given = {}
         if name in self.joints:
@@ -206,12 +222,12 @@ class _Reader:
             parent,
             child,
             pose,
-            axis / size,
+            axis,
             limits,
-            float(given.get("damping", "0")),
-            float(given.get("frictionloss", "0")),
-            spring=float(given.get("stiffness", "0")),
-            rest=unit * float(given.get("springref", "0")) - start,
+            read_number(given, "damping", "0", least=0.0),
+            read_number(given, "frictionloss", "0", least=0.0),
+            spring=read_number(given, "stiffness", "0"),
+            rest=unit * read_number(given, "springref", "0") - start,
         )
 
     def _link(self, body: ElementTree.Element, name: str, origin: Array, scope: str) -> RobotLink:
@@ -232,28 +248,32 @@ class _Reader:
             inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         else:
             inertia = np.diag(read_numbers(given["diaginertia"], "0 0 0"))
-        return SolidMass(float(given["mass"]), pose.at, pose.axes @ inertia @ pose.axes.T)
+        return SolidMass(read_number(given, "mass", least=0.0), pose.at, pose.axes @ inertia @ pose.axes.T)
 
     def _parts(self, geoms: list[tuple[Geom, Attributes]], name: str) -> Iterator[SolidMass]:
+        low, high = read_numbers(self.compiler.get("inertiagrouprange"), "0 5")
         for geom, given in geoms:
-            mass, density = given.get("mass"), float(given.get("density", "1000"))
-            if float(mass if mass is not None else density) == 0.0:
+            mass = read_number(given, "mass", least=0.0) if "mass" in given else None
+            density = read_number(given, "density", "1000", least=0.0)
+            if (density if mass is None else mass) == 0.0 or not low <= read_number(given, "group", "0") <= high:
                 continue
             if geom.kind in ("mesh", "plane", "hfield", "sdf") or given.get("shellinertia") == "true":
                 raise ValueError(f"body {name} has its inertia from a {geom.kind}: give it <inertial>")
-            yield geom.part(None if mass is None else float(mass), density)
+            yield geom.part(mass, density)
 
     def _geom(self, element: ElementTree.Element, scope: str, body: str) -> tuple[Geom, Attributes]:
         given = self._of(element, scope)
+        self._note_untaken("geom", given, given.get("name", f"of {body}"))
         kind, pose = given.get("type", "sphere"), self._pose(given)
-        size = tuple(float(word) for word in given.get("size", "").split())
+        size = tuple(read_list(given.get("size", "")))
+        if kind not in ("mesh", "sdf") and "mesh" in given:
+            raise ValueError(f"a {kind} of the size of the mesh {given['mesh']} isn't read; save the model compiled")
         if "fromto" in given:
             ends = read_numbers(given["fromto"], "0 0 0 0 0 0")
             apart = ends[:3] - ends[3:]
-            turn, _ = Rotation.align_vectors(apart[None], np.array([[0.0, 0.0, 1.0]]))
-            pose = Pose(0.5 * (ends[:3] + ends[3:]), turn.as_matrix())
+            pose = Pose(0.5 * (ends[:3] + ends[3:]), turn_z(apart, "fromto").as_matrix())
             half = 0.5 * float(np.linalg.norm(apart))
-            size = (size[0], half) if kind in ("capsule", "cylinder") else (size[0], size[-1], half)
+            size = (*size[:1], half) if kind in ("capsule", "cylinder") else (*size[:1], *size[:1], half)
         mesh = self.meshes.get(given.get("mesh", ""), {}) if kind == "mesh" else {}
         if kind == "mesh" and not mesh:
             raise ValueError(f"body {body} has a geom of the mesh {given.get('mesh')}, which isn't there")
@@ -263,35 +283,23 @@ class _Reader:
         return Geom(kind, pose, size, file, scale), given
 
     def _pose(self, given: Attributes) -> Pose:
-        """Return the pose that an element's attributes give, turned in one of five ways."""
-        turn = Rotation.identity()
-        if "quat" in given:
-            w, *xyz = read_numbers(given["quat"], "1 0 0 0")
-            turn = Rotation.from_quat([*xyz, w])
-        elif "axisangle" in given:
-            *axis, angle = read_numbers(given["axisangle"], "0 0 1 0")
-            turn = Rotation.from_rotvec(self.unit * angle * np.array(axis) / np.linalg.norm(axis))
-        elif "euler" in given:
-            # Capitals in both: small letters are axes that turn there, and fixed ones in SciPy.
-            order = self.compiler.get("eulerseq", "xyz").swapcase()
-            turn = Rotation.from_euler(order, self.unit * read_numbers(given["euler"], "0 0 0"))
-        elif "xyaxes" in given:
-            x, y = read_numbers(given["xyaxes"], "1 0 0 0 1 0").reshape(2, 3)
-            x = x / np.linalg.norm(x)
-            y = y - (x @ y) * x
-            y = y / np.linalg.norm(y)
-            turn = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=1))
-        elif "zaxis" in given:
-            turn, _ = Rotation.align_vectors(read_numbers(given["zaxis"], "0 0 1")[None], np.array([[0.0, 0.0, 1.0]]))
+        """Return the pose that an element's attributes give."""
+        turn = read_turn(given, self.unit, self.compiler.get("eulerseq", "xyz"))
         return Pose(read_numbers(given.get("pos"), "0 0 0"), turn.as_matrix())
 
     def _read_followers(self) -> None:
         """Let joints follow others where an equality says so by a straight line; name the other equalities."""
         for element in (child for equality in self.top.findall("equality") for child in equality):
-            given = {**self.defaults.get("main", {}).get("equality", {}), **element.attrib}
-            factors = [float(word) for word in given.get("polycoef", "0 1 0 0 0").split()]
-            follower, driver = given.get("joint1", ""), given.get("joint2", "")
-            if element.tag == "joint" and driver in self.joints and not any(factors[2:]):
-                self.joints[follower] = replace(self.joints[follower], mimic=(driver, factors[1], factors[0]))
-            else:
-                self.notes.append(f"equality {given.get('name', element.tag)} isn't taken: {element.tag}")
+            name = element.get("name", element.tag)
+            with naming(self.path, f"equality {name}"):
+                given = self._of(element, "main", "equality")
+                factors = read_list(given.get("polycoef", ""))
+                offset, ratio, *higher = factors + [0.0, 1.0][len(factors) :]
+                active = given.get("active", "true") == "true" and "equality" not in self.disabled
+                follower, driver = given.get("joint1", ""), given.get("joint2", "")
+                if element.tag == "joint" and active and driver in self.joints and not any(higher):
+                    if follower not in self.joints:
+                        raise ValueError(f"the joint {follower!r} isn't there")
+                    self.joints[follower] = replace(self.joints[follower], mimic=(driver, ratio, offset))
+                else:
+                    self.notes.append(f"equality {name} isn't taken: {element.tag if active else 'not active'}")

@@ -14,8 +14,6 @@ from fmd.scene.inheritance import list_files
 from fmd.scene.reading import suggest_name
 from fmd.scene.toml_files import list_ready_scenes, read_tables
 
-_ROBOTS = (".urdf", ".xml", ".mjcf")
-
 
 def new(
     path: Path,
@@ -35,7 +33,7 @@ def new(
     flexible
         Links of the robot that become flexible bars by their boxes; as often as needed.
     """
-    if flexible and not (from_ and Path(from_).suffix.lower() in _ROBOTS):
+    if flexible and not _is_robot(from_ or ""):
         raise InputError("--flexible", "", flexible[0], "names a link of a robot: give one, --from arm.urdf")
     if from_ is None:
         _write_scene(path, (files("fmd.cli.templates") / "part.toml").read_text(encoding="utf-8"))
@@ -49,12 +47,11 @@ def new(
 def _make_scene(part: str, path: Path, flexible: tuple[str, ...]) -> str:
     """Return the text of a scene for the file of a part or a robot."""
     from fmd.cli.cad_scenes import write_cad_scene
+    from fmd.cli.robot_scenes import READERS, write_robot_scene
     from fmd.stages.meshing.cad_files import cad_suffixes, is_cad_file
 
     _require_free(path)  # before the file is read
-    if Path(part).suffix.lower() in _ROBOTS:
-        from fmd.cli.robot_scenes import write_robot_scene
-
+    if _is_robot(part):
         text, notes = write_robot_scene(Path(part), path, flexible)
         for note in notes:
             open_console().print(f"not in the scene: {note}", soft_wrap=True)
@@ -66,8 +63,14 @@ def _make_scene(part: str, path: Path, flexible: tuple[str, ...]) -> str:
         "--from",
         "",
         part,
-        f"is no CAD file ({' '.join(cad_suffixes())}), no robot ({' '.join(_ROBOTS)}) and no ready scene; {mend}",
+        f"is no CAD file ({' '.join(cad_suffixes())}), no robot ({' '.join(READERS)}) and no ready scene; {mend}",
     )
+
+
+def _is_robot(part: str) -> bool:
+    from fmd.cli.robot_scenes import READERS
+
+    return Path(part).suffix.lower() in READERS
 
 
 def _copy_ready_scene(path: Path, name: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -80,20 +81,25 @@ class Robot:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 
 
-def read_xml(path: Path, tag: str, what: str) -> ElementTree.Element:
-    """Return the first element of an XML file.
+def read_xml(path: Path) -> ElementTree.Element:
+    """Return the first element of an XML file; raises ``InputError`` where it can't be read."""
+    try:
+        return ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from None
+    except ElementTree.ParseError as error:
+        raise InputError(str(path), "", None, f"is no XML: {error}") from None
+
+
+def read_robot_xml(path: Path, tag: str, what: str) -> ElementTree.Element:
+    """Return the first element of a robot's file.
 
     Raises
     ------
     InputError
         The file can't be read, or its first element isn't ``tag``.
     """
-    try:
-        top = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from None
-    except ElementTree.ParseError as error:
-        raise InputError(str(path), "", None, f"is no XML: {error}") from None
+    top = read_xml(path)
     if top.tag != tag:
         raise InputError(str(path), top.tag, None, f"is no {what}, whose first element is <{tag}>")
     return top
@@ -101,7 +107,35 @@ def read_xml(path: Path, tag: str, what: str) -> ElementTree.Element:
 
 def read_numbers(text: str | None, default: str) -> Array:
     """Return as many finite numbers as a default has; raises ``ValueError`` for others."""
-    values = [float(word) for word in (text or default).split()]
-    if len(values) != len(default.split()) or not np.isfinite(values).all():
+    values = read_list(text or default)
+    if len(values) != len(default.split()):
         raise ValueError(f"{text!r} where {len(default.split())} numbers belong")
     return np.array(values)
+
+
+def read_list(text: str) -> list[float]:
+    """Return finite numbers, however many; raises ``ValueError`` for others."""
+    values = [float(word) for word in text.split()]
+    if not np.isfinite(values).all():
+        raise ValueError(f"{text!r} where finite numbers belong")
+    return values
+
+
+def read_number(given: Mapping[str, str], key: str, default: str | None = None, least: float = -np.inf) -> float:
+    """Return a finite number of an element, by default or, without one, required.
+
+    Raises
+    ------
+    KeyError
+        It isn't there and has no default.
+    ValueError
+        It is no finite number, or below ``least``.
+    """
+    text = given[key] if default is None else given.get(key, default)
+    try:
+        (value,) = read_list(text)
+    except ValueError:
+        raise ValueError(f"{key} {text!r} is no finite number") from None
+    if value < least:
+        raise ValueError(f"{key} {text!r} is below {least:g}")
+    return value

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape, read_numbers, read_xml
+from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape, read_number, read_numbers, read_robot_xml
 from fmd.core.errors import InputError
 
 KNOWN = {"robot", "link", "joint", "material"}
@@ -26,7 +26,7 @@ def read_urdf(path: Path) -> Robot:
     InputError
         It can't be read, is no URDF, or its joints are no tree of its links.
     """
-    top = read_xml(path, "robot", "URDF")
+    top = read_robot_xml(path, "robot", "URDF")
     try:
         links = {link.name: link for link in map(_read_link, top.findall("link"))}
         joints = {joint.name: joint for joint in map(_read_joint, top.findall("joint"))}
@@ -58,9 +58,9 @@ def _read_link(element: ElementTree.Element) -> RobotLink:
     if given is not None:
         pose, at = _read_pose(given), given.find("inertia")
         weight = given.find("mass")
-        mass = 0.0 if weight is None else float(weight.attrib["value"])
+        mass = 0.0 if weight is None else read_number(weight.attrib, "value", least=0.0)
         moments = (
-            {key: float(at.get(key, "0")) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
+            {key: read_number(at.attrib, key, "0") for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
             if at is not None
             else {}
         )
@@ -84,9 +84,9 @@ def _read_shape(element: ElementTree.Element) -> Shape:
     if given.tag == "box":
         return Shape("box", pose, tuple(read_numbers(given.get("size"), "1 1 1")))
     if given.tag == "cylinder":
-        return Shape("cylinder", pose, (float(given.attrib["radius"]), float(given.attrib["length"])))
+        return Shape("cylinder", pose, (read_number(given.attrib, "radius"), read_number(given.attrib, "length")))
     if given.tag == "sphere":
-        return Shape("sphere", pose, (float(given.attrib["radius"]),))
+        return Shape("sphere", pose, (read_number(given.attrib, "radius"),))
     scale = tuple(read_numbers(given.get("scale"), "1 1 1"))
     return Shape(given.tag, pose, file=given.get("filename", ""), scale=scale)
 
@@ -101,10 +101,15 @@ def _read_end(joint: ElementTree.Element, end: str) -> str:
 def _read_joint(element: ElementTree.Element) -> RobotJoint:
     parent, child = (_read_end(element, end) for end in ("parent", "child"))
     axis, limit = element.find("axis"), element.find("limit")
-    dynamics, mimic = element.find("dynamics"), element.find("mimic")
+    found, mimic = element.find("dynamics"), element.find("mimic")
+    dynamics = {} if found is None else found.attrib
     follows = None
     if mimic is not None:
-        follows = mimic.attrib["joint"], float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+        follows = (
+            mimic.attrib["joint"],
+            read_number(mimic.attrib, "multiplier", "1"),
+            read_number(mimic.attrib, "offset", "0"),
+        )
     return RobotJoint(
         element.attrib["name"],
         element.attrib["type"],
@@ -112,8 +117,8 @@ def _read_joint(element: ElementTree.Element) -> RobotJoint:
         child,
         pose=_read_pose(element),
         axis=read_numbers(None if axis is None else axis.get("xyz"), "1 0 0"),
-        limits={} if limit is None else {key: float(value) for key, value in limit.attrib.items()},
-        damping=0.0 if dynamics is None else float(dynamics.get("damping", "0")),
-        friction=0.0 if dynamics is None else float(dynamics.get("friction", "0")),
+        limits={} if limit is None else {key: read_number(limit.attrib, key) for key in limit.attrib},
+        damping=read_number(dynamics, "damping", "0", least=0.0),
+        friction=read_number(dynamics, "friction", "0", least=0.0),
         mimic=follows,
     )
