@@ -100,6 +100,12 @@ def test_other_elements_are_refused_by_name(tmp_path: Path) -> None:
     write_abaqus(path, x, {"S4": cells}, "*ELEMENT, TYPE=B31\n900, 1, 2")
     with pytest.raises(InputError, match=r"beside shells of three or four nodes aren't read.*1 line"):
         read_shell(path, 1e-3, 2e-3)
+    write_abaqus(path, x, {"S4": cells, "B31": cells[:3, :2]})  # all of a named set, as stiffeners are
+    with pytest.raises(InputError, match=r"beside shells of three or four nodes aren't read.*3 line"):
+        read_shell(path, 1e-3, 2e-3)
+    write_nastran(path.with_suffix(".bdf"), x, {"CQUAD4": cells}, "CBAR,901,8,1,2,0.,0.,1.")
+    with pytest.raises(InputError, match=r"beside shells of three or four nodes aren't read.*1 line"):
+        read_shell(path.with_suffix(".bdf"), 1e-3, 2e-3)
     write_abaqus(path, x, {"C3D4": cells})
     with pytest.raises(InputError, match="has solid elements: 24 tetra"):
         read_shell(path, 1e-3, 2e-3)

@@ -44,13 +44,18 @@ def read_shell(
     InputError
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
-    return read_linked(path, lambda raw: _sheet(raw, scale, thickness), thicken, scale, mass_unit, force_unit)
+    gmsh = path.suffix.lower() == ".msh"  # whose named lines are curves; those of decks are beams
+
+    def take(raw: RawMesh) -> tuple[Sheet, IntArray]:
+        return _sheet(raw, scale, thickness, _rims(raw) if gmsh else {})
+
+    return read_linked(path, take, thicken, scale, mass_unit, force_unit)
 
 
-def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> tuple[Sheet, IntArray]:
+def _sheet(raw: RawMesh, scale: float, thickness: float | None, rims: dict[str, IntArray]) -> tuple[Sheet, IntArray]:
     """Take the shells of a raw mesh; return their sheet, and the number that each point of the file has there.
 
-    Points of no shell have -1.
+    Points of no shell have -1. Faces are, beside the file's, all between the nodes of each of ``rims``.
     """
     count, listed = raw.count_elements(), raw.list_elements()
     if any(map(is_solid, count)):
@@ -58,7 +63,6 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None) -> tuple[Sheet, 
     given = [(b, kind, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind in _SHELLS and len(cells)]
     if not given:
         raise MeshFileError(f"there are no shells of three or four nodes; the elements: {listed}")
-    rims = _rims(raw)
     known = (*_SHELLS, "vertex", "line") if rims else (*_SHELLS, "vertex")
     lost = {kind: n for kind, n in count.items() if kind not in known}
     if lost:
