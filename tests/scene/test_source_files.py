@@ -69,6 +69,21 @@ def test_a_missing_file_names_its_key_and_place(bracket: Path):
         source_of(bracket)
 
 
+def test_only_a_geometric_stiffness_is_of_several_files(tmp_path: Path):
+    scene, given = tmp_path / "bar.toml", 'stiffness = "K.mtx", mass = "{}", nodes = "x.csv", unit = "m"'
+    for name in ("K.mtx", "M.mtx", "x.csv", "kg-1.npz", "kg-2.npz"):
+        (tmp_path / name).write_text("")
+    files = given.format("M.mtx") + ', geometric_stiffness = "kg-*.npz"'
+    body = f"matrices = {{ {files} }}\nmodes = {{ count = 2 }}\nmarker = {{ end = {{ nodes = [1] }} }}"
+    scene.write_text(f'title = "bar"\n[body.bar]\n{body}\n')
+    found = SourceFiles.find(load_scene(scene).flexible["bar"], str(scene), "bar")
+    assert found is not None
+    assert [path.name for path in found.all_of("geometric_stiffness")] == ["kg-1.npz", "kg-2.npz"]
+    scene.write_text(scene.read_text().replace('"M.mtx"', '"M*.mtx"'))
+    with refused("body.bar.matrices.mass = 'M*.mtx': can't be read: No such file or directory; it"):
+        SourceFiles.find(load_scene(scene).flexible["bar"], str(scene), "bar")
+
+
 def test_a_repaired_scene_mends_the_meshes_from_files(bracket: Path):
     assert not load_scene(bracket).flexible["bracket"].mesh.repair
     assert load_repaired(str(bracket), []).flexible["bracket"].mesh.repair

@@ -22,7 +22,8 @@ class SourceFiles:
     Attributes
     ----------
     paths : dict of str to Path
-        Path of each file by its key in the scene; of a name with ``*`` those of all its files by ``key/name``.
+        Path of each file by its key in the scene; of a geometric stiffness with ``*`` those of all its files by
+        ``key/name``.
     digests : dict of str to str
         Digest of each file's content; results are kept by content, wherever the file lies.
     """
@@ -75,8 +76,8 @@ class SourceFiles:
 
 
 def _expand(key: str, path: Path) -> dict[str, Path]:
-    """Return the files of a name by key, or by key and name if the name has a ``*``, in alphabetic order."""
-    if "*" not in path.name:
+    """Return the file of a name by its key; of a geometric stiffness with ``*`` all, by key and name, in order."""
+    if key != "geometric_stiffness" or "*" not in path.name:
         return {key: path}
     found = {f"{key}/{own.name}": own for own in sorted(path.parent.glob(path.name))}
     if not found:
