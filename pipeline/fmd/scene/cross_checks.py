@@ -309,7 +309,9 @@ class CrossCheck:
             )
         if picture.body is None:  # of the whole mechanism
             if isinstance(picture, StressPicture) and not any(body.may_have_stress for body in flexible.values()):
-                yield FaultError("needs a flexible body with a mesh; this scene has none", *path, "type")
+                yield FaultError(
+                    "needs a flexible body with a mesh or matrices.stress; this scene has none", *path, "type"
+                )
             return
         if picture.body not in self.scene.body:
             yield UnknownNameError("body", picture.body, self.scene.body, "the bodies", *path, "body")

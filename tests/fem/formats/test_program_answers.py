@@ -226,6 +226,41 @@ def test_stress_of_shapes_is_combined_from_cases_beside_rigid_motions(
         given.stress_of(FreeBodySolver(small_bar).static_response(rng.normal(size=(len(model.x), 3, 1))))
 
 
+@pytest.mark.parametrize(("n", "told"), [(3, False), (10, False), (40, True), (146, True)])
+def test_stress_at_too_few_nodes_is_refused(
+    model: MatrixModel, small_bar: FEModel, n: int, told: bool, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(6)
+    u = FreeBodySolver(small_bar).static_response(rng.normal(size=(len(model.x), 3, 24)))
+    stress = modal_stress(small_bar.discretisation, small_bar.material, u, np.arange(len(u)))
+    some = np.sort(rng.choice(len(u), n, replace=False))
+    few = replace(model, positions=model.x[some], labels=model.labels[some])
+    (tmp_path / "few.csv").write_text(csv_of(few, u[some], stress[some]))
+    given = read_stress(model, tmp_path / "few.csv", tmp_path / "nodes.csv", (1.0, 1.0))
+    share = rng.normal(size=(24, 1))
+    if told:
+        assert np.abs(given.stress_of(u @ share) - stress[some] @ share).max() < 1e-6 * np.abs(stress @ share).max()
+        return
+    message = rf"few\.csv, matrices\.stress: displacements of 24 cases at {n} of .* stress at more nodes is needed"
+    with pytest.raises(AccuracyError, match=message):
+        given.stress_of(u @ share)
+
+
+def test_cases_of_one_displacement_with_two_stresses_are_refused(
+    model: MatrixModel, small_bar: FEModel, tmp_path: Path
+) -> None:
+    u = np.repeat(FreeBodySolver(small_bar).modes(1).shapes, 2, axis=2)
+    stress = modal_stress(small_bar.discretisation, small_bar.material, u, np.arange(len(u)))
+    for factor in (1.0, 1.01):
+        (tmp_path / "two.csv").write_text(csv_of(model, u, stress * [1.0, factor]))
+        given = read_stress(model, tmp_path / "two.csv", tmp_path / "nodes.csv", (1.0, 1.0))
+        if factor == 1.0:
+            assert given.stress_of(u) == pytest.approx(stress, rel=1e-9, abs=1e-9 * np.abs(stress).max())
+        else:
+            with pytest.raises(AccuracyError, match="don't tell the stress of a shape"):
+                given.stress_of(u)
+
+
 def test_stress_of_nodes_alone_has_no_picture_and_says_what_gives_one(small_bar: FEModel, tmp_path: Path) -> None:
     x, n = small_bar.x, len(small_bar.x)
     write_matrices(tmp_path / "bar.npz", small_bar, 1 + np.arange(n))
@@ -268,7 +303,9 @@ FRD = """    1C
 
 
 def test_results_of_calculix_are_read_by_name_and_column() -> None:
-    found = read_frd(FRD)
+    others = FRD.partition("  100C")[2].partition("  100C")[0].replace("DISP    ", "FORC    ")
+    others = others.replace(" 4.00000E+00\n", " 4.00000E+00\n -2           not a number\n")
+    found = read_frd(FRD.replace(" 9999", f"  100C{others} 9999"))
     assert found.labels.tolist() == [7, 9]
     assert found.displacement[1, :, 0].tolist() == [2.0, -3.0, 4.0]
     assert found.stress[0, :, 0].tolist() == [1.0, 2.0, 3.0, 5.0, 6.0, 4.0]  # yz, xz, xy
@@ -284,6 +321,13 @@ def test_results_of_calculix_are_read_by_name_and_column() -> None:
             "line 5: its format isn't the long one of text",
         ),
         (FRD.replace("4.00000E+00\n", "4.0x000E+00\n"), "the results before line 13 aren't read as numbers"),
+        (
+            FRD.replace("SZX", "SXZ"),
+            r"line 24: STRESS at 2 nodes has SXX, .*SXZ; SXX, SYY, SZZ, SYZ, SZX, SXY are read",
+        ),
+        (FRD.replace(" -5  SZZ         1    4    3    3\n", ""), "line 23: STRESS at 2 nodes has SXX, SYY, SXY"),
+        (FRD[: FRD.index(" -1         7 1.19")] + " -3\n", "line 11: DISP at 0 nodes has D1, D2, D3"),
+        (FRD.replace(" -1         9", " -1         7"), "case 1 has node 7 more than once"),
     ],
 )
 def test_results_that_are_not_read_are_named(text: str, message: str) -> None:
@@ -298,6 +342,10 @@ def test_results_that_are_not_read_are_named(text: str, message: str) -> None:
         (f"{','.join(CSV_HEADER)}\n1,2,3\n", "rows are of 11 numbers"),
         (f"{','.join(CSV_HEADER)}\n1,1{',0' * 9}\n2,2{',0' * 9}\n", "case 2 isn't for the nodes of the first one"),
         (f"{','.join(CSV_HEADER)}\n1,1{',nan' * 9}\n", "aren't finite numbers"),
+        (f"{','.join(CSV_HEADER)}\n1,1.9{',0' * 9}\n", "numbers of cases and nodes must be whole"),
+        (f"{','.join(CSV_HEADER)}\n1,nan{',0' * 9}\n", "numbers of cases and nodes must be whole"),
+        (f"{','.join(CSV_HEADER)}\nnan,1{',0' * 9}\n", "numbers of cases and nodes must be whole"),
+        (f"{','.join(CSV_HEADER)}\n1,1{',0' * 9}\n1,1{',1' * 9}\n", "case 1 has node 1 more than once"),
         (f"{','.join(CSV_HEADER)}\n1,900{',0' * 9}\n", r"has node 900 \(and 0 more\), which isn't among the nodes"),
     ],
 )

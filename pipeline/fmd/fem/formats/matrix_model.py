@@ -108,7 +108,8 @@ class MatrixModel(FEModel):
         Raises
         ------
         AccuracyError
-            A displacement is no combination of those with known stress, rigid motions aside; with what is missing.
+            A displacement is no combination of those with known stress, rigid motions aside, with what is missing; or
+            the known ones can't be told apart at the nodes that they are known at.
         """
         fields = self.fields
         assert fields is not None
@@ -117,6 +118,7 @@ class MatrixModel(FEModel):
             u - R @ (R.T @ u)
             for u in (field.reshape(len(R), -1) for field in (fields.displacement, shapes[fields.nodes]))
         )
+        _require_apart(fields, known, len(self.x))
         share = _combine(known, wanted, f"{fields.file}: mode {{}} isn't a combination of its {{}} displacements")
         place = np.searchsorted(fields.nodes, fields.surface.nodes)
         return np.asarray(fields.stress[place] @ share)
@@ -147,10 +149,28 @@ def _(fe: MatrixModel, u: Array) -> list[sp.csr_array]:
     return [sum((c * k for c, k in zip(column, matrices, strict=True)), sp.csr_array((n, n))) for column in share.T]
 
 
+def _require_apart(fields: StressFields, known: Array, n_nodes: int) -> None:
+    """Raise ``AccuracyError`` if displacements (3 n, k) without rigid motions don't tell the stress that is of them.
+
+    As many cases as n nodes have deformations combine to any shape, and cases that together move none of the nodes must
+    have no stress together.
+    """
+    n, k = len(fields.nodes), known.shape[1]
+    sizes = _sizes(known)
+    _, values, rows = np.linalg.svd(np.linalg.qr(known / sizes, mode="r"))
+    stress = (fields.stress / sizes).reshape(-1, k)
+    unseen = rows[np.count_nonzero(values > UNMATCHED_FIELD**2 * values[0]) :]
+    hidden = np.linalg.norm(stress @ unseen.T) > UNMATCHED_FIELD * np.linalg.norm(stress)
+    if hidden or (n < n_nodes and k >= 3 * n - 6):
+        raise AccuracyError(
+            f"{fields.file}, matrices.stress: displacements of {k} cases at {n} of {n_nodes} nodes don't tell the "
+            "stress of a shape; stress at more nodes is needed"
+        )
+
+
 def _combine(known: Array, wanted: Array, message: str) -> Array:
     """Express columns by others; shape (n_known, n_wanted). Raises ``AccuracyError`` if one is none of theirs."""
-    sizes = np.linalg.norm(known, axis=0)
-    sizes[sizes == 0.0] = 1.0
+    sizes = _sizes(known)
     share = np.linalg.lstsq(known / sizes, wanted, rcond=UNMATCHED_FIELD**2)[0] / sizes[:, None]
     missing = np.linalg.norm(wanted - known @ share, axis=0)
     parts = missing / np.maximum(np.linalg.norm(wanted, axis=0), np.finfo(float).tiny)
@@ -159,3 +179,9 @@ def _combine(known: Array, wanted: Array, message: str) -> Array:
         text = message.format(worst + 1, known.shape[1])
         raise AccuracyError(f"{text}: {100 * parts[worst]:.3g} % of it are missing; {_EXPORT}")
     return np.asarray(share)
+
+
+def _sizes(columns: Array) -> Array:
+    """Return the norms of columns, 1 of those that are zero."""
+    sizes = np.linalg.norm(columns, axis=0)
+    return np.where(sizes == 0.0, 1.0, sizes)

@@ -11,7 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 
 CSV_HEADER = ("case", "node", "ux", "uy", "uz", "sxx", "syy", "szz", "syz", "sxz", "sxy")
-_FRD_STRESS = {"SXX": 0, "SYY": 1, "SZZ": 2, "SYZ": 3, "SZX": 4, "SXY": 5}
+_FRD_COMPONENTS = {"DISP": ("D1", "D2", "D3"), "STRESS": ("SXX", "SYY", "SZZ", "SYZ", "SZX", "SXY")}
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,13 @@ def read_frd(text: str) -> ProgramFields:
         A step has stress without displacement or for other nodes, or a line isn't read; with its number.
     """
     u, sigma = list[tuple[IntArray, Array]](), list[tuple[IntArray, Array]]()
-    for name, components, labels, values in _frd_blocks(text):
+    for name, labels, values in _frd_blocks(text):
         if name == "DISP":
-            u.append((labels, values[:, :3]))
-        elif name == "STRESS":
+            u.append((labels, values))
+        else:
             if len(sigma) >= len(u):
                 raise ValueError(f"stress number {len(sigma) + 1} has no displacement before it; *NODE FILE with U")
-            sigma.append((labels, values[:, np.argsort([_FRD_STRESS[component] for component in components[:6]])]))
+            sigma.append((labels, values))
             u = u[: len(sigma) - 1] + u[-1:]  # of displacements without stress none is kept
     return _gather(u[: len(sigma)], sigma)
 
@@ -59,7 +59,8 @@ def read_csv_fields(text: str) -> ProgramFields:
     Raises
     ------
     ValueError
-        The header has other names, a row isn't of eleven numbers, or cases have other nodes.
+        The header has other names, a row isn't of eleven numbers, a case or a node isn't a whole one, or cases have
+        other nodes.
     """
     head, *lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")] or [""]
     if tuple(item.strip().lower() for item in head.split(",")) != CSV_HEADER:
@@ -68,6 +69,8 @@ def read_csv_fields(text: str) -> ProgramFields:
         table = np.array([line.split(",") for line in lines], dtype=float).reshape(-1, len(CSV_HEADER))
     except ValueError:
         raise ValueError(f"rows are of {len(CSV_HEADER)} numbers") from None
+    if (table[:, :2] % 1 != 0).any():  # of NaN, too
+        raise ValueError("numbers of cases and nodes must be whole")
     cases = [table[table[:, 0] == case] for case in dict.fromkeys(table[:, 0].tolist())]
     labels = [rows[:, 1].astype(np.int64) for rows in cases]
     return _gather(
@@ -105,11 +108,13 @@ def _gather(u: list[tuple[IntArray, Array]], sigma: list[tuple[IntArray, Array]]
     for number, each in enumerate(zip(u, sigma, strict=True), start=1):
         rows = []
         for own, values in each:
-            order = np.argsort(own, kind="stable")
+            order = np.argsort(own)
             place = np.searchsorted(own[order], labels)
             found = own[order][np.minimum(place, len(own) - 1)]
             if not np.array_equal(found, labels):
                 raise ValueError(f"case {number} isn't for the nodes of the first one")
+            if (again := own[order][:-1][np.diff(own[order]) == 0]).size:
+                raise ValueError(f"case {number} has node {again[0]} more than once")
             rows.append(values[order][place])
         fields.append(np.concatenate(rows, axis=1))
     both = np.stack(fields, axis=2)
@@ -118,8 +123,8 @@ def _gather(u: list[tuple[IntArray, Array]], sigma: list[tuple[IntArray, Array]]
     return ProgramFields(labels, both[:, :3], both[:, 3:])
 
 
-def _frd_blocks(text: str) -> Iterator[tuple[str, list[str], IntArray, Array]]:
-    """Yield name, components, nodes and values of each block of results at nodes."""
+def _frd_blocks(text: str) -> Iterator[tuple[str, IntArray, Array]]:
+    """Yield name, nodes and values of each block of displacements or stress, its components in the order above."""
     name, components, rows = "", list[str](), list[str]()
     for number, line in enumerate(text.splitlines(), start=1):
         key = line[:3]
@@ -128,17 +133,22 @@ def _frd_blocks(text: str) -> Iterator[tuple[str, list[str], IntArray, Array]]:
                 raise ValueError(f"line {number}: its format isn't the long one of text, as *NODE FILE writes it")
             name, components, rows = "?", [], []
         elif key == " -4" and name:
-            name = line.split()[1]
+            name = line[5:13].strip()
+            name = name if name in _FRD_COMPONENTS else ""
         elif key == " -5" and name:
-            components.append(line.split()[1])
+            components.append(line[5:13].strip())
         elif key == " -1" and name:
             rows.append(line)
         elif key == " -3" and name:
-            n = len([component for component in components if component != "ALL"])
-            ends = range(13, 14 + 12 * n, 12)  # of the node's number, and of each value
+            wanted, given = _FRD_COMPONENTS[name], [component for component in components if component != "ALL"]
+            if sorted(given) != sorted(wanted) or not rows:
+                what = f"{name} at {len(rows)} nodes has {', '.join(given)}"
+                raise ValueError(f"line {number}: {what}; {', '.join(wanted)} are read, at one node at least")
+            ends = range(13, 14 + 12 * len(given), 12)  # of the node's number, and of each value
             try:
-                values = [[float(row[a:b]) for a, b in pairwise(ends)] for row in rows]
-                yield name, components, np.array([int(row[3:13]) for row in rows]), np.array(values)
+                values = np.array([[float(row[a:b]) for a, b in pairwise(ends)] for row in rows])
+                labels = np.array([int(row[3:13]) for row in rows])
             except ValueError:
                 raise ValueError(f"the results before line {number} aren't read as numbers") from None
+            yield name, labels, values[:, [given.index(component) for component in wanted]]
             name = ""
