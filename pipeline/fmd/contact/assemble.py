@@ -246,7 +246,10 @@ def _results(bodies: Sequence[TouchingBody], links: Sequence[int], n_links: int,
         for pair in body.pairs:
             on, face = (names.index(pair.other), pair.other_face) if pair.reported_on_other else (k, pair.face)
             points = bodies[on].points
-            centre.append(np.average(points.x[points.faces[face]], axis=0, weights=points.areas[face]))
+            if face in points.primitives:
+                centre.append(np.array(points.primitives[face].at))
+            else:
+                centre.append(np.average(points.x[points.faces[face]], axis=0, weights=points.areas[face]))
             carrier.append(links[on])
     sums = np.zeros((len(carrier), N_VALUES))
     sums[:, [BEGIN, END]] = np.nan

@@ -106,7 +106,7 @@ def _press(c: ContactTable, g: int, i: int, later: float, again: bool) -> None:
     else:
         if later > 0.0 and c.seen[i, 1] == 1:
             rate, lag = (c.gap_then[i] + depth) / later, c.damping[g] / later
-        c.speed[i] = c.speed_then[i] if c.speed_then[i] > 0.0 else max(0.0, rate)
+        c.speed[i] = max(c.speed_then[i], rate, 0.0)
         lost = c.damping[g] * rate / depth
         if c.speed[i] > 0.0:
             lost += c.loss[s] * rate / c.speed[i]

@@ -108,7 +108,7 @@ class ContactTable(Table):
     touched: Array  # (n, 3): place, in the other's frame [m]
     touched_then: Array  # (n, 3)
     gap_then: Array  # (n,) [m]
-    speed: Array  # (n,): of the approach [m/s]; 0 away from contact
+    speed: Array  # (n,): fastest approach since they touch [m/s]; 0 away from contact
     speed_then: Array  # (n,)
     soft: Array  # (n,): how far a force of 1 moves it aside [m/N]; 0 away from contact
     soft_then: Array  # (n,): at the last step

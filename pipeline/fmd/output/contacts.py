@@ -83,14 +83,20 @@ def _grid_faults(motion: Motion) -> Iterator[str]:
 
 
 def _pin_faults(motion: Motion) -> Iterator[str]:
-    """Yield which pins press a wider part of their bores than a half-space tells."""
+    """Yield which pins press a wider part of their bores or planes than a half-space tells."""
+    in_bore = (
+        "the pin presses more than a quarter of its bore's round, where a half-space is too soft; flexible bodies, "
+        "whose faces fit, tell it by their meshes"
+    )
+    on_plane = (
+        "the pin is pressed into the plane with more than a quarter of its round, where deformations are too large for "
+        "a half-space; a larger radius, length or E, or less of a load or speed, stays below that"
+    )
     for body in motion.mechanism.contacts:
-        for own in body.contacts:
-            if own.law and motion.contacts[own.name].beyond_grid:
-                yield (
-                    f"contact.{own.name}: the pin presses more than a quarter of its bore's round, where a half-space "
-                    "is too soft; flexible bodies, whose faces fit, tell it by their meshes"
-                )
+        for fault, contacts in ((on_plane, body.planes), (in_bore, body.pairs)):
+            for own in contacts:
+                if own.law and motion.contacts[own.name].beyond_grid:
+                    yield f"contact.{own.name}: {fault}"
 
 
 def _coarse_faults(motion: Motion) -> Iterator[str]:

@@ -115,9 +115,12 @@ def check_bodies(
                 yield FaultError(fault, "contact", name, "damping")
 
 
-def check_faces(contacts: Mapping[str, Contact]) -> Iterator[FaultError]:
-    """Find contacts that aren't between the ground and a body or between two, and faces that have one already."""
-    taken: dict[tuple[str, ...], str] = {}
+def check_faces(contacts: Mapping[str, Contact], flexible: Collection[str]) -> Iterator[FaultError]:
+    """Find contacts that aren't between the ground and a body or between two, and faces that have one already.
+
+    A rigid surface may touch several planes.
+    """
+    taken: dict[tuple[Any, ...], str] = {}
     for name, contact in contacts.items():
         first, second = (end.partition(".")[0] for end in contact.between)
         if contact.on_ground and (first != "ground" or second == "ground"):
@@ -129,7 +132,9 @@ def check_faces(contacts: Mapping[str, Contact]) -> Iterator[FaultError]:
         elif first == second:
             mend = "two bodies, or a plane of the ground, can touch; divide the body, and join its parts"
             yield FaultError(f"are faces of one body, which can't touch itself; {mend}", "contact", name, "between")
-        faces = tuple(sorted(end for end in contact.between if end.partition(".")[0] != "ground"))
+        faces: tuple[Any, ...] = tuple(sorted(end for end in contact.between if end.partition(".")[0] != "ground"))
+        if contact.on_ground and second not in flexible:
+            faces = *contact.between, contact.normal
         if faces in taken:
             mend = "a face touches one plane, and two faces make one contact; join them, or name parts of faces"
             yield FaultError(f"has the face of contact.{taken[faces]}; {mend}", "contact", name, "between")

@@ -166,7 +166,7 @@ class CrossCheck:
                     yield from check_surface(place, [*body.surface], contact, "contact", name, "between", number)
                 else:
                     yield from self._check_place(place, "contact", name, "between", number)
-        yield from check_faces(self.scene.contact)
+        yield from check_faces(self.scene.contact, self.scene.flexible)
         yield from check_bodies(self.scene.contact, self.scene.pieces, self.scene.flexible)
         if self.scene.contact and self.scene.sampled:
             fault = f"can't be in a scene with a sampled controller, {self.scene.sampled[0]}"

@@ -47,7 +47,8 @@ def order_of(scene: Scene, name: str, contact: Contact) -> tuple[str, str]:
         if theirs is not None and (mine is None or theirs.type in _PAIRS.get(mine.type, ())):
             return places[0], places[1]
     what = f"a {one.type} and a {other.type}"
-    mend = "a ball touches all of these, a pin bores, and all touch planes of the ground and faces of flexible bodies"
+    mend = "a ball touches balls, boxes, pins and bores, a pin bores; all of these touch faces of flexible bodies, and "
+    mend += "all but bores planes of the ground"
     raise InputError(scene.file, f"contact.{name}.between", what, f"can't be followed; {mend}")
 
 
@@ -122,7 +123,7 @@ def force_law(
 
 
 def add_points(points: ContactPoints, face: str, own: RoundPoints, stiffness: float) -> ContactPoints:
-    """Return a rigid body's points with those of another face, whose slope of the force is expected [N/m]."""
+    """Return a rigid body's points with those of a face in one more contact, whose expected slope is given [N/m]."""
     first, n = len(points.x), len(points.x) + len(own.x)
     G = np.zeros((n, 3, n, 3))
     G[:first, :, :first] = points.G
@@ -166,7 +167,7 @@ def add_rigid_contact(
 ) -> None:
     """Add a contact of a rigid body to the bodies that touch: with a plane, a flexible face or another rigid body."""
     if contact.on_ground:
-        plane, (body, _, face) = plane_of(scene, name, contact), contact.between[1].partition(".")
+        plane, body = plane_of(scene, name, contact), contact.between[1].partition(".")[0]
         mine = rigid_surface(scene, contact.between[1])
         points = points_of(mine, start.origin(body))
         if points is None:
@@ -176,8 +177,9 @@ def add_rigid_contact(
         origin, R = start.frame(body)
         gaps = (origin - plane.position + points.x @ R.T) @ plane.normal - points.radius + contact.clearance
         stiffness = expected_stiffness(law, points.radius, *start.loads(plane.normal, float(gaps.min())))
+        face = _points_in(name, contact.between[1])
         own = add_points(bodies[body].points, face, points, stiffness)
-        plane = replace(plane, law=law, slide=slide, near_field=_near_field(points))
+        plane = replace(plane, face=face, law=law, slide=slide, near_field=_near_field(points))
         bodies[body] = replace(bodies[body], points=own, planes=(*bodies[body].planes, plane))
         return
     mine_at, theirs_at = order_of(scene, name, contact)
@@ -200,13 +202,19 @@ def add_rigid_contact(
         apart = float(np.linalg.norm(start.frame(body)[0] - start.frame(other)[0]))  # no fall is farther
         # Each of the two is held by itself in what steps are chosen by: both are twice as stiff.
         stiffness = 2.0 * expected_stiffness(law, points.radius, *start.fall(apart))
+        face = _points_in(name, mine_at)
         bodies[body] = replace(bodies[body], points=add_points(bodies[body].points, face, points, stiffness))
         (origin, R), (theirs_origin, theirs_R) = start.frame(body), start.frame(other)
         there = (origin + points.x @ R.T - theirs_origin) @ theirs_R
         held = add_points(bodies[other].points, f"before {name}", replace(points, x=there), stiffness)
         bodies[other] = replace(bodies[other], points=held)
-        pair = replace(pair, law=law, slide=slide, near_field=_near_field(points))
+        pair = replace(pair, face=face, law=law, slide=slide, near_field=_near_field(points))
     bodies[body] = replace(bodies[body], pairs=(*bodies[body].pairs, pair))
+
+
+def _points_in(contact: str, place: str) -> str:
+    """Name a rigid surface's points in one contact: each has its own law there, and may be wide in one alone."""
+    return f"{place} in {contact}"
 
 
 def _near_field(points: RoundPoints) -> str:
