@@ -51,7 +51,7 @@ def measure(name: str) -> Row:
         "march": lambda: method.march(system, q0, v0, times).seconds,
         "tangents": lambda: march_tangents(method, system, [Direction(*still)], q0, v0, times),
         "by_masses": lambda: march_tangents(method, system, [Direction(*still, variants)], q0, v0, times),
-        "adjoint": lambda: timed(lambda: pull_back(method, system, q0, v0, times, weights, weights)),
+        "adjoint": lambda: timed(lambda: pull_back(method, system, q0, v0, times, weights, weights, [])),
     }
     if not system.has_adjoint:
         ways.pop("adjoint")

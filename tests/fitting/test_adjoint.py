@@ -16,11 +16,11 @@ from fmd.integrators import adjoint as march_adjoint
 from fmd.output.channels import find_channels
 from tests.fitting.test_tangents import OTHERS, SPRINGS, chain
 
-KEYS = [*SPRINGS, *OTHERS, "joint.drive.rate"]
-MORE = ("joint.drive.rate=0.3 rad/s",)
+KEYS = [*SPRINGS, *OTHERS, "joint.drive.rate", "joint.pin.rest"]
+MORE = ("joint.drive.rate=-0.3 rad/s", "joint.pin.rest=-50 deg")  # negative numbers, as well
 
 
-@pytest.mark.parametrize("kept", [2**20, 500])
+@pytest.mark.parametrize("kept", [2**20, 750])
 def test_an_adjoint_is_the_transpose_of_the_tangents(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """By springs, a damper, a load and a start, of random weights on all output; with sections of 250 steps, too."""
     monkeypatch.setattr(march_adjoint, "MOST_STEPS_KEPT", kept)
@@ -33,9 +33,9 @@ def test_an_adjoint_is_the_transpose_of_the_tangents(kept: int, monkeypatch: pyt
     by_q, by_v = np.random.default_rng(0).normal(size=(2, len(times), system.n))
     method = motion.plan.integrator
     assert isinstance(method, march_adjoint.CentralDifference)
-    found = march_adjoint.pull_back(method, system, q0, v0, times, by_q, by_v)
+    found = march_adjoint.pull_back(method, system, q0, v0, times, by_q, by_v, known)
     expected = [(by_q * each.q).sum() + (by_v * each.v).sum() for each in march_tangents(motion.plan, known, times)]
-    assert [found.along(each) for each in known] == pytest.approx(expected, rel=0, abs=1e-10 * np.abs(expected).max())
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_a_gradient_by_many_numbers_is_that_of_the_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,7 +53,7 @@ def test_a_gradient_by_many_numbers_is_that_of_the_jacobian(monkeypatch: pytest.
     np.testing.assert_allclose(found * again.start, expected * again.start, rtol=0, atol=1e-6 * np.abs(found).max())
 
 
-def test_few_numbers_and_results_of_no_time_take_tangents(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_numbers_and_results_of_no_time_or_several_take_tangents(monkeypatch: pytest.MonkeyPatch) -> None:
     frozen = FrozenRun(package.load(chain("central-difference"), *MORE).run)
     motion = frozen.at({})
     parameters = [find_parameter(frozen.run.scene, key) for key in SPRINGS]
@@ -63,4 +63,19 @@ def test_few_numbers_and_results_of_no_time_take_tangents(monkeypatch: pytest.Mo
     monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 2)
     (mass,) = find_channels(frozen.run, "mass")
     assert adjoint.find_gradient(frozen, motion, parameters, [mass], np.ones(1)) == {}
+    accelerated = replace(place, read=lambda run: np.gradient(run.motion.trajectory.v[:, 0]))
+    assert adjoint.find_gradient(frozen, motion, parameters, [accelerated], weights) == {}
     assert len(adjoint.find_gradient(frozen, motion, parameters, [place], weights)) == 2
+
+
+@pytest.mark.parametrize("fewest", [1, 40])
+def test_derivatives_by_a_number_that_is_0_are_refused(fewest: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the adjoint and by tangents; values are had."""
+    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", fewest)
+    result = package.load(chain("central-difference"), *MORE)
+    function = package.ResultFunction(result, of=["coupler.b.position.y"], to=OTHERS)
+    x = np.array([0.0, 1.0])
+    weights = function(x)
+    for take in (function.vjp, function.jvp):
+        with pytest.raises(package.InputError, match=r"joint\.drive\.damper = 0\.0: is 0, .*; take a small value"):
+            take(x, weights if take == function.vjp else x)

@@ -42,9 +42,10 @@ class HistorySum:
 
     def is_of_each_time(self) -> bool:
         """Return whether histories depend at each output time on the motion there alone."""
-        rng, moved = np.random.default_rng(0), self._own.q.copy()
-        moved[1::2] += READ_DIFFERENCE * rng.normal(size=moved[1::2].shape)
-        still, found = (self._read(replace(self._own, q=q))[:, ::2] for q in (self._own.q, moved))
+        rng, q, v = np.random.default_rng(0), self._own.q.copy(), self._own.v.copy()
+        for moved in (q, v):
+            moved[1::2] += READ_DIFFERENCE * rng.normal(size=moved[1::2].shape)
+        still, found = (self._read(each)[:, ::2] for each in (self._own, replace(self._own, q=q, v=v)))
         return np.array_equal(still, found)
 
     def by_motion(self, name: str, places: IntArray) -> Array:
@@ -59,9 +60,9 @@ class HistorySum:
         return found
 
     def by_number(self, parameter: Parameter) -> float:
-        """Return the derivative by a number's logarithm where the motion stays as it is."""
+        """Return the derivative by a number, times its size, where the motion stays as it is."""
         value = self._motion.values.get(parameter, parameter.value)
-        sides = ({parameter: value * (1.0 + side * READ_DIFFERENCE)} for side in (-1.0, 1.0))
+        sides = ({parameter: value + side * READ_DIFFERENCE * abs(value)} for side in (-1.0, 1.0))
         low, high = (self._read(self._own, side) for side in sides)
         return float((self._weights * (high - low)).sum() / (2.0 * READ_DIFFERENCE))
 
@@ -123,7 +124,7 @@ def _add_up(
     if part is not None and plan.excited_system is not None:
         positions, rates = positions[part.positions], rates[part.rates]
     by_q, by_v = total.by_motion("q", positions), total.by_motion("v", rates)
-    adjoint = pull_back(plan.integrator, system, q0, v0, frozen.times, by_q, by_v)
+    along = pull_back(plan.integrator, system, q0, v0, frozen.times, by_q, by_v, [*directions.values()])
     frozen.marches += 1
-    by_logarithm = {key: adjoint.along(each) + total.by_number(key) for key, each in directions.items()}
-    return {key: each / motion.values.get(key, key.value) for key, each in by_logarithm.items()}
+    sizes = {key: abs(motion.values.get(key, key.value)) for key in directions}
+    return {key: float(x + total.by_number(key)) / sizes[key] for key, x in zip(directions, along, strict=True)}

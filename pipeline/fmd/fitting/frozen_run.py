@@ -67,8 +67,8 @@ class FrozenMotion:
     by : tuple of Parameter
         Numbers that it is differentiated by, whose tangents are marched together.
     tangents : dict of Parameter to Tangent or None
-        Derivatives of the motion by logarithms of numbers, as far as they have been asked for; ``None`` where there is
-        no tangent.
+        Derivatives of the motion by numbers, times their sizes, as far as they have been asked for; ``None`` where
+        there is no tangent.
     variants : dict of tuple to Beside
         The scene beside it, by a number and the share of it.
     parts : list of PartedMarch
@@ -154,6 +154,11 @@ class FrozenRun:
         ----------
         share : float
             How far, of the usual.
+
+        Raises
+        ------
+        InputError
+            The number is 0.
         """
         if not moves:
             return self._variants(motion, parameter, share * NEAR_DIFFERENCE, moves)
@@ -173,7 +178,7 @@ class FrozenRun:
         return replace(self._with_motions(found, trajectories), lacking=say_what_lacks_tangents(motion.plan))
 
     def _tangent(self, motion: FrozenMotion, parameter: Parameter) -> Tangent | None:
-        """Return a motion's derivative by a number's logarithm, if it is to be had; those by others go with it."""
+        """Return a motion's derivative by a number, times its size, if it is to be had; those by others go with it."""
         if parameter not in motion.tangents:
             assert motion.plan is not None
             wanted = [each for each in dict.fromkeys((parameter, *motion.by)) if each not in motion.tangents]
@@ -185,7 +190,7 @@ class FrozenRun:
         return motion.tangents[parameter]
 
     def direction(self, motion: FrozenMotion, parameter: Parameter) -> Direction | None:
-        """Return how the equations change with a number's logarithm: by two variants, by four if not in a line."""
+        """Return how the equations change with a number, times its size: by two variants, by four if not in a line."""
         assert motion.plan is not None
         far = self._variants(motion, parameter, NEAR_DIFFERENCE)
         weight = 0.5 / NEAR_DIFFERENCE
@@ -214,6 +219,9 @@ class FrozenRun:
         """Return the scene's stages a share of a number below and above its value."""
         if (parameter, share) not in motion.variants:
             middle = motion.values.get(parameter, parameter.value)
+            if not middle:
+                mend = "is 0, of which there is no per cent; take a small value, such as 1e-3 of the usual one"
+                raise InputError(self.run.scene.file, parameter.key, middle, mend)
             step = share * abs(middle)
             low, high = (
                 self._variant({**motion.values, parameter: middle + side * step}, moves) for side in (-1.0, 1.0)

@@ -44,7 +44,7 @@ class ResultFunction:
     Raises
     ------
     InputError
-        There is no such result or number.
+        There is no such result or number; derivatives are asked for where a number is 0.
     """
 
     result: SolvedScene

@@ -11,8 +11,9 @@ The motion is marched anew in sections, from states that are kept at their begin
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -28,39 +29,8 @@ from fmd.integrators.fixed_step import locate_samples
 from fmd.integrators.protocol import State
 from fmd.kernels.kernel import inlined, kernel
 from fmd.kernels.library import call_native
+from fmd.kernels.machine import LoadedObject
 from fmd.kernels.table import Table
-
-
-class Adjoint(NamedTuple):
-    """Derivatives of a weighted sum of a march's positions and rates at its output times.
-
-    Attributes
-    ----------
-    q, v : ndarray, shape (n,)
-        By positions and rates at the start.
-    numbers : ndarray, shape (n_numbers,)
-        By `CompiledMechanism.numbers`.
-    times : ndarray, shape (n_steps + 1,)
-        At which loads and motions are evaluated [s].
-    signals : ndarray, shape (n_steps + 1, 3 n_signals)
-        By their values, rates and accelerations at these times.
-    """
-
-    q: Array
-    v: Array
-    numbers: Array
-    times: Array
-    signals: Array
-
-    def along(self, direction: Direction) -> float:
-        """Return the derivative of the sum along a direction without variants."""
-        found = self.q @ direction.q + self.v @ direction.v + self.numbers @ direction.numbers
-        for signals, weight in direction.signals:
-            code = load_signals(signals)
-            found += weight * _sum_signals(
-                code.address("signals"), self.times, self.signals, np.zeros(2), np.zeros(self.signals.shape[1])
-            )
-        return float(found)
 
 
 @dataclass(frozen=True)
@@ -84,7 +54,7 @@ class _Section(Table):
     of_q: Array
     of_v: Array
     numbers: Array  # (n_numbers,)
-    signals: Array  # (n_steps + 1, 3 n_signals)
+    signals: Array  # (n_kept, 3 n_signals): by signals at each step's begin
 
 
 @kernel
@@ -114,7 +84,7 @@ def _take_back(p: Any, s: _Section, first: int, count: int) -> None:
         for i in range(n):
             dv[i] += h * dq[i]
             da[i] += h * dv[i]
-        _pull_back(p, s, (first + k) * h, k, first + k + 1)
+        _pull_back(p, s, (first + k) * h, k)
         for i in range(n):
             dq[i] += s.of_q[i]
             dv[i] += s.of_v[i]
@@ -129,7 +99,7 @@ def _take_start_back(p: Any, s: _Section) -> None:
     """Go back to time 0 from half a step before it; the section has its state as its first step."""
     for i in range(s.dq.size):
         s.da[i] -= 0.5 * s.h * s.dv[i]
-    _pull_back(p, s, 0.0, 0, 0)
+    _pull_back(p, s, 0.0, 0)
     for i in range(s.dq.size):
         s.dq[i] += s.of_q[i]
         s.dv[i] += s.of_v[i]
@@ -158,21 +128,38 @@ def _add_sample(s: _Section, k: int) -> None:
 
 
 @inlined
-def _pull_back(p: Any, s: _Section, t: float, k: int, row: int) -> None:
+def _pull_back(p: Any, s: _Section, t: float, k: int) -> None:
     """Differentiate the accelerations of a kept step by all that they depend on, with the weights ``da``."""
     set_inputs(p, t)
     call_native(s.adjoint, (p.inputs, s.q[k], s.v[k], s.a[k], s.da, s.of_inputs, s.of_q, s.of_v))
     n_inputs = s.signals.shape[1]
     for i in range(n_inputs):
-        s.signals[row, i] = s.of_inputs[i]
+        s.signals[k, i] = s.of_inputs[i]
     for i in range(s.numbers.size):
         s.numbers[i] += s.of_inputs[n_inputs + i]
 
 
+def _sum_along(codes: Sequence[Sequence[tuple[LoadedObject, float]]], times: Array, by_signals: Array) -> Array:
+    """Return what the directions' signals at some times add to the sum's derivatives, (n_directions,)."""
+    room = np.zeros(2), np.zeros(by_signals.shape[1])
+    sums = (
+        [weight * _sum_signals(code.address("signals"), times, by_signals, *room) for code, weight in own]
+        for own in codes
+    )
+    return np.array([sum(each, 0.0) for each in sums])
+
+
 def pull_back(
-    method: CentralDifference, system: CompiledSystem, q0: Array, v0: Array, times: Array, by_q: Array, by_v: Array
-) -> Adjoint:
-    """Differentiate a weighted sum of a march's output by all that the march takes.
+    method: CentralDifference,
+    system: CompiledSystem,
+    q0: Array,
+    v0: Array,
+    times: Array,
+    by_q: Array,
+    by_v: Array,
+    directions: Sequence[Direction],
+) -> Array:
+    """Differentiate a weighted sum of a march's output along some directions, shape (n_directions,).
 
     Parameters
     ----------
@@ -186,11 +173,13 @@ def pull_back(
         Output times [s].
     by_q, by_v : ndarray, shape (n_times, n)
         Weights of positions and rates.
+    directions : sequence of Direction
+        Those without variants.
     """
     n, h, inputs = system.n, method.step, system.parameters.inputs
     sample, offset = locate_samples(times, h)
     n_steps, n_inputs = int(sample[-1]) + 1, 3 * len(system.compiled.signals)
-    kept = min(n_steps, max(1, MOST_STEPS_KEPT // n))
+    kept = min(n_steps, max(1, MOST_STEPS_KEPT // max(n, n_inputs)))
     steps = {name: np.zeros((kept, n)) for name in ("q", "v", "a")}
     room = {name: np.zeros(n) for name in ("dq", "dv", "da", "of_q", "of_v")}
     section = _Section(
@@ -205,8 +194,10 @@ def pull_back(
         **room,
         of_inputs=np.zeros(inputs.size),
         numbers=np.zeros(inputs.size - n_inputs),
-        signals=np.zeros((n_steps + 1, n_inputs)),
+        signals=np.zeros((kept, n_inputs)),
     )
+    codes = [[(load_signals(signals), weight) for signals, weight in each.signals] for each in directions]
+    found = np.zeros(len(directions))
     p, state = system.parameters, method.start(system, q0, v0)
     begins: list[State] = []
     for first in range(0, n_steps, kept):
@@ -217,7 +208,10 @@ def pull_back(
         if number < len(begins) - 1:
             _take_steps(p, section, begin.q, begin.v, begin.a, first, count)
         _take_back(p, section, first, count)
+        at = np.asarray(h * np.arange(first, first + count), dtype=float)
+        found += _sum_along(codes, at, section.signals)
     section.q[0], section.v[0], section.a[0] = q0, v0, method.start(system, q0, v0).a
     _take_start_back(p, section)
-    grid = h * np.r_[0, np.arange(n_steps)]
-    return Adjoint(section.dq, section.dv, section.numbers, grid, section.signals)
+    found += _sum_along(codes, np.zeros(1), section.signals)
+    own = [section.dq @ each.q + section.dv @ each.v + section.numbers @ each.numbers for each in directions]
+    return np.asarray(found + own)
