@@ -86,6 +86,7 @@ SETTINGS = """<mujoco>
   <include file="parts/body.xml"/>
   <equality><joint joint1="y" joint2="x"/></equality>
 </mujoco>"""
+INERTIAL = '<inertial pos="0 0 0" mass="7" diaginertia="1 1 1"/>'
 PARTS = {
     "body": """<mujocoinclude><worldbody><body name="a" gravcomp="1"><joint name="x" range="-10 10"/>
       <geom size="0.1"/><geom size="0.3" group="3"/><include file="b.xml"/></body></worldbody></mujocoinclude>""",
@@ -115,6 +116,19 @@ def test_settings_are_taken_or_named(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("setting", "inertial", "mass"),
+    [("true", INERTIAL, 0.1), ("auto", INERTIAL, 7.0), ("auto", "", 0.1), ("false", INERTIAL, 7.0), ("false", "", 0.0)],
+)
+def test_inertia_is_from_geoms_where_the_compiler_says_so(
+    tmp_path: Path, setting: str, inertial: str, mass: float
+) -> None:
+    text = BODY.format(f'{inertial}<joint/><geom size="0.1" mass="0.1"/>')
+    file = tmp_path / "a.xml"
+    file.write_text(text.replace("<worldbody>", f'<compiler inertiafromgeom="{setting}"/><worldbody>'))
+    assert read_mjcf(file).links["a"].mass == mass
+
+
 BODY = '<mujoco><worldbody><body name="a">{}</body></worldbody></mujoco>'
 
 
@@ -131,9 +145,12 @@ BODY = '<mujoco><worldbody><body name="a">{}</body></worldbody></mujoco>'
             "body a: can't be read: the axis of a-joint has a vector",
         ),
         (BODY.format('<joint springdamper="0.1 1"/><geom size="1"/>'), "joint springdamper '0.1 1' isn't read"),
-        (BODY.format('<joint damping="nan"/><geom size="1"/>'), "body a: can't be read: damping 'nan' is no finite"),
+        (
+            BODY.format('<joint damping="nan"/><geom size="1"/>'),
+            "body a: can't be read: damping 'nan' is not one finite",
+        ),
         (BODY.format('<joint/><geom size="1" mass="-1"/>'), "mass '-1' is below 0"),
-        (BODY.format('<joint/><inertial pos="0 0 0" mass="nan" diaginertia="1 1 1"/>'), "mass 'nan' is no finite"),
+        (BODY.format('<joint/><inertial pos="0 0 0" mass="nan" diaginertia="1 1 1"/>'), "mass 'nan' is not one finite"),
         (BODY.format('<joint/><geom type="cylinder" fromto="0 0 0 1 0 0"/>'), "body a: can't be read: a cylinder of 2"),
         (BODY.format('<joint/><geom type="box" size="1"/>'), "a box of 3 sizes above 0 has 1"),
         (BODY.format('<joint/><geom size="1" axisangle="0 0 0 1"/>'), "axisangle has a vector of no length"),

@@ -18,7 +18,7 @@ DISABLED = {
 """What goes without effect where the flag of this name says ``disable``."""
 _TURNS = "quat axisangle euler xyaxes zaxis"
 _TAKEN = {
-    "compiler": "autolimits angle eulerseq meshdir assetdir inertiagrouprange",
+    "compiler": "autolimits angle eulerseq meshdir assetdir inertiafromgeom inertiagrouprange",
     "option": "gravity",
     "flag": " ".join(DISABLED),
     "body": f"name childclass pos {_TURNS}",
@@ -42,7 +42,7 @@ _IDLE = {
     "fluidshape fluidcoef",
 }
 _REFUSED = {
-    "compiler": "coordinate inertiafromgeom balanceinertia settotalmass boundmass boundinertia",
+    "compiler": "coordinate balanceinertia settotalmass boundmass boundinertia",
     "joint": "springdamper",
 }
 _OFF = {"false", "auto", "local", "enable"}

@@ -236,8 +236,11 @@ class _Reader:
         for geom, given in geoms:
             touches = given.get("contype", "1") != "0" or given.get("conaffinity", "1") != "0"
             shapes[touches].append(geom.shape(Pose(geom.pose.at - origin, geom.pose.axes)))
-        inertial = body.find("inertial")
-        part = self._inertial(inertial) if inertial is not None else add_masses(self._parts(geoms, name))
+        inertial, from_geoms = body.find("inertial"), self.compiler.get("inertiafromgeom", "auto")
+        if inertial is None or from_geoms == "true":
+            part = add_masses(() if from_geoms == "false" else self._parts(geoms, name))
+        else:
+            part = self._inertial(inertial)
         visuals, collisions = (tuple(of) for of in shapes)
         return RobotLink(name, part.mass, part.centre - origin, part.inertia, visuals, collisions)
 

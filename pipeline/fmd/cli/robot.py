@@ -135,7 +135,7 @@ def read_number(given: Mapping[str, str], key: str, default: str | None = None, 
     try:
         (value,) = read_list(text)
     except ValueError:
-        raise ValueError(f"{key} {text!r} is no finite number") from None
+        raise ValueError(f"{key} {text!r} is not one finite number") from None
     if value < least:
         raise ValueError(f"{key} {text!r} is below {least:g}")
     return value
