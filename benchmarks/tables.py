@@ -245,7 +245,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "assembly": assembly,
     "error-sources": error_sources,
     "deflection": deflection,
-    "envelope": partial(as_written, "envelope"),
     **{f"elements-{part}": partial(as_written, f"elements-{part}") for part in ELEMENTS},
     "truth": truth,
     "loops": loops,

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
-from fmd.core.limits.code import LONG_PROGRAM, MOST_COPIED, MOST_IN_PART, STANDING
+from fmd.core.limits.code import LONG_PROGRAM, MOST_COPIED, MOST_IN_PART, MOST_ON_STACK, STANDING
 from fmd.dynamics.compiler.chunks import chunk_widths
 from fmd.dynamics.compiler.graph import Graph
 from fmd.dynamics.compiler.nodes import Node, Place
@@ -76,13 +76,17 @@ class Parts:
 
 
 def cut_program(program: Program, register: int) -> Parts | None:
-    """Cut a long program at the marks of its graph; return None for one that is to stay whole."""
+    """Cut a long program at the marks of its graph; return None for one that is to stay whole.
+
+    That is also one whose parts would give each other more than a stack holds.
+    """
     nodes = program.graph.nodes
     if len(program.nodes) < LONG_PROGRAM or program.guard is not None:
         return None
     if any(nodes[number].operation in OSCILLATED for number in program.nodes):
         return None
-    return _Cutter(program, register).cut()
+    parts = _Cutter(program, register).cut()
+    return parts if sum(parts.sizes.values()) < MOST_ON_STACK else None
 
 
 class _Cutter:
