@@ -76,13 +76,15 @@ def test_servos_of_the_robot_hold_its_weight_by_their_errors(tmp_path: Path, fmd
     hold += ["drive.shoulder.torque.variables.ref.values=[-30,-30,-30]"]
     run = Pipeline(load_scene(scene, hold))
     q, _ = run.start
-    shoulder, elbow = q[run.mechanism.layout.position[:2]]
+    frame, elbow = q[run.mechanism.layout.position[:2]]
+    turned = run.bodies["upper"].joint_rotation  # of the section at the joint against the body's frame
+    shoulder = frame + turned @ q[-len(turned) :]
     upper, fore = 1.728 * 0.2 + 0.8 * 0.4, 0.8 * 0.15
 
     def moments(angle: float, bend: float) -> tuple[float, float]:
         far = 9.81 * fore * np.cos(angle + bend)
         return 9.81 * upper * np.cos(angle) + far, far
 
-    rest = brentq(lambda a: 2000 * (-np.pi / 6 - a) + moments(a, 0.0)[0], -1, 0)
-    assert shoulder + np.pi / 6 == pytest.approx(rest + np.pi / 6, rel=0.01)
-    assert elbow == pytest.approx(moments(rest, 0.0)[1] / 500, rel=0.01)
+    rest = brentq(lambda a: 2000 * (-np.pi / 6 - a) + moments(a, elbow)[0], -1, 0)
+    assert shoulder + np.pi / 6 == pytest.approx(rest + np.pi / 6, rel=1e-4)
+    assert elbow == pytest.approx(moments(rest, elbow)[1] / 500, rel=1e-4)

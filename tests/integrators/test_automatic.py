@@ -64,6 +64,17 @@ def test_an_implicit_step_without_a_solution_makes_way_for_another_method(
     np.testing.assert_allclose(found.q, exact.q, atol=2e-3 * np.abs(exact.q).max())
 
 
+def test_strong_dampers_of_light_sections_are_not_marched_by_explicit_methods() -> None:
+    """Static responses make a joint's section light: its damper takes steps of 0.15 µs, vibrations 23 µs."""
+    damped = ["body.forearm.modes.enrich=inertia", *(f"joint.{name}.damper=60 N m s" for name in ("shoulder", "elbow"))]
+    run = Pipeline(load_scene("arm", damped))
+    assert 2.0 / run.system.largest_step > 50.0 * run.system.highest_frequency
+    found = Automatic(1e-3, TIMES[-1]).march(run.system, *run.start, TIMES)
+    exact = GeneralizedAlpha(1e-5).march(run.system, *run.start, TIMES)
+    assert found.evaluations < 1e6  # of explicit steps 2e6 at least, for each of two marches
+    np.testing.assert_allclose(found.q, exact.q, atol=2e-3 * np.abs(exact.q).max())
+
+
 def test_where_every_march_fails_the_reason_is_told_after_two_of_the_last_method(
     arm: Pipeline, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -134,7 +134,7 @@ def test_shapes_of_another_mesh_are_refused(small_bar: FEModel) -> None:
 def test_a_mass_matrix_that_is_not_symmetric_is_refused(small_bar: FEModel) -> None:
     skew = small_bar.m + sp.csr_array(([1e-3 * small_bar.mass], ([0], [1])), shape=small_bar.m.shape)
     with pytest.raises(
-        AccuracyError, match=r"the inertia shape integrals is not symmetric: relative error \d\.\de-\d\d"
+        AccuracyError, match=r"the inertia shape integrals are not symmetric: relative error \d\.\de-\d\d"
     ):
         inertia_integrals(small_bar.x, skew, random_shapes(small_bar))
 

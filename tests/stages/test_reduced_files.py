@@ -130,7 +130,7 @@ def test_a_file_without_stress_has_no_pictures_of_it(tmp_path: Path):
     write_format(scene_of(BEAM, "clamp", "off", tmp_path), "mbdyn", "beam", tmp_path / "beam.fem")
     part = scene_of(read_body("beam.fem", "root", "tip"), "clamp", "off", tmp_path).parts["beam"]
     assert not part.has_stress
-    with pytest.raises(InputError, match="is of a file without a surface's stress"):
+    with pytest.raises(InputError, match="is of no file with a surface's stress"):
         part.surface  # noqa: B018
 
 

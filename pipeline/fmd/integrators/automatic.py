@@ -44,6 +44,7 @@ from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.march_pairs import Gain, Pairs, compared_times, pairs_of
 from fmd.integrators.method_costs import (
     explicit_cost,
+    explicit_frequency,
     explicit_pair_cost,
     exponential_cost,
     implicit_cost,
@@ -209,7 +210,7 @@ class Automatic(Integrator):
             adaptive = ExponentialRosenbrock
         elif stiff and not sampled:
             leapfrog_steps = max(
-                system.highest_frequency * self.duration / LEAP,
+                explicit_frequency(system) * self.duration / LEAP,
                 IMPLICIT_STEPS_IN_ACTION * self.duration / system.shortest_action,
             )
             leapfrog_steps = self.duration / system.resolving_step(self.duration / leapfrog_steps)[0]

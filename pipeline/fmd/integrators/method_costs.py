@@ -51,7 +51,12 @@ def exponential_cost(system: System, steps: int, n_outputs: int) -> float:
 
 def stable_steps(system: System, duration: float) -> float:
     """Return how many steps of the Runge–Kutta method at least are stable over a duration [s]."""
-    return system.highest_frequency * duration / DAMPED
+    return explicit_frequency(system) * duration / DAMPED
+
+
+def explicit_frequency(system: System) -> float:
+    """Return what bounds explicit steps [rad/s]: the highest frequency, or the rate at which a strong damper acts."""
+    return max(system.highest_frequency, 2.0 / system.largest_step)
 
 
 def explicit_pair_cost(system: System, duration: float) -> float:
