@@ -88,3 +88,18 @@ def test_servos_of_the_robot_hold_its_weight_by_their_errors(tmp_path: Path, fmd
     rest = brentq(lambda a: 2000 * (-np.pi / 6 - a) + moments(a, elbow)[0], -1, 0)
     assert shoulder + np.pi / 6 == pytest.approx(rest + np.pi / 6, rel=1e-4)
     assert elbow == pytest.approx(moments(rest, elbow)[1] / 500, rel=1e-4)
+
+
+def test_the_crossings_of_the_rotor_page_are_multiples_and_its_orbits_peak_at_forward_ones() -> None:
+    page = (JOBS / "rotor.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^    (\d) +([\d.]+) +([\d.]+) +\d +(\w+) +([\d.]+)$", page, re.MULTILINE)
+    assert len(rows) == 13
+    forward = {}
+    for order, rpm, hertz, whirl, ratio in rows:
+        assert int(order) * float(rpm) / 60 == pytest.approx(float(hertz), abs=1e-3)
+        if (order, whirl) == ("1", "forward"):
+            forward[float(rpm)] = 1 / (2 * float(ratio))
+    peaks = re.findall(r"^    \w+\.\w+ +([\d.]+) +[\d.]+ +([\d.]+)$", page, re.MULTILINE)
+    for (rate, factor), (rpm, expected) in zip(peaks, forward.items(), strict=True):
+        assert float(rate) == pytest.approx(rpm, rel=1e-3)
+        assert float(factor) == pytest.approx(expected, rel=0.06)

@@ -105,6 +105,11 @@ def test_the_doctor_loads_neither_gmsh_nor_pyvista(tmp_path: Path) -> None:
     assert result.stderr.strip() == ""
 
 
+def test_the_doctor_leaves_numpy_to_be_loaded_while_it_is_timed() -> None:
+    code = "import sys, fmd.cli.doctor; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_doctor_finds_nothing_to_mend_here(fmd: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
     assert fmd("doctor", "--json") == 0
     found = json.loads(capsys.readouterr().out)

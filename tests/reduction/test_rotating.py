@@ -6,7 +6,7 @@ import pytest
 from fmd.core.arrays import Array
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals, inertia_integrals
-from fmd.reduction.rotating import WhirlingModes, rotating_modes
+from fmd.reduction.rotating import WhirlingModes, order_poles, rotating_modes
 
 MASS, ARM = 2.0, 0.5
 
@@ -99,3 +99,10 @@ def test_between_its_two_frequencies_a_mass_on_unequal_springs_grows(rate: float
     assert found.growth[found.growth > 1e-9] == pytest.approx(growth, rel=1e-9)
     vibrations = np.sqrt(-squares[squares < 0])
     assert found.frequencies_hz[found.frequencies_hz > 0] * 2 * np.pi == pytest.approx(np.sort([*vibrations, 6.0]))
+
+
+def test_poles_that_round_off_makes_complex_are_real_ones() -> None:
+    """A vibration of 50 rad/s, and two equal ones that are overdamped, the slower pole split by round-off."""
+    poles = np.array([-1 + 50j, -1 - 50j, -3 + 1e-12j, -3 - 1e-12j, -90, -90, 1e-9j, -1e-9j])
+    kept = order_poles(poles, abs(poles.imag))
+    assert poles[kept].real.tolist() == [-3, -3, -1, -90, -90]

@@ -72,6 +72,38 @@ def test_vibrations_have_the_coefficients_of_their_own_whirl(rotor: Path, rate: 
     np.testing.assert_allclose(sorted(found.growth), sorted([*(s.real for s in expected), 0.0]), rtol=1e-7, atol=1e-7)
 
 
+def own_frequencies(damping: list[float], rate: float) -> list[float]:
+    """Return where ``|Im s|`` in closed form is the frequency of its coefficients, to 0.1 rad/s."""
+    places = np.linspace(0.0, 3000.0, 30001)
+    k, c = np.interp(places, PLACES, STIFFNESS), np.interp(places, PLACES, damping)
+    found = [float(SLIDE)]
+    for mass, b, stiffness in ((MASS, 2 * c + 0j, 2 * k), (ACROSS, 2 * c * ARM**2 - 1j * POLAR * rate, 2 * k * ARM**2)):
+        root = np.sqrt(b**2 - 4 * mass * stiffness)
+        for branch in np.sort(np.abs((np.array([root - b, -root - b]) / (2 * mass)).imag), axis=0):
+            above = branch > places
+            found += [*places[1:][above[1:] != above[:-1]], *branch[-1:][above[-1:]]]
+            found += [0.0] * int(branch[0] == 0.0) * (2 if rate == 0.0 else 1)  # at rest: in both directions
+    return sorted(found)
+
+
+RANDOM = (10 ** np.random.default_rng(3).uniform(1.5, 4.7, 3)).tolist()
+
+
+@pytest.mark.parametrize("rate", [0.0, 20.0, 350.0])
+@pytest.mark.parametrize("damping", [[3e4, 150.0, 50.0], [150.0, 3e4, 50.0], RANDOM])
+def test_no_vibration_is_lost_where_bearings_overdamp(rotor: Path, damping: list[float], rate: float) -> None:
+    table = TABLE.format(values=damping, unit="N s/m").replace("OVER", "whirl")
+    damped = [f"bearing.{name}.radial_damper={{ {table} }}" for name in ("near", "far")]
+    found = find_vibrations(load(rotor, "whirl", *damped))(rate)
+    frequencies = 2 * np.pi * found.frequencies_hz
+    np.testing.assert_allclose(np.sort(frequencies), own_frequencies(damping, rate), atol=0.11)
+    for omega, growth in zip(frequencies, found.growth, strict=True):
+        if abs(omega - SLIDE) > 1e-6:
+            both = poles(np.interp(omega, PLACES, STIFFNESS), np.interp(omega, PLACES, damping), rate)
+            s = growth + 1j * omega
+            assert min(*abs(both - s), *abs(both - s.conjugate())) < 1e-6 * abs(s)
+
+
 @pytest.mark.parametrize(("over", "order"), [("speed", 1.0), ("whirl", -2.0)])
 def test_orbits_have_the_coefficients_of_the_speed_or_of_the_force(rotor: Path, over: str, order: float) -> None:
     rates = np.array([30.0, 120.0, 450.0, 1700.0])
@@ -131,9 +163,13 @@ def test_a_shaft_whirls_as_ross_has_it(tmp_path: Path) -> None:
         assert vibrations(rate).damping[:2] == pytest.approx(damping[rate], rel=1e-4)
 
 
-def test_a_table_that_ends_below_the_highest_rate_is_named(rotor: Path) -> None:
-    found = compute_circular_response(load(rotor, "whirl"), "rotor.far", lambda rate: 1.0, np.array([1e3, 2e3, 3e3]))
-    assert "bearing.near.radial ends at 19099 rpm" in found.warnings[0]["text"]
+@pytest.mark.parametrize(("over", "order", "n_ends"), [("speed", -2.0, 0), ("whirl", -2.0, 4), ("whirl", 1.0, 0)])
+def test_a_table_that_ends_below_what_is_reached_is_named(rotor: Path, over: str, order: float, n_ends: int) -> None:
+    rates = np.array([500.0, 1000.0, 1500.0])
+    found = compute_circular_response(load(rotor, over), "rotor.far", lambda rate: 1.0, rates, order)
+    assert len(found.warnings) == n_ends
+    for warning in found.warnings[:1]:
+        assert warning["text"] == "bearing.near.radial ends at 19099 rpm of whirl: beyond, its last value holds"
 
 
 CLOSED = "{ arguments = [0, 1, 2], values = [1, 2, 1], unit = 'N/m', beyond = 'repeat' }"

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from joblib import cpu_count
-
 from fmd.cli.options import Json, print_json
 from fmd.core.paths import cache_folder, is_private, kernel_folder
 from fmd.core.processes import ChildError, run_child
@@ -117,6 +115,8 @@ def find_problems(cache: Path) -> tuple[Problem, ...]:
 
 def describe_machine() -> dict[str, str]:
     """Return the number of processor cores and the numbers of threads that the environment sets."""
+    from joblib import cpu_count  # loads NumPy, whose time `print_imports` measures
+
     return {
         "processor cores": str(cpu_count()),
         "BLAS threads": _threads("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"),

@@ -132,7 +132,7 @@ def compute_circular_response(
     InputError
         The scene is no rotor in bearings, the marker is unknown, or as `fmd.stages.turning.TurningRotor`.
     """
-    run = synchronous(coupled(run), order)
+    given, run = run.scene, synchronous(coupled(run), order)
     with threadpool_limits(1):
         if not runs_in_bearings(run.scene):
             mend = "isn't a rotor in bearings: its first body hangs on a free joint, and [bearing.NAME] hold it"
@@ -144,7 +144,7 @@ def compute_circular_response(
         def over(rates: Array, criticals: tuple[Critical, ...]) -> CircularResponse:
             found = [at(rate) for rate in rates.tolist()]
             displacement, against = (np.array(part) for part in zip(*found, strict=True))
-            ends = warn_of_last_rows(run.scene, float(rates[-1]))
+            ends = warn_of_last_rows(given, float(rates[-1]), order)
             return CircularResponse(title, rates, seen, displacement, against, criticals, warnings=ends)
 
         amplitude, peaks = over(rates, ()).amplitude, list[Critical]()

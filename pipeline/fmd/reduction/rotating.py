@@ -51,7 +51,7 @@ def order_poles(poles: Array, frequencies: Array) -> IntArray:
     """
     fastest = float(poles.imag.max(initial=0.0)) or float(np.abs(poles).max(initial=0.0))
     oscillating = np.flatnonzero(poles.imag > RIGID_POLE * fastest)
-    real = np.flatnonzero((poles.imag == 0.0) & (np.abs(poles.real) > RIGID_DRIFT * fastest))
+    real = np.flatnonzero((np.abs(poles.imag) <= RIGID_POLE * fastest) & (np.abs(poles.real) > RIGID_DRIFT * fastest))
     real = real[np.argsort(-poles.real[real])]
     half = (len(real) + 1) // 2
     first = np.concatenate([oscillating, real[:half]])

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.responses import PEAK_DIGITS, WHIRLS_BETWEEN
+from fmd.core.limits.responses import PEAK_DIGITS, RIGID_POLE, WHIRLS_BETWEEN
 from fmd.core.limits.round_off import EXACT
 from fmd.reduction.rotating import WhirlingModes
 from fmd.responses.interpolated_models import Matrices, interpolate_models, matrices_of, with_inputs_seen
@@ -64,20 +64,20 @@ def _value_at_rest(table: BearingTable) -> float:
     return float(make_curve(table).values(np.zeros(1))[0])
 
 
-def warn_of_last_rows(scene: Scene, highest: float) -> tuple[dict[str, str], ...]:
-    """Return a warning for each table over speed that ends below the highest rate [rad/s]."""
+def warn_of_last_rows(scene: Scene, highest: float, order: float = 0.0) -> tuple[dict[str, str], ...]:
+    """Return a warning for each table that ends below the highest rate [rad/s], or so many times it if over whirl."""
+    reached = {"speed": highest, "whirl": abs(order) * highest}
     ends = [
-        (f"bearing.{name}.{key}", table.rows[0][-1])
+        (f"bearing.{name}.{key}", table.rows[0][-1], table.over)
         for name, bearing in scene.bearing.items()
         for key, table in bearing.tables.items()
-        if table.over == "speed"
     ]
-    said = "{} ends at {:.5g} rpm: beyond, its last value holds"
+    said = "{} ends at {:.5g} rpm of {}: beyond, its last value holds"
     rpm = 2 * np.pi / 60
     return tuple(
-        {"code": "end-of-table", "text": said.format(key, end / rpm)}
-        for key, end in ends
-        if end < highest * (1 - EXACT)
+        {"code": "end-of-table", "text": said.format(key, end / rpm, over)}
+        for key, end, over in ends
+        if end < reached[over] * (1 - EXACT)
     )
 
 
@@ -118,11 +118,10 @@ def find_vibrations_by_whirl(run: Pipeline, highest: float | None) -> Callable[[
                 for curve, term in zip(pair, by, strict=True):
                     now, rest = curve.values(np.array([omega, 0.0]))
                     changed -= (now - rest) * term
-            found = whirling_modes(changed, (first, second), along, rate, rotor.on_axis)
-            order = np.argsort(found.frequencies_hz, kind="stable")
-            return WhirlingModes(*(values[order] for values in found))
+            return whirling_modes(changed, (first, second), along, rate, rotor.on_axis)
 
-        rows = sorted(_own_frequencies(modes, grid))
+        fewest = min(len(modes(omega).frequencies_hz) for omega in grid.tolist())
+        rows = [*sorted(_own_frequencies(modes, grid, fewest)), *_second_poles(modes, rate, fewest)]
         return WhirlingModes(*np.array(rows).T) if rows else modes(0.0)
 
     return vibrations
@@ -146,21 +145,45 @@ def _read_bearings(scene: Scene) -> tuple[list[str], list[tuple[StateCurve, Stat
     return places, curves
 
 
-def _own_frequencies(modes: Callable[[float], WhirlingModes], grid: Array) -> Iterator[tuple[float, float, float]]:
+def _own_frequencies(
+    modes: Callable[[float], WhirlingModes], grid: Array, n: int
+) -> Iterator[tuple[float, float, float]]:
     """Yield frequency [Hz], growth and whirl of the vibrations that have the frequency at which they are computed.
 
-    Their k-th frequency is continuous in that of the coefficients; beyond the last place of the grid it is constant.
+    The k-th frequency of the first n is continuous in that of the coefficients: of two motions without oscillation that
+    were one vibration, only the first is among them. Beyond the last place of the grid it is constant.
     """
-    tables = [modes(omega).frequencies_hz for omega in grid.tolist()]
-    for k in range(min(map(len, tables))):
+    for k in range(n):
 
         def apart(omega: float, k: int = k) -> float:
-            return float(2 * np.pi * modes(omega).frequencies_hz[k] - omega)
+            found = modes(omega)
+            return float(2 * np.pi * found.frequencies_hz[k] - max(omega, _still(found)))  # at rest: below 0
 
         differences = np.array([apart(omega) for omega in grid.tolist()])
         places = [grid[0]] * int(differences[0] <= 0.0) + [grid[-1]] * int(differences[-1] > 0.0)
-        for i in np.flatnonzero(differences[:-1] * differences[1:] < 0.0):
+        for i in np.flatnonzero((differences[:-1] > 0.0) != (differences[1:] > 0.0)):
             places.append(brentq(apart, grid[i], grid[i + 1], rtol=PEAK_DIGITS**1.5))
         for omega in places:
-            frequency, growth, whirl = (float(values[k]) for values in modes(float(omega)))
-            yield frequency, growth, whirl
+            yield _row(modes(float(omega)), k)
+
+
+def _second_poles(modes: Callable[[float], WhirlingModes], rate: float, n: int) -> Iterator[tuple[float, float, float]]:
+    """Yield the second of two motions that don't oscillate: in space it stands still, or is carried round at the rate.
+
+    `whirling_modes` lists them after the first n.
+    """
+    for omega in sorted({0.0, rate}):
+        found = modes(omega)
+        for k in range(n, len(found.frequencies_hz)):
+            if abs(2 * np.pi * found.frequencies_hz[k] - omega) <= _still(found):
+                yield _row(found, k)
+
+
+def _still(found: WhirlingModes) -> float:
+    """Return the frequency [rad/s] below which a motion stands still."""
+    return RIGID_POLE * 2 * np.pi * float(found.frequencies_hz.max(initial=0.0))
+
+
+def _row(found: WhirlingModes, k: int) -> tuple[float, float, float]:
+    frequency, growth, whirl = (float(values[k]) for values in found)
+    return frequency, growth, whirl
