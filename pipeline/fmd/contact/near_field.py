@@ -163,6 +163,8 @@ def with_near_field(
         border=np.concatenate([points.border[others], edge]),
         weights=moved if points.weights is None else moved @ points.weights,
         grids={**points.grids, face: Grid(places, cell, at.axes)},
+        radii=np.zeros(m + n),
+        shares=np.ones(m + n),
     )
 
 

@@ -102,6 +102,8 @@ class ContactPoints:
             object.__setattr__(self, "radii", np.zeros(n))
             object.__setattr__(self, "shares", np.ones(n))
         require_shape("x", self.x, (None, 3))
+        for name in ("border", "radii", "shares"):
+            require_shape(name, getattr(self, name), (n,))
         for name, numbers in self.faces.items():
             require_shape(f"areas of {name}", self.areas[name], (len(numbers),))
         require_shape("shapes", self.shapes, (n, 3, None))
