@@ -114,8 +114,11 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
     Raises
     ------
     InputError
-        The format can't hold what the scene has.
+        The format can't hold what the scene has, or ``path`` is a file that the scene reads.
     """
+    for part in run.wholes.values():
+        if part.source is not None and path.exists() and any(path.samefile(own) for own in part.source.paths.values()):
+            raise InputError(str(path), "", None, f"is a file that body {part.name} is read from; give another name")
     if name in MECHANISM_FORMATS:
         from fmd.output.fmu.write import write_fmu
 

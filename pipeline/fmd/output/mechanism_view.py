@@ -52,8 +52,7 @@ def view_mechanism(
     """
     from fmd.render.moving_bodies import MovingMechanism
 
-    wanted = {name: part for name, part in run.wholes.items() if part.has_stress and (not alone or name == coloured)}
-    meshed = [name for name, part in wanted.items() if len(part.surface.triangles)]  # nodes alone can't be drawn
+    meshed = [name for name, part in run.wholes.items() if part.is_drawn and (not alone or name == coloured)]
     bodies = tuple(
         _flexible(run, name, chosen, scale, component if stressed and coloured in (None, name) else None)
         for name in meshed
@@ -71,13 +70,20 @@ def view_mechanism(
 
 
 def body_surface(run: Pipeline, body: str) -> Surface:
-    """Return the surface of a flexible body in its frame, or, of a scene without motion, in its mesh's."""
+    """Return the surface of a flexible body in its frame, or, of a scene without motion, in its mesh's.
+
+    Raises
+    ------
+    InputError
+        Its surface has no triangles, with what it lacks.
+    """
     from fmd.render.surface import Surface
 
     part = run.wholes[body]
-    if not len(part.surface.triangles):
-        mend = "tells no elements, so the stress has no picture; take the deck (.inp) that the matrices are of"
-        raise InputError(run.scene.file, f"body.{body}.matrices.nodes", None, mend)
+    if not part.is_drawn:
+        fields = part.given_model.fields
+        mend = fields.not_drawn if fields else "has no surface"
+        raise InputError(run.scene.file, f"body.{body}.{part.shape.shape}", None, f"{mend}, so it has no picture")
     x = part.space.x if not run.scene.moves else run.node_positions(body)  # a part alone isn't reduced
     return Surface(x[part.surface.nodes], part.surface.triangles, part.surface.edges)
 
@@ -125,12 +131,12 @@ def _rigid(run: Pipeline, chosen: IntArray, size: float) -> list[MovingShape]:
 
 
 def _sticks(run: Pipeline, marks: Marks) -> list[MovingLine]:
-    """Return lines through the markers of flexible bodies that have no mesh."""
+    """Return lines through the markers of flexible bodies that have no surface."""
     from fmd.render.moving_bodies import MovingLine
 
     found = []
     for name, part in run.wholes.items():
-        if not part.has_stress:
+        if not part.is_drawn:
             places = [marks.position(f"{name}.{marker}") for marker in run.bodies[name].markers]
             found.append(MovingLine(np.stack([*places, places[0]], axis=1), BODY_COLOURS[0], 5.0))
     return found

@@ -129,10 +129,13 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
 
 def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
     """Draw the stress at the worst instant: of the whole mechanism, or of a body alone in its own frame."""
-    names = [name for name, part in run.wholes.items() if part.has_stress]
+    names = [output.body] if output.body else [name for name, part in run.wholes.items() if part.has_stress]
     if not names:
         raise InputError(run.scene.file, "body", sorted(run.scene.body), "no flexible body with a mesh: no stress")
-    worst = {name: run.stress_of(name).worst() for name in (names if output.body is None else [output.body])}
+    drawn = [name for name in names if run.wholes[name].is_drawn]
+    if not drawn:
+        body_surface(run, names[0])  # says what it lacks
+    worst = {name: run.stress_of(name).worst() for name in drawn}
     body = max(worst, key=lambda name: worst[name][2])
     time, _, _ = worst[body]
     stress = run.stress_of(body)
@@ -200,6 +203,8 @@ def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_her
 
 
 def _view(run: Pipeline, output: MechanismView, chosen: IntArray) -> MovingMechanism:
+    if output.body and run.wholes[output.body].has_stress:
+        body_surface(run, output.body)  # says what it lacks
     return view_mechanism(
         run, chosen, coloured=output.body, component=output.component, scale=output.scale, alone=output.alone
     )

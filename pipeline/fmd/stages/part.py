@@ -269,6 +269,11 @@ class FlexiblePart(KeyedPart):
         return self.has_mesh or self.given_model.surface is not None
 
     @property
+    def is_drawn(self) -> bool:
+        """A surface of triangles with its stress; that of nodes alone has none."""
+        return self.has_stress and len(self.surface.triangles) > 0
+
+    @property
     def can_be_stiffened(self) -> bool:
         """Stress, or files of its geometric stiffness; a reduced body has that of its file."""
         return self.has_mesh or (isinstance(self.shape, MatrixPart) and bool(self.shape.matrices.geometric_stiffness))

@@ -7,6 +7,7 @@ import subprocess
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -29,10 +30,16 @@ from fmd.fem.strain import stresses
 from fmd.fem.surface import surface_topology
 from fmd.output.formats import write_format
 from fmd.output.mechanism_view import body_surface
+from fmd.output.pictures import draw_stress
+from fmd.output.report import contents
+from fmd.output.report.contents import _draw_still
+from fmd.output.report.view3d import collect_view
 from fmd.output.summary import _stiffness_warnings
 from fmd.recovery.stress import modal_stress
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.loads import centrifugal_fields, inertia_of
+from fmd.render.camera import Camera
+from fmd.scene.outputs import StressPicture
 from fmd.stages.basis import reduce_body, stiffen_reduced
 from fmd.stages.pipeline import Pipeline
 
@@ -94,6 +101,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / f"{name}.toml").write_text(SCENE.format(text))
     calculix(folder, "arm")
     assert write_format(pipeline(folder, "plain"), "load-cases", "arm", folder / "cases.inp") == [folder / "cases.inp"]
+    with pytest.raises(InputError, match=r"arm\.inp: is a file that body arm is read from; give another name"):
+        write_format(pipeline(folder, "plain"), "load-cases", "arm", folder / "arm.inp")
     calculix(folder, "cases")
     for deck in write_format(pipeline(folder, "stressed"), "load-cases", "arm", folder / "cases.inp")[1:]:
         calculix(folder, deck.stem)
@@ -261,17 +270,45 @@ def test_cases_of_one_displacement_with_two_stresses_are_refused(
                 given.stress_of(u)
 
 
-def test_stress_of_nodes_alone_has_no_picture_and_says_what_gives_one(small_bar: FEModel, tmp_path: Path) -> None:
+def test_stress_of_nodes_alone_has_no_picture_and_says_what_gives_one(
+    small_bar: FEModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     x, n = small_bar.x, len(small_bar.x)
     write_matrices(tmp_path / "bar.npz", small_bar, 1 + np.arange(n))
     (tmp_path / "cases.csv").write_text("\n".join([",".join(CSV_HEADER), *(f"1,{k + 1}{',0' * 9}" for k in range(n))]))
     files = 'stiffness = "bar.npz", mass = "bar-mass.npz", nodes = "bar-nodes.csv", stress = "cases.csv"'
     end = f'marker = {{ end = {{ plane = "x = {x[:, 0].min()}" }} }}'
-    body = f'matrices = {{ {files}, unit = "m" }}\nmodes = {{ count = 2 }}\n{end}'
-    (tmp_path / "bar.toml").write_text(f'title = "bar"\n[body.bar]\n{body}\n')
+    body = f'matrices = {{ {files}, unit = "m" }}\nmodes = {{ count = 1 }}\n{end}'
+    motion = SCENE[SCENE.index("[joint") :].replace("{{", "{").replace("}}", "}").replace("arm.root", "bar.end")
+    motion = motion.replace("arm.tip", "bar.end").replace("3000*t**2", "0*t")
+    (tmp_path / "bar.toml").write_text(f'title = "bar"\n[body.bar]\n{body}\n{motion}')
     run = pipeline(tmp_path, "bar")
-    with pytest.raises(InputError, match="tells no elements, so the stress has no picture; take the deck"):
+    with pytest.raises(InputError, match=r"has nodes without solid elements: the deck .* so it has no picture"):
         body_surface(run, "bar")
+    with pytest.raises(InputError, match=r"body\.bar\.matrices: has nodes without solid elements"):
+        draw_stress(run, StressPicture(type="stress", file="stress.png"), tmp_path)
+    view = collect_view(run, 1.0, Camera())
+    assert not [body for body in view["bodies"] if "levels" in body]
+    assert view["worst"] is None
+    assert view["lines"]  # the body
+    drawn = list[str]()
+    monkeypatch.setattr(contents, "draw_inline", lambda _, kind, **__: drawn.append(kind) or [Mock(png=b"")])
+    _draw_still(run)
+    assert drawn == ["mechanism"]
+
+
+def test_stress_that_lacks_a_node_of_the_surface_says_which(tmp_path: Path) -> None:
+    (tmp_path / "arm.inp").write_text(arm_deck())
+    x = read_mesh(tmp_path / "arm.inp", 1e-3).points
+    n = len(x)
+    model = MatrixModel(None, None, sp.csr_array((3 * n, 3 * n)), sp.csr_array((n, n)), x, 1 + np.arange(n))  # type: ignore[arg-type]
+    for left_out in (0, 2):
+        rows = [f"1,{label}{',0' * 9}" for label in model.labels[left_out:]]
+        (tmp_path / "cases.csv").write_text("\n".join([",".join(CSV_HEADER), *rows]))
+        fields = read_stress(model, tmp_path / "cases.csv", tmp_path / "arm.inp", (1.0, 1.0)).fields
+        assert fields is not None
+        said = "has no stress at node 1 (and 1 more) of its surface" if left_out else ""
+        assert (bool(len(fields.surface.triangles)), fields.not_drawn) == (not left_out, said)
 
 
 FRD = """    1C

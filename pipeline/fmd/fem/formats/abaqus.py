@@ -58,7 +58,7 @@ def read_abaqus(text: str) -> RawMesh:
         The text is damaged, or its mesh is in a form that isn't read; the message gives the line.
     """
     deck = _Deck()
-    for line, keyword, options, data in _sections(text):
+    for line, keyword, options, data in deck_sections(text):
         try:
             deck.take(keyword, options, data)
         except MeshFileError as error:
@@ -75,7 +75,7 @@ def read_abaqus(text: str) -> RawMesh:
         raise MeshFileError(f"links, masses or sections aren't all numbers as they should be: {error}") from None
 
 
-def _sections(text: str) -> Iterator[tuple[int, str, dict[str, str], list[list[str]]]]:
+def deck_sections(text: str) -> Iterator[tuple[int, str, dict[str, str], list[list[str]]]]:
     """Yield line number, keyword, options and data of each section."""
     start, keyword, options, data = 0, "", dict[str, str](), list[list[str]]()
     header = ""

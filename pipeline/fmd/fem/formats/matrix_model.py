@@ -34,7 +34,9 @@ class StressFields:
     stress : ndarray, shape (n, 6, k)
         xx, yy, zz, yz, xz, xy [Pa].
     surface : SurfaceTopology
-        Surface whose nodes are among those; without triangles if the elements aren't known.
+        Surface whose nodes are among those; without triangles if its facets aren't known.
+    not_drawn : str
+        Why it has no triangles.
     """
 
     file: str
@@ -42,6 +44,7 @@ class StressFields:
     displacement: Array
     stress: Array
     surface: SurfaceTopology
+    not_drawn: str = ""
 
 
 @dataclass(frozen=True)

@@ -52,22 +52,28 @@ def read_stress(model: MatrixModel, path: Path, nodes: Path, units: tuple[float,
     own = np.array([place[int(label)] for label in found.labels])
     order = np.argsort(own)
     known = own[order]
-    surface = _surface(model, nodes, known) or SurfaceTopology(known, *(np.zeros((0, n), dtype=int) for n in (3, 2)))
-    fields = StressFields(
-        path.name, known, found.displacement[order] * units[0], found.stress[order] * units[1], surface
+    u, stress = found.displacement[order] * units[0], found.stress[order] * units[1]
+    return replace(model, fields=StressFields(path.name, known, u, stress, *_surface(model, nodes, known)))
+
+
+def _surface(model: MatrixModel, nodes: Path, known: IntArray) -> tuple[SurfaceTopology, str]:
+    """Return the surface of a deck's solids if stress is known at all of its nodes; else one of nodes, and why."""
+    alone = SurfaceTopology(known, *(np.zeros((0, n), dtype=int) for n in (3, 2)))
+    untold = (
+        "has nodes without solid elements: the deck (.inp) of Abaqus or CalculiX that its matrices are of tells them"
     )
-    return replace(model, fields=fields)
-
-
-def _surface(model: MatrixModel, nodes: Path, known: IntArray) -> SurfaceTopology | None:
-    """Return the surface of a deck's solids if stress is known at all of its nodes; else ``None``."""
     if nodes.suffix.lower() not in abaqus.SUFFIXES:
-        return None
+        return alone, untold
     raw = abaqus.read_abaqus(read_matrix_text(nodes))
     order = np.argsort(model.labels)
     place = order[np.searchsorted(model.labels[order], raw.numbers).clip(max=len(order) - 1)]  # of elements' nodes
     surface = deck_surface(model.x, [(kind, place[cells]) for kind, cells in raw.blocks])
-    return surface if surface is not None and np.isin(surface.nodes, known).all() else None
+    if surface is None:
+        return alone, untold
+    missing = model.labels[np.setdiff1d(surface.nodes, known)]
+    if len(missing):
+        return alone, f"has no stress at node {missing[0]} (and {len(missing) - 1} more) of its surface"
+    return surface, ""
 
 
 def read_geometric_stiffness(model: MatrixModel, paths: Sequence[Path], unknowns: int, unit: float) -> MatrixModel:

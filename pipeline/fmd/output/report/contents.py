@@ -116,7 +116,7 @@ def _collect_motion(run: Pipeline) -> dict[str, Any]:
 
 def _draw_still(run: Pipeline) -> dict[str, str]:
     """Draw the mechanism at its worst instant, or at all if nothing is stressed."""
-    stressed = any(part.has_stress for part in run.wholes.values())
+    stressed = any(part.is_drawn for part in run.wholes.values())
     (still,) = draw_inline(run, "stress" if stressed else "mechanism", scale=_scale_of(run), size=_LARGE)
     return image_of(still.png, f"{run.scene.title} at its worst instant" if stressed else run.scene.title)
 

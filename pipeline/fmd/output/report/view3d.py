@@ -45,7 +45,7 @@ def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
         that the colours can have in each frame, by their names in `film_limits`.
     """
     times = run.motion.times
-    meshed = [name for name, part in run.wholes.items() if part.has_stress]
+    meshed = [name for name, part in run.wholes.items() if part.is_drawn]
     worst = {name: run.stress_of(name).worst() for name in meshed}
     first = max(meshed, key=lambda name: worst[name][2]) if meshed else None
     at_worst = 0 if first is None else int(np.searchsorted(times, worst[first][0]))

@@ -18,6 +18,7 @@ from scipy.linalg import qr
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.files import read_text, whole_file
+from fmd.fem.formats.abaqus import deck_sections
 from fmd.fem.formats.program_fields import read_point_stress
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody, LoadCases
 
@@ -31,13 +32,14 @@ def write_load_cases(path: Path, cases: LoadCases) -> list[Path]:
         The ``.dat`` has another number of steps, or the deck has no sections of solids.
     """
     model = re.split(r"(?im)^\s*\*\s*STEP\b", cases.deck)[0].rstrip() + "\n"
-    sections = re.findall(r"(?im)^\s*\*\s*SOLID\s+SECTION\b.*?\bELSET\s*=\s*([^,\s]+)", model)
-    if not sections:
+    named = [card.get("ELSET") for _, keyword, card, _ in deck_sections(model) if keyword == "SOLID SECTION"]
+    sections = [f'"{name}"' if f'"{name}"' in model else name for name in dict.fromkeys(named) if name]
+    if not sections:  # CalculiX tells a name in quotes from one without
         raise InputError(
             str(path), "", None, "the deck of nodes has no *SOLID SECTION, of whose elements stress is wanted"
         )
     support = _support(cases)
-    prints = [f"*EL PRINT, ELSET={name}\nS" for name in dict.fromkeys(sections)]
+    prints = [f"*EL PRINT, ELSET={name}\nS" for name in sections]
     every = cases.stiffening | cases.shapes
     steps = [_step(name, cases.labels, load, prints) for name, load in every.items()]
     written = [_write(path, [model, support, *steps])]
