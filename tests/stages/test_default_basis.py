@@ -1,5 +1,6 @@
 """The basis that a body has where the scene says nothing of it, against a cantilever's compliance by beam theory."""
 
+import copy
 from typing import Any
 
 import pytest
@@ -53,3 +54,15 @@ def test_an_interface_has_its_own_static_responses_and_a_choice_is_kept() -> Non
     assert piece.enrichment == "none"
     assert piece.model_copy(update={"enrich": "ritz"}).enrichment == "ritz"
     assert ModeSettings(count=2, enrich="none").enrichment == "none"
+
+
+def test_free_modes_on_joints_with_others_stand_alone_unless_the_scene_says_otherwise() -> None:
+    scene = copy.deepcopy(BAR)
+    scene["body"]["far"] = scene["body"]["bar"]
+    scene["joint"]["hinge"] = {"type": "revolute", "parent": "bar.tip", "child": "far.root", "axis": [0, 0, 1]}
+    parts = Pipeline(load_scene(scene), Cache(None)).parts
+    assert [part.shape.modes.enrichment for part in parts.values()] == ["none", "none"]
+    for choice in ("boundary=joint", "enrich=inertia"):
+        assert (
+            Pipeline(load_scene(scene, [f"body.bar.modes.{choice}"])).parts["bar"].shape.modes.enrichment == "inertia"
+        )

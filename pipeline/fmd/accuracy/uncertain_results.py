@@ -44,9 +44,8 @@ def _source(source: str, scene: Scene) -> str:
     """Say what makes results uncertain, and what helps."""
     quadratic = replace_order(scene, 2).body
     coarse = [name for name, body in scene.flexible.items() if quadratic[name] != body]
-    bare = [
-        name for name, body in scene.flexible.items() if body.shape != "reduced" and body.modes.enrichment == "none"
-    ]
+    bodies = {name: scene.with_its_basis(name) for name in scene.flexible}
+    bare = [name for name, body in bodies.items() if body.shape != "reduced" and body.modes.enrichment == "none"]
     finer = f"order = 2 of [body.{coarse[0]}.mesh]" if coarse else "a finer mesh"
     more = f'enrich = "inertia" of [body.{bare[0]}.modes]' if bare else "a larger modes.count"
     said = {

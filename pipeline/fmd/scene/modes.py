@@ -114,7 +114,7 @@ class ModeSettings(SceneTable):
         load-dependent vectors (``"ritz"``), each the responses to the inertia of the one before. ``"residual"`` are all
         static responses, however little of them lies outside the modes, as linear answers take them; so stiff shapes
         need short steps. If it is left out, ``"inertia"``; with an interface, whose deflections answer to joint forces
-        already, ``"none"``.
+        already, and with free modes of a body on joints with others, whose steps would be too short, ``"none"``.
     damping : float, tuple of float or RayleighDamping
         Damping ratio of every mode, 1 being critical; or a list of ratios, of the modes of the body on its joint, the
         lowest first, whose last holds for all further ones; or factors of mass and stiffness.

@@ -14,6 +14,7 @@ from fmd.scene.fit import FitTable
 from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
 from fmd.scene.joints.any_joint import Joint, closing_joints
 from fmd.scene.loads import Drive
+from fmd.scene.modes import ModeSettings
 from fmd.scene.outputs import Output, with_only_body
 from fmd.scene.places import GroundPlace
 from fmd.scene.reading import SceneTable
@@ -73,6 +74,20 @@ class SceneTables(SceneTable):
     def flexible(self) -> dict[str, Flexible]:
         """The flexible bodies by name."""
         return {name: body for name, body in self.body.items() if isinstance(body, Flexible)}
+
+    def with_its_basis(self, name: str) -> Flexible:
+        """Return a flexible body with the basis that it has where the scene leaves that open.
+
+        Free modes of a body on joints with others stand alone: the static responses to their forces have very high
+        frequencies, which couple through the joints, so that next to no step would do.
+        """
+        body = self.flexible[name]
+        pairs = [{end.partition(".")[0] for end in (joint.parent, joint.child)} for joint in self.joint.values()]
+        is_alone = not any(name in pair and "ground" not in pair for pair in pairs)
+        modes = body.modes
+        if is_alone or not isinstance(modes, ModeSettings) or modes.boundary != "free" or modes.enrich:
+            return body
+        return body.model_copy(update={"modes": modes.model_copy(update={"enrich": "none"})})
 
     @property
     def pieces(self) -> dict[str, int | Literal["auto"]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmd.scene.any_body import Flexible
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import SourceFiles
 from fmd.stages.parent_joint import read_parent_joint
@@ -16,7 +15,7 @@ class KeyedPart:
 
     def __init__(self, scene: Scene, name: str, piece: PieceMesh | None = None) -> None:
         self.name, self.file, self.piece = name, scene.file, piece
-        self.shape: Flexible = scene.flexible[name]
+        self.shape = scene.with_its_basis(name)
         self.source = SourceFiles.find(self.shape, scene.file, name) if piece is None else None
         self.joint = read_parent_joint(scene, name)
         self.contact_faces = scene.faces_in_contact(name, with_bodies=False)
