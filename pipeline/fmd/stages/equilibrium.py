@@ -20,7 +20,6 @@ from fmd.dynamics.signals.bounds import Bools
 from fmd.integrators.protocol import evaluate, evaluate_projection, move_positions
 from fmd.stability.tangent import differentiate
 from fmd.stages.assembly import free_directions
-from fmd.stages.pressed_points import pressed_stiffness
 
 if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.touching import TouchingSystem
@@ -187,8 +186,12 @@ def _slopes(system: CompiledSystem, q: Array, t: float) -> Array:
         moved = move_positions(system.parameters, q, change)
         return -system.compiled.residual(t, moved, still, still) if touches else _forces(system, moved, t)
 
-    slopes, touching = differentiate(forces, still, _nudges(system)), cast("TouchingSystem", system)
-    return np.asarray(slopes - pressed_stiffness(touching, q)) if touches else slopes
+    slopes = differentiate(forces, still, _nudges(system))
+    if not touches:
+        return slopes
+    from fmd.stages.pressed_points import pressed_stiffness  # a scene without contact loads none of it
+
+    return np.asarray(slopes - pressed_stiffness(cast("TouchingSystem", system), q))
 
 
 def _nudges(system: CompiledSystem) -> Array:
