@@ -101,18 +101,15 @@ def mesh_cad(
         names, whole = _open(gmsh, path)
         volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
         expected = volume / (_TETRAHEDRON * size**3)
-        if expected > _MOST_ELEMENTS:
-            raise CadError(
-                f"a size of {size:g} m gives about {expected:.1e} elements; {_MOST_ELEMENTS:.0e} are the most"
-            )
-        for option, value in {
-            "MeshSizeMax": size,
-            "MeshSizeMin": _FINEST * size,
-            "MeshSizeFromCurvature": _AROUND,
-            "ElementOrder": order,
-            "HighOrderOptimize": 1,
-        }.items():
-            gmsh.option.setNumber(f"Mesh.{option}", value)
+        _require_few(expected, size)
+        _set_options(
+            gmsh,
+            MeshSizeMax=size,
+            MeshSizeMin=_FINEST * size,
+            MeshSizeFromCurvature=_AROUND,
+            ElementOrder=order,
+            HighOrderOptimize=1,
+        )
         area = sum(gmsh.model.occ.getMass(2, tag) for tag in whole)
         begin(expected + area / size**2)
         if sector is not None:
@@ -144,33 +141,37 @@ def mesh_sheet(path: Path, size: float, target: Path, begin: Callable[[float], N
         The file has solids, no surface, or the size would give too many elements.
     """
     with gmsh_model("cad") as gmsh:
-        gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
-        entities = import_cad(gmsh, path)
+        surfaces = _import_all(gmsh, path, 2)
         if gmsh.model.getEntities(3):
             raise CadError("it has solids, and shells are of midsurfaces; export these as surfaces, or leave shell out")
-        surfaces = [entity for entity in entities if entity[0] == 2]
         if not surfaces:
             raise CadError("there is no surface in it")
-        names = _names(gmsh, path)
-        if len(surfaces) > 1:
-            names = _fragment(gmsh, surfaces, names)
+        names = _name_pieces(gmsh, path, surfaces)
         expected = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / size**2
-        if expected > _MOST_ELEMENTS:
-            raise CadError(
-                f"a size of {size:g} m gives about {expected:.1e} elements; {_MOST_ELEMENTS:.0e} are the most"
-            )
+        _require_few(expected, size)
         _group_sheet(gmsh, names)
-        for option, value in {
-            "MeshSizeMax": 2 * size,  # each element is divided by four
-            "MeshSizeFromCurvature": _AROUND / 2,
-            "RecombineAll": 1,
-            "SubdivisionAlgorithm": 1,
-            "MshFileVersion": 4.1,
-        }.items():
-            gmsh.option.setNumber(f"Mesh.{option}", value)
+        _set_options(
+            gmsh,
+            MeshSizeMax=2 * size,  # each element is divided by four
+            MeshSizeFromCurvature=_AROUND / 2,
+            RecombineAll=1,
+            SubdivisionAlgorithm=1,
+            MshFileVersion=4.1,
+        )
         begin(expected)
         gmsh.model.mesh.generate(2)
         gmsh.write(str(target))
+
+
+def _require_few(expected: float, size: float) -> None:
+    if expected > _MOST_ELEMENTS:
+        raise CadError(f"a size of {size:g} m gives about {expected:.1e} elements; {_MOST_ELEMENTS:.0e} are the most")
+
+
+def _set_options(gmsh: Any, **values: float) -> None:
+    """Set options of Gmsh's mesher."""
+    for option, value in values.items():
+        gmsh.option.setNumber(f"Mesh.{option}", value)
 
 
 def _group_sheet(gmsh: Any, names: Mapping[tuple[int, int], list[str]]) -> None:
@@ -227,19 +228,28 @@ def describe_cad(path: Path) -> dict[str, Any]:
 
 def _open(gmsh: Any, path: Path) -> tuple[dict[tuple[int, int], list[str]], dict[int, int]]:
     """Open a CAD file as the current model, and return the names of its entities and the face of each surface."""
-    gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
-    solids = [entity for entity in import_cad(gmsh, path) if entity[0] == 3]
+    solids = _import_all(gmsh, path, 3)
     if not solids:
         raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
-    names = _names(gmsh, path)
-    if len(solids) > 1:
-        names = _fragment(gmsh, solids, names)
+    names = _name_pieces(gmsh, path, solids)
     whole = _whole_faces(gmsh)
     taken = {name for own in names.values() for name in own}
     for tag, name in name_faces_by_place(gmsh, whole).items():
         if name not in taken:
             names.setdefault((2, tag), []).append(name)
     return names, whole
+
+
+def _import_all(gmsh: Any, path: Path, dimension: int) -> list[tuple[int, int]]:
+    """Import a CAD file with its labels into the current model, and return its entities of a dimension."""
+    gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
+    return [entity for entity in import_cad(gmsh, path) if entity[0] == dimension]
+
+
+def _name_pieces(gmsh: Any, path: Path, entities: list[tuple[int, int]]) -> dict[tuple[int, int], list[str]]:
+    """Cut solids or surfaces along one another if they are several, and return the names of all entities."""
+    names = _names(gmsh, path)
+    return _fragment(gmsh, entities, names) if len(entities) > 1 else names
 
 
 def _names(gmsh: Any, path: Path) -> dict[tuple[int, int], list[str]]:
@@ -288,14 +298,14 @@ def _step_faces(text: str) -> list[tuple[str, str | None]]:
 
 
 def _fragment(
-    gmsh: Any, solids: list[tuple[int, int]], names: dict[tuple[int, int], list[str]]
+    gmsh: Any, entities: list[tuple[int, int]], names: dict[tuple[int, int], list[str]]
 ) -> dict[tuple[int, int], list[str]]:
-    """Cut solids along one another so that they share faces; pieces keep their names."""
+    """Cut solids or surfaces along one another so that they share faces or edges; pieces keep their names."""
     named = [entity for entity, own in names.items() if entity[0] == 2 and own]
-    _, pieces = gmsh.model.occ.fragment(solids, named)
+    _, pieces = gmsh.model.occ.fragment(entities, named)
     gmsh.model.occ.synchronize()
     kept: dict[tuple[int, int], list[str]] = {}
-    for entity, into in zip([*solids, *named], pieces, strict=True):
+    for entity, into in zip([*entities, *named], pieces, strict=True):
         for piece in into:
             kept[piece] = list(dict.fromkeys(kept.get(piece, []) + names[entity]))
     return kept
@@ -381,19 +391,21 @@ def main(arguments: list[str]) -> str | None:
     """
     source, target, reading, each, *sizes = arguments
     quiet = io.StringIO()
-    _end_after(float(reading))
+
+    def begin(elements: float) -> None:
+        _end_after(float(reading) + float(each) * elements)
+
+    begin(0.0)
     try:
         with contextlib.redirect_stdout(quiet):
             if sizes and sizes[1] == "shell":
-                mesh_sheet(
-                    Path(source), float(sizes[0]), Path(target), lambda n: _end_after(float(reading) + float(each) * n)
-                )
+                mesh_sheet(Path(source), float(sizes[0]), Path(target), begin)
             elif sizes:
                 mesh = mesh_cad(
                     Path(source),
                     float(sizes[0]),
                     int(sizes[1]),
-                    lambda n: _end_after(float(reading) + float(each) * n),
+                    begin,
                     (int(sizes[2]), sizes[3], sizes[4]) if sizes[2:] else None,
                 )
                 save(mesh, Path(target))
