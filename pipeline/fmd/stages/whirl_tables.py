@@ -98,7 +98,9 @@ def find_vibrations_by_whirl(run: Pipeline, highest: float | None) -> Callable[[
     def model(rate: float) -> Matrices:
         return matrices_of(lambda rate: with_inputs_seen(forced(rate)), rate)
 
-    interpolated = None if highest is None else interpolate_models(lambda r: with_inputs_seen(forced(r)), 0.0, highest)
+    interpolated = None
+    if highest is not None:
+        interpolated = interpolate_models(lambda rate: with_inputs_seen(forced(rate)), 0.0, highest, rotor.bends)
     knots = np.unique([0.0, *(knot for pair in curves for curve in pair for knot in curve.knots)])
     grid = np.interp(np.arange(0, len(knots) - 1 + 1e-9, 1 / WHIRLS_BETWEEN), range(len(knots)), knots)
 
