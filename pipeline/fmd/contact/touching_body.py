@@ -261,7 +261,7 @@ class TouchingBody:
 
     @property
     def contacts(self) -> tuple[ContactPlane | ContactPair, ...]:
-        """Its contacts, in the order of their values."""
+        """Contacts of the body, in the order of their values."""
         return (*self.planes, *self.pairs)
 
     @property

@@ -278,7 +278,7 @@ class Bearing(SceneTable):
 
     @property
     def whirl_tables(self) -> dict[str, BearingTable]:
-        """Those over the frequency of whirl."""
+        """Tables of the bearing over the frequency of whirl."""
         return {key: table for key, table in self.tables.items() if table.over == "whirl"}
 
 

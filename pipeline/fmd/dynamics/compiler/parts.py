@@ -239,7 +239,7 @@ class _Copy:
 
     @property
     def key(self) -> object:
-        """What equal copies have in common."""
+        """Key that is the same for equal copies."""
         arrays = [(values.shape, values.tobytes()) for values in self._arrays]
         return tuple(self._nodes), tuple(arrays), tuple(self._outputs)
 

@@ -1,4 +1,4 @@
-"""What another program has computed for a body that is given by its matrices: stress and geometric stiffness."""
+"""Answers of another program for a body that is given by its matrices: stress and geometric stiffness."""
 
 from __future__ import annotations
 
