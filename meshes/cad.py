@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import re
 import signal
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -17,8 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmd.meshes.cad_names import Names, import_entities, name_pieces
 from fmd.meshes.cad_places import describe_part, find_centre, name_faces_by_place
-from fmd.meshes.gmsh_session import gmsh_model, import_cad
+from fmd.meshes.gmsh_session import gmsh_model
 
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
 _MOST_ELEMENTS = 3_000_000
@@ -27,17 +27,9 @@ _FINEST = 0.2  # smallest element by curvature over the given size
 _TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
 _TURNED = 1e-4  # distance between centres of faces that one turn carries into each other, of that between the faces
 _TANGENT = 0.9999  # cosine between normals
-_UNCOLOURED = (0, 0, 255, 0)
 # Gmsh's numbers of tetrahedra and triangles of an order, and their nodes: the tetrahedron's in VTK's order.
 _TETRAHEDRA = {1: (4, [0, 1, 2, 3]), 2: (11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8])}
 _TRIANGLES = {1: (2, 3), 2: (9, 6)}
-_SURFACES = {
-    "PLANE": "Plane",
-    "CYLINDRICAL_SURFACE": "Cylinder",
-    "CONICAL_SURFACE": "Cone",
-    "SPHERICAL_SURFACE": "Sphere",
-    "TOROIDAL_SURFACE": "Torus",
-}
 
 
 class CadMesh(NamedTuple):
@@ -141,12 +133,12 @@ def mesh_sheet(path: Path, size: float, target: Path, begin: Callable[[float], N
         The file has solids, no surface, or the size would give too many elements.
     """
     with gmsh_model("cad") as gmsh:
-        surfaces = _import_all(gmsh, path, 2)
+        surfaces = import_entities(gmsh, path, 2)
         if gmsh.model.getEntities(3):
             raise CadError("it has solids, and shells are of midsurfaces; export these as surfaces, or leave shell out")
         if not surfaces:
             raise CadError("there is no surface in it")
-        names = _name_pieces(gmsh, path, surfaces)
+        names = name_pieces(gmsh, path, surfaces)
         expected = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / size**2
         _require_few(expected, size)
         _group_sheet(gmsh, names)
@@ -174,7 +166,7 @@ def _set_options(gmsh: Any, **values: float) -> None:
         gmsh.option.setNumber(f"Mesh.{option}", value)
 
 
-def _group_sheet(gmsh: Any, names: Mapping[tuple[int, int], list[str]]) -> None:
+def _group_sheet(gmsh: Any, names: Names) -> None:
     """Make physical groups of surfaces and of the curves at their rims."""
     groups: dict[tuple[int, str], list[int]] = {}
     for number, (_, tag) in enumerate(gmsh.model.getEntities(2), start=1):
@@ -186,7 +178,7 @@ def _group_sheet(gmsh: Any, names: Mapping[tuple[int, int], list[str]]) -> None:
         gmsh.model.addPhysicalGroup(dimension, tags, name=name)
 
 
-def _surfaces_named(names: Mapping[tuple[int, int], list[str]], whole: Mapping[int, int], name: str) -> list[int]:
+def _surfaces_named(names: Names, whole: Mapping[int, int], name: str) -> list[int]:
     """Return the surfaces of a face's name, in which upper and lower case may differ."""
     of = {tag: [f"face-{number}", *names.get((2, tag), [])] for tag, number in whole.items()}
     found = [tag for tag, own in of.items() if name.casefold() in map(str.casefold, own)]
@@ -226,12 +218,12 @@ def describe_cad(path: Path) -> dict[str, Any]:
         return describe_part(gmsh, whole, names)
 
 
-def _open(gmsh: Any, path: Path) -> tuple[dict[tuple[int, int], list[str]], dict[int, int]]:
+def _open(gmsh: Any, path: Path) -> tuple[Names, dict[int, int]]:
     """Open a CAD file as the current model, and return the names of its entities and the face of each surface."""
-    solids = _import_all(gmsh, path, 3)
+    solids = import_entities(gmsh, path, 3)
     if not solids:
         raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
-    names = _name_pieces(gmsh, path, solids)
+    names = name_pieces(gmsh, path, solids)
     whole = _whole_faces(gmsh)
     taken = {name for own in names.values() for name in own}
     for tag, name in name_faces_by_place(gmsh, whole).items():
@@ -240,78 +232,7 @@ def _open(gmsh: Any, path: Path) -> tuple[dict[tuple[int, int], list[str]], dict
     return names, whole
 
 
-def _import_all(gmsh: Any, path: Path, dimension: int) -> list[tuple[int, int]]:
-    """Import a CAD file with its labels into the current model, and return its entities of a dimension."""
-    gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
-    return [entity for entity in import_cad(gmsh, path) if entity[0] == dimension]
-
-
-def _name_pieces(gmsh: Any, path: Path, entities: list[tuple[int, int]]) -> dict[tuple[int, int], list[str]]:
-    """Cut solids or surfaces along one another if they are several, and return the names of all entities."""
-    names = _names(gmsh, path)
-    return _fragment(gmsh, entities, names) if len(entities) > 1 else names
-
-
-def _names(gmsh: Any, path: Path) -> dict[tuple[int, int], list[str]]:
-    """Return the names of each solid and face: the end of its label, its colour, its name in STEP."""
-    names: dict[tuple[int, int], list[str]] = {}
-    for entity in [*gmsh.model.getEntities(2), *gmsh.model.getEntities(3)]:
-        own = []
-        label = gmsh.model.getEntityName(*entity).rpartition("/")[2].strip()
-        if label and "STEP translator" not in label:
-            own.append(label)
-        colour = gmsh.model.getColor(*entity)
-        if entity[0] == 2 and tuple(colour) != _UNCOLOURED:
-            own.append("#{:02x}{:02x}{:02x}".format(*colour[:3]))
-        names[entity] = own
-    if path.suffix.lower() not in (".step", ".stp"):
-        return names
-    text = re.sub(r"\s*\n\s*", "", path.read_text(encoding="utf-8", errors="replace"))
-    solids, bodies = gmsh.model.getEntities(3), re.findall(r"MANIFOLD_SOLID_BREP\s*\(\s*'([^']*)'", text)
-    if len(solids) == len(bodies):
-        for solid, name in zip(solids, bodies, strict=True):
-            names[solid] += [name.strip()] if name.strip() else []
-    faces, given = gmsh.model.getEntities(2), _step_faces(text)
-    kinds = [gmsh.model.getType(*face) for face in faces]
-    # Gmsh keeps the file's order of faces. STEP's names are used only if the types of surface agree.
-    if len(given) == len(faces) and all(kind in (None, k) for (_, kind), k in zip(given, kinds, strict=True)):
-        for face, (name, _) in zip(faces, given, strict=True):
-            if name and name not in names[face]:
-                names[face].append(name)
-    return names
-
-
-def _step_faces(text: str) -> list[tuple[str, str | None]]:
-    """Return name and type of surface of each face, shell by shell; ``None`` for free-form surfaces."""
-    entity = dict(re.findall(r"#(\d+)\s*=\s*([A-Z_0-9]+\s*\([^;]*\))\s*;", text))
-    faces: list[tuple[str, str | None]] = []
-    for shell in entity.values():
-        if not re.match(r"(CLOSED|OPEN)_SHELL", shell):
-            continue
-        for number in re.findall(r"#(\d+)", shell):
-            face = re.match(r"ADVANCED_FACE\s*\(\s*'([^']*)'.*#(\d+)\s*,[^#]*\)$", entity.get(number, ""))
-            if face is None:
-                return []
-            surface = re.match(r"[A-Z_]+", entity.get(face[2], "?"))
-            faces.append((face[1].strip(), _SURFACES.get(surface[0]) if surface else None))
-    return faces
-
-
-def _fragment(
-    gmsh: Any, entities: list[tuple[int, int]], names: dict[tuple[int, int], list[str]]
-) -> dict[tuple[int, int], list[str]]:
-    """Cut solids or surfaces along one another so that they share faces or edges; pieces keep their names."""
-    named = [entity for entity, own in names.items() if entity[0] == 2 and own]
-    _, pieces = gmsh.model.occ.fragment(entities, named)
-    gmsh.model.occ.synchronize()
-    kept: dict[tuple[int, int], list[str]] = {}
-    for entity, into in zip([*entities, *named], pieces, strict=True):
-        for piece in into:
-            kept[piece] = list(dict.fromkeys(kept.get(piece, []) + names[entity]))
-    return kept
-
-
-def _read_out(gmsh: Any, order: int, names: dict[tuple[int, int], list[str]], whole: Mapping[int, int]) -> CadMesh:
+def _read_out(gmsh: Any, order: int, names: Names, whole: Mapping[int, int]) -> CadMesh:
     """Read the mesh of the current model out of Gmsh."""
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     place = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
