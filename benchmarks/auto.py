@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from few_modes import few_modes
 from table_format import write_rows
 from tables import seconds_at
 from truth_scenes import random_case
@@ -139,7 +140,8 @@ def open_scene(name: str) -> Scene:
         scene = load_scene(file)
     else:
         scene = load_scene(
-            HERE / "scenes" / "robot.toml" if name == "robot" else name, ['simulation.run=[{integrator="auto"}]']
+            HERE / "scenes" / "robot.toml" if name == "robot" else name,
+            [*few_modes(name), 'simulation.run=[{integrator="auto"}]'],
         )
     run = Pipeline(scene, Cache(None))
     plan = next(iter(run.plans.values()))

@@ -10,6 +10,7 @@ import csv
 from collections.abc import Sequence
 
 import numpy as np
+from few_modes import few_modes
 from table_format import HERE
 
 import fmd
@@ -32,7 +33,7 @@ NAMES = ("elbow.position", "forearm.wrist.position.y")
 
 def main() -> None:
     """Fit what the table doesn't have."""
-    run = fmd.load("arm", *SETTINGS).run
+    run = fmd.load("arm", *few_modes("arm"), *SETTINGS).run
     varied = read_varied(run, [*TRUTH])
     truth = {each.parameter: each.parameter.value * share for each, share in zip(varied, TRUTH.values(), strict=True)}
     channels, times = find_all_channels(run, NAMES), run.output_times

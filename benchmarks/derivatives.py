@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from few_modes import few_modes
 from table_format import HERE, write_rows
 
 import fmd
@@ -39,7 +40,7 @@ class Row:
 
 def measure(name: str) -> Row:
     """Time the ways of a scene."""
-    run = fmd.load(name).run
+    run = fmd.load(name, *few_modes(name)).run
     system, (q0, v0) = run.system, run.start
     method = CentralDifference(0.5 * system.largest_step)
     times = np.linspace(0.0, STEPS * method.step, 5)

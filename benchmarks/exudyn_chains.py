@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 from exudyn_march import IMPLICIT, Twin, add_sensor, import_exudyn, refine, relative_error, sample_times
+from few_modes import few_modes
 
 from fmd import Pipeline, load_scene
 from fmd.integrators.runge_kutta import RungeKutta
@@ -247,7 +248,7 @@ def measure(name: str) -> Iterator[WorkPrecisionRow]:
     """March a chain by Exudyn's solvers, coarse to fine, timed as our own benchmark does it."""
     import_exudyn()  # before the reference takes its time
     scene, build = CASES[name]
-    run = Pipeline(load_scene(scene, ["simulation.stiffening=off"]))
+    run = Pipeline(load_scene(scene, [*few_modes(name), "simulation.stiffening=off"]))
     duration = run.scene.simulation.duration
     exact = RungeKutta(1e-13).march(run.system, *run.start, sample_times(duration))
     error = relative_error(Motion(run.mechanism, exact, run.scene.simulation.tip).tip_position)

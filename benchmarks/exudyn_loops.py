@@ -36,6 +36,7 @@ from exudyn_march import (
     relative_error,
     sample_times,
 )
+from few_modes import few_modes
 from scipy.integrate import solve_ivp
 from table_format import machine, write_rows
 
@@ -234,7 +235,11 @@ CASES = {
     "double-four-bar": Case(str(HERE / "scenes" / "double-four-bar.toml"), (), path, parallel_cranks, twin_four_bar),
     "bricard": Case(str(HERE / "scenes" / "bricard.toml"), (), path, finest(path), twin_bricard),
     "slider-crank": Case(
-        "slider-crank", ("simulation.stiffening=off",), rod_modes, finest(rod_modes), twin_slider_crank
+        "slider-crank",
+        (*few_modes("slider-crank"), "simulation.stiffening=off"),
+        rod_modes,
+        finest(rod_modes),
+        twin_slider_crank,
     ),
 }
 

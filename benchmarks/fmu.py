@@ -23,6 +23,7 @@ from typing import Any
 
 import fmpy
 import numpy as np
+from few_modes import few_modes
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 from table_format import write_rows
@@ -127,7 +128,7 @@ def find_paths(file: Path) -> list[str]:
 
 def measure(scene: str, folder: Path) -> dict[str, str]:
     """Export a scene and measure its FMUs; one row of the table."""
-    run = load(scene).run
+    run = load(scene, *few_modes(scene)).run
     tick = time.perf_counter()
     files = write_fmu(run, None, folder / f"{scene}.fmu")
     seconds = time.perf_counter() - tick
@@ -136,7 +137,7 @@ def measure(scene: str, folder: Path) -> dict[str, str]:
             raise SystemExit(f"{file.name}: {faults}")
     if list_platforms(files[1]) != sorted(target.name for target in TARGETS):
         raise SystemExit(f"{scene} lacks binaries")
-    exact = load(scene, 'simulation.run=[{integrator="runge-kutta", tolerance=1e-13}]').motion
+    exact = load(scene, *few_modes(scene), 'simulation.run=[{integrator="runge-kutta", tolerance=1e-13}]').motion
     row = {"scene": scene, "modes": str(sum(len(link.omega) for link in run.mechanism.links))}
     row |= {"kilobytes_fmi2": f"{files[0].stat().st_size / 1e3:.0f}"}
     row |= {"kilobytes_fmi3": f"{files[1].stat().st_size / 1e3:.0f}", "export_s": f"{seconds:.2g}"}

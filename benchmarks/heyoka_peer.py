@@ -15,6 +15,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from few_modes import few_modes
 
 from fmd import Pipeline, load_scene
 from fmd.core import formula as codes
@@ -133,7 +134,7 @@ def acceleration_expressions(system: Any, q: list[Any], v: list[Any]) -> list[An
 
 def measure(name: str, repeats: int = 5) -> Iterator[WorkPrecisionRow]:
     """March a scene by heyoka, coarse to fine, timed as our own benchmark does it."""
-    hy, run = import_heyoka(), Pipeline(load_scene(CASES[name]))
+    hy, run = import_heyoka(), Pipeline(load_scene(CASES[name], few_modes(name)))
     system, (q0, v0) = run.system, run.start
     n, duration, errors = system.n, run.scene.simulation.duration, errors_of(run)
     times = np.linspace(0.0, duration, INTERVALS + 1)

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from few_modes import few_modes
 from table_format import machine, renew_rows
 
 ROOT = Path(__file__).parents[1]
@@ -38,7 +39,7 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "beam, 5 modes": ("beam-paper", ()),
     "beam, 20 modes": ("beam-paper", ("body.beam.modes.count=20",)),
     "beam, 60 modes": ("beam-paper", ("body.beam.modes.count=60",)),
-    "arm": ("arm", ()),
+    "arm": ("arm", few_modes("arm")),
     "robot": (str(HERE / "scenes" / "robot.toml"), ()),
     "ten links": ("chain", ()),
     "rod-slider": ("rod-slider", ()),
@@ -176,7 +177,7 @@ def compile_all(scene: str) -> dict[str, float]:
 
     store.read_code = lambda path: None  # as if nothing was kept
     compiled.load_object, compiled.load_program = timed(compiled.load_object), timed(compiled.load_program)
-    run, system = open_scene(scene, [])
+    run, system = open_scene(scene, list(few_modes(scene)))
     if scene == "chain":
         make_method("central-difference", 1e-6).march(system, *run.start, np.array([0.0, 1e-4]))
     else:

@@ -14,6 +14,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+from few_modes import few_modes
 from table_format import machine, renew_rows
 
 from fmd import Pipeline, load_scene
@@ -35,7 +36,7 @@ SCENES = {
     "propeller, all modes": ("propeller", ()),
     "propeller-torque": ("propeller-torque", ()),
     "propeller-gust": ("propeller-gust", ()),
-    "arm": ("arm", ("simulation.step=10us",)),
+    "arm": ("arm", (*few_modes("arm"), "simulation.step=10us")),
 }
 
 

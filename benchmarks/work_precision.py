@@ -10,6 +10,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from few_modes import few_modes
+
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))
 from fmd import Pipeline, load_scene  # noqa: E402
@@ -20,7 +22,7 @@ SCENES = {
     "beam": ("beam", ()),
     "beam-20-modes": ("beam", ("body.beam.modes.count=20",)),
     "beam-60-modes": ("beam", ("body.beam.modes.count=60",)),
-    "arm": ("arm", ()),
+    "arm": ("arm", few_modes("arm")),
     "robot": (str(HERE / "scenes" / "robot.toml"), ()),
 }
 

@@ -50,6 +50,7 @@ OSCILLATOR: dict[str, Any] = {
 SMALL_ARM = (
     "simulation.run=[{integrator='central-difference'}]",
     "body.forearm.mesh.divisions=[12,1,1]",
+    "body.forearm.modes.enrich=none",
     "simulation.duration=0.2 s",
 )
 BAR = """

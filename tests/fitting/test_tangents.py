@@ -17,7 +17,11 @@ from fmd.fitting.sensitivities import Sensitivity
 from fmd.output.channels import ResultChannel, find_all_channels
 from tests.verification.test_random_mechanisms import SI, random_scene
 
-SMALL_ARM = ("simulation.run=[{integrator='central-difference'}]", "body.forearm.modes.count=3")
+SMALL_ARM = (
+    "simulation.run=[{integrator='central-difference'}]",
+    "body.forearm.modes.count=3",
+    "body.forearm.modes.enrich=none",
+)
 ZERO = ["0 m", "0 m", "0 m"]
 
 
