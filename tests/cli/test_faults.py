@@ -178,7 +178,7 @@ def read(out: Path) -> dict[str, Any]:
     for key in ("seconds", "stages_run", "stages_cached", "stages_skipped"):
         del summary[key]
     for row in summary["integrations"]:
-        del row["seconds"], row["ratio_to_plain"], row["spread"]
+        del row["seconds"], row["ratio_to_plain"], row["part_over_plain"], row["spread"]
     with xarray.open_dataset(out / "motion.nc", engine="scipy") as motion:
         # text of repr: a component of the angular momentum that isn't computed is no number, which equals nothing
         summary["motion"] = {name: repr(np.asarray(x).tolist()) for name, x in motion.load().variables.items()}

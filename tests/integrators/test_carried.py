@@ -1,17 +1,21 @@
 """Sub-cycling by carried forces: its maps, its order, its growth, and when it is taken."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.cli.run import _notes
 from fmd.core.arrays import Array
 from fmd.integrators.carried import _maps
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.tangent import OperatingPoint, scheme_growth_rates
+from fmd.stages import runs
+from fmd.stages.plan import Growth
 from tests.linear_system import LinearSystem
 
 COARSE = "body.propeller.mesh={order=1, sleeve=[24, 2, 1], joint=[2, 2, 2], blade=[2, 2, 4]}"
@@ -126,12 +130,44 @@ def test_where_carried_forces_would_grow_the_map_with_its_history_says_so() -> N
     assert scheme_growth_rates(Subcycling(2e-3, 10, "carried"), system, [at], 0.2)[0, 0] > 5.0
 
 
-def test_the_propeller_carries_its_forces_and_the_beam_follows_tangents() -> None:
-    chosen = {}
-    for scene, settings in (("propeller", [COARSE]), ("beam-paper", [])):
-        plans = Pipeline(load_scene(scene, settings)).plans
-        chosen[scene] = {plan.integrator.forces for label, plan in plans.items() if label.startswith("sub-cycling")}
-    assert chosen == {"propeller": {"carried"}, "beam-paper": {"tangents"}}
+def test_the_beam_follows_tangents_since_its_cycles_are_one_function() -> None:
+    plans = Pipeline(load_scene("beam-paper", [])).plans
+    methods = [plan.integrator for label, plan in plans.items() if label.startswith("sub-cycling")]
+    assert {getattr(method, "forces", None) for method in methods} == {"tangents"}
+
+
+@pytest.mark.parametrize(
+    ("by_carried", "by_tangents", "error", "chosen"),
+    [
+        (1.0, 1.0, 1e-3, "carried"),
+        (1.0017, 1.008, 1e-3, "carried"),  # more than is wanted, but less than by what would be taken else
+        (1.008, 1.0017, 1e-3, "tangents"),
+        (1.0, 1.008, 1e-10, "tangents"),  # which carried forces don't reach
+    ],
+)
+def test_the_propeller_carries_its_forces_unless_vibrations_grow_or_the_error_does(
+    by_carried: float, by_tangents: float, error: float, chosen: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def growth(_: object, plan: Any, *__: object) -> Growth:
+        return Growth(None, {"carried": by_carried, "tangents": by_tangents}[plan.integrator.forces])
+
+    pipeline = Pipeline(load_scene("propeller", [COARSE, f"simulation.error={error}"]))
+    draft = next(plan for plan in pipeline.drafts if plan.integrator.name == "sub-cycling")
+    run = next(run for run in pipeline.scene.simulation.run if run.integrator == "sub-cycling")
+    monkeypatch.setattr(runs, "_measure_growth", growth)
+    found = runs._choose_forces(pipeline, draft, run, [])
+    assert (found.carried, found.factor) == ((True, by_carried) if chosen == "carried" else (False, by_tangents))
+    assert (found.over_plain is None) == found.carried  # how long tangents take beside plain steps is measured
+
+
+def test_sub_cycling_that_takes_longer_than_plain_steps_says_so() -> None:
+    rows = [
+        {"integrator": "sub-cycling", "substeps": 10, "growth": 1.0, "forces": "tangents", "part_over_plain": ratio}
+        for ratio in (None, 0.3, 2.3)
+    ]
+    said = [line for line in _notes({"integrations": rows, "left_out_modes": {}}) if "times as long" in line]
+    assert len(said) == 1
+    assert said[0].startswith("note: sub-cycling 10:1 takes 2.3 times as long as central-difference here")
 
 
 def test_carried_forces_of_the_propeller_are_as_accurate_as_tangents() -> None:

@@ -15,7 +15,10 @@ from fmd.sweep.work import compute_points
 _RUN = 'simulation.run=[{integrator="central-difference"}]'
 _ARM = [_RUN, "simulation.duration=20 ms", "body.forearm.mesh.divisions=[6, 1, 2]", "body.forearm.modes.count=2"]
 # Of times, of what a cache held, and what only a run by itself compares.
-_OF_THE_RUN = {"seconds", "stages_run", "stages_cached", "stages_skipped", "spread", "ratio_to_plain"}
+_OF_THE_RUN = {"seconds", "stages_run", "stages_cached", "stages_skipped", "spread"} | {
+    "ratio_to_plain",
+    "part_over_plain",
+}
 
 
 def _numbers(value: Any, path: str = "") -> dict[str, Any]:

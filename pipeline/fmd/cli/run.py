@@ -241,6 +241,12 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         if row["forces"] == "carried"
     ]
     lines += [
+        f"note: {row['integrator']} {row['substeps']}:1 takes {ratio:.2g} times as long as central-difference here, "
+        "and forces carried on from cycle to cycle don't keep simulation.error: take central-difference"
+        for row in summary["integrations"]
+        if (ratio := row["part_over_plain"] or 0.0) > 1
+    ]
+    lines += [
         f"model: {each['text']}"
         + f" ({percent(each['error'])} % of '{each['quantity']}'{'' if each['counted'] else ', not counted'})"
         * bool(each["quantity"])

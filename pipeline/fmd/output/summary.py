@@ -193,6 +193,7 @@ def _integrations(run: Pipeline) -> list[dict[str, Any]]:
             "fast_evaluations": motion.trajectory.fast_evaluations,
             "error": motion.trajectory.error,
             "growth": run.plans[label].growth,
+            "part_over_plain": run.plans[label].over_plain,
             "largest_stable_step_s": limit if np.isfinite(limit) else None,
             "stability_margin": limit / motion.trajectory.step if np.isfinite(limit) else None,
             **motion.differences(first),

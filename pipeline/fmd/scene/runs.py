@@ -50,8 +50,9 @@ class SubCyclingRun(SubCycledRun):
     forces : str
         How the fast coordinates' forces go on over a cycle: by their tangents at its begin (``"tangents"``), by a
         parabola through the last cycles (``"carried"``: one evaluation a cycle, whatever couples), or not at all as the
-        paper prints it (``"frozen"``). ``"auto"`` carries them where fast coordinates couple, no vibration grows by it
-        and a part of the motion agrees with plain central differences to the wanted error; else it takes tangents.
+        paper prints it (``"frozen"``). ``"auto"`` carries them where fast coordinates couple, vibrations grow by it no
+        more than by the wanted error or by tangents, and a part of the motion agrees with plain central differences to
+        the wanted error; else it takes tangents.
 
     Examples
     --------

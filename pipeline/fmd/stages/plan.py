@@ -36,6 +36,8 @@ class Plan:
         That part as it is marched.
     growth : float
         Factor by which an explicit method itself makes small vibrations grow over the scene.
+    over_plain : float, optional
+        Run time of sub-cycling by tangents over that of plain central differences, where it might be above 1.
     """
 
     key: str
@@ -46,6 +48,7 @@ class Plan:
     excited: Excited | None = None
     excited_system: CompiledSystem | None = None
     growth: float = 1.0
+    over_plain: float | None = None
 
     def require_positive_mass(self, trajectory: Trajectory) -> None:
         """Raise ``AccuracyError`` if the mass matrix isn't positive definite along a march of this plan."""
@@ -108,8 +111,11 @@ class Growth:
         Factor by which small vibrations grow over the scene.
     carried : bool
         Sub-cycling carries forces on from cycle to cycle, for that is cheapest.
+    over_plain : float, optional
+        Run time of a part of the motion over that of plain central differences, if sub-cycling takes tangents instead.
     """
 
     step: float | None = None
     factor: float = 1.0
     carried: bool = False
+    over_plain: float | None = None

@@ -98,38 +98,42 @@ def measure_growths(built: Pipeline) -> tuple[Growth, ...]:
         require_countable_steps(built.scene.file, plan.key, plan.integrator.step, simulation.duration)
         require_known_phases(built.scene.file, plan.key, plan.integrator, plan.system, simulation)
         require_resolved_loads(built.scene.file, plan.key, plan.integrator, plan.system)
-        growths.append(_carry_forces(built, plan, run, known) or _measure_growth(built, plan, run, known))
+        chosen = getattr(run, "forces", None) == "auto" and plan.integrator.substeps > 1
+        growths.append((_choose_forces if chosen else _measure_growth)(built, plan, run, known))
     return tuple(growths)
 
 
-def _carry_forces(built: Pipeline, plan: Plan, run: Run, known: list[OperatingPoints]) -> Growth | None:
-    """Return the growth of a run with carried forces, if that is cheapest at the wanted error; else nothing.
+def _choose_forces(built: Pipeline, plan: Plan, run: Run, known: list[OperatingPoints]) -> Growth:
+    """Return the growth of a run with carried forces, if these are cheapest at the wanted error, else with its own.
 
-    Its error is that of the first part of the motion, beside plain central differences, as if it went on growing.
+    Their error is that of the first part of the motion, beside plain central differences, as if it went on growing.
+    Vibrations may grow by them as much as the wanted error, or as by the tangents that would be taken else.
     """
     method: Any = plan.integrator
-    if getattr(run, "forces", None) != "auto" or method.substeps == 1:
-        return None
-    carried = replace(method, forces="carried")
-    stable = method.step < method.largest_step(plan.system)
-    if plan.system.takes_whole_cycles or not carried.suits(plan.system) or not stable:
-        return None
-    simulation = built.scene.simulation
+    carried, plain = replace(method, forces="carried"), CentralDifference(method.step)
+    simulation, stable = built.scene.simulation, method.step < method.largest_step(plan.system)
     times = np.linspace(0.0, TRIED_PART * simulation.duration, TRIED_TIMES)
-    if times[-1] < LEAST_CYCLES * method.substeps * method.step:
-        return None
+    enough = times[-1] >= LEAST_CYCLES * method.substeps * method.step
+    if plan.system.takes_whole_cycles or not (carried.suits(plan.system) and stable and enough):
+        return _measure_growth(built, plan, run, known)
     try:
         growth = _measure_growth(built, replace(plan, integrator=carried), run, known)
-        found, plain = (
-            replace(plan, integrator=each).march(times).q for each in (carried, CentralDifference(method.step))
-        )
+        exact, found = (replace(plan, integrator=each).march(times) for each in (plain, carried))
     except (InputError, StabilityError):
-        return None
+        return _measure_growth(built, plan, run, known)
     groups, _ = plan.system.groups
-    error = max(_relative_difference(found[:, groups == k], plain[:, groups == k]) for k in np.unique(groups))
-    if growth.step is not None or max(growth.factor - 1.0, error / TRIED_PART) > simulation.error:
-        return None
-    return replace(growth, carried=True)
+    error = max(_relative_difference(found.q[:, groups == k], exact.q[:, groups == k]) for k in np.unique(groups))
+    fits = growth.step is None and error / TRIED_PART <= simulation.error
+    if fits and growth.factor - 1.0 <= simulation.error:
+        return replace(growth, carried=True)
+    other = _measure_growth(built, plan, run, known)
+    if fits and growth.factor <= other.factor:
+        return replace(growth, carried=True)
+    if not built.stands_alone:
+        return other
+    marches = {each.name: partial(replace(plan, integrator=each).march, times) for each in (plain, method)}
+    timed = time_by_turns({name: march() for name, march in marches.items()}, marches)
+    return replace(other, over_plain=timed[method.name].seconds / timed[plain.name].seconds)
 
 
 def _relative_difference(found: Array, exact: Array) -> float:
@@ -148,7 +152,7 @@ def finish_plans(built: Pipeline) -> dict[str, Plan]:
         if growth.carried:
             method = replace(method, forces="carried")
         label = built.scene.simulation.run[k].label(method.substeps)
-        checked = replace(plan, integrator=method, growth=growth.factor)
+        checked = replace(plan, integrator=method, growth=growth.factor, over_plain=growth.over_plain)
         alike = (each for each in plans.values() if each.mechanism is plan.mechanism and each.start is plan.start)
         plans[f"{label} ({k})" if label in plans else label] = _leave_out_modes(built, checked, next(alike, None))
     return plans
