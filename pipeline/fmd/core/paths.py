@@ -111,22 +111,32 @@ def source_digest(*names: str) -> str:
         place = _ROOT / name
         if not place.exists():
             raise FileNotFoundError(f"{name}: no such source in {_ROOT}; a stage's key names it")
-        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
-            if "__pycache__" not in path.parts:
-                source, named = _read_source(path)
-                digest.update(source)
-                numbers |= named
-    for path in sorted((_ROOT / "fmd" / "core" / "limits").glob("*.py")):
-        if path.stem.encode() in numbers:
-            digest.update(path.read_bytes())
+        for path in _list_sources(str(place)):
+            source, named = _read_source(path)
+            digest.update(source)
+            numbers |= named
+    for path in _list_sources(str(_ROOT / "fmd" / "core" / "limits")):
+        if Path(path).stem.encode() in numbers:
+            digest.update(Path(path).read_bytes())
     return digest.hexdigest()
 
 
 @cache
-def _read_source(path: Path) -> tuple[bytes, set[bytes]]:
+def _list_sources(place: str) -> tuple[str, ...]:
+    """List a file, or the Python sources in a folder, by their paths as text: objects would take most of the time."""
+    if os.path.isfile(place):
+        return (place,)
+    found = (os.path.join(folder, name) for folder, _, names in os.walk(place) for name in names)
+    return tuple(sorted(path for path in found if path.endswith(".py") and "__pycache__" not in path))
+
+
+@cache
+def _read_source(path: str) -> tuple[bytes, set[bytes]]:
     """Return a source, which many stages' keys name, and the words of its imports from `fmd.core.limits`."""
-    source = path.read_bytes()
-    return source, {name for match in _NUMBERS.findall(source) for name in _WORDS.findall(match)}
+    with open(path, "rb") as file:
+        source = file.read()
+    named = _NUMBERS.findall(source) if b"core.limits" in source else ()
+    return source, {name for match in named for name in _WORDS.findall(match)}
 
 
 def kernel_folder() -> Path:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from fmd.scene.bar import Bar
 from fmd.scene.beams import Profile, Shaft
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
+from fmd.scene.kinds import KindBy
 from fmd.scene.propeller import Propeller
 from fmd.scene.rigid_bodies import PointMass, RigidBody, Rod
 from fmd.scene.shells import Plate, Tube
@@ -44,7 +45,7 @@ Body = Annotated[
     | CadPart
     | MatrixPart
     | ReducedPart,
-    Field(discriminator="shape"),
+    KindBy("shape"),
     BeforeValidator(_with_shape),
 ]
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
-
 from fmd.core.units import Angle, Length
+from fmd.scene.kinds import KindBy
 from fmd.scene.reading import SceneTable
 from fmd.scene.values import JointName, Number
 
@@ -89,4 +88,4 @@ class Rack(SceneTable):
         return self.radius
 
 
-AnyCoupler = Annotated[Gear | Rack, Field(discriminator="type")]
+AnyCoupler = Annotated[Gear | Rack, KindBy("type")]

@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from fmd.core.units import PositiveTime
+from fmd.scene.kinds import KindBy
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.state_loads import FormulaVariables
 from fmd.scene.values import Number, SourceFile, Text
@@ -277,4 +278,4 @@ class FmuController(Controller):
         return {f"input.{name}": text for name, text in self.input.items()}
 
 
-AnyController = Annotated[PidController | LagController | ExternalValue | FmuController, Field(discriminator="type")]
+AnyController = Annotated[PidController | LagController | ExternalValue | FmuController, KindBy("type")]

@@ -6,10 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from fmd.core.units import AngularRate, NonNegativeTime, PositiveTime, Torque
 from fmd.scene.curves import AngleOverTime, PositionOverTime, TimeFunction
+from fmd.scene.kinds import KindBy
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.state_loads import ForceOverTime, TorqueOverTime
 from fmd.scene.values import Axis, JointName, MarkerName
@@ -281,9 +282,7 @@ class PointTorque(MarkerLoad):
         return self.torque
 
 
-Drive = Annotated[
-    PulseDrive | TorqueDrive | ForceDrive | MotionDrive | PointForce | PointTorque, Field(discriminator="type")
-]
+Drive = Annotated[PulseDrive | TorqueDrive | ForceDrive | MotionDrive | PointForce | PointTorque, KindBy("type")]
 
 
 def find_motion(drives: Mapping[str, Drive], joint: str) -> tuple[str, MotionDrive] | None:

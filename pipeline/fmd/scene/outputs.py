@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from fmd.core.units import Frequency, NonNegative, NonNegativeTime, PositiveFrequency, Stress, unit_ratio
 from fmd.scene.histories import ExtremesTable, History
+from fmd.scene.kinds import KindBy
 from fmd.scene.pictures import (
     BodyPicture,
     Component,
@@ -336,7 +337,7 @@ Output = Annotated[
     | History
     | ExtremesTable
     | Export,
-    Field(discriminator="type"),
+    KindBy("type"),
 ]
 
 OUTPUT_MODELS: dict[str, type[SceneTable]] = {

@@ -21,9 +21,7 @@ Place = tuple[str, int | None]
 """A file and a line in it, from 1; ``None`` where it has no lines."""
 
 _PACKAGE = str(Path(__file__).parents[1])
-# Where a table may be of several kinds pydantic puts the kind into a fault's path, and the type of other alternatives.
-_TABLES_OF_KINDS = ("body", "joint", "drive", "controller", "coupler")
-_LISTS_OF_KINDS = ("output", "run", "visual")
+# Where a value may be of several types pydantic puts the type into a fault's path.
 _ALTERNATIVE = re.compile(r"(literal|function-\w+)\[|\[key\]$|(constrained-)?(str|int|float)$| ")
 
 
@@ -241,11 +239,8 @@ def _join_path(path: KeyPath) -> str:
 def _find_path(detail: ErrorDetails) -> KeyPath:
     """Return the keys that lead to a fault, without what pydantic adds to them."""
     path: KeyPath = ()
-    kind_of: KeyPath | None = None
     for part in detail["loc"]:
-        if path != kind_of and _is_of_kinds(path):
-            kind_of = path
-        elif len(path) < 2 or not _ALTERNATIVE.search(str(part)):
+        if len(path) < 2 or not _ALTERNATIVE.search(str(part)):
             path += (part,)
     fault = detail.get("ctx", {}).get("error")
     if isinstance(fault, FaultError):
@@ -253,14 +248,6 @@ def _find_path(detail: ErrorDetails) -> KeyPath:
     if detail["type"].startswith("union_tag"):
         path += (detail["ctx"]["discriminator"].strip("'"),)
     return path
-
-
-def _is_of_kinds(path: KeyPath) -> bool:
-    """Return True if a table at this place may be of several kinds."""
-    if len(path) < 2:
-        return False
-    table, last = path[-2:]
-    return table in _LISTS_OF_KINDS if isinstance(last, int) else len(path) == 2 and table in _TABLES_OF_KINDS
 
 
 def _write_mend(error: ErrorDetails) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 from pydantic import BeforeValidator, Field, model_validator
 
 from fmd.core.units import PositiveFrequency
+from fmd.scene.kinds import KindBy
 from fmd.scene.reading import FaultError
 from fmd.scene.run_table import RunTable, SteeredRun, SteppedRun, SubCycledRun, Tolerance, TolerantRun
 from fmd.scene.values import Count, Number
@@ -279,7 +280,7 @@ Run = Annotated[
     | GeneralizedAlphaRun
     | ScipyRun
     | AutoRun,
-    Field(discriminator="integrator"),
+    KindBy("integrator"),
     BeforeValidator(_refuse_dop853),
 ]
 

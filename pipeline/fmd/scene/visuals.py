@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaH
 from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.units import PositiveLength
+from fmd.scene.kinds import KindBy
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import LengthUnit, Point, SourceFile, Turn, Words
 
@@ -166,5 +167,5 @@ class FileVisual(VisualSettings):
     rotation: Turn = (0.0, 0.0, 0.0)
 
 
-Visual = Annotated[BoxVisual | CylinderVisual | RodVisual | FileVisual, Field(discriminator="type")]
+Visual = Annotated[BoxVisual | CylinderVisual | RodVisual | FileVisual, KindBy("type")]
 Visuals = Annotated[tuple[Visual, ...], Field(max_length=100), OneOrMore()]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Annotated, get_args
 
-from pydantic import Field
-
 from fmd.core.joint_kinds import JointKind
 from fmd.scene.joints.constant_velocity import ConstantVelocity
 from fmd.scene.joints.cylindrical import Cylindrical
@@ -21,6 +19,7 @@ from fmd.scene.joints.revolute import Revolute
 from fmd.scene.joints.screw import Screw
 from fmd.scene.joints.spherical import Spherical
 from fmd.scene.joints.universal import Universal
+from fmd.scene.kinds import KindBy
 
 Joint = Annotated[
     Revolute
@@ -35,7 +34,7 @@ Joint = Annotated[
     | Screw
     | Distance
     | PointOnLine,
-    Field(discriminator="type"),
+    KindBy("type"),
 ]
 
 JOINTS: tuple[type[JointTable], ...] = get_args(get_args(Joint)[0])
