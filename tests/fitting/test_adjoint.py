@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,23 +15,33 @@ from fmd.fitting.parameters import find_parameter
 from fmd.fitting.tangents import march_tangents
 from fmd.integrators import adjoint as march_adjoint
 from fmd.output.channels import find_channels
-from tests.fitting.test_tangents import OTHERS, SPRINGS, chain
+from tests.fitting.test_tangents import OTHERS, SPRINGS, chain, spatial_chain
 
 KEYS = [*SPRINGS, *OTHERS, "joint.drive.rate", "joint.pin.rest"]
+TURNING = [SPRINGS[0], *OTHERS, "joint.drive.rate"]
 MORE = ("joint.drive.rate=-0.3 rad/s", "joint.pin.rest=-50 deg")  # negative numbers, as well
 
 
-@pytest.mark.parametrize("kept", [2**20, 750])
-def test_an_adjoint_is_the_transpose_of_the_tangents(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By springs, a damper, a load and a start, of random weights on all output; with sections of 250 steps, too."""
+@pytest.mark.parametrize(
+    ("make", "keys", "kept"), [(chain, KEYS, 2**20), (chain, KEYS, 750), (spatial_chain, TURNING, 750)]
+)
+def test_an_adjoint_is_the_transpose_of_the_tangents(
+    make: Any, keys: list[str], kept: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By springs, a damper, a load and a start, of random weights on all output.
+
+    Also in sections of 250 steps and less, and where a body turns in space.
+    """
     monkeypatch.setattr(march_adjoint, "MOST_STEPS_KEPT", kept)
-    frozen = FrozenRun(package.load(chain("central-difference"), *MORE).run)
+    frozen = FrozenRun(package.load(make("central-difference"), *MORE[: 1 + (make is chain)]).run)
     motion, times = frozen.at({}), frozen.times
     assert motion.plan is not None
-    directions = [frozen.direction(motion, find_parameter(frozen.run.scene, key)) for key in KEYS]
+    directions = [frozen.direction(motion, find_parameter(frozen.run.scene, key)) for key in keys]
     known = [each for each in directions if each is not None]
+    assert len(known) == len(keys)
     system, q0, v0 = motion.plan.marched
-    by_q, by_v = np.random.default_rng(0).normal(size=(2, len(times), system.n))
+    rng = np.random.default_rng(0)
+    by_q, by_v = (rng.normal(size=(len(times), size)) for size in (system.n_positions, system.n))
     method = motion.plan.integrator
     assert isinstance(method, march_adjoint.CentralDifference)
     found = march_adjoint.pull_back(method, system, q0, v0, times, by_q, by_v, known)

@@ -70,7 +70,7 @@ class FrozenMotion:
         Derivatives of the motion by numbers, times their sizes, as far as they have been asked for; ``None`` where
         there is no tangent.
     variants : dict of tuple to Beside
-        The scene beside it, by a number and the share of it.
+        The scene beside it, by a number and the share of it: of the last eight numbers, which march together.
     parts : list of PartedMarch
         The run's parts, if they have been needed.
     """
@@ -181,7 +181,7 @@ class FrozenRun:
         """Return a motion's derivative by a number, times its size, if it is to be had; those by others go with it."""
         if parameter not in motion.tangents:
             assert motion.plan is not None
-            wanted = [each for each in dict.fromkeys((parameter, *motion.by)) if each not in motion.tangents]
+            wanted = [each for each in dict.fromkeys((parameter, *motion.by)) if each not in motion.tangents][:LANES]
             directions = {each: self.direction(motion, each) for each in wanted}
             known = {each: direction for each, direction in directions.items() if direction is not None}
             found = march_tangents(motion.plan, list(known.values()), self.times)
@@ -222,6 +222,10 @@ class FrozenRun:
             if not middle:
                 mend = "is 0, of which there is no per cent; take a small value, such as 1e-3 of the usual one"
                 raise InputError(self.run.scene.file, parameter.key, middle, mend)
+            numbers = dict.fromkeys(number for number, _ in motion.variants)
+            if parameter not in numbers and len(numbers) == LANES:
+                for old in [key for key in motion.variants if key[0] == next(iter(numbers))]:
+                    del motion.variants[old]
             step = share * abs(middle)
             low, high = (
                 self._variant({**motion.values, parameter: middle + side * step}, moves) for side in (-1.0, 1.0)

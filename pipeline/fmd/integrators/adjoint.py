@@ -6,11 +6,13 @@ the sum's derivatives q̄, v̄, ā by a step's end, those by its begin are
 
     v̄ ← v̄ + h q̄,   ā ← ā + h v̄,   (q̂, v̂) = ā ∂f/∂(q, v),   q̄ ← q̄ + q̂,   v̄ ← v̄ + v̂,   ā₋ = ½ h v̂
 
+Where a quaternion turns, the transpose of that turn stands for the first of these.
 The motion is marched anew in sections, from states that are kept at their begins, so that memory holds one section.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,14 +22,15 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import MOST_STEPS_KEPT
 from fmd.dynamics.compiled_system.kernels import set_inputs
+from fmd.dynamics.compiled_system.parameters import CompiledParameters
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.dynamics.compiler.signal_code import load_signals
-from fmd.dynamics.system import accelerations
+from fmd.dynamics.system import accelerations, advance
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import locate_samples
 from fmd.integrators.protocol import State
-from fmd.kernels.kernel import inlined, kernel
+from fmd.kernels.kernel import inlined, inner, kernel
 from fmd.kernels.library import call_native
 from fmd.kernels.machine import LoadedObject
 from fmd.kernels.table import Table
@@ -39,16 +42,21 @@ class _Section(Table):
 
     adjoint: int  # address of the compiled function
     h: float
-    q: Array  # (n_kept, n): positions at each step's begin, rates and accelerations there
-    v: Array
+    q: Array  # (n_kept, n_positions): positions at each step's begin
+    v: Array  # (n_kept, n): rates and accelerations there, and the rates half a step later
     a: Array
+    ahead: Array
     sample: IntArray  # (n_times,): step that each output time is in
     offset: Array  # (n_times,): and the time since its begin [s]
-    by_q: Array  # (n_times, n): weights of positions and rates
+    by_q: Array  # (n_times, n_positions): weights of positions, and (n_times, n) of rates
     by_v: Array
+    sampled_q: Array  # (n_positions,): derivatives by a step's begin of the output in it
+    moved_q: Array
+    moved_v: Array  # (n,)
+    rate: Array
     left: IntArray  # (1,): output times that are still to come, from the last one back
-    dq: Array  # (n,): derivatives by positions, rates half a step before them, and accelerations
-    dv: Array
+    dq: Array  # (n_positions,): derivatives by positions
+    dv: Array  # (n,): by rates half a step before them, and accelerations
     da: Array
     of_inputs: Array  # of an evaluation of the accelerations, by its arguments
     of_q: Array
@@ -61,47 +69,49 @@ class _Section(Table):
 def _take_steps(p: Any, s: _Section, q: Array, v: Array, a: Array, first: int, count: int) -> None:
     """Take some steps, and keep them."""
     for k in range(count):
-        for i in range(v.size):
+        for i in range(q.size):
             s.q[k, i] = q[i]
+        for i in range(v.size):
             s.v[k, i] = v[i] + 0.5 * s.h * a[i]
         accelerations(p, (first + k) * s.h, s.q[k], s.v[k], a)
         for i in range(v.size):
             s.a[k, i] = a[i]
             v[i] += s.h * a[i]
-            q[i] += s.h * v[i]
+            s.ahead[k, i] = v[i]
+        advance(p, q, v, s.h, 0, v.size)
 
 
 @kernel
 def _take_back(p: Any, s: _Section, first: int, count: int) -> None:
     """Take the kept steps back."""
-    n, h, dq, dv, da = s.dq.size, s.h, s.dq, s.dv, s.da
+    n, h, dq, dv, da = s.dv.size, s.h, s.dq, s.dv, s.da
     for back in range(count):
         k = count - 1 - back
-        until = s.left[0]
+        for i in range(dq.size):
+            s.sampled_q[i] = 0.0
         while s.left[0] > 0 and s.sample[s.left[0] - 1] == first + k:
             s.left[0] -= 1
-            _add_sample(s, s.left[0])
+            _add_sample(p, s, s.left[0], k)
+        _advance_back(p, s.q[k], s.ahead[k], h, dq, dv)
         for i in range(n):
-            dv[i] += h * dq[i]
             da[i] += h * dv[i]
         _pull_back(p, s, (first + k) * h, k)
+        for i in range(dq.size):
+            dq[i] += s.of_q[i] + s.sampled_q[i]
         for i in range(n):
-            dq[i] += s.of_q[i]
             dv[i] += s.of_v[i]
             da[i] = 0.5 * h * s.of_v[i]
-        for at in range(s.left[0], until):
-            for i in range(n):
-                dq[i] += s.by_q[at, i]
 
 
 @kernel
 def _take_start_back(p: Any, s: _Section) -> None:
     """Go back to time 0 from half a step before it; the section has its state as its first step."""
-    for i in range(s.dq.size):
+    for i in range(s.dv.size):
         s.da[i] -= 0.5 * s.h * s.dv[i]
     _pull_back(p, s, 0.0, 0)
     for i in range(s.dq.size):
         s.dq[i] += s.of_q[i]
+    for i in range(s.dv.size):
         s.dv[i] += s.of_v[i]
 
 
@@ -118,13 +128,64 @@ def _sum_signals(address: int, times: Array, weights: Array, clock: Array, value
 
 
 @inlined
-def _add_sample(s: _Section, k: int) -> None:
-    """Add what an output has of the rates and accelerations of its step: Taylor's polynomial."""
-    ahead = s.offset[k]
+def _add_sample(p: Any, s: _Section, number: int, k: int) -> None:
+    """Add what an output has of its step's begin, rates and accelerations: Taylor's polynomial."""
+    ahead = s.offset[number]
     for i in range(s.dq.size):
-        by_rate = s.by_v[k, i] + ahead * s.by_q[k, i]
-        s.dv[i] += by_rate
-        s.da[i] += 0.5 * (ahead - s.h) * by_rate + 0.5 * ahead * s.by_v[k, i]
+        s.moved_q[i] = s.by_q[number, i]
+    for i in range(s.dv.size):
+        s.moved_v[i] = s.by_v[number, i]
+        s.rate[i] = s.ahead[k, i] + 0.5 * (ahead - s.h) * s.a[k, i]
+    _advance_back(p, s.q[k], s.rate, ahead, s.moved_q, s.moved_v)
+    for i in range(s.dq.size):
+        s.sampled_q[i] += s.moved_q[i]
+    for i in range(s.dv.size):
+        s.dv[i] += s.moved_v[i]
+        s.da[i] += 0.5 * (ahead - s.h) * s.moved_v[i] + 0.5 * ahead * s.by_v[number, i]
+
+
+@inlined
+def _advance_back(p: CompiledParameters, q: Array, v: Array, h: float, dq: Array, dv: Array) -> None:
+    """Take derivatives by positions that rates v have moved for a time h back to those by positions q and by rates."""
+    if p.quaternions.shape[0] == 0:
+        for i in range(dv.size):
+            dv[i] += h * dq[i]
+        return
+    for i in range(dv.size):
+        if p.position[i] >= 0:
+            dv[i] += h * dq[p.position[i]]
+    for k in range(p.quaternions.shape[0]):
+        _turn_back(q, p.quaternions[k, 1], v, p.quaternions[k, 0], h, dq, dv)
+
+
+@inner
+def _turn_back(q: Array, at: int, v: Array, turn: int, h: float, dq: Array, dv: Array) -> None:
+    """Transpose the derivative of a unit quaternion's turn: ``e∘(s u, c)`` with ``u = ½ h ω``, s and c of its size."""
+    ux, uy, uz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]
+    size = math.sqrt(ux * ux + uy * uy + uz * uz)
+    s, c = (math.sin(size) / size, math.cos(size)) if size > 1e-12 else (1.0, 1.0)
+    bend = (c - s) / (size * size) if size > 1e-3 else -1.0 / 3.0 + size * size / 30.0  # of s, by half the size squared
+    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
+    tx, ty, tz = s * ux, s * uy, s * uz
+    e0, e1 = w * tx + y * tz - z * ty + x * c, w * ty - x * tz + z * tx + y * c
+    e2, e3 = w * tz + x * ty - y * tx + z * c, w * c - x * tx - y * ty - z * tz
+    norm = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3)
+    e0, e1, e2, e3 = norm * e0, norm * e1, norm * e2, norm * e3
+    out = e0 * dq[at] + e1 * dq[at + 1] + e2 * dq[at + 2] + e3 * dq[at + 3]
+    d0, d1 = norm * (dq[at] - out * e0), norm * (dq[at + 1] - out * e1)
+    d2, d3 = norm * (dq[at + 2] - out * e2), norm * (dq[at + 3] - out * e3)
+    dq[at] = c * d0 - tz * d1 + ty * d2 - tx * d3
+    dq[at + 1] = tz * d0 + c * d1 - tx * d2 - ty * d3
+    dq[at + 2] = -ty * d0 + tx * d1 + c * d2 - tz * d3
+    dq[at + 3] = tx * d0 + ty * d1 + tz * d2 + c * d3
+    by_x = w * d0 + z * d1 - y * d2 - x * d3
+    by_y = -z * d0 + w * d1 + x * d2 - y * d3
+    by_z = y * d0 - x * d1 + w * d2 - z * d3
+    by_c = x * d0 + y * d1 + z * d2 + w * d3
+    along = bend * (by_x * ux + by_y * uy + by_z * uz) - s * by_c
+    dv[turn] += 0.5 * h * (s * by_x + along * ux)
+    dv[turn + 1] += 0.5 * h * (s * by_y + along * uy)
+    dv[turn + 2] += 0.5 * h * (s * by_z + along * uz)
 
 
 @inlined
@@ -167,11 +228,11 @@ def pull_back(
         By which it is marched.
     system : CompiledSystem
         What is marched, one that `has_adjoint`.
-    q0, v0 : ndarray, shape (n,)
+    q0, v0 : ndarray, shapes (n_positions,) and (n,)
         Its start.
     times : ndarray, shape (n_times,)
         Output times [s].
-    by_q, by_v : ndarray, shape (n_times, n)
+    by_q, by_v : ndarray, shapes (n_times, n_positions) and (n_times, n)
         Weights of positions and rates.
     directions : sequence of Direction
         Those without variants.
@@ -179,12 +240,14 @@ def pull_back(
     n, h, inputs = system.n, method.step, system.parameters.inputs
     sample, offset = locate_samples(times, h)
     n_steps, n_inputs = int(sample[-1]) + 1, 3 * len(system.compiled.signals)
-    kept = min(n_steps, max(1, MOST_STEPS_KEPT // max(n, n_inputs)))
-    steps = {name: np.zeros((kept, n)) for name in ("q", "v", "a")}
-    room = {name: np.zeros(n) for name in ("dq", "dv", "da", "of_q", "of_v")}
+    kept = min(n_steps, max(1, MOST_STEPS_KEPT // max(system.n_positions, n_inputs)))
+    steps = {name: np.zeros((kept, n)) for name in ("v", "a", "ahead")}
+    room = {name: np.zeros(n) for name in ("dv", "da", "of_v", "moved_v", "rate")}
+    placed = {name: np.zeros(system.n_positions) for name in ("dq", "of_q", "moved_q", "sampled_q")}
     section = _Section(
         adjoint=system.compiled.address("acceleration_adjoint"),
         h=h,
+        q=np.zeros((kept, system.n_positions)),
         **steps,
         sample=sample,
         offset=offset,
@@ -192,6 +255,7 @@ def pull_back(
         by_v=np.ascontiguousarray(by_v, dtype=float),
         left=np.array([len(times)]),
         **room,
+        **placed,
         of_inputs=np.zeros(inputs.size),
         numbers=np.zeros(inputs.size - n_inputs),
         signals=np.zeros((kept, n_inputs)),

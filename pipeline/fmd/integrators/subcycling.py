@@ -30,6 +30,7 @@ from fmd.dynamics.system import (
 )
 from fmd.integrators.carried import DEGREES, CarriedSteps, carried_steps
 from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.cycles_with_tangents import CyclesWithTangents
 from fmd.integrators.fixed_step import (
     FixedMarch,
     FixedStepIntegrator,
@@ -46,6 +47,7 @@ from fmd.integrators.protocol import (
     Progress,
     State,
     Trajectory,
+    motion_of,
     require_ratio,
     start_state,
 )
@@ -111,11 +113,16 @@ class Subcycling(FixedStepIntegrator):
         start = start_state(system, q0, v0, self.lag(system))
         return replace(start, memory=np.zeros(2 * system.n + 1)) if self.remembered else start
 
+    def carries_tangent(self, system: System, others: Sequence[System]) -> bool:
+        """Tell whether tangents can be marched: where forces follow theirs, of a mechanism without loops."""
+        return self.substeps == 1 or (self.forces == "tangents" and not getattr(system, "has_loops", False))
+
     def lag(self, system: System) -> Array:
         """Return half a step, for slow coordinates half a cycle."""
-        lag = np.full(system.n, 0.5 * self.step)
-        lag[: system.n_slow] *= self.substeps
-        return lag
+        own = motion_of(system)
+        lag = np.full(own.n, 0.5 * self.step)
+        lag[: own.n_slow] *= self.substeps
+        return lag if own is system else system.spread(lag)
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
@@ -131,6 +138,8 @@ class Subcycling(FixedStepIntegrator):
 
     def fixed_march(self, system: System) -> FixedMarch:
         """Return what a system is marched with."""
+        if motion_of(system) is not system:
+            return self._march_with_tangents(system)
         h, m, n_slow, n = self.step, self.substeps, system.n_slow, system.n
         if m == 1:
             return replace(CentralDifference(h).fixed_march(system), name=self.name)
@@ -146,6 +155,16 @@ class Subcycling(FixedStepIntegrator):
 
         storage = system.leapfrog() if self.remembered else whole
         return FixedMarch(self.name, make, system, system.frozen(m * h) if storage is None else storage, h, m)
+
+    def _march_with_tangents(self, system: Any) -> FixedMarch:
+        """Return what a system with tangents of its motion is marched with."""
+        h, m = self.step, self.substeps
+
+        def make(state: State) -> CyclesWithTangents:
+            now = aligned(system.n_positions, system.n)
+            return CyclesWithTangents(h, m, system.fast_places, state.q, state.v, state.a, *now)
+
+        return FixedMarch(self.name, make, system, system.cycle_tangents(h, m), h, m)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,18 @@ from threadpoolctl import threadpool_limits
 from fmd.accuracy.response_errors import NO_ERRORS
 from fmd.accuracy.rotor_errors import estimate_frequency_errors
 from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
 from fmd.core.files import write_table
-from fmd.core.limits.responses import BESIDE_MEETING, GROWS, NO_DAMPING, NO_WHIRL, UNSTABLE_EDGE
+from fmd.core.limits.responses import (
+    BESIDE_MEETING,
+    DOUBLED_RATES,
+    GROWS,
+    LOOKED_RATES,
+    NEAR_CRITICAL,
+    NO_DAMPING,
+    NO_WHIRL,
+    UNSTABLE_EDGE,
+)
 from fmd.core.limits.shown import DRAWN_MODES
 from fmd.core.progress import Advance, Monitor, silent
 from fmd.output.error_table import NOT_STATED
@@ -205,6 +215,42 @@ def compute_campbell(
     """
     with threadpool_limits(1):  # of matrices so small that threads would wait for each other
         return _compute(coupled(run), rates, orders, in_rpm, monitor)
+
+
+def find_critical_speeds(run: Pipeline, count: int) -> list[float]:
+    """Find the lowest rates at which the rotation itself meets a frequency, ascending [rad/s].
+
+    There are fewer than ``count`` if no more are met up to many times the frequencies at rest.
+
+    Raises
+    ------
+    InputError
+        As `fmd.stages.rotor.find_vibrations`.
+    """
+    found: list[float] = []
+    at_rest = compute_campbell(run, np.array([0.0, 1.0]), []).frequencies_hz[0]
+    highest = 2.0 * np.pi * at_rest[at_rest > 0.0].min(initial=np.inf)
+    for _ in range(DOUBLED_RATES if np.isfinite(highest) else 0):
+        if len(found) >= count:
+            break
+        highest *= 2.0
+        found = [at.rate for at in compute_campbell(run, np.linspace(0.0, highest, LOOKED_RATES), [1.0]).crossings]
+    return found[:count]
+
+
+def find_critical_speed_near(run: Pipeline, rate: float) -> float:
+    """Find the rate nearest to another one [rad/s] at which the rotation itself meets a frequency.
+
+    Raises
+    ------
+    AccuracyError
+        There is none within a per cent.
+    """
+    rates = rate * np.array([1.0 - NEAR_CRITICAL, 1.0 + NEAR_CRITICAL])
+    found = [at.rate for at in compute_campbell(run, rates, [1.0]).crossings]
+    if not found:
+        raise AccuracyError(f"no critical speed is within {100 * NEAR_CRITICAL:g} % of {rate:.6g} rad/s")
+    return min(found, key=lambda at: abs(at - rate))
 
 
 def _compute(run: Pipeline, rates: Array, orders: Sequence[float], in_rpm: bool, monitor: Monitor) -> CampbellDiagram:

@@ -90,7 +90,8 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     name : str
         ``tip`` (the largest deflection of the tip), ``BODY.stress`` (the largest von Mises stress of a flexible body),
         ``BODY.life`` (repeats of the motion to failure, by the scene's output of type fatigue), ``BODY.frequency.N``,
-        of which the name of a scene's only flexible body may be left out, ``mass`` (of all bodies), ``BODY.mass``,
+        of which the name of a scene's only flexible body may be left out, ``critical_speed.N``, the rate of rotation at
+        which it meets a frequency for the N-th time, ``mass`` (of all bodies), ``BODY.mass``,
         ``OUTPUT by INPUT`` (the largest magnitude of a frequency response that the scene lists), a column of a file of
         histories without its unit, e.g. ``forearm.wrist.position.y``, ``elbow.position``, ``shoulder.force.x``,
         ``shoulder.force.size`` or, for all components of a vector but those that are round-off, ``shoulder.force``, or
@@ -112,6 +113,8 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     parts = name.split(".")
     if len(parts) == 3 and parts[0] in run.wholes and parts[1] == "frequency":
         return [_frequency(run, name, parts[0], parts[2], origin)]
+    if parts[0] == "critical_speed":
+        return [_critical_speed(run, name, parts[1:], origin)]
     if name == "mass":
         bodies = [*run.scene.body]
         return [ResultChannel(name, "kg", lambda other: np.sum([_mass(other, body) for body in bodies]), moves=False)]
@@ -138,7 +141,7 @@ def require_results(scene: Scene, names: Sequence[str]) -> None:
             _read_formula(scene, name, origin)
         elif _BY in name:
             _listed_response(scene, name, origin)
-        elif not (of_body or name in ("tip", "mass")):
+        elif not (of_body or first == "critical_speed" or name in ("tip", "mass")):
             _require_quantity(scene, name, origin)
 
 
@@ -186,6 +189,20 @@ def _frequency(run: Pipeline, name: str, body: str, number: str, origin: str) ->
 def _of_mode(name: str, body: str, mode: int) -> ResultChannel:
     read, known = (lambda other: other.wholes[body].modes.frequencies_hz[mode]), f"{body}, frequency {mode + 1}"
     return ResultChannel(name, "Hz", read, False, body, mode, errors_of=known)
+
+
+def _critical_speed(run: Pipeline, name: str, number: list[str], origin: str) -> ResultChannel:
+    """Return a critical speed, as a Campbell diagram has it; of other runs the one nearest to it."""
+    from fmd.output.campbell import find_critical_speed_near, find_critical_speeds
+
+    if len(number) != 1 or not number[0].isdigit() or not int(number[0]):
+        raise InputError(origin, name, None, "needs its number, from 1, e.g. critical_speed.1")
+    found = find_critical_speeds(run, int(number[0]))
+    if len(found) < int(number[0]):
+        raise InputError(origin, name, None, f"the rotation meets {len(found)} frequencies, see 'fmd campbell'")
+    rate = found[-1]
+    read = lambda other: np.asarray(rate if other is run else find_critical_speed_near(other, rate))  # noqa: E731
+    return ResultChannel(name, "rad/s", read, moves=False)
 
 
 def follow_mode(channel: ResultChannel, run: Pipeline, other: Pipeline) -> ResultChannel:

@@ -277,8 +277,8 @@ class CompiledSystem(ReferenceState):
 
     @property
     def has_adjoint(self) -> bool:
-        """True if a march can be taken back: its tangents march, and nothing settles after its steps."""
-        return self.has_tangents and not self.settles
+        """True if a march can be taken back: its tangents march, and no loops close after its steps."""
+        return self.has_tangents and not self.has_loops
 
     @property
     def takes_whole_cycles(self) -> bool:

@@ -18,7 +18,8 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.compiled_system.closed_tangents import ClosedTangentParameters
-from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog
+from fmd.dynamics.compiled_system.cycle_tangents import CycleTangents
+from fmd.dynamics.compiled_system.parameters import ClosedParameters, FrozenCycle, Leapfrog, TreeParameters
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, TangentParameters
 from fmd.dynamics.compiler.compiled import CompiledMechanism
@@ -102,8 +103,21 @@ class TangentSystem:
     @property
     def stiffness(self) -> Array:
         """Linear part of each acceleration, of the tangents as of the motion [1/s²], shape (n,)."""
-        own = self._system.stiffness
+        return self.spread(self._system.stiffness)
+
+    def spread(self, own: Array) -> Array:
+        """Return what belongs to each of the motion's own rates, (n,), for its tangents, too."""
         return np.concatenate([own, np.zeros(_lines(own.size) - own.size), np.repeat(own, LANES)])
+
+    @property
+    def fast_places(self) -> IntArray:
+        """Position that each fast rate moves, of the tangents as of the motion, shape (n,); -1 for slow rates."""
+        own, places = self._system, np.full(self.n, -1, dtype=np.int64)
+        fast, shift = np.arange(own.n_slow, own.n), own.n_positions - own.n
+        places[fast] = fast + shift
+        for lane in range(LANES):
+            places[_lines(own.n) + LANES * fast + lane] = _lines(own.n_positions) + LANES * (fast + shift) + lane
+        return places
 
     @property
     def groups(self) -> tuple[IntArray, IntArray]:
@@ -189,6 +203,49 @@ class TangentSystem:
             other=np.zeros(n_rows),
             none=np.zeros(n_rows),
             w=np.zeros(n_rows),
+        )
+
+    def cycle_tangents(self, h: float, count: int) -> CycleTangents:
+        """Fresh storage for a major cycle of so many fast steps h [s]; its mechanism has no loops."""
+        system, own = self._system, self._system.parameters
+        frozen = system.frozen(count * h)
+        assert isinstance(own, TreeParameters)
+        assert isinstance(frozen, FrozenCycle)
+        n, n_positions, n_inputs = system.n, system.n_positions, own.inputs.size
+        fast = np.arange(system.n_slow, n)
+        rows = 2 + frozen.driven.size + int(frozen.damped) if frozen.single else count - 1
+        sizes = {"inputs": n_inputs, "q": n_positions, "v": n, "a": n}
+        along = {name: np.zeros((rows, size)) for name, size in sizes.items()}
+        share = h * np.arange(1.0, count)
+        if frozen.single:
+            share = np.eye(1, rows, 1)[0]
+            along["q"][0, fast + n_positions - n] = 1.0
+            along["inputs"][2 + np.arange(frozen.driven.size), frozen.driven] = 1.0
+            if frozen.damped:
+                along["v"][-1, fast] = 1.0
+        beside = np.zeros(4 * LANES, dtype=np.int64)
+        for lane, each in enumerate(self._directions):
+            for k, one in enumerate(each.variants):
+                beside[4 * lane + k] = one.compiled.address("tangents")
+        room: dict[str, Any] = {f"along_{name}": x for name, x in along.items()}
+        room |= {name: np.zeros(self.n) for name in ("behind", "v", "a", "middle")}
+        room |= {name: np.zeros(self.n_positions) for name in ("moved", "q")}
+        room |= {name: np.zeros((size, LANES)) for name, size in (("dq", n_positions), ("dv", n), ("f", n), ("x", n))}
+        room |= {f"lanes_{name}": np.zeros((size, LANES)) for name, size in sizes.items()}
+        return CycleTangents(
+            **room,
+            own=own,
+            frozen=frozen,
+            h=h,
+            slopes=system.compiled.address("second_slopes"),
+            beside=beside,
+            share=share,
+            columns=np.zeros((rows, n, LANES)),
+            inputs=np.zeros(n_inputs),
+            directions=np.zeros((n_inputs, LANES)),
+            q_ahead=np.zeros(n_positions),
+            v_ahead=np.zeros(n),
+            a_ahead=np.zeros(n),
         )
 
     def _find_variants(self, inputs: Array) -> MechanismVariants:

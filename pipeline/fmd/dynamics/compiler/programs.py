@@ -17,6 +17,9 @@ are filled:
   the residual changes by beside;
 - ``inputs_adjoint``, ``q_adjoint`` and ``v_adjoint``, of the shapes of the state: derivatives of ``f · a`` of the
   accelerations ``a`` at weights ``f`` (n,);
+- ``along_inputs``, ``along_q``, ``along_v`` and ``along_a``, of the shapes of the state and of ``a``: one direction, by
+  whose slope of the residual ``dr`` are the derivatives along eight others, and by ``dalong_q`` (n_positions, 8) and
+  ``dalong_v`` (n, 8), how it changes along these itself;
 - ``f`` (n, 8): eight generalised forces, and ``x`` (n, 8): ``M̂⁻¹ f``, or ``M̂_SS⁻¹ f_S`` of the fast coordinates and
   zeros for the slow ones, or ``M̂_LL⁻¹ f_L`` and zeros for the fast ones;
 - of a mechanism with loops (see `closures`) ``f`` (n_rows, 8): eight sets of multipliers, ``x`` and ``s`` (n_rows, 8):
@@ -76,7 +79,7 @@ from fmd.dynamics.compiler.reaction import trace_reaction
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from fmd.dynamics.compiler.residual import trace_motion, trace_residual
 from fmd.dynamics.compiler.reverse import differentiate_sum
-from fmd.dynamics.compiler.tangents import direction_inputs, flatten, trace_tangents
+from fmd.dynamics.compiler.tangents import direction_inputs, flatten, trace_tangents, unflatten
 from fmd.dynamics.mechanism import Mechanism
 
 Trace = Callable[..., list[Output]]
@@ -173,6 +176,16 @@ def _by(*arguments: str) -> Callable[..., list[Output]]:
 def _slopes(inputs: Coordinates, frames: list[MovingFrame], arguments: tuple[str, ...]) -> list[Output]:
     slopes = trace_tangents(inputs, trace_residual(inputs, frames), arguments)
     return _in_order_of_rates(inputs.mechanism, "dr", slopes)
+
+
+def _second_slopes(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    """Derivatives of the residual's slope along one direction, by the state and by slow motion in that direction."""
+    graph, residual = inputs.graph, trace_residual(inputs, frames)
+    along = direction_inputs(graph, (*_STATE, "a"), "along_")
+    first = differentiate(graph, flatten(residual), along)
+    seeds = direction_inputs(graph, (*_STATE, "a", "along_q", "along_v"))
+    second = unflatten(differentiate(graph, first, seeds), residual)
+    return _in_order_of_rates(inputs.mechanism, "dr", second)
 
 
 def _reaction(inputs: Coordinates, frames: list[MovingFrame], damped: bool) -> list[Output]:
@@ -313,6 +326,7 @@ _ALONG = _DIRECTIONS[:3]
 _BESIDE = (*_ALONG, "dr")
 _ADJOINT = tuple(f"{name}_adjoint" for name in _STATE)
 _CHANGES = ("dg", "drates")
+_FURTHER = (*_DIRECTIONS[:4], "dalong_q", "dalong_v", "dr")
 _PULLED = (*_DIRECTIONS[:4], "dw")
 
 DEFINITIONS = {
@@ -326,6 +340,9 @@ DEFINITIONS = {
     "leap": Definition(("inputs", "step", *_STATE[1:], "a"), lambda inputs, _: trace_leap(inputs), in_place=True),
     "residual": Definition((*_STATE, "a", "r"), _residual, seldom=True),
     "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _by("inputs", "q", "v", "a"), lanes=_DIRECTIONS, seldom=True),
+    "second_slopes": Definition(
+        (*_STATE, "a", *(f"along_{name}" for name in (*_STATE, "a")), *_FURTHER), _second_slopes, lanes=_FURTHER
+    ),
     "inertia": Definition(("inputs", "q", "da", "dr"), _by("a"), lanes=("da", "dr")),
     "stiffness": Definition((*_STATE, "a", "dq", "dr"), _by("q"), lanes=("dq", "dr")),
     "damping": Definition((*_STATE, "dv", "dr"), _by("v"), lanes=("dv", "dr")),

@@ -28,7 +28,7 @@ def unflatten(values: list[Scalar | Vector], like: list[BodyValues]) -> list[Bod
     return [BodyValues([_scalar(next(following)) for _ in body.joint], _vector(next(following))) for body in like]
 
 
-def direction_inputs(graph: Graph, arguments: tuple[str, ...]) -> dict[int, Scalar | Vector]:
+def direction_inputs(graph: Graph, arguments: tuple[str, ...], prefix: str = "d") -> dict[int, Scalar | Vector]:
     """Return an input of a direction for each input of some arguments, by the numbers of these nodes."""
     seeds: dict[int, Scalar | Vector] = {}
     for number, node in enumerate(list(graph.nodes)):
@@ -37,7 +37,7 @@ def direction_inputs(graph: Graph, arguments: tuple[str, ...]) -> dict[int, Scal
         argument, places = node.data  # type: ignore[misc]
         if argument in arguments:
             one = node.operation == "input"
-            name = f"d{argument}"
+            name = prefix + argument
             seeds[number] = graph.scalar_input(name, places[0]) if one else graph.vector_input(name, places)
     return seeds
 

@@ -1,0 +1,103 @@
+"""Derivatives of each kind of result, at rest and in contact, too: against scenes solved anew and closed forms."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fmd as package
+from fmd.core.errors import InputError
+from fmd.fitting.sensitivities import Sensitivity
+from fmd.output.channels import ResultChannel
+from tests.contact.test_rigid_contacts import BALL, MASS, RADIUS, SPEED, free, scene
+from tests.fitting.test_optimise import PUSHED
+from tests.fitting.test_sensitivities import OSCILLATOR
+from tests.responses.test_rotors import ACROSS, ARM, DAMPER, POLAR, RADIAL, RIGID
+from tests.responses.test_rotors import MASS as ROTOR_MASS
+
+RESPONSE = {"type": "frf", "file": "frf.png", "input": "bar.tip.y", "output": ["bar.tip.y"], "to": 300.0}
+RESULTS = ["tip", "stress", "life", "frequency.1", "mass", "bar.tip.velocity.y", "clamp.moment.z", "clamp.force.size"]
+RESULTS += ["kinetic_energy", "bar.tip.y by bar.tip.y", "twice = 2*bar.tip.y"]
+
+
+def extrapolated(tables: dict[str, Any], key: str, value: float, channels: list[ResultChannel]) -> list[Any]:
+    """Return derivatives by a number's logarithm from scenes that are loaded with other values of it."""
+    found = []
+    for share in (2e-3, 1e-3):
+        sides = [package.load(tables, f"{key}={value * (1.0 + side * share)!r}").run for side in (-1.0, 1.0)]
+        low, high = ([np.asarray(each.read(run)) for each in channels] for run in sides)
+        found.append([(b - a) / (2.0 * share) for a, b in zip(low, high, strict=True)])
+    return [(4.0 * fine - rough) / 3.0 for rough, fine in zip(*found, strict=True)]
+
+
+def require_like(found: list[Sensitivity], tables: dict[str, Any], within: float) -> None:
+    """Compare derivatives by one number with those of scenes solved anew, over each result's largest."""
+    parameter = found[0].parameter
+    expected = extrapolated(tables, parameter.key, parameter.value, [each.channel for each in found])
+    for each, slope in zip(found, expected, strict=True):
+        size = max(np.abs(slope).max(), 1e-6 * np.abs(each.value).max())
+        np.testing.assert_allclose(
+            each.slope * parameter.value, slope, rtol=0, atol=within * size, err_msg=each.channel.name
+        )
+
+
+def test_all_results_of_a_pushed_bar_have_the_derivatives_of_bars_solved_anew() -> None:
+    tables = copy.deepcopy(PUSHED)
+    tables["output"].append(RESPONSE)
+    found = package.jacobian(package.load(tables), RESULTS, ["body.bar.depth"])
+    assert [each.channel.name for each in found] == [
+        name if name not in ("stress", "life", "frequency.1") else f"bar.{name}" for name in RESULTS
+    ]
+    require_like(found, tables, 1e-5)
+
+
+def test_a_state_of_equilibrium_moves_with_the_numbers_as_its_closed_form() -> None:
+    """A mass that hangs still on its spring stretches it by m g/k."""
+    slide = OSCILLATOR["joint"]["slide"] | {"position": "0 m"}
+    rest = {"start": "equilibrium", "gravity": ["9.81 m/s^2", "0 m/s^2", "0 m/s^2"], "duration": "20 ms"}
+    tables = OSCILLATOR | {"joint": {"slide": slide}, "simulation": OSCILLATOR["simulation"] | rest}
+    keys = ["joint.slide.spring", "body.block.mass", "simulation.gravity.0"]
+    found = package.jacobian(package.load(tables), ["slide.position"], keys)
+    for each, power in zip(found, (-1.0, 1.0, 1.0), strict=True):
+        np.testing.assert_allclose(each.value, 2.0 * 9.81 / 800.0, rtol=1e-9)
+        np.testing.assert_allclose(each.slope * each.parameter.value, power * each.value, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "power"),
+    [
+        ("critical_speed.4", "bearing.near.radial", 0.25),
+        pytest.param(
+            "critical_speed.4", "body.rotor.inertia.0", -0.5 * POLAR / (ACROSS + POLAR), marks=pytest.mark.long
+        ),
+        pytest.param("critical_speed.2", "body.rotor.mass", -0.5, marks=pytest.mark.long),
+    ],
+)
+def test_critical_speeds_go_with_the_numbers_as_their_closed_forms(
+    name: str, key: str, power: float, tmp_path: Path
+) -> None:
+    """Of a rigid rotor: that of translation is √(2 k/m), that of tilting backward √(2 k a²/(I_t + I_p))."""
+    rotor = tmp_path / "rotor.toml"
+    rotor.write_text(RIGID.replace(f"{DAMPER} N s/m", "0 N s/m"))
+    (found,) = package.jacobian(package.load(rotor), [name], [key])
+    squared = 2 * RADIAL / ROTOR_MASS if name.endswith("2") else 2 * RADIAL * ARM**2 / (ACROSS + POLAR)
+    assert float(found.value) == pytest.approx(np.sqrt(squared), rel=1e-7)
+    assert found.relative == pytest.approx(power, abs=1e-4)
+    with pytest.raises(InputError, match="needs its number, from 1"):
+        package.jacobian(package.load(rotor), ["critical_speed"], [key])
+
+
+@pytest.mark.parametrize("key", ["body.ball.mass", "joint.free.velocity.2"])
+def test_contact_without_friction_has_differences_of_the_motion_and_says_so(key: str) -> None:
+    """Of a ball on a plane, while it is pressed most and after it has bounced."""
+    joint = {"free": free("ball.centre", [0, 0, RADIUS + 1e-6], [0, 0, -SPEED])}
+    floor = {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}
+    tables = scene({"ball": BALL}, joint, {"floor": floor}, 3e-4, step=5e-7)
+    found = package.jacobian(package.load(tables), ["ball.centre.displacement.z", "ball.centre.velocity.z"], [key])
+    assert [each.lacking for each in found] == ["contact", "contact"]
+    assert found[0].parameter.value in (MASS, -SPEED)
+    require_like(found, tables, 1e-3)
