@@ -122,7 +122,8 @@ class Subcycling(FixedStepIntegrator):
         own = motion_of(system)
         lag = np.full(own.n, 0.5 * self.step)
         lag[: own.n_slow] *= self.substeps
-        return lag if own is system else system.spread(lag)
+        with_tangents: Any = system
+        return lag if own is system else np.asarray(with_tangents.spread(lag))
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
