@@ -34,8 +34,6 @@ def grid_cells(n_rows: int, n_points: int, n_columns: int, element: str) -> NDAr
 
     Parameters
     ----------
-    n_rows, n_columns : int
-        Numbers of quadrilaterals.
     n_points : int
         Points in a row: as many as columns if the row is closed, else one more.
     element : str

@@ -36,8 +36,6 @@ class Quantity:
 
     Parameters
     ----------
-    name, unit : str
-        Name and unit.
     values : ndarray, shape (n_times,) or (n_times, 3)
         Values at the output times; one if it doesn't depend on time.
     largest : bool

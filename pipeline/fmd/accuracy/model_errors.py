@@ -81,8 +81,6 @@ class ModelErrors:
     ----------
     of_quantities : dict of str to float or str
         Relative errors, or the reason why there is no estimate.
-    causes : list of ModelError
-        Each cause with its largest error.
     left_out : list of str
         Causes that weren't estimated, with the reason.
     missing : dict of str to str

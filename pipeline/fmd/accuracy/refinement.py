@@ -77,8 +77,6 @@ class Refinement:
     ----------
     run : Pipeline
         The run of the last round if the accuracy is met, else that of the best one.
-    rounds : tuple of Round
-        All rounds, in their order.
     chosen : int
         Number of the run's round, from 0.
     ended_by : str

@@ -79,20 +79,13 @@ class BandErrors:
 
 @dataclass(frozen=True)
 class _Variants:
-    """A model with more modes, and what the mesh does to the given one.
-
-    Attributes
-    ----------
-    shift : callable
-        Share by which the mesh raises frequencies, at frequencies [Hz].
-    share : ndarray, shape (n_outputs, n_inputs)
-        Share of the response that the mesh takes away, or adds, whatever the frequency.
-    """
+    """A model with more modes, and what the mesh does to the given one."""
 
     given: LinearModel
     rich: LinearModel
-    shift: Callable[[Array], Array]
+    shift: Callable[[Array], Array]  # share by which the mesh raises frequencies, at frequencies [Hz]
     share: Array
+    """Share of the response that the mesh takes away, or adds, whatever the frequency, shape (n_outputs, n_inputs)."""
 
 
 def estimate_response_errors(

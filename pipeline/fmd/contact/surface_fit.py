@@ -20,8 +20,6 @@ class Quadric:
         Symmetric [1/m²].
     b : ndarray, shape (3,)
         [1/m].
-    c : float
-        A number.
     """
 
     A: Array

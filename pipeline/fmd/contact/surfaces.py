@@ -31,8 +31,6 @@ class ContactSurface:
         Numbers in the points of the second body.
     rim : ndarray, shape (n_triangles, 6)
         1 for each side and each corner on the rim of the face.
-    of : ContactPlane or ContactPair
-        The contact.
     sign : int
         1 if the contact's force is reported on the points' body, else -1.
     softness : float

@@ -68,8 +68,6 @@ class ContactPoints:
         Nodes of the body's mesh that the points are at, or that a grid's are between.
     weights : ndarray, shape (n, n_nodes), optional
         By which forces on a grid's points act on these nodes; without, each point is at its own.
-    grids : mapping of str to Grid
-        Grids of faces that have one.
     radii : ndarray, shape (n,)
         Of points that are centres of balls or of pieces of pins [m]; 0 of nodes.
     shares : ndarray, shape (n,)
@@ -153,8 +151,6 @@ class ContactPlane:
         Unit vector out of the ground.
     friction : float
         Coefficient of Coulomb's friction.
-    face : str
-        The face whose points may touch it.
     clearance : float
         What is added to gaps [m].
     damping : float
@@ -195,12 +191,8 @@ class ContactPair:
 
     Parameters
     ----------
-    face : str
-        The face with the points.
     other : str
         The other body's name.
-    other_face : str
-        Its face.
     friction : float
         Coefficient of Coulomb's friction.
     clearance : float
@@ -238,8 +230,6 @@ class TouchingBody:
     ----------
     body : str
         The link's name.
-    planes : tuple of ContactPlane
-        Planes of the ground.
     pairs : tuple of ContactPair
         Contacts of its faces with those of other bodies, each in the list of one of the two.
     anchor : tuple of ndarray, shapes (3,) and (3, 3), optional

@@ -33,8 +33,6 @@ def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple
 
     Parameters
     ----------
-    stage : str
-        Name of the stage.
     inputs : object
         All that the result depends on, as JSON takes it; other objects enter by their text.
     sources : tuple of str

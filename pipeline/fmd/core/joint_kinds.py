@@ -31,12 +31,6 @@ class ElementaryMotion:
 
     Parameters
     ----------
-    along : str
-        Name of the direction.
-    coordinate : int
-        Number of the coordinate.
-    factor : float
-        Share of it.
     by_lead : bool
         True if the joint's lead [m/rad] is a factor, too.
     """

@@ -28,8 +28,6 @@ class NetcdfVariable:
 
     Attributes
     ----------
-    dims : tuple of str
-        Name of each dimension.
     values : ndarray
         Floats or text.
     """

@@ -68,14 +68,10 @@ class Solution(Generic[State]):
 
     Attributes
     ----------
-    state : object
-        The last state.
     residual : float
         Largest entry of its residual.
     size : float
         Size of the last whole correction; infinite before the first.
-    corrections : int
-        Their number.
     failure : str
         Why it hasn't converged; empty if it has.
     """

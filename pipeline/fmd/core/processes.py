@@ -23,8 +23,6 @@ class ChildError(Exception):
 
     Parameters
     ----------
-    message : str
-        The line.
     late : bool
         True if it was ended because its time was over.
     output : str

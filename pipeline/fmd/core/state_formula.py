@@ -27,8 +27,6 @@ class StateFormula:
         Values of the codes ``CONSTANT``, in order.
     variables : tuple of str or Formula
         Names as written, ``"q"`` or ``"arm.tip.x"``, and all parts that depend on the time alone.
-    curves : tuple of str
-        Names of the curves.
     """
 
     codes: tuple[int, ...]

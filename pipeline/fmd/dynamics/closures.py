@@ -104,8 +104,6 @@ class Coupler:
     ----------
     joints : sequence of str
         Links whose joints, of one coordinate each, take part.
-    factors : sequence of float
-        One for each joint.
     offset : float
         Value of the sum.
     """

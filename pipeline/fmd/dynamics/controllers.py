@@ -27,8 +27,6 @@ class LinearLaw:
         Rows of the matrices (n, n) and (n, m), and entries of the vectors (n,), (m,) and (n,).
     S : tuple
         Rows of a matrix (n, m): the memory before the first sample by what is measured then.
-    lowest, highest : float
-        Limits of the output.
     """
 
     A: tuple[tuple[float, ...], ...]

@@ -39,16 +39,10 @@ Matrices = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True)
 class _Pair:
-    """An element between two places.
-
-    Parameters
-    ----------
-    ends : tuple of Attachment
-        The two places; the axes of a bushing's are parallel where it isn't twisted.
-    """
+    """An element between two places."""
 
     name: str
-    ends: tuple[Attachment, Attachment]
+    ends: tuple[Attachment, Attachment]  # the two places; the axes of a bushing's are parallel where it isn't twisted
 
     def with_modes(self, kept: Mapping[str, IntArray]) -> Self:
         """Return the same on bodies with some of their modes alone, by the bodies' names."""

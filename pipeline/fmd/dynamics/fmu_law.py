@@ -32,8 +32,6 @@ class FmuLaw:
 
     Parameters
     ----------
-    path, digest : str
-        The FMU, and a digest of its content.
     inputs : tuple of str
         Its variables that take what is measured.
     output : str
@@ -94,13 +92,7 @@ class FmuError(Exception):
 
 
 class FmuInstance:
-    """An instance of an FMU for co-simulation of FMI 2.0 or 3.0, unpacked into a folder that goes when it does.
-
-    Parameters
-    ----------
-    path : str
-        The file.
-    """
+    """An instance of an FMU for co-simulation of FMI 2.0 or 3.0, unpacked into a folder that goes when it does."""
 
     def __init__(self, path: str) -> None:
         import fmpy

@@ -48,8 +48,6 @@ class Kinematics:
 
     Parameters
     ----------
-    mechanism : Mechanism
-        Whose states they are.
     times : ndarray, shape (n_times,)
         At which prescribed motions are taken [s].
     q, v : ndarray, shapes (n_times, n_positions) and (n_times, n)

@@ -30,8 +30,6 @@ class PiecewiseLaw:
     ----------
     holder : PointSpring or int
         The spring, or the number of the body whose joint has the law.
-    unit : str
-        Unit of its elongation.
     """
 
     name: str

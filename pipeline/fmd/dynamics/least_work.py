@@ -29,12 +29,8 @@ def share_open_loads(mechanism: Mechanism, motion: Kinematics, loads: Sequence[B
 
     Parameters
     ----------
-    mechanism : Mechanism
-        With flexible bodies.
     motion : Kinematics
         With all bodies rigid, under all constraints.
-    loads : sequence of BodyLoads
-        Those of the rigid bodies, one for each.
     """
     count, rigid = len(motion.times), motion.mechanism
     moments = np.unique(np.linspace(0, count - 1, SHARED_MOMENTS).astype(int))

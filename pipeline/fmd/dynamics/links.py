@@ -54,8 +54,6 @@ class Link:
         Torque or force along a joint with one coordinate [N m or N].
     motion : Signal, optional
         Prescribed angle or displacement of a joint with one coordinate [rad or m], which has none then.
-    joint_name : str
-        The joint's name.
     markers : mapping of str to MarkerShapes
         Named places of the body, in its frame.
     section : str
@@ -227,8 +225,6 @@ class PointLoad:
         Unit vector: in space, or in the axes of the point's section if the load follows it.
     size : Signal
         Along the direction [N or N m].
-    torque : bool
-        Whether it is a torque.
     following : bool
         Whether its direction turns with the section.
     marker : MarkerShapes

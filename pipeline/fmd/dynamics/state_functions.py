@@ -99,8 +99,6 @@ class StateFunction:
         Program, as of `fmd.core.state_formula.StateFormula`.
     variables : tuple
         What each variable is; one that is a function itself is a controller's output.
-    curves : tuple of StateCurve
-        The curves that it calls.
     factor : float
         SI units in one unit of its values.
     """

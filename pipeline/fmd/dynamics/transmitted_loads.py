@@ -203,8 +203,6 @@ class LoadedPlaces(NamedTuple):
     ----------
     carried : list of int
         Numbers of the bodies that it carries.
-    loads : list of PointLoad
-        Point loads on it.
     joined : list of tuple
         Of each joint that closes a loop, and of each force element, its name, the number of its place, and the marker.
     """

@@ -31,8 +31,6 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Fo
     ----------
     order : int
         Order of the displacement, 1 or 2.
-    material : Material or MaterialOfElements
-        One for all elements, or several.
     formulation : str
         ``enhanced`` or ``plain`` strain of linear hexahedra; of no effect on other elements.
 

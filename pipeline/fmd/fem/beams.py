@@ -30,8 +30,6 @@ class Beams:
         Unit vectors along each beam and along y and z of its section, as rows.
     of : ndarray, shape (n_beams,)
         Number of each beam's section.
-    parts : mapping of str to ndarray
-        Beams of each part.
     faces : mapping of str to ndarray
         Nodes of each face, which is all of the sections there.
     offsets : ndarray, shape (n_beams, 2, 3), optional

@@ -131,8 +131,6 @@ class Connections:
 
     Attributes
     ----------
-    rigid, mean, equations, springs, masses, ties : tuple
-        By their kind.
     places : ndarray, shape (n, 3)
         Positions of the points that aren't the solid's [m]; empty while the deck's points are still together.
     names : mapping of str to int

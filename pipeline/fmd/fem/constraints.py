@@ -19,8 +19,6 @@ class Constraints:
     ----------
     n_unknowns : int
         Number of the body's unknowns.
-    n_grids : int
-        Number of grid points.
     """
 
     def __init__(self, n_unknowns: int, n_grids: int) -> None:

@@ -27,8 +27,6 @@ class ElementKind:
         The element's name in the literature, e.g. ``hex20``.
     vtk_type : int
         VTK's number of a cell with the element's nodes.
-    shape : CellShape
-        The cell on which it stands.
     order : int
         Order of the displacement, 1 or 2.
     displacement, position : callable

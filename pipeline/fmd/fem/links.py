@@ -51,8 +51,6 @@ class LumpedMass:
 
     Attributes
     ----------
-    link : str
-        Name of the link.
     mass : float
         [kg]
     centre : ndarray, shape (3,)

@@ -31,28 +31,16 @@ from fmd.fem.space import Discretisation
 
 @dataclass(frozen=True)
 class _Facets:
-    """Boundary facets with one number in their elements.
-
-    Attributes
-    ----------
-    local : ndarray, shape (k,)
-        Their nodes in the element, corners around the facet first.
-    origin, sides : ndarray, shape (3,) and (3, 2)
-        Places of the facet in the reference cell by two coordinates, 0 to 1.
-    nodes : ndarray, shape (n, k)
-    x : ndarray, shape (n, 3 or 4, 3)
-        Corners, counter-clockwise from outside [m].
-    frame : ndarray, shape (n, 3, 3)
-        Two directions in the plane of each facet, and its outer normal.
-    """
+    """Boundary facets with one number in their elements."""
 
     space: Discretisation
-    local: IntArray
+    local: IntArray  # their nodes in the element, corners around the facet first, shape (k,)
     origin: Array
     sides: Array
-    nodes: IntArray
-    x: Array
-    frame: Array
+    """origin, sides: places of the facet in the reference cell by two coordinates, 0 to 1, shape (3,) and (3, 2)."""
+    nodes: IntArray  # (n, k)
+    x: Array  # corners, counter-clockwise from outside, shape (n, 3 or 4, 3) [m]
+    frame: Array  # two directions in the plane of each facet, and its outer normal, shape (n, 3, 3)
 
     @property
     def centres(self) -> Array:
@@ -114,25 +102,14 @@ def _group(space: Discretisation, chosen: IntArray) -> list[_Facets]:
 
 @dataclass(frozen=True)
 class _Overlap:
-    """Triangles that facets of one group have in common with those of another.
-
-    Attributes
-    ----------
-    facet, other : ndarray, shape (n,)
-        Numbers of the facets of each triangle.
-    area : ndarray, shape (n,)
-        [m²]
-    own : ndarray, shape (n, k, k)
-        ``∫ Ñ Ñᵀ dA`` of the mixed functions of one's nodes [m²].
-    both : ndarray, shape (n, k, l)
-        ``∫ Ñ Nᵀ dA`` of these and the other's functions [m²].
-    """
+    """Triangles that facets of one group have in common with those of another."""
 
     facet: IntArray
     other: IntArray
-    area: Array
-    own: Array
-    both: Array
+    """facet, other: numbers of the facets of each triangle, shape (n,)."""
+    area: Array  # [m²], shape (n,)
+    own: Array  # ``∫ Ñ Ñᵀ dA`` of the mixed functions of one's nodes, shape (n, k, k) [m²]
+    both: Array  # ``∫ Ñ Nᵀ dA`` of these and the other's functions, shape (n, k, l) [m²]
 
 
 def _near(one: _Facets, other: _Facets, within: Array) -> tuple[IntArray, IntArray]:

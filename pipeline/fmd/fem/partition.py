@@ -58,8 +58,6 @@ def divide_mesh(space: Discretisation, count: int, together: Sequence[IntArray] 
 
     Parameters
     ----------
-    count : int
-        Number of pieces.
     together : sequence of ndarray of int
         Elements of which METIS puts each set into one piece.
 

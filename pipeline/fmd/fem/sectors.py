@@ -25,8 +25,6 @@ def repeat_sector(mesh: SolidMesh, count: int, cuts: tuple[str, str]) -> SolidMe
 
     Parameters
     ----------
-    mesh : SolidMesh
-        The sector.
     count : int
         Number of sectors, 3 at least: of two, each cut is turned onto the other by either turn.
     cuts : tuple of str

@@ -27,8 +27,6 @@ class BlockStructure:
     ----------
     element_nodes : ndarray, shape (n_elements, n_local)
         Node numbers of each element.
-    n_nodes : int
-        Number of nodes.
     """
 
     def __init__(self, element_nodes: IntArray, n_nodes: int) -> None:

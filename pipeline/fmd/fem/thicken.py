@@ -37,8 +37,6 @@ class Sheet:
         Names of the lower and of the upper face.
     offset : ndarray, shape (n_cells,), optional
         Distance of the middle from the nodes along the normal [m].
-    notes : tuple of str
-        Of the mesh.
     """
 
     x: Array

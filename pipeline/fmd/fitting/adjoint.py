@@ -26,10 +26,6 @@ class HistorySum:
     ----------
     frozen : FrozenRun
         The scene's run.
-    motion : FrozenMotion
-        With its motion.
-    channels : sequence of ResultChannel
-        Histories of it.
     weights : ndarray, shape (n_channels, n_times)
         Of their values.
     """

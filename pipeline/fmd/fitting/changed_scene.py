@@ -29,8 +29,6 @@ def write_changed_scene(
     ----------
     values : mapping of Parameter to float
         The numbers [SI].
-    path : Path
-        Of the file.
     given : str
         The scene's name or path, as it was given.
     comments : sequence of str

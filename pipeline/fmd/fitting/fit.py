@@ -23,8 +23,6 @@ class Fit:
 
     Attributes
     ----------
-    model : FitModel
-        The scene as a function of the numbers.
     before, after : Information
         What the data can tell of them at the scene's own values, and at the fitted ones.
     shares : ndarray, shape (n,)

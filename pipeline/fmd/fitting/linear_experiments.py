@@ -21,20 +21,13 @@ from fmd.stages.pipeline import Pipeline
 
 @dataclass
 class _LinearExperiment:
-    """Measurements that a linear model of a scene about its start shows in their place.
+    """Measurements that a linear model of a scene about its start shows in their place."""
 
-    Parameters
-    ----------
-    run : Pipeline
-        Stages of the scene as it is computed.
-    inputs, outputs : tuple of str
-        Of the linear model, as `linearise_scene` takes them.
-    """
-
-    run: Pipeline
+    run: Pipeline  # stages of the scene as it is computed
     channels: tuple[MeasuredChannel, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    """inputs, outputs: of the linear model, as `linearise_scene` takes them."""
     solved: int = 0
     _known: dict[tuple[float, ...], LinearModel] = field(default_factory=dict)
 

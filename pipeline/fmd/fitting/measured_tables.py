@@ -21,8 +21,6 @@ class MeasuredTable(NamedTuple):
 
     Attributes
     ----------
-    file : str
-        Its path.
     header : list of str
         Names with units in brackets, ``"time [s]"``; that of times or frequencies is the first.
     columns : list of ndarray, shape (n,)

@@ -60,8 +60,6 @@ class Measurements:
         From the start of the scene's motion, ascending [s].
     channels : tuple of MeasuredChannel
         One at least.
-    results : tuple of ResultChannel
-        The results that they measure.
     """
 
     times: Array

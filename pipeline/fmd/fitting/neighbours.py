@@ -31,8 +31,6 @@ class PartedMarch:
         Output times and those between which parts end [s].
     stops : tuple of int
         Number of the first time of each part's successor.
-    ends : tuple of State
-        States after the parts.
     trajectory : Trajectory
         At the output times.
     draws_back : bool

@@ -204,8 +204,6 @@ def optimise_scene(
         Stages of the scene as it is computed, from which the search starts.
     aim : str
         The result, a number above 0.
-    limits : tuple of Limit
-        Limits on others.
     varied : tuple of VariedNumber
         Numbers that vary, all with bounds.
     sign : int

@@ -68,8 +68,6 @@ def read_universal(path: Path, places: Mapping[int, str]) -> tuple[list[str], li
 
     Parameters
     ----------
-    path : Path
-        The file.
     places : mapping of int to str
         Markers by numbers of nodes; functions at others are left out.
 

@@ -77,21 +77,11 @@ _UNRESOLVED = Gain(1.2, 0.7, 4.0)  # of longer ones, in which the fastest vibrat
 
 @dataclass(frozen=True)
 class _Marches:
-    """One or two marches, the last of which is the finest.
+    """One or two marches, the last of which is the finest."""
 
-    Attributes
-    ----------
-    methods : tuple of Integrator
-        Methods to march by.
-    cost : float
-        Operations of the last one.
-    start : State, optional
-        Where an adaptive method starts from.
-    """
-
-    methods: tuple[Integrator, ...]
-    cost: float
-    start: State | None = None
+    methods: tuple[Integrator, ...]  # methods to march by
+    cost: float  # operations of the last one
+    start: State | None = None  # where an adaptive method starts from
 
     def functions(self, system: System, q0: Array, v0: Array, some: Array, times: Array) -> list[March]:
         """Return the marches; all but the last one give some of the output times, at which they are compared."""

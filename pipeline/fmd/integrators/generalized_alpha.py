@@ -144,8 +144,6 @@ class NewmarkSteps(Table):
     ----------
     h : float
         Step [s].
-    alpha_m, alpha_f, beta, gamma : float
-        The method's weights.
     q, v : ndarray
         Positions and rates.
     a : ndarray, shape (2 n,)

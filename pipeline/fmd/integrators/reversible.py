@@ -127,8 +127,6 @@ class ReactingSteps(Table):
     h, substeps, n_slow : float, int, int
         Fast step [s], steps to a cycle, number of slow rates. Fast coordinates are scalars: number i is position
         ``i + q.size - v.size``.
-    q, v, a : ndarray
-        The state.
     move : ndarray, shape (n,)
         Change of the fast positions over the last cycle.
     D : ndarray, shape (n, n_slow)

@@ -72,8 +72,6 @@ class LoadedObject:
 
     Parameters
     ----------
-    content : bytes
-        The file's.
     constants : ndarray, optional
         What its functions read from the array ``constants``, if they read any.
 

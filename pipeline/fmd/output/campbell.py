@@ -44,8 +44,6 @@ class Crossing:
 
     Attributes
     ----------
-    order : float
-        The multiple.
     mode : int
         Number of the mode from 1, by ascending frequency.
     rate : float

@@ -19,13 +19,7 @@ from fmd.render.rendering_check import MEND, TIMEOUT, describe_failure
 
 
 class DrawingProcess:
-    """Makes the calls that it is given one after the other in a process of its own, which ends with the context.
-
-    Parameters
-    ----------
-    scene_file : str
-        The scene, for messages.
-    """
+    """Makes the calls that it is given one after the other in a process of its own, which ends with the context."""
 
     def __init__(self, scene_file: str) -> None:
         self._scene_file = scene_file

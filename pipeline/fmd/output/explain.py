@@ -34,14 +34,10 @@ class Step:
 
     Attributes
     ----------
-    stage : str
-        Its name.
     body : str
         The body that it belongs to; empty if it belongs to the whole scene.
     fate : str
         ``"run"``, ``"cached"``, ``"skipped"``, or ``"open"`` where the result of another stage decides.
-    why : str
-        The reason.
     seconds : float, optional
         Time that this took the last time in this scene, all bodies together [s].
     """

@@ -40,8 +40,6 @@ class Pictures:
     ----------
     outputs : sequence of output models
         The scene's, without exports.
-    scene_file : str
-        The scene, for messages.
     """
 
     def __init__(self, outputs: Sequence[Any], scene_file: str) -> None:

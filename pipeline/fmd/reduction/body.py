@@ -130,10 +130,6 @@ def reduced_body(
     ----------
     omega, shapes : ndarray, shapes (n,) and (n_nodes, 3, n)
         Basis with unit modal mass and diagonal stiffness, of the free body or of the body fixed at the joint.
-    markers : mapping of str to Marker
-        All markers of the body.
-    joint : str
-        Name of the marker at the joint.
     free : ndarray, shape (k, 3)
         Orthonormal directions of the free rotations: none at a fixed, prismatic or angle-driven joint, the axis of a
         torque-driven hinge, three at a spherical joint.

@@ -80,8 +80,6 @@ class SavedBody:
 
     Attributes
     ----------
-    surface : SurfaceTopology or None
-        Outer surface of the body.
     stress : ndarray, shape (n_surface, 6, n), or None
         Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
     elastic_hz : ndarray or None

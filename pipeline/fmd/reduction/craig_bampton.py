@@ -48,8 +48,6 @@ def craig_bampton_modes(fe: FEModel, solver: FreeBodySolver, markers: Sequence[M
 
     Parameters
     ----------
-    markers : sequence of Marker
-        The interface.
     count : int
         Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
 
@@ -250,8 +248,6 @@ def make_superelement(
 
     Parameters
     ----------
-    markers : mapping of str to Marker
-        The interface.
     count : int
         Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
     damping : callable

@@ -25,8 +25,6 @@ class EigenPairs:
         Angular frequencies [rad/s].
     shapes : ndarray, shape (n_nodes, 3, n)
         Mode shapes [kg^-1/2].
-    n_rigid : int
-        Number of rigid-body modes.
     residual : float
         Largest defect of ``K φ = ω² M φ`` in the energy norm, relative to the mode's own.
     factor : FactorFigures, optional

@@ -71,8 +71,6 @@ class MovingShape:
 
     Attributes
     ----------
-    surface : Surface
-        The shape, in its frame.
     origin, rotation : ndarray, shapes (n_frames, 3) and (n_frames, 3, 3)
         Place [m] and axes of the frame in space.
     """

@@ -21,8 +21,6 @@ class ResponseCurve(NamedTuple):
 
     Attributes
     ----------
-    label : str
-        Name of the output.
     unit : str
         Of the response, e.g. ``m/N``.
     values : ndarray

@@ -85,8 +85,6 @@ def find_periodic_motion(
         The mechanism, whose loads and motions repeat.
     method : AdaptiveIntegrator
         Marches over the period, to an error well below ``closes``.
-    start : tuple of ndarray
-        State near which it is sought.
     period : float
         [s]
     closes : float

@@ -29,8 +29,6 @@ class Split:
     ----------
     frequency_hz : float
         Coordinates below it are slow [Hz].
-    substeps : int
-        Fast steps in a slow one.
     step : float
         Fast step [s].
     """

@@ -43,8 +43,6 @@ class ConstrainedModel:
         Factorises a matrix by that solver.
     sectors : int
         How many equal sectors a cyclic mesh has; 1 if it isn't cyclic.
-    markers : mapping of str to Marker
-        Markers by name.
     fixed : ndarray of int, optional
         Unknowns that the supports fix.
     """

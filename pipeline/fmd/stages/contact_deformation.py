@@ -25,8 +25,6 @@ class ContactDeformation:
 
     Parameters
     ----------
-    points : ContactPoints
-        Its points in that motion.
     fields : ResidualFields
         The fields, and how much of each there is at the output times.
     """

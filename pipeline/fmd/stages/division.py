@@ -61,8 +61,6 @@ def divide_scene(scene: Scene, cuts: Mapping[str, CutPart], elements: Mapping[st
 
     Parameters
     ----------
-    cuts : mapping of str to CutPart
-        The bodies that are cut.
     elements : mapping of str to mapping
         Numbers of the named elements in the mesh of each of them.
     """
@@ -282,8 +280,6 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
 
     Parameters
     ----------
-    wholes : mapping of str to FlexiblePart
-        The parts as the scene has them.
     like : Division, optional
         That of another scene, from which results are taken that both have in common.
 

@@ -175,8 +175,6 @@ class FlexiblePart(KeyedPart):
         The part of another scene; results that both have in common are taken from it.
     modes : Modes, optional
         Modes to use in place of the scene's; nothing may be kept in a cache then.
-    piece : PieceMesh, optional
-        The piece of another part that this part is.
     """
 
     # The table of stages, in their order.

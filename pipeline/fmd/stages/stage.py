@@ -28,8 +28,6 @@ class Staged(Protocol):
 
     Attributes
     ----------
-    store : StageStore
-        Computes and keeps results.
     results : dict of str to object
         Results by the name of their stage, as far as they are there.
     """

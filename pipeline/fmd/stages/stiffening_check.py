@@ -185,8 +185,6 @@ def keep_inertia_of_pieces(
     ----------
     linear, stiffened : mapping of str to FlexibleBody
         Bodies without and with displacements of second order, by name.
-    checks : mapping of str to StiffeningLoads
-        Loads through them.
     error : float
         Required relative error; 0 if it always counts.
     """

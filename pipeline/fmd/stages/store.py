@@ -55,8 +55,6 @@ class StageStore:
 
     Parameters
     ----------
-    cache : Cache
-        Where results are kept.
     monitor : Monitor
         Reports each stage's progress.
     log : Log

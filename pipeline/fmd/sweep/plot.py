@@ -33,11 +33,6 @@ _NUMBER = re.compile(r"\s*[\"']?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s
 def draw_sweep(table: SweepTable, folder: Path, title: str) -> list[str]:
     """Draw a sweep's results, or else its main figures, over one or two keys, or of a design over its first key.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the picture.
-
     Returns
     -------
     list of str

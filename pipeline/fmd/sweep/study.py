@@ -23,8 +23,6 @@ class Sweep:
 
     Attributes
     ----------
-    variations : tuple of Variation
-        Keys and their values.
     points : tuple of Point
         All combinations, the last key varying fastest, or those of a design.
     records : tuple of Record

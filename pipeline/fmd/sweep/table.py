@@ -38,13 +38,7 @@ _UNITS = {
 
 
 class SweepTable:
-    """Figures of a sweep's points, as rows or as arrays over the varied keys.
-
-    Parameters
-    ----------
-    sweep : Sweep
-        Points and their records.
-    """
+    """Figures of a sweep's points, as rows or as arrays over the varied keys."""
 
     def __init__(self, sweep: Sweep) -> None:
         self.sweep = sweep

@@ -24,11 +24,6 @@ class Equations:
 
     Positions q are joint coordinates [rad, m], unit quaternions and modal coordinates; rates v are as many, but for
     joints that turn in space, whose rates are angular velocities.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Its coordinates are the equations'.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:

@@ -80,8 +80,6 @@ class TangentSystem:
     ----------
     system : CompiledSystem
         The mechanism's own, one that `has_tangents`.
-    directions : sequence of Direction
-        Up to eight.
     """
 
     def __init__(self, system: CompiledSystem, directions: Sequence[Direction]) -> None:

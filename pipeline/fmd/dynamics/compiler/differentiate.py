@@ -17,8 +17,6 @@ def differentiate(
 
     Parameters
     ----------
-    outputs : sequence of Scalar or Vector
-        What to differentiate.
     seeds : mapping of int to Scalar or Vector
         The direction: derivatives of inputs, by the numbers of their nodes; others don't change. A direction of
         constants folds away what they leave out, one of inputs serves every direction.

@@ -44,8 +44,6 @@ class ExternalMechanism:
     ----------
     whole : Mechanism
         The same with the whole inertia of each body, which what joints transmit takes; see `joint_loads`.
-    stresses : tuple of ElementStress
-        Stress that it gives.
 
     Raises
     ------

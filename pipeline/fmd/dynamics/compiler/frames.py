@@ -51,8 +51,6 @@ class MovingFrame:
 
     Attributes
     ----------
-    number : int
-        The body's.
     q, v : Vector
         Modal coordinates and rates.
     R : Matrix
@@ -65,12 +63,8 @@ class MovingFrame:
         Where the joint sits.
     shift : Vector3
         From the joint to the body's origin, in the body's axes.
-    forms : InertiaForms
-        Inertia integrals of the body.
     rigid : RigidInertia
         Of the undeformed body.
-    children : list of MovingFrame
-        Bodies that this one carries.
     """
 
     number: int

@@ -21,15 +21,7 @@ from fmd.dynamics.compiler.oscillators import OSCILLATED, step_oscillators
 
 
 class Evaluation:
-    """Nodes of a graph as a function of arrays, in steps that are found once for many calls.
-
-    Parameters
-    ----------
-    graph : Graph
-        Whose nodes they are.
-    outputs : sequence of int
-        Numbers of the nodes.
-    """
+    """Nodes of a graph as a function of arrays, in steps that are found once for many calls."""
 
     def __init__(self, graph: Graph, outputs: Sequence[int]) -> None:
         live = graph.live(outputs)

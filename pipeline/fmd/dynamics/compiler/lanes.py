@@ -26,8 +26,6 @@ class LaneEmitter:
     ----------
     program : Program
         Its ``lanes`` name the arguments that have an entry for each lane.
-    out : ChunkWriter
-        Where they are written.
     scalars, vectors : dict
         Values of the other nodes, by their numbers.
 

@@ -19,10 +19,6 @@ class OscillatorWriter:
 
     Parameters
     ----------
-    out : ChunkWriter
-        Where they are written.
-    data : tuple
-        Of the node.
     scalars : sequence of str
         Values of its scalar arguments.
     vectors : sequence of list of Chunk

@@ -39,8 +39,6 @@ class Call:
 
     Attributes
     ----------
-    function : int
-        Number of the function.
     places : tuple of int
         Where the values that it takes, and then those that it gives, begin in their arrays [doubles].
     constants : ndarray
@@ -62,8 +60,6 @@ class Parts:
         Copy inputs to the arrays, and outputs from them.
     functions : list of Program
         Functions of the two arrays.
-    calls : list of Call
-        In their order.
     sizes : dict of str to int
         Of the arrays [doubles].
     """

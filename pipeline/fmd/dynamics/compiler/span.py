@@ -56,8 +56,6 @@ class ModalRows:
     ----------
     shapes, forms : ndarray, shapes (m, n) and (m, n, n)
         Their constant part, and their derivatives.
-    values : list of Vector
-        The rows at the state.
     """
 
     shapes: Array

@@ -30,8 +30,6 @@ def load_program(name: str, digest: str, trace: Callable[[], Program]) -> Loaded
 
     Parameters
     ----------
-    name : str
-        The function's.
     digest : str
         Of all that it is made from, apart from the sources.
     trace : callable

@@ -68,8 +68,6 @@ class Signal:
 
     Attributes
     ----------
-    terms : tuple
-        Its sum.
     breakpoints : tuple of float
         Times at which it or its first derivative may jump, and the ends of a smooth table, at which its second one
         does [s], ascending. Kinks of abs, min and max in a formula are not among them.

@@ -36,8 +36,6 @@ class BeamElement(NamedTuple):
     ----------
     label : str
         Its name and number, for messages.
-    section : str
-        Name of its section.
     towards : ndarray, shape (3,) or (0,)
         Vector in the plane of the beam's first axis; empty if there is none.
     offsets : ndarray, shape (2, 3)

@@ -25,8 +25,6 @@ class StressFields:
 
     Attributes
     ----------
-    file : str
-        File that they come from.
     nodes : ndarray, shape (n,)
         Nodes of the model.
     displacement : ndarray, shape (n, 3, k)
@@ -53,8 +51,6 @@ class StressedStiffness:
 
     Attributes
     ----------
-    files : str
-        Files that it comes from.
     matrices : tuple of sparse array, shape (n_nodes, n_nodes)
         Scalar matrices k [N/m], each for all three components of a displacement. Since ``k (θ × x) = θ × f``, the load
         of each is ``k x``.

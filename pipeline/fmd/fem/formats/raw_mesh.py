@@ -46,8 +46,6 @@ class RawMesh:
         Cell type by meshio's name, and the points of each cell in meshio's order, shape (n, n_local).
     cell_sets : dict of str to list of ndarray
         Cells of each named set, an array for each block.
-    point_sets : dict of str to ndarray
-        Points of each named set.
     facet_sets : dict of str to list of ndarray
         Corners of the facets of each named surface, arrays (n, 3) or (n, 4).
     others : dict of str to int

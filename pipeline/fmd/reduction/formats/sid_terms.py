@@ -98,8 +98,6 @@ def modal_data_of(mass: float, terms: Mapping[str, Taylor], nodes: Mapping[str, 
         Mass [kg].
     terms : mapping of str to Taylor
         The terms `PARTS`; J may be a matrix or the vector xx, yy, zz, xy, xz, yz.
-    nodes : mapping of str to MarkerShapes
-        Nodes by label.
 
     Raises
     ------

@@ -123,10 +123,6 @@ def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) ->
 
     Parameters
     ----------
-    names : mapping of str to ndarray
-        The mesh's faces or parts.
-    given : str
-        The name in the scene.
     file, key : str
         Where the scene gives it; the key of a part ends with ``part``.
 

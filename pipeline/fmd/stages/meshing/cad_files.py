@@ -47,8 +47,6 @@ class PartOutline:
 
     Attributes
     ----------
-    solids : int
-        Number of solids.
     volume : float
         [m³].
     low, high : tuple of float
