@@ -23,10 +23,7 @@ from fmd.meshes.gmsh_session import gmsh_model
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
 _MOST_ELEMENTS = 3_000_000
 _AROUND = 12  # elements around a full circle, at least
-_FINEST = 0.2  # smallest element by curvature over the given size
-_TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
 _TURNED = 1e-4  # distance between centres of faces that one turn carries into each other, of that between the faces
-_TANGENT = 0.9999  # cosine between normals
 # Gmsh's numbers of tetrahedra and triangles of an order, and their nodes: the tetrahedron's in VTK's order.
 _TETRAHEDRA = {1: (4, [0, 1, 2, 3]), 2: (11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8])}
 _TRIANGLES = {1: (2, 3), 2: (9, 6)}
@@ -92,12 +89,12 @@ def mesh_cad(
     with gmsh_model("cad") as gmsh:
         names, whole = _open(gmsh, path)
         volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
-        expected = volume / (_TETRAHEDRON * size**3)
+        expected = volume / (0.117851 * size**3)  # volume of the regular tetrahedron of unit edge
         _require_few(expected, size)
         _set_options(
             gmsh,
             MeshSizeMax=size,
-            MeshSizeMin=_FINEST * size,
+            MeshSizeMin=0.2 * size,  # smallest element by curvature over the given size
             MeshSizeFromCurvature=_AROUND,
             ElementOrder=order,
             HighOrderOptimize=1,
@@ -271,7 +268,7 @@ def _whole_faces(gmsh: Any) -> dict[int, int]:
         low, high = gmsh.model.getParametrizationBounds(1, curve)
         x = gmsh.model.getValue(1, curve, [(low[0] + high[0]) / 2])
         a, b = (gmsh.model.getNormal(tag, gmsh.model.getParametrization(2, tag, x)) for tag in beside)
-        if abs(float(np.dot(a, b))) > _TANGENT:
+        if abs(float(np.dot(a, b))) > 0.9999:  # cosine between normals
             one, other = sorted(first[tag] for tag in beside)
             first = {tag: one if number == other else number for tag, number in first.items()}
     return first

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from fmd.meshes.gmsh_session import gmsh_model, import_cad
 
-_AROUND = 24  # triangles around a full circle
 _COARSE = 0.1  # longest side over the diagonal of what is in the file
 
 
@@ -30,7 +29,7 @@ def triangulate_cad(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]
         box = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
         for option, value in {
             "MeshSizeMax": _COARSE * float(np.linalg.norm(box[1] - box[0])),
-            "MeshSizeFromCurvature": _AROUND,
+            "MeshSizeFromCurvature": 24,  # triangles around a full circle
         }.items():
             gmsh.option.setNumber(f"Mesh.{option}", value)
         gmsh.model.mesh.generate(2)

@@ -11,7 +11,6 @@ from fmd.meshes.gmsh_session import import_cad
 Names = dict[tuple[int, int], list[str]]
 """Names of entities by dimension and tag."""
 
-_UNCOLOURED = (0, 0, 255, 0)
 _SURFACES = {
     "PLANE": "Plane",
     "CYLINDRICAL_SURFACE": "Cylinder",
@@ -42,7 +41,7 @@ def _names(gmsh: Any, path: Path) -> Names:
         if label and "STEP translator" not in label:
             own.append(label)
         colour = gmsh.model.getColor(*entity)
-        if entity[0] == 2 and tuple(colour) != _UNCOLOURED:
+        if entity[0] == 2 and tuple(colour) != (0, 0, 255, 0):
             own.append("#{:02x}{:02x}{:02x}".format(*colour[:3]))
         names[entity] = own
     if path.suffix.lower() not in (".step", ".stp"):

@@ -9,12 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ROUND = {"Cylinder", "Surface of Revolution"}  # the latter is what IGES has for cylinders
-_ALONG = 0.9999  # cosine between a normal and an axis
-_AT_END = 1e-4  # of the part's extent
-_SAMPLES = 24  # points around each cylinder
 _WIDEST_GAP = np.deg2rad(40.0)  # between such points, around a whole cylinder
 _OFF = 1e-4  # of a cylinder: normals along its axis, radii that differ
-_INWARDS = 1e-3  # of the radius
 
 
 def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
@@ -118,9 +114,9 @@ def _end(gmsh: Any, tag: int, low: NDArray[np.float64], high: NDArray[np.float64
     start, end = gmsh.model.getParametrizationBounds(2, tag)
     normal = np.abs(gmsh.model.getNormal(tag, (np.array(start) + end) / 2))
     axis = int(normal.argmax())
-    if normal[axis] < _ALONG:
+    if normal[axis] < 0.9999:  # cosine between a normal and an axis
         return ""
-    place, near = gmsh.model.occ.getCenterOfMass(2, tag)[axis], _AT_END * (high - low).max()
+    place, near = gmsh.model.occ.getCenterOfMass(2, tag)[axis], 1e-4 * (high - low).max()  # of the part's extent
     for side, at in (("min", low[axis]), ("max", high[axis])):
         if abs(place - at) < near:
             return "xyz"[axis] + side
@@ -132,7 +128,7 @@ def _look_at_cylinder(gmsh: Any, tags: list[int]) -> tuple[str, NDArray[np.float
     points, normals = [], []
     for tag in tags:
         (u0, v0), (u1, v1) = gmsh.model.getParametrizationBounds(2, tag)
-        u, v = (np.ravel(a) for a in np.meshgrid(np.linspace(u0, u1, _SAMPLES), [v0, v1]))
+        u, v = (np.ravel(a) for a in np.meshgrid(np.linspace(u0, u1, 24), [v0, v1]))  # points around each cylinder
         uv = np.stack([u, v], axis=1).ravel()
         points.append(np.array(gmsh.model.getValue(2, tag, uv)).reshape(-1, 3))
         normals.append(np.array(gmsh.model.getNormal(tag, uv)).reshape(-1, 3))
@@ -155,6 +151,6 @@ def _look_at_cylinder(gmsh: Any, tags: list[int]) -> tuple[str, NDArray[np.float
     start, end = gmsh.model.getParametrizationBounds(2, tags[0])
     on = np.array(gmsh.model.getValue(2, tags[0], (np.array(start) + end) / 2))
     to_axis = centre @ frame[:2] + (on @ frame[2]) * frame[2] - on
-    within = list(on + _INWARDS * to_axis)
+    within = list(on + 1e-3 * to_axis)  # of the radius
     solid = any(gmsh.model.isInside(3, tag, within) for _, tag in gmsh.model.getEntities(3))
     return ("pin" if solid else "hole"), middle

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SEWN = 1e-4  # gap between faces over the part's diagonal
-_GMSH_TO_MESHIO = {4: "tetra", 5: "hexahedron"}
 
 
 class MeshArrays(NamedTuple):
@@ -113,7 +112,7 @@ def read_out(gmsh: Any, faces: Mapping[str, Sequence[int]]) -> MeshArrays:
         for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, group):
             types, _, nodes = gmsh.model.mesh.getElements(3, entity)
             for element_type, element_nodes in zip(types, nodes, strict=True):
-                cell_type = _GMSH_TO_MESHIO[int(element_type)]
+                cell_type = {4: "tetra", 5: "hexahedron"}[int(element_type)]
                 n_corners = gmsh.model.mesh.getElementProperties(element_type)[3]
                 part_blocks.append(number[element_nodes].reshape(-1, n_corners))
         n_part = sum(len(block) for block in part_blocks)

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 BY_STEP = "contact errors"
-_TIMES = ("begin_s", "end_s")
 _OF_ITSELF = {"energy_error_j": "it is an error itself"}
 
 
@@ -61,5 +60,5 @@ def _differences(own: ContactHistory, other: ContactHistory, share: float, step:
             found[key] = "nothing touches" if value is None else "by the other step nothing touches"
             continue
         change = share * float(np.linalg.norm(np.subtract(value, theirs[key])))
-        found[key] = change + (step if key in _TIMES else 0.0)
+        found[key] = change + (step if key in ("begin_s", "end_s") else 0.0)
     return found

@@ -35,9 +35,6 @@ def add_masses(parts: Iterable[SolidMass]) -> SolidMass:
     return SolidMass(mass, centre, inertia)
 
 
-_SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3}
-
-
 @dataclass(frozen=True)
 class Geom:
     """A geom: its kind, its pose in the body, its sizes [m], halves as MJCF has them, and a mesh's file and scale."""
@@ -50,7 +47,7 @@ class Geom:
 
     def __post_init__(self) -> None:
         """Raise ``ValueError`` for a solid without its sizes."""
-        needed = _SIZES.get(self.kind, 0)
+        needed = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3}.get(self.kind, 0)
         if len(self.size) < needed or not all(x > 0.0 for x in self.size[:needed]):
             words = " ".join(f"{x:g}" for x in self.size)
             raise ValueError(f"a {self.kind} of {needed} sizes above 0 has {words or 'none'}")

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from fmd.responses.model_reduction import ReducedModel
     from fmd.responses.state_space import StateSpace
 
-_FORMATS = (".npz", ".mat")
-
 
 def linearise(
     scene: SceneName,
@@ -70,7 +68,7 @@ def linearise(
     request = (inputs, outputs, about)
     errors = None if no_budget else estimate_band_errors(run, whole, request, None if reduced is None else linear)
     where = folder or Path("out") / run.scene.name
-    files = write_model(linear, where, _FORMATS if format_ is None else (f".{format_}",), errors)
+    files = write_model(linear, where, (".npz", ".mat") if format_ is None else (f".{format_}",), errors)
     model = linear.model
     if options.json:
         channels: dict[str, Any] = {

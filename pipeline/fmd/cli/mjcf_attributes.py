@@ -45,7 +45,6 @@ _REFUSED = {
     "compiler": "coordinate balanceinertia settotalmass boundmass boundinertia",
     "joint": "springdamper",
 }
-_OFF = {"false", "auto", "local", "enable"}
 
 
 def list_untaken(tag: str, given: Mapping[str, str]) -> list[str]:
@@ -73,7 +72,7 @@ def _acts(value: str, *, negative: bool = True) -> bool:
         try:
             number = float(word)
         except ValueError:
-            if word not in _OFF:
+            if word not in {"false", "auto", "local", "enable"}:
                 return True
         else:
             if number > 0.0 or math.isnan(number) or (negative and number < 0.0):

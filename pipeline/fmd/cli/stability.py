@@ -16,8 +16,6 @@ from fmd.core.errors import InputError
 if TYPE_CHECKING:
     from fmd.stability.limits import MechanismLimits
 
-_RATIOS = range(1, 21)
-
 
 def stability(
     scene: SceneName = "",
@@ -69,7 +67,7 @@ def stability(
     from fmd.stages.stability_limits import find_scene_limits
 
     run = options.solve(scene)
-    result = find_scene_limits(run, [1, substeps] if substeps else list(_RATIOS), along)
+    result = find_scene_limits(run, [1, substeps] if substeps else list(range(1, 21)), along)
     if options.json:
         print_json(summarise_limits(result))
         return

@@ -11,8 +11,6 @@ from fmd.cli.tables import open_console
 from fmd.output.report.page import write_page
 from fmd.output.report.view_page import make_view_page
 
-_SPARE = (("output",), ("output", "reference", "accuracy"))
-
 
 def view(scene: SceneName, *, out: Path | None = None, no_browser: Flag = False, options: Options = DEFAULTS) -> None:
     """A mechanism in the browser before it runs: bodies, markers, joints and faces by name, joints moved by sliders.
@@ -24,7 +22,7 @@ def view(scene: SceneName, *, out: Path | None = None, no_browser: Flag = False,
     no_browser
         Write the page only.
     """
-    run = options.solve(scene, spare=_SPARE)
+    run = options.solve(scene, spare=(("output",), ("output", "reference", "accuracy")))
     path = out or Path("out") / run.scene.name / "view.html"
     write_page(path, lambda: make_view_page(run, options.set_ or ()))
     size = path.stat().st_size

@@ -23,7 +23,6 @@ from fmd.core.files import one_at_a_time, remove_abandoned
 from fmd.core.paths import is_private, source_digest
 
 _DIGEST_BYTES = 32
-_FORMAT = "JSON and npy"  # of the files, and so a part of their names
 
 package_version = cache(metadata.version)
 
@@ -46,7 +45,7 @@ def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple
         The stage's name and a digest.
     """
     content = {
-        "format": _FORMAT,
+        "format": "JSON and npy",  # of the files, and so a part of their names
         "stage": stage,
         "inputs": inputs,
         "source": source_digest(*sources),

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-_PLAIN = ("", "rad", "rad/s", "Hz", "kg")  # units without prefixes
 
 
 def scaled(value: float | None, unit: str = "", digits: int = 4) -> str:
@@ -19,7 +18,7 @@ def scaled(value: float | None, unit: str = "", digits: int = 4) -> str:
 
 def prefix_for(value: float, unit: str) -> tuple[float, str]:
     """Return the factor and the prefix of a unit that fit a value's size, e.g. 1e6 and ``M``."""
-    if not value or unit in _PLAIN:
+    if not value or unit in ("", "rad", "rad/s", "Hz", "kg"):  # units without prefixes
         return 1.0, ""
     fitting = [(f, p) for f, p in _PREFIXES if abs(value) >= 0.9995 * f and not (unit == "s" and f > 1)]
     return fitting[0] if fitting else (1.0, "")  # below a nano, powers of ten are easier to read

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-_CGROUP = Path("/sys/fs/cgroup")
 # Limit, use, and pages of files, which make room when needed: in version 2 of Linux's control groups and in version 1.
 _GROUPS = (
     ("memory.max", "memory.current", "memory.stat", ("active_file", "inactive_file")),
@@ -15,7 +14,7 @@ _GROUPS = (
 )
 
 
-def available_memory(cgroup: Path = _CGROUP) -> float:
+def available_memory(cgroup: Path = Path("/sys/fs/cgroup")) -> float:
     """Return the memory that is free or can be freed, within the limit of a container [bytes].
 
     Parameters

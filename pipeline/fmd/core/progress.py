@@ -14,7 +14,6 @@ Advance = Callable[[float], None]
 """Takes the part of a task that is done, 0…1."""
 
 
-_SHOWN = {"machine code": "compiling"}
 """What a task is called where it is shown, if that isn't its name."""
 
 
@@ -37,7 +36,7 @@ def bars(name: str) -> Iterator[Advance]:
 
     What is done never grows less, though methods that are tried begin anew.
     """
-    name = _SHOWN.get(name, name)
+    name = {"machine code": "compiling"}.get(name, name)
     most = 0.0
     if not sys.stderr.isatty():
         with _lines(name) as say:

@@ -20,7 +20,6 @@ from fmd.fem.material import AnyMaterial
 from fmd.fem.shell_model import ShellModel
 
 _STATIONS = 0.5 + 0.5 * np.sqrt(0.6) * np.arange(-1, 2)  # exact to the fifth degree
-_SHARES = np.array([5.0, 8.0, 5.0]) / 18
 _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 
 
@@ -59,7 +58,7 @@ def carry_beam_mass(model: ShellModel, line: BeamLine) -> ShellModel:
     arms = Arms(n_points + np.arange(len(x)), station, _widened(turned, n_all), second_of_rigid(r))
     K = sp.csr_array(model.K, copy=True)
     K.resize((3 * n_all, 3 * n_all))
-    weights = np.einsum("e,s->es", numbers.mass, _SHARES).ravel()[station] / 4
+    weights = np.einsum("e,s->es", numbers.mass, np.array([5.0, 8.0, 5.0]) / 18).ravel()[station] / 4
     return replace(
         model,
         K=K,

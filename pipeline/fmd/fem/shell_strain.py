@@ -25,7 +25,6 @@ from fmd.core.limits.mesh import INNER_TYING
 from fmd.fem.elements import ElementKind, inverse_and_determinant, shape_functions
 from fmd.fem.material import Material
 
-_MIDDLE = np.full((3, 1), 0.5)
 _COMPONENTS = ((0, 0), (1, 1), (0, 1), (0, 2), (1, 2))  # covariant: rr, ss, rs, rt, st
 _TYING4 = np.array([(0.5, 0, 0.5), (0.5, 1, 0.5), (0, 0.5, 0.5), (1, 0.5, 0.5)]).T
 _TYING3 = np.array(
@@ -67,7 +66,7 @@ def quadrilateral_strain(space: Layer, material: Material, X: Array, elements: I
     normal = _unit(J[..., 2])
     B = _combined(_tensors(inverse), e, normal, X, material)
     # Strains of the midsurface, linear in the middle's coordinates; constant stress does no work on them.
-    at_middle, det_middle = inverse_and_determinant(space.jacobians(_MIDDLE, elements))
+    at_middle, det_middle = inverse_and_determinant(space.jacobians(np.full((3, 1), 0.5), elements))
     rr, ss, rs = _tensors(at_middle)[:3]
     xi, eta = ((2 * each - 1) * det_middle / det for each in X[:2])
     own = [xi[..., None, None] * rr, eta[..., None, None] * ss, xi[..., None, None] * rs, eta[..., None, None] * rs]

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from fmd.fem.space import Discretisation
 
 
-_MIDDLE = np.full((3, 1), 0.5)
 _COMPONENTS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
@@ -85,7 +84,7 @@ def enhanced_matrix(space: Discretisation, material: Material, X: Array, element
     """
     g, det = space.gradients(X, elements)
     xi = 2 * X - 1
-    inverse, det_middle = inverse_and_determinant(space.jacobians(_MIDDLE, elements))
+    inverse, det_middle = inverse_and_determinant(space.jacobians(np.full((3, 1), 0.5), elements))
     scale = (det_middle / det)[:, :, None]
     g = np.concatenate([g, (scale * xi.T)[..., None] * inverse], axis=2)
     n_elements, n_q, n_functions, _ = g.shape

@@ -15,7 +15,6 @@ from fmd.scene.reading import suggest_name
 from fmd.scene.scene import Scene
 
 _TABLES = ("body", "ground", "joint", "drive", "coupler", "spring", "bushing", "bearing")
-_GRAVITY = ("simulation", "gravity")
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ def find_parameter(scene: Scene, key: str, origin: str = "--to") -> Parameter:
         There is no such key, or it is no number that results change smoothly with, or it is 0.
     """
     parts = key.split(".")
-    if parts[0] not in _TABLES and tuple(parts[:2]) != _GRAVITY:
+    if parts[0] not in _TABLES and tuple(parts[:2]) != ("simulation", "gravity"):
         known = f"{', '.join(f'{table}.…' for table in _TABLES)}, simulation.gravity.…"
         raise InputError(origin, key, None, f"is no number that results change with smoothly; those are in {known}")
     node: Any = scene

@@ -72,7 +72,6 @@ _GAINS = {
 
 A method of second order whose fastest vibrations are out of step has the same error with half the step.
 """
-_UNRESOLVED = Gain(1.2, 0.7, 4.0)  # of longer ones, in which the fastest vibrations die away
 
 
 @dataclass(frozen=True)
@@ -336,7 +335,7 @@ class Automatic(Integrator):
 
 def _gain(coarse: Trajectory, system: System) -> Gain:
     if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > RESOLVED:
-        return _UNRESOLVED
+        return Gain(1.2, 0.7, 4.0)  # of longer ones, in which the fastest vibrations die away
     return _GAINS[coarse.integrator]
 
 

@@ -30,7 +30,6 @@ from fmd.integrators.protocol import (
 
 _METHODS = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
 IN_SCENES: tuple[Literal["Radau", "LSODA"], ...] = ("Radau", "LSODA")
-_ORDERS = {"DOP853": 8, "Radau": 5, "LSODA": 12}
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class ScipyIvp(Integrator):
 
     def order(self, system: System) -> int:
         """Return the order of the formula, for LSODA the largest."""
-        return _ORDERS[self.name]
+        return {"DOP853": 8, "Radau": 5, "LSODA": 12}[self.name]
 
     def largest_step(self, system: System) -> float:
         """Return infinity: the method keeps to stable steps by itself."""

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 REAL, WHOLE, TRUTH, NOTHING = "double", "i64", "i1", "void"
-_ENTRIES = {np.dtype(np.float64): REAL, np.dtype(np.int64): WHOLE}
 _NAMES = {REAL: "float", WHOLE: "int", TRUTH: "bool", NOTHING: "None"}
 
 
@@ -57,7 +56,7 @@ Type = str | ArrayType | TupleType | TableType
 @cache
 def array_type(dtype: np.dtype[Any], n_axes: int) -> ArrayType | None:
     """Return the type of arrays, None if kernels take none of such entries."""
-    entry = _ENTRIES.get(dtype)
+    entry = {np.dtype(np.float64): REAL, np.dtype(np.int64): WHOLE}.get(dtype)
     return None if entry is None else ArrayType(entry, n_axes)
 
 

@@ -23,7 +23,6 @@ Fate = Literal["run", "cached", "skipped", "open"]
 _OF_RUN: dict[str, Stage[Any]] = {**RUN_STAGES, ERROR_BUDGET.name: ERROR_BUDGET}
 STAGES = (SETTINGS.name, *PART_STAGES, *_OF_RUN, "responses", "files", "pictures")
 """Names of all stages of a run, in the order of forecasts."""
-_OF_SUMMARY = ("fine motion", "strain", "modes", "surface", "stress", "element stress", "contact stress")
 _COUNTED = "{} in the scene's output"
 _SAME = "same inputs and source as when it was kept"
 
@@ -96,7 +95,7 @@ def forecast_run(solved: SolvedScene, pictures: bool, budget: bool) -> Forecast:
         planner.note(SETTINGS.name, "cached", _SAME)
     else:
         planner.note(SETTINGS.name, "skipped", "the scene leaves nothing open")
-    for name in _OF_SUMMARY:
+    for name in ("fine motion", "strain", "modes", "surface", "stress", "element stress", "contact stress"):
         planner.want(name)
     drawn, files, responses = (outputs_of(run.scene, stage) for stage in ("pictures", "files", "responses"))
     missing = [output for output in drawn if pictures and not planner.has_drawn(output)]

@@ -34,8 +34,6 @@ from fmd.render.chart_data import HistoryFrame
 from fmd.scene.histories import ExtremesTable, History, Quantities
 from fmd.stages.pipeline import Pipeline
 
-_COMPONENTS = {"axis": "xyz", "quaternion": "xyzw"}
-
 
 def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
     """Write the file of a history into a folder, of a table of columns their errors beside it, and return the names."""
@@ -180,7 +178,7 @@ def number_columns(variables: Iterable[Variable], with_sizes: bool = False) -> I
 
 def _names_of(variable: Variable, count: int) -> tuple[str, ...]:
     """Return the names of a variable's components."""
-    known = _COMPONENTS.get(variable.dims[0], "") if variable.dims else ""
+    known = {"axis": "xyz", "quaternion": "xyzw"}.get(variable.dims[0], "") if variable.dims else ""
     return tuple(known) or tuple(str(k + 1) for k in range(count))
 
 

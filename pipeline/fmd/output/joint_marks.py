@@ -15,10 +15,8 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 JOINT, GROUND, SPRING, BUSHING = "#4b5563", "#9aa2ad", "#5b7f6b", "#b08a3e"
-_RADIUS = 0.011  # of a mark over the mechanism's size
 _NEAR = 5.0  # radii of a mark: a body's points so near tell how far a pin reaches
 _COILS, _PER_COIL = 9, 12
-_PLATE = 0.5  # thickness of a plane over the radius of a mark
 _WIRE = 1.3  # radius of a coil over that of a mark
 
 
@@ -37,7 +35,7 @@ class Marks:
 
     def __init__(self, run: Pipeline, chosen: IntArray, size: float, up: Array | None) -> None:
         self.run, self.chosen, self.up = run, chosen, up
-        self.radius = _RADIUS * size
+        self.radius = 0.011 * size  # of a mark over the mechanism's size
         self.kinematics = run.motion.kinematics
 
     def position(self, place: str) -> Array:
@@ -85,7 +83,7 @@ class Marks:
                 continue
             place = contact.between[0]
             axes = axes_along(place_axes(self.run.scene, place) @ np.array(contact.normal))
-            thick = _PLATE * self.radius
+            thick = 0.5 * self.radius  # thickness of a plane over the radius of a mark
             low, high = (places @ axes).min(axis=0), (places @ axes).max(axis=0)
             middle, edges = (low + high) / 2, high - low + 6 * self.radius
             middle[2] = self.position(place)[0] @ axes[:, 2] - thick / 2

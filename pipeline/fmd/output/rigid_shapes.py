@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from fmd.render.surface import Surface
     from fmd.stages.pipeline import Pipeline
 
-_THICK = 0.011  # radius of a rod over the mechanism's size
 _SLENDER = 6.0  # least length of a rod over its radius
 _BALL = 2.2  # radius of a point mass over that of a rod
 _SAME = 1e-3  # of the mechanism's size: places that count as one
@@ -83,7 +82,7 @@ def _usual_surface(table: Any, size: float) -> Surface:
     """Return a rod of a body's length, a ball for a point mass, or what suits a body's markers and inertia."""
     from fmd.render.solids import join_surfaces, make_ball, make_cylinder
 
-    radius = _THICK * size
+    radius = 0.011 * size  # radius of a rod over the mechanism's size
     if table.shape == "rod":
         ends = np.zeros(3), np.array([table.length, 0.0, 0.0])
         return make_cylinder(*ends, min(radius, table.length / _SLENDER))

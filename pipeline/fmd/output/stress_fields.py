@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 AnyField = TypeVar("AnyField", bound="SurfaceField")
 
-_OF_TIMES = f"{NOT_STATED}times of extremes aren't compared, their sizes are"
 _OF_LIVES = f"{NOT_STATED}a table (.csv) has an interval for each of the worst nodes"
 _BY_INTERVAL = "columns repeats_at_least and repeats_at_most hold it"
 
@@ -54,7 +53,7 @@ def write_envelope(run: Pipeline, output: Envelope, folder: Path) -> list[str]:
         name = quantity.removesuffix(" stress").replace(" ", "_").lower()
         columns |= {f"{name}_pa": values, f"{name}_at_s": times}
         errors.append((f"{name}_pa", "Pa", stated.of_quantity(f"{output.body}, {quantity}")))
-        errors.append((f"{name}_at_s", "s", _OF_TIMES))
+        errors.append((f"{name}_at_s", "s", f"{NOT_STATED}times of extremes aren't compared, their sizes are"))
     values, _ = found.measure(output.component)
     order = np.argsort(values if output.component == "principal 3" else -values, kind="stable")
     files = _write_field(run, output, folder, columns, order[: output.count])

@@ -38,7 +38,6 @@ from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.signals import find_idle_drives, find_jumping_tables
 
-_OF_PIECES = {"lowest frequencies": PIECES_FREQUENCIES, "deflections": PIECES_DEFLECTIONS}
 UNMET, UNMOVED = "accuracy-not-met", "load-without-motion"
 """Codes of warnings of results that fail a check."""
 
@@ -244,7 +243,7 @@ def _division_warnings(run: Pipeline) -> list[dict[str, str]]:
         }
         for name, divided in run.division.divided.items()
         for what, error in divided.errors.items()
-        if error > _OF_PIECES[what]
+        if error > {"lowest frequencies": PIECES_FREQUENCIES, "deflections": PIECES_DEFLECTIONS}[what]
     ]
 
 

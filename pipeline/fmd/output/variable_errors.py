@@ -10,10 +10,8 @@ from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import STRESS_COMPONENTS
 from fmd.stages.pipeline import Pipeline
 
-_NO_MESH = "a body without a mesh tells nothing of its own error"
 _CONTACT = "after a contact two runs part, whatever their error; figures of contacts have that of their step"
 _OF_MESH = "contact has no part in it; the budget of the scene without its contacts states it"
-_ROUND_OFF = "it is nothing but round-off"
 _OF_JOINTS = ("force", "moment", "position", "rate", "orientation", "angular_velocity", "displacement", "velocity")
 _COMPARED = (*_OF_JOINTS, "origin", "deflection", "acceleration", *STRESS_COMPONENTS)
 _WHOLE = ("centre_of_mass", "momentum", "angular_momentum", "kinetic_energy", "potential_energy")
@@ -85,7 +83,7 @@ class VariableErrors:
         row = self._rows.get(row_name(name))
         if row is None:
             known = name.rpartition(".")[2] in _COMPARED or name in _WHOLE
-            return NOT_STATED + _ROUND_OFF if known else NOT_COMPARED
+            return NOT_STATED + "it is nothing but round-off" if known else NOT_COMPARED
         return NOT_STATED + row.why.removeprefix("not estimated: ") if row.why else row
 
     def _with_turn(self, name: str, size: float) -> float | str:
@@ -105,4 +103,4 @@ def why_no_budget(run: Pipeline) -> str:
     """Return why a run has no error budget: it can't have one, or none was asked for."""
     if ERROR_BUDGET.applies(run):
         return NO_BUDGET
-    return _CONTACT if run.scene.contact else _NO_MESH
+    return _CONTACT if run.scene.contact else "a body without a mesh tells nothing of its own error"

@@ -31,7 +31,6 @@ from fmd.stages.run_checks import require_no_contact
 
 _PEERS = Path(__file__).parents[3] / "benchmarks"
 _PEER_SCRIPTS = ("exudyn_peer", "exudyn_chains", "heyoka_peer")  # each has CASES, and measures one of them by `measure`
-_EMPTY: Any = None
 
 
 class Errors(NamedTuple):
@@ -167,7 +166,7 @@ def errors_of(run: Pipeline) -> ErrorsOf:
 
     The tip of a flexible body on the ground is seen from its joint, any other in space.
     """
-    empty, seen_from_joint = Motion(run.mechanism, _EMPTY, run.divided_scene.simulation.tip), _from_joint(run)
+    empty, seen_from_joint = Motion(run.mechanism, None, run.divided_scene.simulation.tip), _from_joint(run)
 
     def errors(trajectory: Trajectory, exact: Trajectory) -> Errors:
         one, other = replace(empty, trajectory=trajectory), replace(empty, trajectory=exact)

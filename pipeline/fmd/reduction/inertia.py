@@ -13,7 +13,6 @@ from fmd.core.errors import AccuracyError
 from fmd.reduction.second_order import SecondOrderFields, SecondOrderMass, second_order_fields, second_order_mass
 
 # Axes across each axis; the last, number -1, has all three.
-_ACROSS = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))
 
 
 @dataclass(frozen=True)
@@ -146,7 +145,7 @@ def inertia_integrals(x: Array, m: Any, Phi: Array, normal: int = -1) -> Inertia
     Zwölfer & Gerstmayr, A concise nodal-based derivation of the floating frame of reference formulation for
     displacement-based solid finite elements, Multibody System Dynamics 49 (2020).
     """
-    across = _ACROSS[normal]
+    across = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))[normal]
     U = _positions(x, Phi, across)
     G = np.zeros((3, 3, U.shape[2], U.shape[2]))
     G[across, across] = _products(U, m, U)

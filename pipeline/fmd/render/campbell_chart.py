@@ -10,7 +10,6 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.render.figure import open_figure, style_axes
 
-_MULTIPLES = 4
 _APART = 0.045  # least distance of labels, over the chart's width or height
 
 
@@ -47,7 +46,7 @@ def draw_campbell(
     with open_figure(path, (10, 6), 120) as figure:
         axes = figure.add_subplot()
         labelled: list[tuple[float, float]] = []
-        for multiple in range(1, _MULTIPLES + 1) if orders is None else orders:
+        for multiple in range(1, 5) if orders is None else orders:
             line = multiple * once
             axes.plot(rates, line, color="0.65", linewidth=0.9, linestyle=(0, (5, 3)), zorder=1)
             last = np.flatnonzero(line <= top)[-1]

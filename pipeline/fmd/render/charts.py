@@ -28,7 +28,6 @@ GREY = "#444444"
 SHADE = "#f3e3b3"
 PALENESS = 0.45
 _ROUND_OFF = 1e-14  # of the values: differences up to that are none
-_LONG = 32  # letters of an axis label, from which on they are smaller
 _SHORT = 0.1  # of times: those are in milliseconds [s]
 
 
@@ -83,7 +82,7 @@ def draw_chart(
             axes.autoscale_view()
             axes.tick_params(labelsize=11)
             style_axes(axes, time_label if axes is lower else "", text)
-            if len(text) > _LONG and axes is upper:
+            if len(text) > 32 and axes is upper:  # letters of an axis label, from which on they are smaller
                 axes.yaxis.label.set_fontsize(10)
         figure.align_ylabels()
         _add_legends(figure, curves, component_labels, band, stated)

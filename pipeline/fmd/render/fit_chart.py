@@ -10,9 +10,6 @@ from fmd.core.arrays import Array
 from fmd.render.charts import COLOURS, GREY
 from fmd.render.figure import open_figure, style_axes
 
-_WIDTH = 11.0
-_ROW_INCHES = 2.7
-_DOTS_PER_INCH = 120
 _FEW = 12  # measured values, such as those of modes, that are drawn as large dots, each with its tick
 
 
@@ -49,8 +46,8 @@ def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: 
     """
     label, places = axis
     dot = 7 if len(places) <= _FEW else 3
-    size = (_WIDTH, _ROW_INCHES * len(histories) + 0.7)
-    with open_figure(path, size, _DOTS_PER_INCH, padding=0.08) as figure:
+    size = (11.0, 2.7 * len(histories) + 0.7)
+    with open_figure(path, size, 120, padding=0.08) as figure:
         figure.suptitle(title, fontsize=14)
         frames = figure.subplots(len(histories), 2, squeeze=False, sharex=True, gridspec_kw={"width_ratios": [3, 2]})
         for (left, right), history in zip(frames, histories, strict=True):

@@ -16,7 +16,6 @@ from fmd.render.charts import COLOURS, time_axis
 from fmd.render.figure import open_figure, style_axes
 
 _FRAME_INCHES = (6.4, 3.0)
-_DOTS_PER_INCH = 110
 
 
 def draw_histories(time: Array, frames: Sequence[HistoryFrame], path: Path, *, title: str) -> None:
@@ -32,7 +31,7 @@ def draw_histories(time: Array, frames: Sequence[HistoryFrame], path: Path, *, t
     columns = min(len(shown), 2)
     rows = math.ceil(len(shown) / columns)
     size = (columns * _FRAME_INCHES[0], rows * _FRAME_INCHES[1] + 0.4)
-    with open_figure(path, size, _DOTS_PER_INCH, padding=0.08) as figure:
+    with open_figure(path, size, 110, padding=0.08) as figure:
         figure.suptitle(f"{title} ({left_out} more quantities)" if left_out else title, fontsize=14)
         for number, frame in enumerate(shown, start=1):
             axes = figure.add_subplot(rows, columns, number)

@@ -17,10 +17,7 @@ from fmd.render.charts import COLOURS
 from fmd.render.figure import open_figure, style_axes
 
 _PANEL_INCHES = (6.4, 4.4)
-_DOTS_PER_INCH = 120
 _WIDE = 30.0  # largest value over the smallest, from which on an axis is logarithmic
-_MOST_NUMBERS = 120  # cells of a map that hold their numbers
-_MOST_TICKS = 12  # values that all stand at their axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +102,9 @@ def draw_sweep_maps(
             style_axes(axes, first.label, second.label)
             axes.grid(visible=False)
             for axis, place in ((first, axes.xaxis), (second, axes.yaxis)):
-                steps = range(0, len(axis.texts), -(-len(axis.texts) // _MOST_TICKS))
+                steps = range(0, len(axis.texts), -(-len(axis.texts) // 12))  # values that all stand at their axis
                 place.set_ticks([*steps], [axis.texts[k] for k in steps])
-            if values.size <= _MOST_NUMBERS:
+            if values.size <= 120:  # cells of a map that hold their numbers
                 _write_numbers(axes, values)
 
 
@@ -130,7 +127,7 @@ def _open_panels(count: int, path: Path, title: str) -> Iterator[tuple[Figure, l
     columns = min(count, 2)
     rows = math.ceil(count / columns)
     size = (columns * _PANEL_INCHES[0], rows * _PANEL_INCHES[1] + 0.4)
-    with open_figure(path, size, _DOTS_PER_INCH, padding=0.1) as figure:
+    with open_figure(path, size, 120, padding=0.1) as figure:
         figure.suptitle(title, fontsize=14)
         yield figure, [figure.add_subplot(rows, columns, number + 1) for number in range(count)]
 

@@ -10,11 +10,6 @@ import numpy as np
 from fmd.render.charts import COLOURS, GREY
 from fmd.render.figure import open_figure, style_axes
 
-_WIDTH = 9.0
-_BAR_INCHES = 0.34
-_FRAME_INCHES = 1.0
-_DOTS_PER_INCH = 130
-
 
 def draw_tornado(bars: Mapping[str, Sequence[tuple[str, float, float]]], path: Path, *, title: str, label: str) -> None:
     """Draw what numbers do to results, each in a frame of its own.
@@ -26,8 +21,8 @@ def draw_tornado(bars: Mapping[str, Sequence[tuple[str, float, float]]], path: P
     label : str
         What the bars' length is.
     """
-    heights = [_FRAME_INCHES + _BAR_INCHES * len(rows) for rows in bars.values()]
-    with open_figure(path, (_WIDTH, sum(heights) + 0.5), _DOTS_PER_INCH, padding=0.08) as figure:
+    heights = [1.0 + 0.34 * len(rows) for rows in bars.values()]
+    with open_figure(path, (9.0, sum(heights) + 0.5), 130, padding=0.08) as figure:
         figure.suptitle(title, fontsize=14)
         frames = figure.subplots(len(bars), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
         for axes, name in zip(frames, bars, strict=True):

@@ -26,7 +26,6 @@ from fmd.scene.state_loads import OWN, FormulaVariables, LoadOverTime
 from fmd.scene.stress_outputs import ContactPressure
 
 _SINGLE = kinds_that(lambda kind: bool(kind.unit))
-_HINGES = kinds_that(lambda kind: kind.is_hinge)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +143,7 @@ class CrossCheck:
     def _check_couplers(self) -> Iterator[FaultError]:
         for name, coupler in self.scene.coupler.items():
             for key, unit in coupler.ends:
-                fitting = _joints_along("m") if unit == "m" else _HINGES
+                fitting = _joints_along("m") if unit == "m" else kinds_that(lambda kind: kind.is_hinge)
                 yield from self._check_joint(getattr(coupler, key), fitting, f"a {coupler.type}", "coupler", name, key)
             if len({getattr(coupler, key) for key, _ in coupler.ends}) == 1:
                 yield FaultError("couples a joint with itself", "coupler", name, coupler.ends[1][0])

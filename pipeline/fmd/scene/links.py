@@ -11,8 +11,6 @@ from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.rigid_bodies import Moment, require_possible_moments
 from fmd.scene.values import FaceName, LinkName, Plane, Point
 
-_PLACES = ("face", "near", "plane")
-
 
 class FaceLink(SceneTable):
     """A reference point, as the middle of a bearing, that moves a face rigidly or follows it in the mean.
@@ -55,7 +53,7 @@ class FaceLink(SceneTable):
 
     @model_validator(mode="after")
     def _on_one_face(self) -> FaceLink:
-        given = [key for key in _PLACES if getattr(self, key) is not None]
+        given = [key for key in ("face", "near", "plane") if getattr(self, key) is not None]
         if not given:
             raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
         if len(given) > 1:

@@ -23,8 +23,6 @@ from fmd.scene.simulation import Simulation
 # Factors to coarsen a mesh by. The largest shows most of the error, but not every part can be meshed so coarsely.
 COARSENING_FACTORS = (2.0, 1.5, 1.25)
 
-_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
 
 def change_simulation(scene: Scene, **values: Any) -> Scene:
     """Return the scene with other values of its simulation's keys."""
@@ -71,7 +69,7 @@ def open_to_space(scene: Scene) -> Scene:
             {"type": "point force", "marker": place, "force": "0 N", "direction": direction}
         )
         for k, place in enumerate(places, 1)
-        for way, direction in zip("xyz", _AXES, strict=True)
+        for way, direction in zip("xyz", ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), strict=True)
     }
     return scene.model_copy(update={"drive": {**scene.drive, **drives}})
 

@@ -25,10 +25,9 @@ if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.touching import TouchingSystem
 
 _RESTING = Tolerance(limits.REST_CORRECTIONS, relative=limits.AT_REST, absolute=limits.AT_REST)
-_LOAD_STEP = replace(_RESTING, corrections=limits.LOAD_STEP_CORRECTIONS)
 
 
-def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
+def find_equilibrium(system: CompiledSystem, q: Array) -> Array:
     """Find positions (n_positions,) at which nothing accelerates at rest, from positions that close all loops.
 
     Newton's method for the forces f at rest, with the tangent stiffness ``K = −∂f/∂q``. Where the start is stable, its
@@ -45,8 +44,8 @@ def find_equilibrium(system: CompiledSystem, q: Array, t: float = 0.0) -> Array:
         hides the inertia of massless combinations of modes.
     """
     turns, slides = _marker_turns(system.mechanism)
-    forces, resting = _forces(system, q, t), _RESTING
-    start = _Start(system, t, turns, slides, forces, _positive_mass(system, q, t))
+    forces, resting = _forces(system, q), _RESTING
+    start = _Start(system, turns, slides, forces, _positive_mass(system, q))
     if system.mechanism.contacts:
         size = largest(forces)
         resting = Tolerance(
@@ -68,7 +67,6 @@ class _Start:
     """A mechanism at the start: turns and slides (k, n), which of them slide (k,), forces at rest (n,), mass (n, n)."""
 
     system: CompiledSystem
-    time: float
     turns: Array
     slides: Bools
     forces: Array
@@ -80,7 +78,7 @@ def _follow_loads(start: _Start, q: Array) -> Array | None:
     done, step = 0.0, 1.0
     while done < 1.0:
         target = min(1.0, done + step)
-        found = _settle(start, q, 1.0 - target, _LOAD_STEP, _no_shift)
+        found = _settle(start, q, 1.0 - target, replace(_RESTING, corrections=limits.LOAD_STEP_CORRECTIONS), _no_shift)
         if found is not None:
             q, done, step = found, target, 2 * step
         elif step > limits.SHORTEST_LOAD_STEP:
@@ -94,10 +92,10 @@ def _settle(
     start: _Start, q: Array, balanced: float, tolerance: Tolerance, shift: Callable[[Array, Array], float | None]
 ) -> Array | None:
     """Find the rest where a part of the forces at the start is balanced; ``None`` if it isn't found."""
-    system, t, kept = start.system, start.time, balanced * start.forces
+    system, kept = start.system, balanced * start.forces
 
     def residual(q: Array) -> Array:
-        return _forces(system, q, t) - kept
+        return _forces(system, q) - kept
 
     def correction(q: Array, left: Array) -> Array:
         free, M, K = _stiffness(start, q)
@@ -108,7 +106,7 @@ def _settle(
 
     def move(q: Array, change: Array) -> Array:
         moved, rates = move_positions(system.parameters, q, change), np.zeros(system.n)
-        evaluate_projection(system.parameters, t, moved, rates)
+        evaluate_projection(system.parameters, 0.0, moved, rates)
         return moved
 
     reach = _Reach(start)
@@ -146,16 +144,12 @@ def _stiffness(start: _Start, q: Array) -> tuple[Array, Array, Array]:
     """Return a basis of the free directions, (n, k), and mass and tangent stiffness along them, (k, k)."""
     system = start.system
     free = free_directions(system, q) if system.mechanism.closures else np.eye(system.n)
-    return free, free.T @ start.mass @ free, -free.T @ _slopes(system, q, start.time) @ free
+    return free, free.T @ start.mass @ free, -free.T @ _slopes(system, q) @ free
 
 
-def _mass(system: CompiledSystem, q: Array, t: float) -> Array:
-    return system.compiled.mass_matrix(system.compiled.signal_values(t), q)
-
-
-def _positive_mass(system: CompiledSystem, q: Array, t: float) -> Array:
+def _positive_mass(system: CompiledSystem, q: Array) -> Array:
     """Return the mass matrix, which is positive definite."""
-    mass = _mass(system, q, t)
+    mass = system.mass_matrix(q)
     try:
         np.linalg.cholesky(mass)
     except np.linalg.LinAlgError:
@@ -168,23 +162,23 @@ def _no_shift(K: Array, M: Array) -> float | None:
     return 0.0 if _shift(K, M) == 0.0 else None
 
 
-def _forces(system: CompiledSystem, q: Array, t: float) -> Array:
+def _forces(system: CompiledSystem, q: Array) -> Array:
     """Return the generalised forces at rest, those that keep loops closed among them, shape (n,)."""
     still = np.zeros(system.n)
     if not (system.mechanism.closures or system.mechanism.contacts):
-        return -system.compiled.residual(t, q, still, still)
+        return -system.compiled.residual(0.0, q, still, still)
     a = np.zeros(system.n)
-    evaluate(system.parameters, t, q, still, a)
-    return np.asarray(_mass(system, q, t) @ a)
+    evaluate(system.parameters, 0.0, q, still, a)
+    return np.asarray(system.mass_matrix(q) @ a)
 
 
-def _slopes(system: CompiledSystem, q: Array, t: float) -> Array:
+def _slopes(system: CompiledSystem, q: Array) -> Array:
     """Return the derivatives of the forces at rest by changes of the positions, shape (n, n)."""
     still, touches = np.zeros(system.n), bool(system.mechanism.contacts)
 
     def forces(change: Array) -> Array:
         moved = move_positions(system.parameters, q, change)
-        return -system.compiled.residual(t, moved, still, still) if touches else _forces(system, moved, t)
+        return -system.compiled.residual(0.0, moved, still, still) if touches else _forces(system, moved)
 
     slopes = differentiate(forces, still, _nudges(system))
     if not touches:
@@ -242,7 +236,7 @@ _TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.LOOPS_STEADY, 
 
 
 def find_closed_steady_state(
-    system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray], t: float = 0.0
+    system: CompiledSystem, q: Array, v: Array, groups: Sequence[IntArray]
 ) -> tuple[Array, Array]:
     """Find where loads and rotation leave the modes at rest, with rates at which the loops stay closed.
 
@@ -263,16 +257,16 @@ def find_closed_steady_state(
     """
     for following in groups[:-1]:
         with suppress(AccuracyError, np.linalg.LinAlgError):
-            return _find(system, q, v, following, t)
-    return _find(system, q, v, groups[-1], t)
+            return _find(system, q, v, following)
+    return _find(system, q, v, groups[-1])
 
 
-def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: float) -> tuple[Array, Array]:
+def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray) -> tuple[Array, Array]:
     """Find the state with some joints that move."""
     mechanism, n = system.mechanism, system.n
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     if not len(modes):
-        return q, _close_rates(_constraints(system, q, t), v, following)
+        return q, _close_rates(_constraints(system, q), v, following)
     joints = np.setdiff1d(np.arange(n), modes)
     moving, k = np.concatenate([modes, following]), len(modes) + len(following)
     stiffness = np.concatenate([link.omega for link in mechanism.links]) ** 2
@@ -280,20 +274,20 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
     forces_of = np.empty(n)  # what deflects a mode, or moves a joint about as much, by 1
     forces_of[modes] = stiffness
     forces_of[joints] = softest * system.mass_matrix(q).diagonal()[joints]
-    pull = 1 / np.maximum(np.abs(_constraints(system, q, t)[0] / forces_of).max(axis=1), limits.LOOPS_ROUND_OFF)
+    pull = 1 / np.maximum(np.abs(_constraints(system, q)[0] / forces_of).max(axis=1), limits.LOOPS_ROUND_OFF)
 
     State = tuple[Array, Array]  # positions; accelerations of joints and multipliers
 
     def residual(state: State) -> Array:
         """Return the forces, accelerations of residuals and residuals that are left."""
         (positions, others), a = state, np.zeros(n)
-        J, rest_of_rates = _constraints(system, positions, t)
+        J, rest_of_rates = _constraints(system, positions)
         rates = _close_rates((J, rest_of_rates), v, following)
         a[joints] = softest * others[: len(joints)]
-        forces = system.compiled.residual(t, positions, rates, a) - J.T @ (pull * others[len(joints) :])
-        parting = J @ a + _residual_accelerations(system, positions, rates, t)
+        forces = system.compiled.residual(0.0, positions, rates, a) - J.T @ (pull * others[len(joints) :])
+        parting = J @ a + _residual_accelerations(system, positions, rates)
         return np.concatenate(
-            [forces / forces_of, parting / softest, system.compiled.residuals(t, positions, rates)[0]]
+            [forces / forces_of, parting / softest, system.compiled.residuals(0.0, positions, rates)[0]]
         )
 
     def move(state: State, by: Array) -> State:
@@ -313,21 +307,21 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray, t: fl
     found = solve(start, residual, correction, move, _TOLERANCE, size=lambda change: largest(change[:k]), scale=reached)
     q = found.state[0]
     if found.converged and found.residual <= limits.LOOPS_AT_REST * reached(found.state) + limits.LOOPS_NO_FORCE:
-        return q, _close_rates(_constraints(system, q, t), v, following)
+        return q, _close_rates(_constraints(system, q), v, following)
     raise AccuracyError(
         f"no steady state: modes and joints still change by {found.size:.1e}, and forces of {found.residual:.1e} of "
         "what would deflect a mode by 1 are left; the scene turns too fast for the bodies' stiffness"
     )
 
 
-def _constraints(system: CompiledSystem, q: Array, t: float) -> tuple[Array, Array]:
+def _constraints(system: CompiledSystem, q: Array) -> tuple[Array, Array]:
     """Return J (n_rows, n) and the rest of the residuals' rates ``J v + …`` (n_rows,).
 
     It is found by one rate after the other: by way of the inverse mass matrix, massless combinations of modes spoil it.
     """
     none = np.zeros(system.n)
-    _, rest = system.compiled.residuals(t, q, none)
-    return np.stack([system.compiled.residuals(t, q, one)[1] - rest for one in np.eye(system.n)], axis=1), rest
+    _, rest = system.compiled.residuals(0.0, q, none)
+    return np.stack([system.compiled.residuals(0.0, q, one)[1] - rest for one in np.eye(system.n)], axis=1), rest
 
 
 def _close_rates(constraints: tuple[Array, Array], v: Array, following: IntArray) -> Array:
@@ -338,11 +332,11 @@ def _close_rates(constraints: tuple[Array, Array], v: Array, following: IntArray
     return out
 
 
-def _residual_accelerations(system: CompiledSystem, q: Array, v: Array, t: float) -> Array:
+def _residual_accelerations(system: CompiledSystem, q: Array, v: Array) -> Array:
     """Return the accelerations of the residuals where no coordinate accelerates, (n_rows,)."""
     h = limits.LOOPS_MOMENT / max(1.0, largest(v))
 
     def rates(s: float) -> Array:
-        return system.compiled.residuals(t + s, move_positions(system.parameters, q, s * v), v)[1]
+        return system.compiled.residuals(s, move_positions(system.parameters, q, s * v), v)[1]
 
     return np.asarray((rates(h) - rates(-h)) / (2 * h))

@@ -35,7 +35,6 @@ _DIRECTIONS: dict[str, tuple[Direction, bool]] = {
 }
 _ORDERS = {"velocity": 1, "acceleration": 2}
 _COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
-_NOT_LINEAR = ("von Mises", "principal 1", "principal 2", "principal 3")
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def find_output(run: Pipeline, mechanism: Mechanism, name: str) -> Port:
         part = run.parts[body]
         row = part.element_stress[list(part.elements).index(element), _COMPONENTS.index(component)]
         return ModalPort(name, "Pa", mechanism.number_of(body), row)
-    if place in elements and component in _NOT_LINEAR:
+    if place in elements and component in ("von Mises", "principal 1", "principal 2", "principal 3"):
         mend = f"isn't linear in the motion, so it has no transfer function; a component has: {', '.join(_COMPONENTS)}"
         raise InputError("--out", "", name, mend)
     if (found := _find_marker(scene, name)) is not None:

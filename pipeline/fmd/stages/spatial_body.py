@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from fmd.stages.basis import ConstrainedModel
 
 _SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages")
-_PACKAGES = ("numpy", "scipy")
 
 
 def spatial_body(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
@@ -38,7 +37,7 @@ def spatial_body(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
     InputError
         The body has no marker, by which another program could hold it.
     """
-    key = stage_key("spatial body", [part.key("body"), part.key("modes"), stiffened], _SOURCES, _PACKAGES)
+    key = stage_key("spatial body", [part.key("body"), part.key("modes"), stiffened], _SOURCES, ("numpy", "scipy"))
     return part.store.read_or_keep(key, lambda: _reduce(part, stiffened), "FlexibleBody")
 
 

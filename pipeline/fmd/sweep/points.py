@@ -17,7 +17,6 @@ from fmd.sweep.designs import Design, Range, parse_range, require_points, sample
 
 _VARY = "--vary"
 _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
-_PACKAGES = ("gmsh", "llvmlite", "numpy", "scikit-fem", "scipy")
 
 
 @dataclass(frozen=True)
@@ -179,7 +178,7 @@ def point_key(scene: Scene) -> str:
         A file isn't there.
     """
     inputs = {"scene": scene.model_dump(mode="json"), "files": digest_files(scene)}
-    return stage_key("point", inputs, ("fmd", "fmd/meshes"), _PACKAGES)
+    return stage_key("point", inputs, ("fmd", "fmd/meshes"), ("gmsh", "llvmlite", "numpy", "scikit-fem", "scipy"))
 
 
 def _naming_vary(error: InputError, variations: Sequence[Variation]) -> InputError:

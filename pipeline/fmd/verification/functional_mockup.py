@@ -16,7 +16,6 @@ from fmd.verification.case import CaseSkipped, Figure, VerificationCase, open_sc
 # Of the ready scene: rod about its end, slider, its place on the rod, spring, torque.
 _ROD, _SLIDER, _PLACE, _SPRING, _TORQUE = 2.0 * 2.0**2 / 3.0, 5.0, 1.0, 1000.0, 1.7453292519943295
 _START, _END = 0.15, 10.0
-_WAYS = {"model exchange": "ModelExchange", "co-simulation": "CoSimulation"}
 _NAMES = ("hinge.position", "slide.position")
 
 
@@ -42,7 +41,7 @@ def _by_fmpy(cache: Cache | None) -> list[Figure]:
         if not list_platforms(files[0]):
             raise CaseSkipped("no C compiler is installed; pip install ziglang")
         for version, file in zip(("2.0", "3.0"), files, strict=True):
-            for way, kind in _WAYS.items():
+            for way, kind in {"model exchange": "ModelExchange", "co-simulation": "CoSimulation"}.items():
                 rows = fmpy.simulate_fmu(
                     str(file),
                     fmi_type=kind,

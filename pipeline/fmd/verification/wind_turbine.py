@@ -13,7 +13,6 @@ from fmd.reduction.inertia import InertiaIntegrals, inertia_integrals
 from fmd.reduction.modal_data import ModalData
 from fmd.verification.case import Figure, VerificationCase, make_figures
 
-_HEIGHT = 87.6  # of the tower [m]
 _LENGTH, _HUB, _NODES = 61.5, 1.5, 17  # of the blade [m], and points that OpenFAST integrates it by
 # Coefficients of the powers 2 to 6 of the first flap, second flap and first edge mode, from the table's head.
 _FLAP_1 = (0.0622, 1.7254, -3.2452, 4.7131, -2.2555)
@@ -45,7 +44,7 @@ def _tower_terms() -> tuple[float, dict[str, Taylor], dict[str, Taylor]]:
     from scipy.linalg import eigh
 
     fraction, mass, stiffness = _read_table("nrel-5mw-tower.csv")
-    z = fraction * _HEIGHT
+    z = fraction * 87.6  # of the tower [m]
     s, weight = (a + b for a, b in zip(np.polynomial.legendre.leggauss(5), ((1.0, 0.0)), strict=True))
     s, weight = 0.5 * s, 0.5 * weight
     n = len(z)

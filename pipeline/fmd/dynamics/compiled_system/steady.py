@@ -14,8 +14,8 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 _TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.STEADY)
 
 
-def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0) -> Array:
-    """Find positions (n_positions,) with the modes where rates v and loads at t [s] leave them at rest in their frames.
+def find_steady_state(system: CompiledSystem, q: Array, v: Array) -> Array:
+    """Find positions (n_positions,) at which rates v and the loads of the start leave the modes at rest in their frames.
 
     Raises
     ------
@@ -26,13 +26,13 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
     mechanism, compiled = system.mechanism, system.compiled
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     joints = np.setdiff1d(np.arange(mechanism.n), modes)
-    at, inputs = modes + mechanism.position_shift, compiled.signal_values(t)
+    at, inputs = modes + mechanism.position_shift, compiled.signal_values(0.0)
     State = tuple[Array, Array]  # positions, and accelerations, which are 0 in the modes
 
     # The forces that are left where the modes don't accelerate are smoother than accelerations: massless
     # combinations of modes make these steep.
     def residual(state: State) -> Array:
-        return state[1] - compiled.accelerations(t, state[0], v)
+        return state[1] - compiled.accelerations(0.0, state[0], v)
 
     def slopes(state: State) -> tuple[Array, Array]:
         by_q, _, M = compiled.tangents(inputs, state[0], v, state[1])
@@ -49,7 +49,7 @@ def find_steady_state(system: CompiledSystem, q: Array, v: Array, t: float = 0.0
         return q, a
 
     a = np.zeros(mechanism.n)
-    a[joints] = compiled.accelerations(t, q, v)[joints]
+    a[joints] = compiled.accelerations(0.0, q, v)[joints]
     found = solve(
         (q, a),
         residual,

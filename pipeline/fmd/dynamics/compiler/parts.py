@@ -29,8 +29,6 @@ SPACING = 1 << 20
 """From one value to the next in a shared function's numbering of places; each call says where they are."""
 
 _INPUTS, _CONSTANTS = ("input", "vector input"), ("number", "array")
-_COMMUTATIVE = ("add", "multiply", "dot")
-_OF_ARRAYS = ("array", "diagonal", "matrix", "piece", "pick")
 
 
 @dataclass(frozen=True)
@@ -260,11 +258,11 @@ class _Copy:
         operation, arguments, data, size = self._of.nodes[number]
         numbers = self._numbers
         copied = tuple([numbers[k] if k in numbers else self.add(k) for k in arguments])
-        if operation in _COMMUTATIVE:
+        if operation in ("add", "multiply", "dot"):
             copied = copied if copied[0] < copied[1] else copied[::-1]
         elif operation == "number":
             data = self._replace_number(data)  # type: ignore[arg-type]
-        elif operation in _OF_ARRAYS:
+        elif operation in ("array", "diagonal", "matrix", "piece", "pick"):
             data = self._copy_array(data)  # type: ignore[arg-type]
         return self._append(number, (operation, copied, data, size))
 

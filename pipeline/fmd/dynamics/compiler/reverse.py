@@ -10,8 +10,6 @@ from fmd.dynamics.compiler.differentiate import function_slope, power_slope
 from fmd.dynamics.compiler.functions import FUNCTIONS
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine, total
 
-_CONSTANT = ("number", "array", "below", "piece", "pick", "floor")
-
 
 def differentiate_sum(
     graph: Graph, outputs: Sequence[Scalar | Vector], weights: Sequence[Scalar | Vector]
@@ -28,7 +26,7 @@ def differentiate_sum(
     found: dict[int, Scalar | Vector] = {}
     for number in reversed(graph.live(output.node for output in outputs)):
         change, operation = sums.take(number), graph.nodes[number].operation
-        if change is None or change.is_zero or operation in _CONSTANT:
+        if change is None or change.is_zero or operation in ("number", "array", "below", "piece", "pick", "floor"):
             continue
         if operation in ("input", "vector input"):
             found[number] = change

@@ -87,7 +87,6 @@ class WedgeElement(OwnElement):
 
 _LINEAR, _QUADRATIC = partial(WedgeElement, 1), partial(WedgeElement, 2)
 _WEDGE6 = ElementKind("wedge6", 13, Wedge, 1, _LINEAR, _LINEAR, 2, 3, 2)
-_WEDGE15 = ElementKind("wedge15", 26, Wedge, 2, _QUADRATIC, _QUADRATIC, 4, 6, 2)
 
 CELLS = (
     SolidCell("wedge", Wedge, 1, (_WEDGE6,), nastran=("CPENTA",)),
@@ -95,7 +94,7 @@ CELLS = (
         "wedge15",
         Wedge,
         2,
-        (_WEDGE15,),
+        (ElementKind("wedge15", 26, Wedge, 2, _QUADRATIC, _QUADRATIC, 4, 6, 2),),
         nastran=("CPENTA",),
         nastran_order=(*range(9), *range(12, 15), *range(9, 12)),  # its upright edges come before the upper ones
     ),

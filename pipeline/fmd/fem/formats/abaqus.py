@@ -30,7 +30,6 @@ _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
 _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
 _FORTRAN = re.compile(r"(?<![\w.+-])([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)(?![\w.])")
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
-_GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE")
 _LINKS = ("DISTRIBUTING COUPLING", "MPC", "PRE-TENSION SECTION", "SHELL TO SOLID COUPLING", "EMBEDDED ELEMENT")
 _SECTIONS = ("SHELL SECTION", "BEAM SECTION", "BEAM GENERAL SECTION", "SHELL GENERAL SECTION")
 _SPACED = {keyword.replace(" ", ""): keyword for keyword in (*_LINKS, *_SECTIONS, *LINK_KEYWORDS)}
@@ -155,7 +154,7 @@ class _Deck:
                 self.instances += 1
                 if any(float(item or 0) for row in data for item in row):
                     raise MeshFileError(f"an instance is moved; {_WRITE_FLAT}")
-            case _ if keyword in _GENERATED:
+            case _ if keyword in ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE"):
                 raise MeshFileError(f"*{keyword} isn't read; {_WRITE_FLAT}")
             case "PART":
                 self.parts += 1

@@ -17,7 +17,6 @@ from fmd.core.files import refusing, whole_file
 from fmd.fem.cells.table import complete_dimensions
 from fmd.fem.mesh import SolidMesh
 
-_UNNAMED = "unnamed"
 complete_dimensions(_mesh.topological_dimension)
 
 
@@ -90,7 +89,7 @@ def _to_gmsh(mesh: SolidMesh) -> meshio.Mesh:
     numbers = part_numbers(mesh)
     names = dict(enumerate(mesh.parts, start=1))
     if not numbers.all():
-        names[len(names) + 1] = _UNNAMED
+        names[len(names) + 1] = "unnamed"
         numbers[numbers == 0] = len(names)
     used = np.unique(numbers)
     tags = [numbers[numbers == number] for number in used]

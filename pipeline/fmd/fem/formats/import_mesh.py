@@ -25,7 +25,6 @@ from fmd.fem.mesh import SolidMesh, rows_among
 _TEXT_READERS = dict.fromkeys(abaqus.SUFFIXES, abaqus.read_abaqus) | dict.fromkeys(
     nastran.SUFFIXES, nastran.read_nastran
 )
-_CAD = (".step", ".stp", ".iges", ".igs", ".brep")
 T = TypeVar("T")
 
 
@@ -85,7 +84,7 @@ def read_raw(path: Path) -> RawMesh:
             raise MeshFileError("is a folder; give the mesh file in it" if path.is_dir() else "no such file")
         if path.stat().st_size > MOST_MESH_BYTES:
             raise MeshFileError(f"is over {MOST_MESH_BYTES / 1e9:g} GB")
-        if path.suffix.lower() in _CAD:
+        if path.suffix.lower() in (".step", ".stp", ".iges", ".igs", ".brep"):
             raise MeshFileError("is CAD, no mesh; give it as mesh = { cad = …, size = … }")
         if reader is None:
             return read_by_meshio(path)

@@ -20,7 +20,6 @@ from fmd.fem.elements import match_nodes
 from fmd.fem.formats.export import part_numbers
 from fmd.fem.space import Discretisation
 
-_VERSION = (2, 0)
 _TENSOR = [0, 1, 2, 5, 3, 4]  # from xx, yy, zz, yz, xz, xy to VTK's order, which ends xy, yz, xz
 
 
@@ -61,7 +60,7 @@ def write_series(
         raise ValueError("times have to ascend, and to be one at least")
     with whole_file(path) as part, h5py.File(part, "w") as file:
         root = file.create_group("VTKHDF")
-        root.attrs["Version"] = _VERSION
+        root.attrs["Version"] = (2, 0)
         root.attrs["Type"] = np.bytes_("UnstructuredGrid")
         _write_mesh(root, space)
         _write_fields(root, len(space.x), len(times), fields)

@@ -145,7 +145,7 @@ def _name_derivatives(states: Sequence[FmuVariable]) -> list[FmuVariable]:
             variability="continuous",
             initial="calculated",
             start=None,
-            unit=_RATES.get(state.unit, ""),
+            unit={"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}.get(state.unit, ""),
             description="",
             state=state.reference,
         )
@@ -179,7 +179,6 @@ def units_of(variables: tuple[FmuVariable, ...]) -> Iterator[tuple[str, dict[str
         yield unit, _EXPONENTS[unit]
 
 
-_RATES = {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}
 _EXPONENTS: dict[str, dict[str, int]] = {
     "s": {"s": 1},
     "m": {"m": 1},

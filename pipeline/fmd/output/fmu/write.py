@@ -39,7 +39,6 @@ _FIXED = (
     "wide.c",
     "wide.h",
 )
-_DATE = (1980, 1, 1, 0, 0, 0)  # the same input makes the same file
 
 
 def write_fmu(run: Pipeline, _body: str | None, path: Path) -> list[Path]:
@@ -179,6 +178,6 @@ def _members_fmi3(
 def _write_zip(path: Path, members: Mapping[str, bytes]) -> None:
     with whole_file(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in members.items():
-            entry = zipfile.ZipInfo(name, _DATE)
+            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))  # the same input makes the same file
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, data)

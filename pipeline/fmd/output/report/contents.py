@@ -26,8 +26,6 @@ from fmd.output.views import camera_of
 from fmd.render.camera import Camera
 from fmd.stages.pipeline import Pipeline
 
-_SMALL = [800, 450]  # pixels
-_LARGE = [1280, 720]
 _MEANT = {"mesh": "the mesh", "modes": "the modes", "time": "the integration", "model": "the model"}
 _PACKAGES = ("numpy", "scipy", "gmsh", "scikit-fem", "llvmlite", "pyvista", "vtk", "matplotlib")
 
@@ -117,7 +115,7 @@ def _collect_motion(run: Pipeline) -> dict[str, Any]:
 def _draw_still(run: Pipeline) -> dict[str, str]:
     """Draw the mechanism at its worst instant, or at all if nothing is stressed."""
     stressed = any(part.is_drawn for part in run.wholes.values())
-    (still,) = draw_inline(run, "stress" if stressed else "mechanism", scale=_scale_of(run), size=_LARGE)
+    (still,) = draw_inline(run, "stress" if stressed else "mechanism", scale=_scale_of(run), size=[1280, 720])
     return image_of(still.png, f"{run.scene.title} at its worst instant" if stressed else run.scene.title)
 
 
@@ -133,7 +131,7 @@ def _giving_view(run: Pipeline, key: str) -> Any:
 
 
 def _draw_modes(run: Pipeline) -> list[dict[str, str]]:
-    drawn = draw_inline(run, "modes", range(1, REPORTED_MODES + 1), size=_SMALL)
+    drawn = draw_inline(run, "modes", range(1, REPORTED_MODES + 1), size=[800, 450])  # pixels
     return [
         image_of(picture.png, f"mode {k + 1}, {run.modes.frequencies_hz[k]:.1f} Hz") for k, picture in enumerate(drawn)
     ]

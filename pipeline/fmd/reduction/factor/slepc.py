@@ -25,7 +25,6 @@ from fmd.reduction.factor.factor import Factor, MissingSolverError
 from fmd.reduction.factor.figures import FactorFigures
 
 PYTHON = "FMD_SLEPC_PYTHON"  # environment variable: the interpreter that has slepc4py, if ours hasn't
-_WORKER = Path(__file__).with_name("slepc_worker.py")
 _INSTALL = (
     "slepc4py is not installed: apt-get install python3-slepc4py and set "
     f"{PYTHON}=/usr/bin/python3, or pip install petsc slepc petsc4py slepc4py, which builds for a quarter of an hour"
@@ -60,7 +59,7 @@ class _Ranks:
     """Processes of a distributed factor, and the folder that hands matrices and vectors over to them."""
 
     def __init__(self, A: Any, ranks: int) -> None:
-        command = [_python(), str(_WORKER)]
+        command = [_python(), str(Path(__file__).with_name("slepc_worker.py"))]
         if ranks > 1:
             if shutil.which("mpiexec") is None:
                 raise MissingSolverError(

@@ -26,7 +26,6 @@ from petsc4py import PETSc  # noqa: E402
 from slepc4py import SLEPc  # noqa: E402
 
 # Packages that factorise over all ranks, best first.
-_PARALLEL = ("mumps", "superlu_dist")
 
 
 def _matrix(folder: Path, name: str) -> Any:
@@ -61,7 +60,7 @@ class _Distributed:
         self._A = _matrix(folder, "A")
         self._rows = slice(*_rows(self._A.getSize()[0]))
         ranks = PETSc.COMM_WORLD.getSize()
-        self.package = next((p for p in _PARALLEL if PETSc.Sys.hasExternalPackage(p)), "petsc")
+        self.package = next((p for p in ("mumps", "superlu_dist") if PETSc.Sys.hasExternalPackage(p)), "petsc")
         self._ksp = PETSc.KSP().create(PETSc.COMM_WORLD)
         self._ksp.setOperators(self._A)
         self._ksp.setType("preonly")

@@ -15,14 +15,13 @@ from fmd.scene.joints.joint import Mark
 from fmd.scene.values import Axis
 
 _HALF = ElementaryMotion(ACROSS[0], factor=0.5)
-_NO_TWIST = (ACROSS, (ACROSS[1], f"-{ACROSS[0]}"))
 
 CONSTANT_VELOCITY = JointKind(
     "constant-velocity",
     ("rad", "rad"),
     turns=(_HALF, ElementaryMotion(ACROSS[1], 1), _HALF),
     points=SPACE,
-    squares=(_NO_TWIST,),
+    squares=((ACROSS, (ACROSS[1], f"-{ACROSS[0]}")),),
 )
 
 

@@ -19,7 +19,6 @@ POSITION_KEYS = frozenset({"angle", "angles", "position"})
 """Keys of joints that give coordinates at the start."""
 RATE_KEYS = ("rate", "rates", "spin", "velocity")
 """Keys of joints that give rates at the start."""
-_SCALARS = (("position", "m"), ("angle", "rad"))
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ class JointTable(SceneTable):
     @property
     def position_key(self) -> str:
         """Key of the coordinate of a joint that has one."""
-        return next(key for key, unit in _SCALARS if unit == self.kind.unit)
+        return next(key for key, unit in (("position", "m"), ("angle", "rad")) if unit == self.kind.unit)
 
     @property
     def along(self) -> tuple[Along, ...]:
