@@ -19,7 +19,7 @@ sys.path.append(str(Path(__file__).parents[1]))
 from benchmarks.table_format import machine, write_rows
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
-from fmd.render.precision_chart import draw_work_precision
+from fmd.render.plane_charts import draw_work_precision
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
 

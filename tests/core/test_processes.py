@@ -13,8 +13,8 @@ from fmd.core.errors import InputError
 from fmd.core.processes import ChildError, run_child
 from fmd.fem.formats.meshio_reader import read_by_meshio
 from fmd.meshes.gmsh_session import gmsh_model
-from fmd.output.drawing_process import DrawingProcess
 from fmd.output.fmu.build import TARGETS, _run
+from fmd.output.picture_files import DrawingProcess
 from fmd.render.rendering_check import rendering_failure
 from fmd.stages.meshing import cad_files
 from fmd.stages.meshing.cad_files import describe_cad_file, mesh_cad_file

@@ -12,7 +12,7 @@ import pytest
 
 from fmd.core.errors import InputError
 from fmd.meshes.gmsh_session import gmsh_model
-from fmd.output.drawing_process import DrawingProcess
+from fmd.output.picture_files import DrawingProcess
 from fmd.render.calls import draw_here
 from fmd.render.chart_data import Curve
 

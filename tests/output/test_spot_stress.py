@@ -6,7 +6,7 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
-from fmd.output.spot_stress import spot_stress_warnings
+from fmd.output.stress_warnings import spot_stress_warnings
 
 FORCE, LENGTH, DEPTH, WIDTH = 10.0, 0.2, 0.008, 0.02
 SCENE = f"""

@@ -17,8 +17,8 @@ import rainflow
 
 from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
-from fmd.output.output_times import output_time_warnings
 from fmd.output.stress_fields import draw_envelope, draw_fatigue, find_fatigue, life_intervals
+from fmd.output.stress_warnings import output_time_warnings
 from fmd.output.summary import summarise
 from fmd.recovery.stress import stress_measure
 from tests.output.test_histories import SCENE

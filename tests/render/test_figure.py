@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fmd.render.figure import open_figure, style_axes
+from fmd.render.charts import open_figure, style_axes
 
 
 def test_a_figure_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmd.render.precision_chart import draw_work_precision
+from fmd.render.plane_charts import draw_work_precision
 
 
 def test_every_method_is_named_and_drawn(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def optimise(
     points
         Number of designs of a front; 7 by default.
     """
-    from fmd.fitting.design_files import write_design, write_front
+    from fmd.fitting.fit_files import write_design, write_front
     from fmd.fitting.optimise import optimise_scene, read_limits
     from fmd.fitting.pareto import find_front
     from fmd.fitting.varied import read_varied

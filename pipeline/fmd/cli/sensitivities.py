@@ -44,8 +44,8 @@ def sensitivities(
     sample
         Number of scenes within the tolerances that are computed, beside their combination to first order.
     """
+    from fmd.fitting.fit_files import write_sensitivities, write_uncertainties
     from fmd.fitting.sensitivities import jacobian
-    from fmd.fitting.sensitivity_files import write_sensitivities, write_uncertainties
     from fmd.fitting.uncertainty import combine_tolerances
 
     names, keys = split_names("--of", of), split_names("--to", to or [])

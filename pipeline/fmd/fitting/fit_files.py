@@ -1,4 +1,4 @@
-"""Fits as files: a chart, the histories, the figures, and the scene with the fitted numbers."""
+"""Files of fits, designs and sensitivities: tables, charts, and scenes with the numbers found."""
 
 from __future__ import annotations
 
@@ -8,10 +8,147 @@ from pathlib import Path
 
 import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.core.files import number_texts, write_table, write_text
+from fmd.core.limits.shown import DIGITS
 from fmd.fitting.changed_scene import write_changed_scene
 from fmd.fitting.fit import Fit
+from fmd.fitting.optimise import Optimum
+from fmd.fitting.sensitivities import Sensitivity
+from fmd.fitting.uncertainty import Uncertainty
 from fmd.scene.scene import Scene
+
+
+def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folder: Path, title: str) -> list[str]:
+    """Write sensitivities into a folder and return the names of the files.
+
+    Parameters
+    ----------
+    found : sequence of Sensitivity
+        One at least.
+    times : ndarray, optional
+        Output times of the histories among them [s].
+    title : str
+        Heading of the chart.
+
+    Raises
+    ------
+    OSError
+        The folder can't be written.
+    """
+    rows = [each.row() for each in found]
+    cells = [{**row, **_bounds(row.pop("interval"))} for row in rows]
+    _write(folder / "sensitivities.csv", list(cells[0]), [[*row.values()] for row in cells])
+    files = ["sensitivities.csv"]
+    histories = [each for each in found if each.value.ndim]
+    if histories and times is not None:
+        columns = {each.channel.name: (each.channel, each.value) for each in histories}
+        header = ["time [s]", *(f"{channel.name} [{channel.unit}]" for channel, _ in columns.values())]
+        header += [f"d {each.channel.name} / d ln {each.parameter.key} [{each.channel.unit}]" for each in histories]
+        arrays = [times, *(value for _, value in columns.values())]
+        arrays += [each.slope * each.parameter.value for each in histories]
+        _write(
+            folder / "sensitivity-histories.csv", header, [[float(x) for x in row] for row in zip(*arrays, strict=True)]
+        )
+        files.append("sensitivity-histories.csv")
+    bars: dict[str, list[tuple[str, float, float]]] = {}
+    for each in found:
+        if each.row()["relative"] is not None:
+            bars.setdefault(each.channel.name, []).append((each.parameter.key, each.relative, each.relative_error))
+    if bars:
+        from fmd.render.fit_chart import draw_tornado
+
+        label = "change of the result [%] by a change of the number of 1 %"
+        draw_tornado(bars, folder / "sensitivities.png", title=title, label=label)
+        files.append("sensitivities.png")
+    return files
+
+
+def write_uncertainties(found: Sequence[Uncertainty], folder: Path, title: str) -> list[str]:
+    """Write what tolerances make of results as a table and a chart into a folder, and return the files' names.
+
+    Raises
+    ------
+    OSError
+        The folder can't be written.
+    """
+    from fmd.render.fit_chart import draw_tornado
+
+    cells: list[list[object]] = []
+    bars: dict[str, list[tuple[str, float, float]]] = {}
+    for each in found:
+        row = each.row()
+        for key, change in each.shares.items():
+            parts = [each.channel.name, each.value, each.channel.unit, row["half_width"], key, change]
+            cells.append([*parts, row["contributions"][key]])
+            if each.value:
+                bars.setdefault(each.channel.name, []).append((key, 100.0 * change / abs(each.value), 0.0))
+    header = ["of", "value", "unit", "half_width", "number", "change_by_tolerance", "part_of_variance"]
+    _write(folder / "uncertainties.csv", header, cells)
+    if not bars:
+        return ["uncertainties.csv"]
+    label = "change of the result [%] by the number's tolerance"
+    draw_tornado(bars, folder / "uncertainties.png", title=title, label=label)
+    return ["uncertainties.csv", "uncertainties.png"]
+
+
+def _bounds(interval: list[float] | None) -> dict[str, float | None]:
+    low, high = interval or (None, None)
+    return {"relative_low": low, "relative_high": high}
+
+
+def _write(path: Path, header: list[str], rows: Sequence[Sequence[object]]) -> None:
+    write_table(path, header, ([f"{x:.{DIGITS}g}" if isinstance(x, float) else x for x in row] for row in rows))
+
+
+def write_design(found: Optimum, folder: Path, given: str, overrides: Sequence[str], name: str = "design") -> list[str]:
+    """Write a design as a scene and its figures as JSON into a folder, and return the files' names.
+
+    Parameters
+    ----------
+    given : str
+        The scene's name or path, as it was given.
+    overrides : sequence of str
+        Values that were used instead of the scene's own, ``key=value``.
+    name : str
+        Of the files, without suffix.
+
+    Raises
+    ------
+    OSError
+        The folder can't be written.
+    """
+    aim, *others = found.summary()["results"]
+    comments = [f"The design of {given} with the {'least' if found.sign > 0 else 'largest'} {_value(aim)}"]
+    comments += [f"{_value(row)} {row['must']} {row['limit']:.6g}" if row["must"] else _value(row) for row in others]
+    write_changed_scene(found.space.run.scene, found.design.values, folder / f"{name}.toml", given, comments, overrides)
+    write_text(folder / f"{name}.json", json.dumps(found.summary(), indent=1))
+    return [f"{name}.toml", f"{name}.json"]
+
+
+def write_front(found: Sequence[Optimum], folder: Path, given: str, overrides: Sequence[str], title: str) -> list[str]:
+    """Write the designs of a front, a table and a chart of them into a folder, and return the files' names."""
+    from fmd.render.plane_charts import draw_front
+
+    files = [
+        name
+        for number, each in enumerate(found, start=1)
+        for name in write_design(each, folder, given, overrides, f"design-{number}")
+    ]
+    first = found[0].design
+    names = [f"{parameter.key} [{parameter.unit}]".removesuffix(" []") for parameter in first.values]
+    names += [f"{channel.name} [{channel.unit}]".removesuffix(" []") for channel in first.channels]
+    rows = [[*each.design.values.values(), *(float(x) for x in each.design.results)] for each in found]
+    write_table(folder / "front.csv", names, number_texts(rows))
+    aims = (len(first.values), len(names) - 1)
+    x, y = ([row[k] for row in rows] for k in aims)
+    draw_front(x, y, folder / "front.png", title=title, labels=(names[aims[0]], names[aims[1]]))
+    return [*files, "front.csv", "front.png"]
+
+
+def _value(row: dict[str, object]) -> str:
+    value = row["value"]
+    return f"{row['name']} = {'infinite' if value is None else f'{value:.6g}'} {row['unit']}".rstrip()
 
 
 def write_fit(

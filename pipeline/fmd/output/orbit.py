@@ -25,7 +25,7 @@ def draw_orbit(run: Pipeline, output: Orbit, folder: Path, draw: Drawer = draw_h
     """Draw the path of a marker by each run."""
     shown = _shown_times(run, output)
     draw(
-        "orbit_chart.draw_orbits",
+        "plane_charts.draw_orbits",
         {label: _path(run, output, motion)[shown] for label, motion in run.motions.items()},
         folder / output.file,
         title=output.title or f"{run.scene.title}: path of {output.marker}",

@@ -29,8 +29,7 @@ from fmd.output.mechanism_figures import (
     periodic_warnings,
 )
 from fmd.output.output_kinds import kind_of
-from fmd.output.output_times import output_time_warnings
-from fmd.output.spot_stress import limitless_warnings, spot_stress_warnings
+from fmd.output.stress_warnings import limitless_warnings, output_time_warnings, spot_stress_warnings
 from fmd.output.variable_errors import why_no_budget
 from fmd.recovery.motion import Motion
 from fmd.stages.division import part_of

@@ -31,6 +31,7 @@ from fmd.stages.run_checks import require_no_contact
 
 _PEERS = Path(__file__).parents[3] / "benchmarks"
 _PEER_SCRIPTS = ("exudyn_peer", "exudyn_chains", "heyoka_peer")  # each has CASES, and measures one of them by `measure`
+_EMPTY: Any = None
 
 
 class Errors(NamedTuple):
@@ -166,7 +167,7 @@ def errors_of(run: Pipeline) -> ErrorsOf:
 
     The tip of a flexible body on the ground is seen from its joint, any other in space.
     """
-    empty, seen_from_joint = Motion(run.mechanism, None, run.divided_scene.simulation.tip), _from_joint(run)
+    empty, seen_from_joint = Motion(run.mechanism, _EMPTY, run.divided_scene.simulation.tip), _from_joint(run)
 
     def errors(trajectory: Trajectory, exact: Trajectory) -> Errors:
         one, other = replace(empty, trajectory=trajectory), replace(empty, trajectory=exact)
@@ -214,7 +215,7 @@ def peer_rows(scene: str) -> list[WorkPrecisionRow]:
 
 def write_comparison(run: Pipeline, result: WorkPrecision, folder: Path, name: str) -> list[str]:
     """Write the rows as CSV, after a line that names the machine, and the chart; return the files' names."""
-    from fmd.render.precision_chart import draw_work_precision
+    from fmd.render.plane_charts import draw_work_precision
 
     machine = f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}"
     note = f"# {machine}; two references differ by {result.reference_error:.1e}\n"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.render.figure import open_figure, style_axes
+from fmd.render.charts import open_figure, style_axes
 
 _APART = 0.045  # least distance of labels, over the chart's width or height
 

@@ -1,23 +1,56 @@
-"""Charts over time, with the differences of further curves from the first."""
+"""Charts over time with differences from the first curve, and the style and the files that all charts share."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from fmd.core.arrays import Array
+from fmd.core.files import whole_file
 from fmd.core.limits.shown import SEEN_ERROR
 from fmd.render.chart_data import Band, Curve
-from fmd.render.figure import open_figure, style_axes
+
+
+@contextmanager
+def open_figure(path: Path, size: tuple[float, float], dots_per_inch: int, padding: float = 0.04) -> Iterator[Figure]:
+    """Open an empty figure and, unless an error occurs, save it in the format of the path's suffix.
+
+    Parameters
+    ----------
+    size : tuple of float
+        Width and height [inches].
+    dots_per_inch : int
+        Resolution of a PNG.
+    padding : float
+        Space around the contents [inches].
+    """
+    figure = Figure(figsize=size, dpi=dots_per_inch, layout=ConstrainedLayoutEngine(w_pad=padding, h_pad=padding))
+    FigureCanvasAgg(figure)
+    yield figure
+    with whole_file(path) as part:
+        figure.savefig(part)
+
+
+def style_axes(axes: Axes, xlabel: str, ylabel: str, title: str = "") -> None:
+    """Label the axes, add a grid, and leave out the frame's top and right."""
+    axes.set_xlabel(xlabel, fontsize=12)
+    axes.set_ylabel(ylabel, fontsize=12)
+    axes.set_title(title, fontsize=14)
+    axes.grid(True, which="major", color="0.88")
+    axes.spines[["top", "right"]].set_visible(False)
+
 
 SIZE_INCHES = (10.0, 6.0)
 DOTS_PER_INCH = 160

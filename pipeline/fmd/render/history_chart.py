@@ -12,8 +12,7 @@ from fmd.core.arrays import Array
 from fmd.core.html import prefix_for
 from fmd.core.limits.shown import CHARTED_QUANTITIES, SEEN_ERROR
 from fmd.render.chart_data import HistoryFrame
-from fmd.render.charts import COLOURS, time_axis
-from fmd.render.figure import open_figure, style_axes
+from fmd.render.charts import COLOURS, open_figure, style_axes, time_axis
 
 _FRAME_INCHES = (6.4, 3.0)
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.shown import BAND_OPACITY, LEAST_OF_BAND
-from fmd.render.charts import COLOURS
-from fmd.render.figure import open_figure, style_axes
+from fmd.render.charts import COLOURS, open_figure, style_axes
 
 _WIDE = 1e4  # ratio of frequencies from which their axis is logarithmic
 

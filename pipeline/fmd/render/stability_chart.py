@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from fmd.core.arrays import Array, require_shape
-from fmd.render.figure import open_figure
+from fmd.render.charts import open_figure
 
 LEAST_GROWTH, MOST_GROWTH = 1e-6, 10.0  # ends of the colour scale
 SURFACE_LINES = 50

@@ -13,8 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fmd.core.arrays import Array
-from fmd.render.charts import COLOURS
-from fmd.render.figure import open_figure, style_axes
+from fmd.render.charts import COLOURS, open_figure, style_axes
 
 _PANEL_INCHES = (6.4, 4.4)
 _WIDE = 30.0  # largest value over the smallest, from which on an axis is logarithmic

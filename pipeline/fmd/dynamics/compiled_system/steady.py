@@ -15,7 +15,7 @@ _TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.STEADY)
 
 
 def find_steady_state(system: CompiledSystem, q: Array, v: Array) -> Array:
-    """Find positions (n_positions,) at which rates v and the loads of the start leave the modes at rest in their frames.
+    """Find positions (n_positions,) where rates v and the loads of the start leave the modes at rest in their frames.
 
     Raises
     ------
