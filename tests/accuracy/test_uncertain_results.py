@@ -9,7 +9,7 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import Budget
 from fmd.accuracy.time_limit import TIME_IS_SHORT
 from fmd.core.cache import Cache
-from fmd.output.key_figures import largest_stress
+from fmd.output.stated_errors import largest_stress
 from fmd.output.summary import _budget_warnings, summarise
 
 LENGTH, RATE, DENSITY = 1.0, 20.0, 2700.0

@@ -13,7 +13,7 @@ from fmd.core.errors import AccuracyError
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.protocol import Progress, State, Trajectory
 from fmd.integrators.side_by_side import March, march_at_once, march_in_turn, time_by_turns
-from fmd.output.key_figures import run_time
+from fmd.output.stated_errors import run_time
 
 NOTHING = np.zeros((1, 0))
 FOUND = Trajectory("", 1.0, 1, np.zeros(1), NOTHING, NOTHING, 0, 0, 2.0, State(0, *NOTHING, *NOTHING, *NOTHING))

@@ -17,9 +17,9 @@ from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import require_finite, write_text
-from fmd.output.key_figures import key_figures
 from fmd.output.notebook import draw_inline
 from fmd.output.result_figures import result_figures
+from fmd.output.stated_errors import key_figures
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.toml_files import find_scene, list_ready_scenes

@@ -15,9 +15,16 @@ from fmd.core.html import scaled
 from fmd.core.limits.shown import BRIEF, LINE_POLES
 from fmd.core.limits.stability import COUPLED, GROWING
 from fmd.output.explain import Forecast, forecast_run
-from fmd.output.key_figures import largest_deflection, largest_stress, run_time
 from fmd.output.mechanism_figures import describe_periodic
-from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, with_plain_error, worst_details
+from fmd.output.stated_errors import (
+    ERROR_COLUMNS,
+    error_cells,
+    largest_deflection,
+    largest_stress,
+    run_time,
+    with_plain_error,
+    worst_details,
+)
 from fmd.output.summary import UNMET, UNMOVED
 from fmd.output.write import write_results
 

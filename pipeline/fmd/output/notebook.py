@@ -13,9 +13,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from fmd.core.errors import InputError
 from fmd.core.html import facts
-from fmd.output.key_figures import key_figures
 from fmd.output.output_kinds import kind_of, kinds_that
 from fmd.output.pictures import draw_modes
+from fmd.output.stated_errors import key_figures
 from fmd.scene.outputs import OUTPUT_MODELS, Output
 from fmd.scene.reading import Fault, join_errors, list_faults, suggest_name
 from fmd.stages.pipeline import Pipeline

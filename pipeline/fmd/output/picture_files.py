@@ -7,10 +7,10 @@ import subprocess
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import IO, Any, Self
 
 from fmd.core.cache import stage_key
 from fmd.core.encoding import decode, encode
@@ -33,7 +33,7 @@ class DrawingProcess:
         self._calls: list[Path] = []
         self._n_calls = 0
 
-    def __enter__(self) -> DrawingProcess:
+    def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory(prefix="fmd-")
         self._errors: IO[str] = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")
         return self
@@ -161,7 +161,7 @@ def picture_key(run: Pipeline, output: Any) -> str:
     return stage_key(_STAGE, shown, ("fmd", "fmd/meshes"), (*_PACKAGES, "scipy", "scikit-fem", "gmsh"))
 
 
-class Pictures:
+class Pictures(DrawingProcess):
     """Outputs of a scene that are drawn in another process while the run goes on, unless they are kept.
 
     Parameters
@@ -171,32 +171,15 @@ class Pictures:
     """
 
     def __init__(self, outputs: Sequence[Any], scene_file: str) -> None:
+        super().__init__(scene_file)
         self._outputs = outputs
-        self._process = DrawingProcess(scene_file)
         self._drawn: dict[str, list[str]] = {}  # names of files by the name in the output
         self._kept: dict[str, dict[str, bytes]] = {}
 
-    def __enter__(self) -> Pictures:
-        self._process.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._process.__exit__(kind, error, trace)
-
-    def start(self, run: Pipeline) -> None:
+    def prepare(self, run: Pipeline) -> None:
         """Start the process if something will have to be drawn."""
         if not all(run.store.cache.holds(picture_key(run, output)) for output in self._outputs):
-            self._process.start()
-
-    def require_ready(self) -> None:
-        """Raise ``InputError`` if this machine can't draw what will have to be drawn."""
-        self._process.require_ready()
-
-    def paused(self) -> AbstractContextManager[None]:
-        """Make a context in which nothing is drawn, so that other work can be timed."""
-        return self._process.paused()
+            self.start()
 
     def begin(self, run: Pipeline, still: bool) -> None:
         """Begin to draw the outputs that show a part alone, or those that show its motion."""
@@ -215,9 +198,9 @@ class Pictures:
                 self._kept[output.file] = kept
 
     def _draw(self, run: Pipeline, output: Any) -> None:
-        draw, folder = kind_of(output).draw, self._process.folder
+        draw = kind_of(output).draw
         assert draw is not None
-        self._drawn[output.file] = run.store.compute(_STAGE, lambda: draw(run, output, folder, self._process))
+        self._drawn[output.file] = run.store.compute(_STAGE, lambda: draw(run, output, self.folder, self))
 
     def write(self, run: Pipeline, folder: Path) -> list[str]:
         """Wait until everything is drawn, and write the files into a folder; return their names.
@@ -228,14 +211,14 @@ class Pictures:
             The process that draws has died.
         """
         if self._drawn:
-            run.store.compute(_STAGE, self._process.finish)
+            run.store.compute(_STAGE, self.finish)
         if self._kept:
             run.log.add(_STAGE, 0.0, run.log.cached)
         names: list[str] = []
         for output in self._outputs:
             files = self._kept.get(output.file)
             if files is None:
-                files = {name: (self._process.folder / name).read_bytes() for name in self._drawn[output.file]}
+                files = {name: (self.folder / name).read_bytes() for name in self._drawn[output.file]}
                 run.store.cache.save(picture_key(run, output), files)
             for name, content in files.items():
                 with whole_file(folder / name) as part:

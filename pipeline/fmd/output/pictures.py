@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,10 +14,9 @@ from fmd.core.units import unit_ratio
 from fmd.output.curves import curves_of, errors_of_curve
 from fmd.output.mechanism_view import body_surface, view_mechanism
 from fmd.output.output_kinds import OutputKind, Reads, read_body
-from fmd.output.views import camera_of
 from fmd.recovery.stress import choose_frames, stress_measure
 from fmd.render.calls import Drawer, draw_here
-from fmd.render.camera import FILM_PIXELS, SHEET_PIXELS
+from fmd.render.camera import FILM_PIXELS, PIXELS, SHEET_PIXELS, Camera
 from fmd.render.chart_data import Band, Curve
 from fmd.render.colours import film_limits
 from fmd.stages.division import part_of
@@ -33,9 +32,20 @@ if TYPE_CHECKING:
         MeshPicture,
         ModePictures,
         ModeSheet,
+        PictureSettings,
         StressPicture,
     )
     from fmd.stages.pipeline import Pipeline
+
+
+def camera_of(run: Pipeline, output: PictureSettings, size: tuple[int, int] | None = None) -> Camera:
+    """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
+    angles = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
+    settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}
+    try:
+        return Camera(angles=angles, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
+    except ValueError as error:
+        raise InputError(run.scene.file, "output", output.colour_map, str(error)) from error
 
 
 def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_here) -> list[str]:

@@ -14,7 +14,7 @@ from fmd.core.errors import InputError
 from fmd.core.limits.contact import ASLANT
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind
-from fmd.output.views import camera_of
+from fmd.output.pictures import camera_of
 from fmd.render.calls import Drawer, draw_here
 
 if TYPE_CHECKING:

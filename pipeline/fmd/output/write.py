@@ -50,7 +50,7 @@ def write_results(
     with Pictures(outputs_of(scene, "pictures") if pictures else [], scene.file) as drawing:
         if budget and solved.is_settled:
             read_kept_errors(solved.run)
-        drawing.start(solved.run if solved.is_settled else solved.given)
+        drawing.prepare(solved.run if solved.is_settled else solved.given)
         if not solved.is_settled:
             drawing.require_ready()
         run = solved.run

@@ -15,14 +15,12 @@ from fmd.accuracy.error_estimates import SOURCES, percent
 from fmd.core.html import facts, scaled
 from fmd.core.limits.shown import BRIEF_PICTURES, REPORTED_MODES, TICKS_OF_BAR
 from fmd.core.version import __version__
-from fmd.output.key_figures import key_figures, run_time
 from fmd.output.notebook import draw_inline
 from fmd.output.output_kinds import kind_of
-from fmd.output.pictures import chart_title
+from fmd.output.pictures import camera_of, chart_title
 from fmd.output.report.shown import image_of, show_outputs
 from fmd.output.report.view3d import collect_view
-from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, worst_details
-from fmd.output.views import camera_of
+from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, key_figures, run_time, worst_details
 from fmd.render.camera import Camera
 from fmd.stages.pipeline import Pipeline
 

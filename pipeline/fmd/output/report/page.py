@@ -15,7 +15,6 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.files import refusing, whole_file
 from fmd.core.html import scaled
 from fmd.core.limits.shown import BRIEF_DOUBTS
-from fmd.output.key_figures import key_results
 from fmd.output.report.contents import (
     collect_tables,
     draw_few_pictures,
@@ -23,6 +22,7 @@ from fmd.output.report.contents import (
     list_uncertainties,
     versions_table,
 )
+from fmd.output.stated_errors import key_results
 from fmd.output.summary import summarise_solved
 
 _PACKAGE = "fmd.output.report"
