@@ -22,16 +22,13 @@ from fmd.scene.force_elements import (
 )
 from fmd.scene.histories import ExtremesTable, History, Quantities
 from fmd.scene.imported_bodies import (
-    BodyFile,
     CadFile,
     CadPart,
-    FileNode,
     Imported,
     MatrixFiles,
     MatrixPart,
     MeshedPart,
     MeshFile,
-    ReducedPart,
     Substance,
 )
 from fmd.scene.joints.angles import OneAngleJoint, TwoAngleJoint
@@ -56,6 +53,7 @@ from fmd.scene.pictures import (
 from fmd.scene.places import GroundPlace, MarkerPlace, NamedElement, Support
 from fmd.scene.propeller import Propeller, PropellerMesh
 from fmd.scene.reading import SceneTable
+from fmd.scene.reduced_bodies import BodyFile, FileNode, ReducedPart
 from fmd.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
 from fmd.scene.rigid_surfaces import BallSurface, BoreSurface, BoxSurface, ElasticSurface, PinSurface
 from fmd.scene.runs import RUNS

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from fmd.core.files import one_at_a_time, whole_file
+from fmd.core.errors import InputError
+from fmd.core.files import one_at_a_time, sparing, whole_file
 
 # Adds one to a number in a file, many times, each in two steps that another process must not come between.
 COUNTS = """
@@ -122,3 +123,17 @@ def test_a_failed_writer_leaves_the_old_file_and_nothing_else(tmp_path: Path) ->
         write()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_spared_files_are_not_written_over(tmp_path: Path):
+    (tmp_path / "input.csv").write_text("kept")
+    with sparing([tmp_path / "input.csv", tmp_path / "missing"]):
+        with whole_file(tmp_path / "other.csv") as part:
+            part.write_text("new")
+        with pytest.raises(InputError, match=r"input\.csv: is a file that the scene is read from"):  # noqa: SIM117
+            with whole_file(tmp_path / "input.csv"):
+                pass
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"input.csv": "kept", "other.csv": "new"}
+    with whole_file(tmp_path / "input.csv") as part:
+        part.write_text("new")
+    assert (tmp_path / "input.csv").read_text() == "new"

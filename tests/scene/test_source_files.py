@@ -6,7 +6,7 @@ import pytest
 
 from fmd.core.errors import InputError
 from fmd.scene.scene import load_scene
-from fmd.scene.source_files import SourceFiles, collect_inputs, digest_files, load_repaired
+from fmd.scene.source_files import SourceFiles, collect_inputs, digest_files, load_repaired, named_files
 from tests.scene.scenes import refused
 
 BRACKET = """
@@ -36,6 +36,10 @@ def source_of(scene: Path) -> SourceFiles:
 
 def test_a_file_lies_beside_its_scene(bracket: Path):
     assert source_of(bracket).path == bracket.parent / "bracket.inp"
+
+
+def test_the_files_of_a_scene_are_its_own_and_those_that_it_names(bracket: Path):
+    assert named_files(load_scene(bracket)) == [bracket, bracket.parent / "bracket.inp"]
 
 
 def test_a_body_of_a_shape_comes_from_no_file():

@@ -15,6 +15,7 @@ from fmd.core.errors import InputError
 from fmd.dynamics.fmu_law import COUPLINGS
 from fmd.output.fmu import build
 from fmd.output.fmu.write import write_own_fmu
+from fmd.output.formats import write_format
 from fmd.stages.sampling_check import find_coarse_exchanges
 
 pytest.importorskip("fmpy", reason="FMPy isn't installed")
@@ -125,6 +126,16 @@ def test_what_an_fmu_lacks_is_refused(scene: Path, override: str, text: str) -> 
     with pytest.raises(InputError) as fault:
         Pipeline(load_scene(scene, [override])).system  # noqa: B018
     assert text in str(fault.value)
+
+
+@pytest.mark.parametrize("file", ["other.fmu", "other-fmi3.fmu"])
+def test_an_export_does_not_write_over_a_controllers_fmu(scene: Path, file: str) -> None:
+    """Neither by the name that is given nor by that of the second FMU beside it."""
+    before = {path: path.read_bytes() for path in scene.parent.iterdir() if path.is_file()}
+    run = Pipeline(load_scene(scene, [f"controller.other.file={file}"]))
+    with pytest.raises(InputError, match=rf"{file}: is a file that the scene is read from; give another name"):
+        write_format(run, "fmu", None, scene.parent / "other.fmu")
+    assert {path: path.read_bytes() for path in scene.parent.iterdir() if path.is_file()} == before
 
 
 def test_an_fmu_that_cannot_start_is_one_message_and_leaves_no_folder(

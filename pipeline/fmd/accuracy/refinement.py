@@ -25,7 +25,8 @@ from fmd.core.limits.errors import (
     TOO_LARGE,
 )
 from fmd.core.limits.mesh import FEWEST_PIECES, MOST_PIECES_TRIED
-from fmd.scene.imported_bodies import MatrixPart, ReducedPart
+from fmd.scene.imported_bodies import MatrixPart
+from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.runs import AutoRun
 from fmd.scene.scene import Scene
 from fmd.scene.variants import (

@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from glob import escape
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,27 @@ from typing import Any
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.patience import ABANDONED_SECONDS
 from fmd.core.limits.shown import DIGITS
+
+_SPARED: ContextVar[tuple[Path, ...]] = ContextVar("spared", default=())
+
+
+@contextmanager
+def sparing(inputs: Sequence[Path]) -> Iterator[None]:
+    """Refuse to write over the given files within the block, whatever names a writer gives its files.
+
+    `require_not_spared` raises ``InputError``, and so does `whole_file`.
+    """
+    token = _SPARED.set(tuple(inputs))
+    try:
+        yield
+    finally:
+        _SPARED.reset(token)
+
+
+def require_not_spared(path: Path) -> None:
+    """Raise ``InputError`` if a file is one that `sparing` keeps."""
+    if path.exists() and any(path.samefile(own) for own in _SPARED.get()):
+        raise InputError(str(path), "", None, "is a file that the scene is read from; give another name")
 
 
 @contextmanager
@@ -65,6 +87,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Its folder is made if it is missing.
     """
+    require_not_spared(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     remove_abandoned(path.parent, f".{escape(path.stem)}.*{escape(path.suffix)}")

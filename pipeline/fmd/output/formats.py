@@ -11,7 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.files import read_text
+from fmd.core.files import read_text, require_not_spared, sparing
 from fmd.core.units import unit_ratio
 from fmd.fem.formats.abaqus import SUFFIXES
 from fmd.fem.model import FEModel
@@ -23,6 +23,7 @@ from fmd.reduction.modes import Modes
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.modes import damping_ratios
 from fmd.scene.outputs import MECHANISM_FORMATS
+from fmd.scene.source_files import named_files
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.spatial_body import spatial_body, superelement, surface_stress
 
@@ -114,11 +115,15 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
     Raises
     ------
     InputError
-        The format can't hold what the scene has, or ``path`` is a file that the scene reads.
+        The format can't hold what the scene has, or a file would be written over one that the scene reads.
     """
-    for part in run.wholes.values():
-        if part.source is not None and path.exists() and any(path.samefile(own) for own in part.source.paths.values()):
-            raise InputError(str(path), "", None, f"is a file that body {part.name} is read from; give another name")
+    sources = [own for part in run.wholes.values() if part.source is not None for own in part.source.paths.values()]
+    with sparing([*sources, *named_files(run.scene)]):
+        require_not_spared(path)
+        return _write(run, name, body, path)
+
+
+def _write(run: Pipeline, name: str, body: str | None, path: Path) -> list[Path]:
     if name in MECHANISM_FORMATS:
         from fmd.output.fmu.write import write_fmu
 
@@ -127,4 +132,6 @@ def write_format(run: Pipeline, name: str, body: str | None, path: Path) -> list
     if body in run.scene.pieces:
         mend = f"format {name} holds a body in one piece; --set body.{body}.pieces=1 exports it"
         raise InputError(run.scene.file, f"body.{body}.pieces", run.scene.pieces[body], mend)
-    return body_format(name).write(PipelineBody(run, body), path)
+    write = body_format(name).write
+    assert write is not None
+    return write(PipelineBody(run, body), path)

@@ -9,9 +9,10 @@ from pydantic import BeforeValidator
 
 from fmd.scene.bar import Bar
 from fmd.scene.beams import Profile, Shaft
-from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from fmd.scene.kinds import KindBy
 from fmd.scene.propeller import Propeller
+from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.rigid_bodies import PointMass, RigidBody, Rod
 from fmd.scene.shells import Plate, Tube
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -12,12 +12,20 @@ from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import Deformable, DividedMesh, Solid, require_interface
 from fmd.scene.links import FaceLink, MassOnLink, TiedFace
 from fmd.scene.matrix_files import MatrixFiles
-from fmd.scene.modes import ModeSettings, ReducedModes
-from fmd.scene.orientation import Orientation
+from fmd.scene.modes import ModeSettings
 from fmd.scene.places import MarkerPlace, NamedElement, Support
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.sectors import SectorMesh
-from fmd.scene.values import ForceUnit, LengthUnit, MassUnit, Name, Order, PartName, Poisson, SourceFile, Text
+from fmd.scene.values import (
+    ForceUnit,
+    LengthUnit,
+    MassUnit,
+    Name,
+    Order,
+    PartName,
+    Poisson,
+    SourceFile,
+)
 
 
 class MeshFile(DividedMesh, SectorMesh):
@@ -301,87 +309,3 @@ class MatrixPart(Meshless):
                 raise FaultError(message, "marker", name, wrong)
         require_interface(self)
         return self
-
-
-class BodyFile(SceneTable):
-    """A file that holds a reduced body of another program, in SI units.
-
-    Parameters
-    ----------
-    file : str
-        Standard input data (``.SID_FEM``), modal data of MBDyn (``.fem``) or of Exudyn's
-        ``ObjectFFRFreducedOrderInterface`` (``.npz``), or our own NetCDF (``.nc``), relative to the scene's file.
-
-    Examples
-    --------
-    ::
-
-        [body.arm.body]
-        file = "arm.SID_FEM"
-    """
-
-    file: SourceFile
-
-
-class FileNode(Orientation):
-    """A named place on a reduced body, where joints and loads act and motion is recorded, with axes of its own.
-
-    Parameters
-    ----------
-    node : str or tuple of str
-        Label of the file's node, or labels of three or more whose mean motion is meant.
-
-    Examples
-    --------
-    ::
-
-        [body.arm.marker]
-        root = { node = "1" }
-        tip = { node = ["17", "18", "19"] }
-    """
-
-    attachment: ClassVar[str] = "averaged"
-    face: ClassVar[None] = None
-
-    node: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=10_000)]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Labels of the nodes."""
-        return (self.node,) if isinstance(self.node, str) else self.node
-
-    @property
-    def where(self) -> dict[str, object]:
-        """Place of the marker as plain data, for hashing."""
-        return {"node": self.labels}
-
-
-class ReducedPart(Meshless):
-    """A body that another program has reduced: it has motion and, if its file has it, stress, but no mesh.
-
-    Parameters
-    ----------
-    shape : str
-        Kind of body; ``body`` alone says it, too.
-    body : BodyFile
-        The file.
-    modes : ReducedModes
-        Damping, where it isn't the file's.
-    marker : dict of str to FileNode
-        Places for joints and loads, by name.
-
-    Examples
-    --------
-    ::
-
-        [body.arm]
-        body = { file = "arm.SID_FEM" }
-        marker = { root = { node = "1" }, tip = { node = "2" } }
-    """
-
-    file_keys = ("body", "file")
-
-    shape: Literal["reduced"]
-    body: BodyFile
-    modes: ReducedModes = ReducedModes()
-    marker: dict[Name, FileNode]

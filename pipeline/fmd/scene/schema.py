@@ -19,9 +19,10 @@ from pydantic_core import core_schema
 
 from fmd.core.limits.scene import LONGEST_SYMBOL
 from fmd.core.units import example_of, list_units
-from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from fmd.scene.pictures import BodyPicture
 from fmd.scene.reading import SceneTable
+from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.scene import Scene
 
 KNOWN_BY_FILES = (MeshedPart, CadPart, MatrixPart, ReducedPart)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,6 +97,22 @@ def load_repaired(name_or_path: str, overrides: Sequence[str]) -> Scene:
     if not read:
         raise InputError("--repair", "", None, "no body of the scene has its mesh from a file")
     return load_scene(name_or_path, [*overrides, *(f"body.{name}.mesh.repair=true" for name in read)])
+
+
+def named_files(scene: Scene) -> list[Path]:
+    """Return the scene's own file, and those that a value of it names, but for its outputs."""
+
+    def texts(value: Any) -> Iterator[str]:
+        if isinstance(value, str):
+            yield value
+        for item in value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ():
+            yield from texts(item)
+
+    own, found = Path(scene.file), list[Path]()
+    for text in (own.name, *texts(scene.model_dump(exclude={"output"}))):
+        with suppress(ValueError, OSError):  # of a text that can't be a file's name
+            found += [own.parent / text] if (own.parent / text).is_file() else []
+    return found
 
 
 def digest_files(scene: Scene) -> dict[str, dict[str, str]]:

@@ -18,8 +18,9 @@ from fmd.recovery.stress import element_stress, modal_stress, point_stress
 from fmd.reduction.body import SecondOrder
 from fmd.reduction.inertia import add_normal_blocks, normal_blocks
 from fmd.scene.bar import Bar
-from fmd.scene.imported_bodies import MatrixPart, ReducedPart
+from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.propeller import Propeller
+from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.scene import Scene
 from fmd.scene.values import Formulation
 from fmd.stages.meshing.bodies import find_material, make_mesh, read_body_matrices
@@ -85,7 +86,7 @@ def _assemble(part: FlexiblePart) -> FEModel:
     from fmd.fem.assembly import assemble
 
     if part.is_reduced:
-        return read_reduced_body(part.source)
+        return read_reduced_body(part.shape, part.source, part.file, part.name)
     if not part.has_mesh:
         return read_body_matrices(part.shape, part.source)
     if part.formulation == "plain" and not part.space.kind.can_be_enhanced:

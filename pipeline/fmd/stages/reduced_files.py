@@ -7,10 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fmd.core.errors import InputError
+from fmd.core.units import unit_ratio
+from fmd.fem.formats.node_places import read_places
 from fmd.reduction.formats.body_format import BodyFormat, body_format
 from fmd.reduction.modal_data import without_stiffening
-from fmd.scene.outputs import BODY_FORMATS
+from fmd.scene.outputs import READ_FORMATS
 from fmd.scene.reading import suggest_name
 
 if TYPE_CHECKING:
@@ -18,34 +22,70 @@ if TYPE_CHECKING:
     from fmd.fem.model import FEModel
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.equivalent_model import EquivalentModel
+    from fmd.reduction.given_superelement import GivenSuperelement
+    from fmd.reduction.modal_data import ModalData
     from fmd.reduction.modes import Modes
     from fmd.scene.any_body import Flexible
+    from fmd.scene.reduced_bodies import BodyFile
     from fmd.scene.source_files import SourceFiles
     from fmd.stages.basis import ConstrainedModel
 
 
-def read_reduced_body(source: SourceFiles | None) -> EquivalentModel:
+def read_reduced_body(shape: Flexible, source: SourceFiles | None, file: str, body: str) -> EquivalentModel:
     """Read a reduced body from the file that a scene names.
 
     Raises
     ------
     InputError
-        No format of bodies that are read has the file's suffix, or it can't be read.
+        No format of bodies that are read has the file's suffix, it can't be read, or the scene says of it what it tells
+        itself.
     """
     from fmd.reduction.equivalent_model import equivalent_model
 
+    assert shape.shape == "reduced"
     assert source is not None
-    path = Path(source.path)
+    path = Path(source.paths["file"])
     for own in _formats_of(path.suffix.lower()):
+        if own.read_superelement is not None:
+            return equivalent_model(_read_superelement(own.read_superelement(path), shape.body, source))
         if own.read is not None:
+            if said := [key for key in shape.body.model_fields_set if key != "file"]:
+                mend = "belongs to superelements (.pch, .mtx); this file is in SI units and has all of that"
+                raise InputError(file, f"body.{body}.body.{said[0]}", getattr(shape.body, said[0]), mend)
             return equivalent_model(own.read(path))
-    read = [suffixes[0].lower() for name, suffixes in BODY_FORMATS.items() if body_format(name).read is not None]
+    formats = {suffixes[0].lower(): body_format(name) for name, suffixes in READ_FORMATS.items()}
+    read = [suffix for suffix, own in formats.items() if own.read or own.read_superelement]
     raise InputError(str(path), "", None, f"is no file of a reduced body that is read; these are: {' '.join(read)}")
+
+
+def _read_superelement(given: GivenSuperelement, table: BodyFile, source: SourceFiles) -> ModalData:
+    """Complete a superelement by its nodes, its units and its points within, as a scene names them."""
+    from fmd.fem.formats.matrices import read_rows
+    from fmd.reduction.given_superelement import Recovery, superelement_data
+
+    length = unit_ratio(table.unit, "m")
+    if table.nodes is not None:
+        given = replace(given, nodes={**given.nodes, **read_places(source.paths["nodes"])})
+    turns = given.turns
+    given = given.in_si(length, unit_ratio(table.stiffness_unit, "N/m"), unit_ratio(table.mass_unit, "kg"))
+    recovery = None
+    if table.recovery is not None:
+        rows, places = read_rows(source.paths["recovery"]), read_places(source.paths["recovery_nodes"])
+        each = rows.shape[0] // max(len(places), 1)
+        if each not in (3, 6) or rows.shape != (each * len(places), len(given.unknowns)):
+            raise InputError(
+                str(source.paths["recovery"]), "", None,
+                f"has {rows.shape[0]} rows and {rows.shape[1]} columns; {len(places)} points have three rows each, or "
+                f"six, and the superelement has {len(given.unknowns)} unknowns",
+            )  # fmt: skip
+        matrix = rows.toarray().reshape(len(places), each, -1)[:, :3] * np.where(turns, length, 1.0)
+        recovery = Recovery(tuple(places), length * np.array([*places.values()]), matrix)
+    return superelement_data(source.paths["file"], given, table.mass, recovery)
 
 
 def _formats_of(suffix: str) -> Iterator[BodyFormat]:
     """Yield the formats of bodies whose files have a suffix, given in lower case."""
-    for name, suffixes in BODY_FORMATS.items():
+    for name, suffixes in READ_FORMATS.items():
         if suffix in map(str.lower, suffixes):
             yield body_format(name)
 

@@ -101,7 +101,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / f"{name}.toml").write_text(SCENE.format(text))
     calculix(folder, "arm")
     assert write_format(pipeline(folder, "plain"), "load-cases", "arm", folder / "cases.inp") == [folder / "cases.inp"]
-    with pytest.raises(InputError, match=r"arm\.inp: is a file that body arm is read from; give another name"):
+    with pytest.raises(InputError, match=r"arm\.inp: is a file that the scene is read from; give another name"):
         write_format(pipeline(folder, "plain"), "load-cases", "arm", folder / "arm.inp")
     calculix(folder, "cases")
     for deck in write_format(pipeline(folder, "stressed"), "load-cases", "arm", folder / "cases.inp")[1:]:

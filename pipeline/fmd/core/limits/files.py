@@ -19,6 +19,11 @@ RIGID_FORCE = 1e-5  # force of a rigid motion over the sum of its terms
 # Stiffness of a rigid motion over that of the smoothest deformation: a frequency is off by half of it.
 SUPPORT_STIFFNESS = 2e-3
 FASTEST_WAVE = 100e3  # m/s as nodes tell it, which is up to five times too much; diamond has 18e3
+RIGID_INERTIA = 1e-4  # part of a superelement's mass that may depend on the direction
+FITTED_MODES = 20  # modes of a superelement that masses of points of known motion are fitted to
+EVEN_MASS = 1e-3  # part of modal masses that counts as alike along x, y and z, where points tell another
+LEAST_STRAIN = 1e-8  # weight of the strain of what lies between points that move as they should
+SEEN_MASS = 0.25  # least part of a mode's mass that such points must have to tell its Coriolis forces
 DENSEST = 30e3  # kg/m³; osmium has 22.6
 DEPENDENT_SHAPES = 1e-6  # of the largest of some shapes, each of length 1
 

@@ -13,7 +13,6 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.files import read_text
 from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, SYMMETRIC
 from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.connections import Connections
@@ -23,6 +22,7 @@ from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.formats.nastran import SUFFIXES as DECKS
 from fmd.fem.formats.nastran import read_grid_points
 from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4
+from fmd.fem.formats.node_places import read_matrix_text, read_node_table
 from fmd.fem.formats.raw_mesh import MeshFileError
 from fmd.fem.formats.six_unknowns import SixUnknownsModel, six_unknowns_model
 from fmd.fem.formats.tied_matrices import references, tie_matrices
@@ -127,20 +127,10 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
             raise InputError(str(path), "", None, str(error)) from error
     if path.suffix.lower() in abaqus.SUFFIXES:
         return *_nodes_of_deck(path), Connections()
-    rows: list[list[float]] = []
-    for number, line in enumerate(read_matrix_text(path).splitlines(), start=1):
-        items = [item for item in re.split(r"[,;\s]+", line.strip()) if item]
-        if not items or items[0].startswith(("#", "*")) or (not rows and not _is_number(items[0])):
-            continue  # a comment or the header
-        if len(items) != 4 or not all(map(_is_number, items)):
-            raise InputError(str(path), f"line {number}", None, "must be a node's number, x, y and z")
-        rows.append([float(item) for item in items])
-    table = np.array(rows).reshape(-1, 4)
-    if len(table) < 3 or not np.isfinite(table).all():
+    labels, x = read_node_table(path)
+    if len(x) < 3:
         raise InputError(str(path), "", None, "needs three nodes at least, with finite coordinates")
-    if np.abs(table[:, 0]).max() > 2**53 or len(np.unique(table[:, 0])) < len(table):
-        raise InputError(str(path), "", None, "gives a node twice, or one without a number")
-    return table[:, 0].astype(np.int64), table[:, 1:], Connections()
+    return labels, x, Connections()
 
 
 def _nodes_of_deck(path: Path) -> tuple[IntArray, Array]:
@@ -213,6 +203,31 @@ def _read_dmig(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr
     except ValueError as error:
         raise ValueError(f"matrix {name}: {str(error).replace('line 0', 'an entry')}") from None
     return _real_matrix(2 * (unknowns * len(labels),), row, column, values)
+
+
+def read_rows(path: Path) -> sp.csr_array:
+    """Read a matrix of any shape, the first of its file: OUTPUT4, ``.npz`` or Matrix Market.
+
+    Raises
+    ------
+    InputError
+        It can't be read, or isn't of finite numbers.
+    """
+    try:
+        match path.suffix.lower():
+            case ".op4":
+                A = sp.csr_array(next(iter(read_op4(path).values())))
+            case ".npz":
+                A = _read_npz(path)
+            case _:
+                A = _read_matrix_market(read_matrix_text(path))
+        if not np.isfinite(A.data).all():
+            raise ValueError("its entries aren't all finite")
+    except InputError:
+        raise
+    except Exception as error:  # as in `read_matrix`
+        raise InputError(str(path), "", None, f"can't be read as a matrix: {' '.join(str(error).split())}") from error
+    return A
 
 
 def _read_npz(path: Path) -> sp.csr_array:
@@ -360,21 +375,6 @@ def _both_halves(row: IntArray, column: IntArray, values: Array) -> tuple[IntArr
     """Add the mirror images of a symmetric matrix's entries off the diagonal."""
     off = row != column
     return np.r_[row, column[off]], np.r_[column, row[off]], np.r_[values, values[off]]
-
-
-def read_matrix_text(path: Path) -> str:
-    """Read a text file of a size that memory holds, or raise ``InputError``."""
-    if path.is_file() and path.stat().st_size > MOST_MATRIX_BYTES:
-        raise InputError(str(path), "", None, f"is over {MOST_MATRIX_BYTES / 1e9:g} GB")
-    return read_text(path)
-
-
-def _is_number(item: str) -> bool:
-    try:
-        float(item)
-    except ValueError:
-        return False
-    return True
 
 
 def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Marker:

@@ -206,11 +206,11 @@ def read_dmig(text: str) -> dict[str, dict[tuple[int, int, int, int], float]]:
                 continue
             if forms[name] and name not in found:
                 continue
-            column = int(fields[1]), int(fields[2])
+            column = int(fields[1]), int(fields[2] or 0)
             for k in range(4, len(fields) - 3, 4):
                 if not fields[k]:
                     continue
-                key = (int(fields[k]), int(fields[k + 1]), *column)
+                key = (int(fields[k]), int(fields[k + 1] or 0), *column)
                 found[name][key] = read_real(fields[k + 2])
                 if forms[name] == _SYMMETRIC:
                     found[name][key[2:] + key[:2]] = found[name][key]

@@ -13,7 +13,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.files import whole_file
+from fmd.core.files import require_not_spared, whole_file
 from fmd.core.limits.stepping import CO_SIMULATED
 from fmd.core.version import __version__
 from fmd.dynamics.compiler.external import ExternalMechanism
@@ -58,9 +58,10 @@ def write_own_fmu(run: Pipeline, path: Path) -> list[Path]:
 
 
 def _write_both(run: Pipeline, path: Path, build: Callable[[Mapping[str, str], str], dict[str, bytes]]) -> list[Path]:
+    beside = path.with_name(f"{path.stem}-fmi3{path.suffix}")
+    require_not_spared(beside)  # before a minute of compiling
     heading, interface, sources = make_model(run)
     binaries = build(sources, heading.identifier)
-    beside = path.with_name(f"{path.stem}-fmi3{path.suffix}")
     _write_zip(path, _members_fmi2(heading, interface, sources, binaries))
     _write_zip(beside, _members_fmi3(heading, interface, sources, binaries))
     return [path, beside]

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from fmd.fem.surface import SurfaceTopology
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.craig_bampton import Superelement
+    from fmd.reduction.given_superelement import GivenSuperelement
     from fmd.reduction.modal_data import ModalData
     from fmd.reduction.modes import Modes
 
@@ -110,14 +111,17 @@ class BodyFormat(NamedTuple):
 
     Attributes
     ----------
-    write : callable
+    write : callable or None
         Writes a body's files and returns their paths, the given one first.
     read : callable or None
         Reads a body that a scene names by its file.
+    read_superelement : callable or None
+        Reads a body's matrices of boundary nodes and modal coordinates, in the file's units.
     """
 
-    write: Callable[[ExportedBody, Path], list[Path]]
+    write: Callable[[ExportedBody, Path], list[Path]] | None = None
     read: Callable[[Path], ModalData] | None = None
+    read_superelement: Callable[[Path], GivenSuperelement] | None = None
 
 
 def body_format(name: str) -> BodyFormat:

@@ -1,4 +1,4 @@
-"""Superelements for Nastran: a punch file of direct matrix input (DMIG) at grid points.
+"""Superelements of Nastran: a punch file of direct matrix input (DMIG) at grid points.
 
 Each marker of the interface is a grid point, each fixed-interface mode a scalar point. Numbers stand in fields of
 sixteen characters, which hold ten digits. Cards: ``DMIG``, ``GRID``, ``SPOINT`` of MSC Nastran's Quick Reference Guide.
@@ -12,9 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.files import whole_file
+from fmd.core.errors import InputError
+from fmd.core.files import read_text, whole_file
+from fmd.fem.formats.nastran import grid_places
+from fmd.fem.formats.nastran_matrices import read_dmig
+from fmd.fem.formats.raw_mesh import MeshFileError
 from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
+from fmd.reduction.given_superelement import GivenSuperelement
 
 _Unknown = tuple[int, int]  # number of the point, and its component: 1 to 6, of a scalar point 0
 
@@ -66,4 +71,35 @@ def _write(body: ExportedBody, path: Path) -> list[Path]:
     return [path]
 
 
-FORMAT = BodyFormat(_write)
+def read_external(path: Path) -> GivenSuperelement:
+    """Read an external superelement: stiffness K…, mass M… and, if it is there, viscous damping B… as DMIG.
+
+    ``EXTSEOUT(DMIGPCH)`` and ``PARAM,EXTOUT,DMIGPCH`` write ``KAAX``, ``MAAX`` and ``BAAX`` so. Structural damping,
+    ``K4AAX``, is left out. Grid points may stand in the same file.
+
+    Raises
+    ------
+    InputError
+        A card is damaged, or a matrix is missing.
+    """
+    text = read_text(path)
+    try:
+        found = {name: A for name, A in read_dmig(text).items() if not name.startswith("K4")}
+        of = {letter: [name for name in found if name.startswith(letter)] for letter in "KMB"}
+        if not len(of["K"]) == len(of["M"]) == 1:
+            given = ", ".join(found) or "none"
+            raise ValueError(f"one matrix K… and one M… are wanted among its square real DMIG, which are {given}")
+        places = grid_places(text)
+    except (ValueError, MeshFileError) as error:
+        raise InputError(str(path), "", None, f"can't be read as a superelement: {error}") from None
+    names = [*of["K"], *of["M"], *of["B"][:1]]
+    unknowns = tuple(sorted({key[:2] for name in names for key in found[name]}))
+    place = {unknown: k for k, unknown in enumerate(unknowns)}
+    K, M, D = (np.zeros((len(unknowns), len(unknowns))) for _ in range(3))
+    for A, name in zip((K, M, D), names, strict=False):
+        for key, value in found[name].items():
+            A[place[key[:2]], place[key[2:]]] = value
+    return GivenSuperelement(unknowns, K, M, D, places)
+
+
+FORMAT = BodyFormat(_write, read_superelement=read_external)

@@ -15,8 +15,9 @@ from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.sectors import repeat_sector
 from fmd.scene.beams import MeshedBeam
-from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart, ReducedPart
+from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from fmd.scene.reading import suggest_name
+from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.sectors import SectorMesh
 from fmd.scene.shells import Plate, Tube
 from fmd.scene.source_files import SourceFiles

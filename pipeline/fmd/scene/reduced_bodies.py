@@ -1,0 +1,130 @@
+"""Flexible bodies that another program has reduced: their files, units and places."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from fmd.core.units import PositiveMass
+from fmd.scene.imported_bodies import Meshless
+from fmd.scene.modes import ReducedModes
+from fmd.scene.orientation import Orientation
+from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.values import LengthUnit, MassUnit, Name, SourceFile, Text, UnitCheck
+
+
+class BodyFile(SceneTable):
+    """A file that holds a reduced body of another program.
+
+    Units, nodes and mass belong to superelements; other files are in SI units and have all of that.
+
+    Parameters
+    ----------
+    file : str
+        Standard input data (``.SID_FEM``), modal data of MBDyn (``.fem``) or of Exudyn's
+        ``ObjectFFRFreducedOrderInterface`` (``.npz``), our own NetCDF (``.nc``), or a superelement: Nastran's as DMIG
+        (``.pch``), Abaqus' substructure (``.mtx``), relative to the scene's file.
+    nodes : str, optional
+        Places of the boundary's nodes: a deck of Nastran or Abaqus, or rows of number, x, y, z.
+    unit : str
+        Unit of length of nodes and matrices.
+    stiffness_unit : str
+        Unit of the stiffness matrix.
+    mass_unit : str
+        Unit of the mass matrix.
+    mass : float, optional
+        Mass of the whole body, which the mass matrix is to have [kg].
+    recovery : str, optional
+        Displacements of points within by the superelement's unknowns, three rows a point, or six with rotations: Matrix
+        Market (``.mtx``), ``.npz``, or Nastran's OUTPUT4 (``.op4``).
+    recovery_nodes : str, optional
+        Those points, as ``nodes``.
+
+    Examples
+    --------
+    ::
+
+        [body.arm.body]
+        file = "arm.SID_FEM"
+    """
+
+    file: SourceFile
+    nodes: SourceFile | None = None
+    unit: LengthUnit = "m"
+    stiffness_unit: Annotated[str, UnitCheck("N/m")] = "N/m"
+    mass_unit: MassUnit = "kg"
+    mass: PositiveMass | None = None
+    recovery: SourceFile | None = None
+    recovery_nodes: SourceFile | None = None
+
+    @model_validator(mode="after")
+    def _recovered_at_nodes(self) -> BodyFile:
+        if (self.recovery is None) != (self.recovery_nodes is None):
+            missing = "recovery" if self.recovery is None else "recovery_nodes"
+            raise FaultError("is missing: recovery and recovery_nodes belong together", missing)
+        return self
+
+
+class FileNode(Orientation):
+    """A named place on a reduced body, where joints and loads act and motion is recorded, with axes of its own.
+
+    Parameters
+    ----------
+    node : str or tuple of str
+        Label of the file's node, or labels of three or more whose mean motion is meant.
+
+    Examples
+    --------
+    ::
+
+        [body.arm.marker]
+        root = { node = "1" }
+        tip = { node = ["17", "18", "19"] }
+    """
+
+    attachment: ClassVar[str] = "averaged"
+    face: ClassVar[None] = None
+
+    node: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=10_000)]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Labels of the nodes."""
+        return (self.node,) if isinstance(self.node, str) else self.node
+
+    @property
+    def where(self) -> dict[str, object]:
+        """Place of the marker as plain data, for hashing."""
+        return {"node": self.labels}
+
+
+class ReducedPart(Meshless):
+    """A body that another program has reduced: it has motion and, if its file has it, stress, but no mesh.
+
+    Parameters
+    ----------
+    shape : str
+        Kind of body; ``body`` alone says it, too.
+    body : BodyFile
+        The file.
+    modes : ReducedModes
+        Damping, where it isn't the file's.
+    marker : dict of str to FileNode
+        Places for joints and loads, by name.
+
+    Examples
+    --------
+    ::
+
+        [body.arm]
+        body = { file = "arm.SID_FEM" }
+        marker = { root = { node = "1" }, tip = { node = "2" } }
+    """
+
+    file_keys = ("body", "file", "nodes", "recovery", "recovery_nodes")
+
+    shape: Literal["reduced"]
+    body: BodyFile
+    modes: ReducedModes = ReducedModes()
+    marker: dict[Name, FileNode]
