@@ -1,5 +1,6 @@
 """A cache folder for the test session, small meshes and models, formulas of beam theory."""
 
+import json
 import os
 import shutil
 import tempfile
@@ -7,6 +8,7 @@ from collections.abc import Callable
 from itertools import permutations
 from pathlib import Path
 from typing import NamedTuple
+from unittest import mock
 
 _CACHE = Path(tempfile.mkdtemp(prefix="fmd-tests-"))
 # Processes share the cores: threads of their small products would wait for each other, and 70 times as long.
@@ -27,6 +29,7 @@ def _with_own_cache(folder: Path) -> dict[str, str]:
 # The cache folder is read as soon as fmd.dynamics is imported, so it has to be set before that.
 os.environ.update(_with_own_cache(_CACHE))
 
+import jsonschema
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -73,12 +76,22 @@ def with_own_cache() -> Callable[[Path], dict[str, str]]:
 
 @pytest.fixture(scope="session")
 def fmd() -> Callable[..., int]:
-    """Run the command line in this process; it answers with its exit status."""
+    """Run the command line in this process; it answers with its exit status. JSON is held against its schema."""
+    from fmd.cli import options
+    from fmd.cli.answers import answer_schema
     from fmd.cli.app import main
+    from fmd.core.files import require_finite
 
     def call(*arguments: object) -> int:
+        command, *_ = given = [str(argument) for argument in arguments]
+
+        def check(answer: object) -> None:
+            require_finite(answer)
+            jsonschema.Draft202012Validator(answer_schema(command)).validate(json.loads(json.dumps(answer)))
+
         try:
-            main([str(argument) for argument in arguments])
+            with mock.patch.object(options, "require_finite", check):
+                main(given)
         except SystemExit as stop:
             return int(stop.code or 0)
         return 0

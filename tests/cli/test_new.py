@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import subprocess
+import tomllib
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -34,6 +36,16 @@ def test_a_ready_scene_can_be_the_start(fmd, tmp_path):
         path = tmp_path / f"{name}.toml"
         assert fmd("new", str(path), "--from", name) == 0
         assert load_scene(path).model_dump() == load_scene(name).model_dump()
+
+
+def test_a_new_scene_names_the_schema_beside_it_by_which_editors_check_it(fmd, tmp_path):
+    path = tmp_path / "part.toml"
+    assert fmd("new", path) == 0
+    first, text = path.read_text().split("\n", 1)
+    schema = json.loads((tmp_path / first.removeprefix("#:schema ")).read_text())
+    validator = jsonschema.Draft202012Validator(schema)
+    assert validator.is_valid(tomllib.loads(text))
+    assert not validator.is_valid(tomllib.loads(text.replace("axis =", "axes =")))
 
 
 def test_a_tube_from_cad_is_held_at_its_end_not_at_its_whole_bore(fmd, tmp_path):

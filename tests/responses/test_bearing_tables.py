@@ -12,6 +12,7 @@ from fmd.accuracy.rotor_errors import estimate_frequency_errors
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.output.unbalance import compute_circular_response
+from fmd.responses.whirl_search import WhirlSearch
 from fmd.scene.scene import load_scene
 from fmd.stages.linear_model import linearise_scene
 from fmd.stages.pipeline import Pipeline
@@ -102,6 +103,28 @@ def test_no_vibration_is_lost_where_bearings_overdamp(rotor: Path, damping: list
             both = poles(np.interp(omega, PLACES, STIFFNESS), np.interp(omega, PLACES, damping), rate)
             s = growth + 1j * omega
             assert min(*abs(both - s), *abs(both - s.conjugate())) < 1e-6 * abs(s)
+
+
+def test_newtons_method_finds_what_halving_finds(rotor: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between random tables, of vibrations far from one another and nearly alike, with and without overdamping."""
+    rng = np.random.default_rng(11)
+    for _ in range(6):
+        rows = {"radial": 10 ** rng.uniform(4.5, 6.5, 3), "radial_damper": 10 ** rng.uniform(1.0, 4.5, 3)}
+        tables = [
+            f"bearing.{name}.{key}={{ over='whirl', arguments={PLACES}, values={own.tolist()}, unit='{unit}' }}"
+            for name in ("near", "far")
+            for (key, own), unit in zip(rows.items(), ("N/m", "N s/m"), strict=True)
+        ]
+        vibrations, rate = find_vibrations(load(rotor, "whirl", *tables)), float(rng.uniform(5.0, 900.0))
+        quick = vibrations(rate)
+        with monkeypatch.context() as patched:
+            patched.setattr(WhirlSearch, "_correct", lambda self, at: None)
+            by_halves = vibrations(rate)
+        one, other = (  # by halves, which of two with one frequency is meant isn't sure: their whirl may be told twice
+            np.array(found)[:2, np.lexsort((found.growth, np.round(found.frequencies_hz, 6)))]
+            for found in (quick, by_halves)
+        )
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize(("over", "order"), [("speed", 1.0), ("whirl", -2.0)])

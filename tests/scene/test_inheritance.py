@@ -61,7 +61,7 @@ def test_a_fault_in_a_base_names_the_bases_file(tmp_path: Path):
     write(tmp_path, "faulty.toml", 'title = "Mine"\n' + ARM.replace("nu = 0.3", "nu = 0.6"))
     with refused("faulty.toml:9: body.arm.nu = 0.6: must be below 0.5"):
         scene_of(tmp_path, 'base = "faulty.toml"\ntitle = "Variant"\n')
-    with refused("mine.toml:2: title = 3: must be a valid string"):
+    with refused("mine.toml:2: title = 3: must be a text"):
         scene_of(tmp_path, 'base = "faulty.toml"\ntitle = 3\n', "body.arm.nu=0.3")
 
 

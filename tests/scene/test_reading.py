@@ -89,9 +89,9 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ("body={}", "body = {}: must have at least 1 item"),
         ("output=3", "output = 3: must be a list"),
         ("simulation.run=[]", "simulation.run = []: must have at least 1 item"),
-        ("title=3", "title = 3: must be a valid string"),
-        ("body.beam.modes.count=5.0", "body.beam.modes.count = 5.0: must be a valid integer"),
-        ("body.beam.modes.count=true", "body.beam.modes.count = True: must be a valid integer"),
+        ("title=3", "title = 3: must be a text"),
+        ("body.beam.modes.count=5.0", "body.beam.modes.count = 5.0: must be a whole number"),
+        ("body.beam.modes.count=true", "body.beam.modes.count = True: must be a whole number"),
         ("body.beam.modes.count=0", "must be greater than or equal to 1"),
         (
             "body.beam.modes.count=0x" + "f" * 6000,

@@ -6,6 +6,7 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 
 from cyclopts import App
 
@@ -56,9 +57,10 @@ _NUMERICAL = ("ArpackError", "LinAlgError", "FloatingPointError", "OverflowError
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; wrong input ends with status 2, a failed check with 3, each with one message."""
     gc.set_threshold(ALLOCATIONS)
+    given = sys.argv[1:] if arguments is None else arguments
     try:
         try:
-            app(sys.argv[1:] if arguments is None else arguments)
+            app(given)
         finally:
             sys.stdout.flush()
     except KeyboardInterrupt:
@@ -69,13 +71,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except OSError as error:  # a full disk, a folder that can't be written, a library that isn't there
         _fail(f"{error}; `fmd doctor` tells what this machine lacks", 2)
     except InputError as error:
-        _fail(error, 2)
+        from fmd.scene.scene_files import with_line
+
+        _fail(with_line(error, _overrides(given)), 2)
     except AccuracyError as error:
         _fail(error, 3)
     except Exception as error:
         if not any(kind.__name__ in _NUMERICAL for kind in type(error).__mro__):
             raise
         _fail(f"the numbers of this scene can't be computed with ({error}); check units and sizes", 3)
+
+
+def _overrides(arguments: Sequence[str]) -> list[str]:
+    """Return the values of ``--set`` among arguments."""
+    after = [value for option, value in pairwise(arguments) if option == "--set"]
+    return after + [text.removeprefix("--set=") for text in arguments if text.startswith("--set=")]
 
 
 def _fail(message: object, status: int) -> None:

@@ -10,9 +10,14 @@ from cyclopts import Parameter
 
 from fmd.cli.tables import open_console
 from fmd.core.errors import InputError
+from fmd.core.files import write_text
 from fmd.scene.inheritance import list_files
 from fmd.scene.reading import suggest_name
+from fmd.scene.schema import write_schema
 from fmd.scene.toml_files import list_ready_scenes, read_tables
+
+SCHEMA_FILE = "fmd.schema.json"
+"""Name of the schema beside a new scene, which its first line names as Taplo and VS Code read it."""
 
 
 def new(
@@ -84,7 +89,7 @@ def _copy_ready_scene(path: Path, name: str) -> None:
 
 
 def _write_scene(path: Path, text: str) -> None:
-    """Write a scene's text to a new file.
+    """Write a scene's text to a new file, and beside it the schema by which editors complete and check it.
 
     Raises
     ------
@@ -95,7 +100,8 @@ def _write_scene(path: Path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
-            file.write(text)
+            file.write(f"#:schema ./{SCHEMA_FILE}\n{text}")
+        write_text(path.parent / SCHEMA_FILE, write_schema())
     except OSError as error:
         raise InputError(str(path), "", None, f"can't be written: {error.strerror or error}") from None
 

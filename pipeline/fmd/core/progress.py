@@ -64,7 +64,7 @@ def bars(name: str) -> Iterator[Advance]:
 
 @contextmanager
 def _lines(name: str) -> Iterator[Advance]:
-    """Write a line for each ten seconds that a task takes."""
+    """Write a line for each ten seconds that a task takes, with what is left at the pace until then."""
     most, ended = 0.0, threading.Event()
 
     def advance(done: float) -> None:
@@ -74,7 +74,8 @@ def _lines(name: str) -> Iterator[Advance]:
     def write() -> None:
         seconds = SAY_AFTER_SECONDS
         while not ended.wait(SAY_AFTER_SECONDS):
-            share = f", {100 * most:.0f} %" if most else ""
+            left = f", about {seconds * (1.0 / most - 1.0):.0f} s left" if 0.0 < most < 1.0 else ""
+            share = f", {100 * most:.0f} %{left}" if most else ""
             sys.stderr.write(f"{name}: {seconds:.0f} s{share}\n")
             sys.stderr.flush()
             seconds += SAY_AFTER_SECONDS

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,10 +32,9 @@ def find_circulation(first: Array, second: Array) -> Array:
     return np.asarray(np.divide(turning, size, out=np.zeros(len(size)), where=size > 0.0))
 
 
-def whirling_modes(
-    A: Array, across: tuple[Array, Array], along: Array, rate: float, on_axis: IntArray
-) -> WhirlingModes:
-    """Return the vibrations in space of a rotor whose equations are those of its turning frame.
+@dataclass(frozen=True)
+class SpaceView:
+    """How vibrations about a turning frame are seen from space.
 
     A vibration of frequency ω that bends the axis has, in space, the frequency ``Ω + ω`` if it runs ahead in the
     turning frame, ``Ω − ω`` if it lags, which is backwards where it is negative; of one to and fro, which has both,
@@ -42,8 +43,6 @@ def whirling_modes(
 
     Parameters
     ----------
-    A : ndarray, shape (n, n)
-        State matrix in the turning frame.
     across : tuple of ndarray, shape (n_points, n) each
         Displacements of points along two axes across that of rotation, for unit states.
     along : ndarray, shape (n_points, n)
@@ -53,18 +52,61 @@ def whirling_modes(
     on_axis : ndarray of int
         Numbers of the points on the axis.
     """
+
+    across: tuple[Array, Array]
+    along: Array
+    rate: float
+    on_axis: IntArray
+
+    def look(self, poles: Array, vectors: Array) -> tuple[Array, Array, Array]:
+        """Return frequencies, below 0 for backward whirl [rad/s], how each grows with its pole's, and circulations.
+
+        Parameters
+        ----------
+        poles : ndarray, shape (n_poles,)
+            In the turning frame [1/s], complex.
+        vectors : ndarray, shape (n, n_poles)
+            Their states.
+        """
+        first, second, third = (C @ vectors for C in (*self.across, self.along))
+        moved = sum((np.abs(u) ** 2).sum(axis=0) for u in (first, second, third))
+        first, second = first[self.on_axis], second[self.on_axis]
+        transverse = (np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)
+        reach = _reach(vectors, (*self.across, self.along))
+        bends = (transverse > ACROSS_AXIS * moved) & (moved > (SOLVED * reach) ** 2)
+        circulation = find_circulation(first, second)
+        sense = np.where(bends & (circulation < 0.0), -1.0, 1.0)
+        omega = np.where(bends, self.rate, 0.0) + sense * poles.imag
+        carried = bends & (poles.imag == 0.0)
+        whirl = np.where(carried, 1.0, np.where(bends, np.sign(omega) * np.abs(circulation), 0.0))
+        return omega, sense, whirl
+
+
+class SolvedVibrations(NamedTuple):
+    """Vibrations in space, with the eigenvalues and vectors of the turning frame that they are.
+
+    Attributes
+    ----------
+    seen : WhirlingModes
+        From space.
+    poles : ndarray, shape (n_modes,)
+        [1/s], complex.
+    vectors : ndarray, shape (n, n_modes)
+        States, complex.
+    """
+
+    seen: WhirlingModes
+    poles: Array
+    vectors: Array
+
+
+def whirling_modes(A: Array, view: SpaceView) -> SolvedVibrations:
+    """Return the vibrations in space of a rotor whose state matrix (n, n) is that of its turning frame."""
     poles, vectors = scaled_eigen(A)
-    first, second, third = (C @ vectors for C in (*across, along))
-    moved = sum((np.abs(u) ** 2).sum(axis=0) for u in (first, second, third))
-    first, second = first[on_axis], second[on_axis]
-    transverse = (np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)
-    bends = (transverse > ACROSS_AXIS * moved) & (moved > (SOLVED * _reach(vectors, (*across, along))) ** 2)
-    circulation = find_circulation(first, second)
-    carried = bends & (poles.imag == 0.0)
-    omega = np.where(bends, rate + np.where(circulation < 0.0, -1.0, 1.0) * poles.imag, poles.imag)
-    whirl = np.where(carried, 1.0, np.where(bends, np.sign(omega) * np.abs(circulation), 0.0))
+    omega, _, whirl = view.look(poles, vectors)
     kept = order_poles(poles, np.abs(omega))
-    return WhirlingModes(np.abs(omega[kept]) / (2 * np.pi), poles.real[kept], whirl[kept])
+    seen = WhirlingModes(np.abs(omega[kept]) / (2 * np.pi), poles.real[kept], whirl[kept])
+    return SolvedVibrations(seen, poles[kept], vectors[:, kept])
 
 
 def _reach(vectors: Array, displacements: Sequence[Array]) -> Array:

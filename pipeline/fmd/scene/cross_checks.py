@@ -355,10 +355,19 @@ class CrossCheck:
             if name in parents:
                 if _leads_round(name, parents):
                     yield FaultError("its joints lead round in a circle; one must lead to ground", "body", name)
+            elif turned := [joint for joint in self.scene.joint if self._is_turned_round(joint, name)]:
+                parent, child = (getattr(self.scene.joint[turned[0]], key) for key in ("parent", "child"))
+                mend = f"is the ground, which hangs on nothing: parent = {child!r} and child = {parent!r} work"
+                yield FaultError(mend, "joint", turned[0], "child")
             elif self.scene.simulation_table is not None:
                 yield FaultError(f"hangs on no joint; give it one with child = '{name}.…'", "body", name)
             elif name in self.scene.flexible and self.scene.flexible[name].modes.boundary == "joint":
                 yield FaultError("hangs on no joint to be held at", "body", name, "modes", "boundary")
+
+    def _is_turned_round(self, joint: str, body: str) -> bool:
+        """Return True if a joint has a body as parent and the ground as child."""
+        given = self.scene.joint[joint]
+        return (given.parent.partition(".")[0], given.child.partition(".")[0]) == (body, "ground")
 
     def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
         """A joint that closes a loop holds two places together, and has no coordinate of its own."""
@@ -375,6 +384,8 @@ class CrossCheck:
         if name not in self.scene.joint:
             yield UnknownNameError("joint", name, self.scene.joint, "the joints", *path)
         elif name in self.scene.closing:
+            if self.scene.joint[name].child.partition(".")[0] == "ground":  # `_check_tree` tells the cause
+                return
             mend = "write it before the joint that now carries its child"
             yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
         elif self.scene.joint[name].type not in fitting:

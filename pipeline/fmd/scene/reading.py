@@ -7,15 +7,19 @@ import re
 import reprlib
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, InitErrorDetails
 
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import LONGEST_VALUE
+from fmd.core.units import QuantityReader, example_of
 from fmd.scene.toml_lines import KeyPath
+from fmd.scene.values import TextCheck, Words
 
 Place = tuple[str, int | None]
 """A file and a line in it, from 1; ``None`` where it has no lines."""
@@ -43,6 +47,9 @@ SYNONYMS = {
     "duration": "tend endtime stoptime finaltime totaltime",
     "step": "dt timestep h stepsize",
     "output_step": "dtout outputinterval sampletime",
+    "times": "arguments",
+    "time": "argument",
+    "time_unit": "argumentunit",
     "integrator": "solver method scheme",
     "type": "kind",
     "marker": "point frame node",
@@ -163,7 +170,13 @@ class SceneTable(BaseModel):
         except ValidationError as error:
             details = error.errors(include_url=False)
             unknown = [str(detail["loc"][0]) for detail in details if detail["type"] == "extra_forbidden"]
-            if not unknown:
+            fields_of = {field.alias or name: field for name, field in cls.model_fields.items()}
+            missing = {
+                f["loc"]: example
+                for f in details
+                if f["type"] == "missing" and (example := _example_of(fields_of.get(str(f["loc"][0]))))
+            }
+            if not (unknown or missing):
                 raise
             fields = sorted(cls.model_fields.items(), key=lambda item: item[0] not in cls.__annotations__)
             known = [field.alias or name for name, field in fields]  # its own first
@@ -172,9 +185,24 @@ class SceneTable(BaseModel):
             faults += [
                 InitErrorDetails(type=f["type"], loc=f["loc"], input=f["input"], ctx=f.get("ctx", {}))
                 for f in details
-                if f["type"] != "extra_forbidden" and not (f["type"] == "missing" and f["loc"] in meant)
+                if f["type"] != "extra_forbidden" and not (f["type"] == "missing" and f["loc"] in {*meant, *missing})
             ]
+            faults += [_detail(FaultError(f"is missing{mend}", *at)) for at, mend in missing.items() if at not in meant]
             raise ValidationError.from_exception_data(cls.__name__, faults) from None
+
+
+def _example_of(field: FieldInfo | None) -> str:
+    """Return what would work for a key that is missing, for a message; empty if only its table's page tells."""
+    for each in field.metadata if field else ():
+        if isinstance(each, QuantityReader):
+            return f", e.g. {example_of(each.kind)!r}"
+        if isinstance(each, Words | TextCheck):
+            return f": {each.description.replace('``', '')}"
+    table = field.annotation if field else None
+    if isinstance(table, type) and issubclass(table, SceneTable):
+        needed = [inner.alias or name for name, inner in table.model_fields.items() if inner.is_required()]
+        return f": a table with {', '.join(needed)}" if needed else ""
+    return ""
 
 
 def raise_faults(faults: Iterable[FaultError]) -> None:
@@ -207,6 +235,29 @@ def list_faults(error: ValidationError) -> list[Fault]:
     # A list with an item at fault is neither too short without it nor, where it may also be a text, no text.
     follow = ("string_type", "too_short")
     return [Fault(path, _write_mend(f)) for path, f in found.items() if path not in deeper or f["type"] not in follow]
+
+
+def kinds_as_meant(error: ValidationError, tables: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return tables in which misspelt kinds are what is likely meant, so that what is wrong beside them is found, too.
+
+    ``None`` if no kind is misspelt, or it isn't clear what is meant.
+    """
+    found = None
+    for detail in error.errors(include_url=False):
+        if detail["type"] == "union_tag_invalid" and (near := _near_kind(detail)):
+            *path, key = _find_path(detail)
+            found = deepcopy(dict(tables)) if found is None else found
+            table: Any = found
+            for part in path:
+                table = table[part]
+            table[key] = near
+    return found
+
+
+def _near_kind(error: ErrorDetails) -> str | None:
+    """Return the kind of table that is likely meant by one that there isn't."""
+    context = error.get("ctx", {})
+    return next(iter(_near(str(context["tag"]), re.findall("'([^']*)'", context["expected_tags"]))), None)
 
 
 def join_errors(
@@ -257,15 +308,15 @@ def _write_mend(error: ErrorDetails) -> str:
         case "missing" | "union_tag_not_found":
             return "is missing"
         case "union_tag_invalid":
-            known = error["ctx"]["expected_tags"]
-            near = _near(str(error["ctx"]["tag"]), re.findall("'([^']*)'", known))
-            return f"must be one of {known}" + (f"; did you mean {near[0]!r}?" if near else "")
+            near = _near_kind(error)
+            return f"must be one of {error['ctx']['expected_tags']}" + (f"; did you mean {near!r}?" if near else "")
         case "model_type" | "model_attributes_type" | "dict_type":
             return "must be a table"
         case "tuple_type":
             return "must be a list"
         case _:
-            return re.sub(r"^\w+ should", "must", error["msg"]).replace(" after validation", "")
+            said = re.sub(r"^\w+ should", "must", error["msg"]).replace(" after validation", "")
+            return said.replace("a valid string", "a text").replace("a valid integer", "a whole number")
 
 
 def find_caller() -> Place:

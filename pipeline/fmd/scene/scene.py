@@ -16,7 +16,7 @@ from fmd.core.errors import InputError
 from fmd.core.html import facts, scaled
 from fmd.core.units import PositiveFrequency, Share
 from fmd.scene.cross_checks import CrossCheck
-from fmd.scene.reading import Fault, FaultError, SceneTable, list_faults, raise_faults
+from fmd.scene.reading import Fault, FaultError, SceneTable, kinds_as_meant, list_faults, raise_faults
 from fmd.scene.scene_files import read_source
 from fmd.scene.scene_tables import SceneTables
 from fmd.scene.simulation import Simulation
@@ -178,7 +178,15 @@ class Scene(SceneTables):
     @classmethod
     def _list_faults(cls, error: ValidationError, values: Mapping[str, Any], context: Mapping[str, Any]) -> list[Fault]:
         faults = list_faults(error)
-        return [*faults, *_find_unknown_names(values, faults, context)]
+        meant = kinds_as_meant(error, values)
+        if meant is None:
+            return [*faults, *_find_unknown_names(values, faults, context)]
+        try:
+            cls.model_validate(meant, context=context)
+        except ValidationError as beside:
+            known = {fault.path for fault in faults}
+            faults += [fault for fault in cls._list_faults(beside, meant, context) if fault.path not in known]
+        return faults
 
     def __repr__(self) -> str:
         return f"Scene({self.title!r}, bodies: {', '.join(self.body)})"

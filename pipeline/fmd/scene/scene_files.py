@@ -68,6 +68,18 @@ def read_source(source: str | Path | Mapping[str, Any], overrides: Sequence[str]
     return SceneSource(file, folder, whole, places)
 
 
+def with_line(error: InputError, overrides: Sequence[str]) -> InputError:
+    """Return an error that a stage has found in a scene file with the line on which its key stands, if one does."""
+    if error.line is not None or not error.key or not error.file.endswith(".toml"):
+        return error
+    path = tuple(int(part) if part.isdigit() else part for part in error.key.split("."))
+    try:
+        file, line = read_source(error.file, overrides)._find_place(path)
+    except InputError:  # the file isn't there any more
+        return error
+    return InputError(file if line else error.file, error.key, error.value, error.mend, line, error.others)
+
+
 def _read_with_base(source: Traversable, heirs: tuple[Path, ...]) -> tuple[dict[str, Any], Places]:
     """Read the tables of a scene and those of its base that it leaves out, and set the single values that it gives.
 

@@ -10,7 +10,7 @@ from fmd.core.units import Acceleration, PositiveTime
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.runs import Run
 from fmd.scene.toml_lines import KeyPath
-from fmd.scene.values import JointName, MarkerName, Number
+from fmd.scene.values import JointName, MarkerName, Number, three_along
 
 
 class Simulation(SceneTable):
@@ -67,7 +67,9 @@ class Simulation(SceneTable):
     step: PositiveTime | Literal["auto"] | None = None
     error: Annotated[Number, Field(ge=1e-10, le=0.1)] = 1e-3
     tip: MarkerName
-    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+    gravity: Annotated[
+        tuple[Acceleration, Acceleration, Acceleration], three_along('["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]')
+    ] = (0.0, 0.0, 0.0)
     frame: Literal["joint-conforming", "free"] = "joint-conforming"
     stiffening: Literal["auto", "on", "off"] = "auto"
     start: Literal["undeformed", "steady", "equilibrium", "periodic"] = "undeformed"

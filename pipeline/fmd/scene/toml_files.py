@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
@@ -15,6 +16,15 @@ from fmd.core.errors import InputError
 from fmd.core.limits.scene import MOST_SCENE_BYTES, SCENES_KEPT
 from fmd.scene.reading import suggest_name
 from fmd.scene.toml_lines import KeyPath, find_lines
+
+# What would work, by words of Python's reader.
+_MENDS = {
+    "twice": "two tables have one name: give one another",
+    "overwrite": "the key is there already: leave one",
+    "Illegal character '\\n'": "a text ends on its line, by a quotation mark",
+    "Invalid value": "a text stands in quotation marks, a number has a point, true and false are in small letters",
+    "Expected newline": "a line has one key, and a comment begins with #",
+}
 
 
 @cache
@@ -77,8 +87,10 @@ def _parse(file: str, text: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         lines = text.split("\n")
         end = f"at line {len(lines)}, column {len(lines[-1]) + 1}"
-        mend = f"isn't valid TOML: {error}".replace("at end of document", end)
-        raise InputError(file, "", None, mend) from None
+        said = str(error).replace("at end of document", end)
+        remedy = next((f"; {mend}" for cause, mend in _MENDS.items() if cause in said), "")
+        line = re.search(r"at line (\d+)", said)
+        raise InputError(file, "", None, f"isn't valid TOML: {said}{remedy}", line and int(line[1])) from None
 
 
 def parse_value(text: str) -> object:

@@ -62,6 +62,17 @@ def _check_direction(axis: tuple[float, float, float]) -> tuple[float, float, fl
     return axis
 
 
+def three_along(example: str) -> BeforeValidator:
+    """Return a check that a value is a list, whose message has an example of the three values that it holds."""
+
+    def check(value: object) -> object:
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"must be a list of three, along x, y and z: {example}")
+        return value
+
+    return BeforeValidator(check)
+
+
 def _read_plane(text: object) -> tuple[int, float]:
     match = re.fullmatch(r"\s*([xyz])\s*=\s*(.+?)\s*", text) if isinstance(text, str) and len(text) < 100 else None
     if match is None:
@@ -75,6 +86,11 @@ class TextCheck:
     @property
     def schema(self) -> dict[str, Any]:
         """JSON schema of the texts, for editors."""
+        raise NotImplementedError
+
+    @property
+    def description(self) -> str:
+        """Words for the texts that pass."""
         raise NotImplementedError
 
     def __call__(self, text: str) -> str:
@@ -212,10 +228,15 @@ Poisson = Annotated[Number, AfterValidator(_check_poisson), Words("number above 
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]
 Formulation = Literal["enhanced", "plain"]
-Point = tuple[Length, Length, Length]
+Point = Annotated[tuple[Length, Length, Length], three_along('["10 mm", "0 mm", "0 mm"]')]
 Turn = tuple[Angle, Angle, Angle]
 _Part = Annotated[float, Field(strict=True)]
-Axis = Annotated[tuple[_Part, _Part, _Part], AfterValidator(_check_direction), Words("list of 3 numbers, not all 0")]
+Axis = Annotated[
+    tuple[_Part, _Part, _Part],
+    AfterValidator(_check_direction),
+    three_along("[0, 0, 1]"),
+    Words("list of 3 numbers, not all 0"),
+]
 Plane = Annotated[
     tuple[int, float],
     BeforeValidator(_read_plane),

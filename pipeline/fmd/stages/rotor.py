@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.reduction.rotating import WhirlingModes, rotating_modes
 from fmd.responses.interpolated_models import interpolate_models, matrices_of
-from fmd.responses.whirl import hub_modes, whirling_modes
+from fmd.responses.whirl import SpaceView, hub_modes, whirling_modes
 from fmd.scene.modes import damping_ratios
 from fmd.scene.variants import complete_for_linear_answers
 from fmd.stages.turning import OnHub, TurningRotor, scene_in_space
@@ -64,7 +64,7 @@ def find_vibrations(run: Pipeline, highest: float | None = None) -> Vibrations:
         first, second, along = np.split(C, 3)
         if isinstance(way, OnHub):
             return hub_modes(A, (first, second), [k for k, (name, _) in enumerate(states) if name in way.still])
-        return whirling_modes(A, (first, second), along, rate, rotor.on_axis)
+        return whirling_modes(A, SpaceView((first, second), along, rate, rotor.on_axis)).seen
 
     return vibrations
 

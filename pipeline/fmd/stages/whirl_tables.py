@@ -8,20 +8,19 @@ coefficients of a vibration are those at its own frequency.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import cache
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.responses import PEAK_DIGITS, RIGID_POLE, WHIRLS_BETWEEN
+from fmd.core.limits.responses import WHIRLS_BETWEEN
 from fmd.core.limits.round_off import EXACT
 from fmd.reduction.rotating import WhirlingModes
 from fmd.responses.interpolated_models import Matrices, interpolate_models, matrices_of, with_inputs_seen
-from fmd.responses.whirl import whirling_modes
+from fmd.responses.whirl import SpaceView
+from fmd.responses.whirl_search import WhirlSearch
 from fmd.scene.bearing_tables import BearingTable
 from fmd.scene.variants import change_bearings
 from fmd.stages.force_elements import bearing_curves
@@ -113,18 +112,15 @@ def find_vibrations_by_whirl(run: Pipeline, highest: float | None) -> Callable[[
             for k, rows in enumerate(seen)
         ]
 
-        @cache
-        def modes(omega: float) -> WhirlingModes:
+        def matrix(omega: float) -> Array:
             changed = A.copy()
             for pair, by in zip(curves, terms, strict=True):
                 for curve, term in zip(pair, by, strict=True):
                     now, rest = curve.values(np.array([omega, 0.0]))
                     changed -= (now - rest) * term
-            return whirling_modes(changed, (first, second), along, rate, rotor.on_axis)
+            return changed
 
-        fewest = min(len(modes(omega).frequencies_hz) for omega in grid.tolist())
-        rows = [*sorted(_own_frequencies(modes, grid, fewest)), *_second_poles(modes, rate, fewest)]
-        return WhirlingModes(*np.array(rows).T) if rows else modes(0.0)
+        return WhirlSearch(matrix, SpaceView((first, second), along, rate, rotor.on_axis), grid).find()
 
     return vibrations
 
@@ -145,47 +141,3 @@ def _read_bearings(scene: Scene) -> tuple[list[str], list[tuple[StateCurve, Stat
                 mend = "is over speed beside one over whirl; give both over the same"
                 raise InputError(scene.file, f"bearing.{name}.{key}.over", "speed", mend)
     return places, curves
-
-
-def _own_frequencies(
-    modes: Callable[[float], WhirlingModes], grid: Array, n: int
-) -> Iterator[tuple[float, float, float]]:
-    """Yield frequency [Hz], growth and whirl of the vibrations that have the frequency at which they are computed.
-
-    The k-th frequency of the first n is continuous in that of the coefficients: of two motions without oscillation that
-    were one vibration, only the first is among them. Beyond the last place of the grid it is constant.
-    """
-    for k in range(n):
-
-        def apart(omega: float, k: int = k) -> float:
-            found = modes(omega)
-            return float(2 * np.pi * found.frequencies_hz[k] - max(omega, _still(found)))  # at rest: below 0
-
-        differences = np.array([apart(omega) for omega in grid.tolist()])
-        places = [grid[0]] * int(differences[0] <= 0.0) + [grid[-1]] * int(differences[-1] > 0.0)
-        for i in np.flatnonzero((differences[:-1] > 0.0) != (differences[1:] > 0.0)):
-            places.append(brentq(apart, grid[i], grid[i + 1], rtol=PEAK_DIGITS**1.5))
-        for omega in places:
-            yield _row(modes(float(omega)), k)
-
-
-def _second_poles(modes: Callable[[float], WhirlingModes], rate: float, n: int) -> Iterator[tuple[float, float, float]]:
-    """Yield the second of two motions that don't oscillate: in space it stands still, or is carried round at the rate.
-
-    `whirling_modes` lists them after the first n.
-    """
-    for omega in sorted({0.0, rate}):
-        found = modes(omega)
-        for k in range(n, len(found.frequencies_hz)):
-            if abs(2 * np.pi * found.frequencies_hz[k] - omega) <= _still(found):
-                yield _row(found, k)
-
-
-def _still(found: WhirlingModes) -> float:
-    """Return the frequency [rad/s] below which a motion stands still."""
-    return RIGID_POLE * 2 * np.pi * float(found.frequencies_hz.max(initial=0.0))
-
-
-def _row(found: WhirlingModes, k: int) -> tuple[float, float, float]:
-    frequency, growth, whirl = (float(values[k]) for values in found)
-    return frequency, growth, whirl
