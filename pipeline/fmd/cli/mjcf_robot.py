@@ -39,6 +39,8 @@ _IDLE = {"visual", "statistic", "size", "custom"}  # pictures and sizes of array
 _OF_BODIES = {"inertial", "joint", "freejoint", "geom", "camera", "light"}  # read with the body, or idle
 _KINDS = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "floating"}
 
+_LAWS = ("stiffness", "damping")  # with further coefficients, of higher powers of deflection or rate
+
 Attributes = Mapping[str, str]
 
 
@@ -186,11 +188,23 @@ class _Reader:
                 found.append((element.attrib, "floating"))
             elif element.tag == "joint":
                 given = {key: of for key, of in self._of(element, scope).items() if key not in self.disabled}
-                self._note_untaken("joint", given, given.get("name", f"of {body.get('name', 'a body')}"))
+                name = given.get("name", f"of {body.get('name', 'a body')}")
+                self._note_untaken("joint", given, name)
+                given |= {
+                    key: self._linear(given[key], f"{key} of joint {name}")
+                    for key in sorted(_LAWS & given.keys(), reverse=True)
+                }
                 if (kind := given.get("type", "hinge")) not in _KINDS:
                     raise ValueError(f"a joint of type {kind} is none of {', '.join(_KINDS)}")
                 found.append((given, _KINDS[kind]))
         return found
+
+    def _linear(self, text: str, what: str) -> str:
+        """Return the first coefficient of a spring's or damper's polynomial; a note names the others."""
+        first, *higher = text.split() or [text]
+        if any(higher):
+            self.notes.append(f"{what} is a polynomial, {text}: only its linear part is taken, a drive has formulas")
+        return first
 
     def _add_joint(self, name: str, kind: str, parent: str, child: str, pose: Pose, given: Attributes) -> None:
         unit = self.unit if kind == "revolute" else 1.0
