@@ -221,7 +221,7 @@ def _open(gmsh: Any, path: Path) -> tuple[Names, dict[int, int]]:
     if not solids:
         raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
     names = name_pieces(gmsh, path, solids)
-    whole = _whole_faces(gmsh)
+    whole = whole_faces(gmsh)
     taken = {name for own in names.values() for name in own}
     for tag, name in name_faces_by_place(gmsh, whole).items():
         if name not in taken:
@@ -257,7 +257,7 @@ def _read_out(gmsh: Any, order: int, names: Names, whole: Mapping[int, int]) -> 
     return CadMesh(xyz.reshape(-1, 3), np.concatenate(blocks), parts, whole_faces, centres)
 
 
-def _whole_faces(gmsh: Any) -> dict[int, int]:
+def whole_faces(gmsh: Any) -> dict[int, int]:
     """Return the face of each surface, joining the halves of a bore that many CAD programs write."""
     first = {tag: tag for _, tag in gmsh.model.getEntities(2)}
     kinds = {tag: gmsh.model.getType(2, tag) for tag in first}
@@ -308,37 +308,38 @@ def main(arguments: list[str]) -> str | None:
         ends the process when that time is over, as on a damaged file.
     """
     source, target, reading, each, *sizes = arguments
-    quiet = io.StringIO()
 
     def begin(elements: float) -> None:
-        _end_after(float(reading) + float(each) * elements)
+        end_after(float(reading) + float(each) * elements)
+
+    def work() -> None:
+        if sizes and sizes[1] == "shell":
+            mesh_sheet(Path(source), float(sizes[0]), Path(target), begin)
+        elif sizes:
+            sector = (int(sizes[2]), sizes[3], sizes[4]) if sizes[2:] else None
+            save(mesh_cad(Path(source), float(sizes[0]), int(sizes[1]), begin, sector), Path(target))
+        else:
+            Path(target).write_text(json.dumps(describe_cad(Path(source))), encoding="utf-8")
 
     begin(0.0)
+    return report(work)
+
+
+def report(work: Callable[[], None]) -> str | None:
+    """Do some work of this process without printing; return an error message or ``None``."""
     try:
-        with contextlib.redirect_stdout(quiet):
-            if sizes and sizes[1] == "shell":
-                mesh_sheet(Path(source), float(sizes[0]), Path(target), begin)
-            elif sizes:
-                mesh = mesh_cad(
-                    Path(source),
-                    float(sizes[0]),
-                    int(sizes[1]),
-                    begin,
-                    (int(sizes[2]), sizes[3], sizes[4]) if sizes[2:] else None,
-                )
-                save(mesh, Path(target))
-            else:
-                Path(target).write_text(json.dumps(describe_cad(Path(source))), encoding="utf-8")
+        with contextlib.redirect_stdout(io.StringIO()):
+            work()
     except CadError as error:
         return str(error)
     except Exception as error:  # Gmsh's own
         return " ".join(f"Gmsh can't mesh it: {error}".split())[:200]
     finally:
-        _end_after(0.0)
+        end_after(0.0)
     return None
 
 
-def _end_after(seconds: float) -> None:
+def end_after(seconds: float) -> None:
     """Have the system end this process after some time from now, whatever Gmsh does; 0 takes it back."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)

@@ -28,11 +28,11 @@ def import_entities(gmsh: Any, path: Path, dimension: int) -> list[tuple[int, in
 
 def name_pieces(gmsh: Any, path: Path, entities: list[tuple[int, int]]) -> Names:
     """Cut solids or surfaces along one another if they are several, and return the names of all entities."""
-    names = _names(gmsh, path)
+    names = names_of_entities(gmsh, path)
     return _fragment(gmsh, entities, names) if len(entities) > 1 else names
 
 
-def _names(gmsh: Any, path: Path) -> Names:
+def names_of_entities(gmsh: Any, path: Path) -> Names:
     """Return the names of each solid and face: the end of its label, its colour, its name in STEP."""
     names: Names = {}
     for entity in [*gmsh.model.getEntities(2), *gmsh.model.getEntities(3)]:

@@ -3,14 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-_ROUND = {"Cylinder", "Surface of Revolution"}  # the latter is what IGES has for cylinders
+ROUND = {"Cylinder", "Surface of Revolution"}  # the latter is what IGES has for cylinders
 _WIDEST_GAP = np.deg2rad(40.0)  # between such points, around a whole cylinder
 _OFF = 1e-4  # of a cylinder: normals along its axis, radii that differ
+
+
+class WholeCylinder(NamedTuple):
+    """A face that is a whole cylinder.
+
+    Attributes
+    ----------
+    what : str
+        ``"pin"`` with material within, ``"hole"`` without.
+    middle, axis : ndarray, shape (3,)
+        Middle of its axis [m], and the axis' direction.
+    radius, length : float
+        [m]
+    """
+
+    what: str
+    middle: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    radius: float
+    length: float
 
 
 def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
@@ -37,14 +57,13 @@ def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
         kind = gmsh.model.getType(2, tag)
         if kind == "Plane" and (name := _end(gmsh, tag, low, high)):
             names[tag] = name
-        elif kind in _ROUND:
+        elif kind in ROUND:
             groups.setdefault(whole[tag], []).append(tag)
     found: dict[str, list[tuple[tuple[float, ...], list[int]]]] = {"hole": [], "pin": []}
     extent = float((high - low).max())
     for tags in groups.values():
-        if (seen := _look_at_cylinder(gmsh, tags)) is not None:
-            what, centre = seen
-            found[what].append((tuple(np.round(centre / extent, 6)), tags))
+        if (seen := look_at_cylinder(gmsh, tags)) is not None:
+            found[seen.what].append((tuple(np.round(seen.middle / extent, 6)), tags))
     for what, cylinders in found.items():
         for number, (_, tags) in enumerate(sorted(cylinders), start=1):
             names |= dict.fromkeys(tags, f"{what}-{number}")
@@ -58,9 +77,9 @@ def find_centre(gmsh: Any, tags: list[int]) -> tuple[float, float, float, float]
     """
     areas = np.array([gmsh.model.occ.getMass(2, tag) for tag in tags])
     kinds = {gmsh.model.getType(2, tag) for tag in tags}
-    cylinder = _look_at_cylinder(gmsh, tags) if kinds <= _ROUND else None
+    cylinder = look_at_cylinder(gmsh, tags) if kinds <= ROUND else None
     if cylinder is not None:
-        return float(areas.sum()), *_triple(cylinder[1])
+        return float(areas.sum()), *_triple(cylinder.middle)
     centres = np.array([gmsh.model.occ.getCenterOfMass(2, tag) for tag in tags])
     return float(areas.sum()), *_triple(areas @ centres / areas.sum())
 
@@ -123,8 +142,8 @@ def _end(gmsh: Any, tag: int, low: NDArray[np.float64], high: NDArray[np.float64
     return ""
 
 
-def _look_at_cylinder(gmsh: Any, tags: list[int]) -> tuple[str, NDArray[np.float64]] | None:
-    """Return ``hole`` or ``pin`` and the middle of a whole cylinder of some surfaces; ``None`` if it isn't whole."""
+def look_at_cylinder(gmsh: Any, tags: list[int], solids: list[int] | None = None) -> WholeCylinder | None:
+    """Return the whole cylinder of some surfaces of the model, or of solids alone; ``None`` if it isn't whole."""
     points, normals = [], []
     for tag in tags:
         (u0, v0), (u1, v1) = gmsh.model.getParametrizationBounds(2, tag)
@@ -152,5 +171,6 @@ def _look_at_cylinder(gmsh: Any, tags: list[int]) -> tuple[str, NDArray[np.float
     on = np.array(gmsh.model.getValue(2, tags[0], (np.array(start) + end) / 2))
     to_axis = centre @ frame[:2] + (on @ frame[2]) * frame[2] - on
     within = list(on + 1e-3 * to_axis)  # of the radius
-    solid = any(gmsh.model.isInside(3, tag, within) for _, tag in gmsh.model.getEntities(3))
-    return ("pin" if solid else "hole"), middle
+    own = [tag for _, tag in gmsh.model.getEntities(3)] if solids is None else solids
+    what = "pin" if any(gmsh.model.isInside(3, tag, within) for tag in own) else "hole"
+    return WholeCylinder(what, middle, frame[2], float(radii.mean()), float(np.ptp(along)))

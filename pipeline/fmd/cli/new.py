@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from fmd.cli.options import Flag
 from fmd.cli.tables import open_console
 from fmd.core.errors import InputError
 from fmd.core.files import write_text
@@ -15,6 +16,7 @@ from fmd.scene.inheritance import list_files
 from fmd.scene.reading import suggest_name
 from fmd.scene.schema import write_schema
 from fmd.scene.toml_files import list_ready_scenes, read_tables
+from fmd.stages.meshing.cad_files import cad_suffixes, is_cad_file
 
 SCHEMA_FILE = "fmd.schema.json"
 """Name of the schema beside a new scene, which its first line names as Taplo and VS Code read it."""
@@ -25,6 +27,7 @@ def new(
     *,
     from_: Annotated[str | None, Parameter(name="--from")] = None,
     flexible: tuple[str, ...] = (),
+    assembly: Flag = False,
 ) -> None:
     """Write a commented scene to start from; a file that exists is left alone.
 
@@ -37,7 +40,11 @@ def new(
         (MJCF); or copy this ready scene, e.g. beam.
     flexible
         Links of the robot that become flexible bars by their boxes; as often as needed.
+    assembly
+        Make bodies of the solids of a CAD file, with the joints that their bores and pins suggest.
     """
+    if assembly and not (from_ and is_cad_file(Path(from_))):
+        raise InputError("--assembly", "", from_, "takes the solids of a CAD file: give one, --from machine.step")
     if flexible and not _is_robot(from_ or ""):
         raise InputError("--flexible", "", flexible[0], "names a link of a robot: give one, --from arm.urdf")
     if from_ is None:
@@ -45,17 +52,21 @@ def new(
     elif from_ in list_ready_scenes():
         _copy_ready_scene(path, from_)
     else:
-        _write_scene(path, _make_scene(from_, path, flexible))
+        _write_scene(path, _make_scene(from_, path, flexible, assembly))
     open_console().print(f"{path} is written; fmd run {path} computes it", soft_wrap=True)
 
 
-def _make_scene(part: str, path: Path, flexible: tuple[str, ...]) -> str:
-    """Return the text of a scene for the file of a part or a robot."""
+def _make_scene(part: str, path: Path, flexible: tuple[str, ...], assembly: bool) -> str:
+    """Return the text of a scene for the file of a part, an assembly or a robot."""
     from fmd.cli.cad_scenes import write_cad_scene
-    from fmd.cli.robot_scenes import READERS, write_robot_scene
-    from fmd.stages.meshing.cad_files import cad_suffixes, is_cad_file
+    from fmd.cli.robot_scenes import READERS, write_assembly_scene, write_robot_scene
 
     _require_free(path)  # before the file is read
+    if assembly:
+        text, notes = write_assembly_scene(Path(part), path)
+        for note in notes:
+            open_console().print(note, soft_wrap=True)
+        return text
     if _is_robot(part):
         text, notes = write_robot_scene(Path(part), path, flexible)
         for note in notes:

@@ -58,6 +58,17 @@ def write_robot_scene(file: Path, target: Path, flexible: Sequence[str] = ()) ->
     return writer.text(), writer.notes
 
 
+def write_assembly_scene(file: Path, target: Path) -> tuple[str, list[str]]:
+    """Return the text of a scene for an assembly in a CAD file, and what it suggests and leaves out.
+
+    Files of the parts are written to a folder beside the scene; raises as `fmd.cli.cad_assembly.read_assembly`.
+    """
+    from fmd.cli.cad_assembly import read_assembly
+
+    writer = _Writer(read_assembly(file, target.parent / f"{target.stem}-parts"), file, target, ())
+    return writer.text(), writer.notes
+
+
 class _Writer:
     """Tables of a scene for a robot, gathered link by link."""
 
@@ -129,7 +140,7 @@ class _Writer:
         tip = self._tip(root)
         notes = [f"# - {note}" for note in self.notes]
         head = [
-            f"# The robot of {self.file.name}. It falls under its weight; docs/control.md has drives and controllers.",
+            f"# Made of {self.file.name}. It falls under its weight; docs/control.md has drives and controllers.",
             *(["# What the file has and this scene hasn't:", *notes] if notes else []),
             f"title = {json.dumps(robot.name)}",
         ]
@@ -282,7 +293,8 @@ class _Writer:
             return None
         file = self._find(shape.file)
         unit = {1.0: "m", 1e-3: "mm"}.get(shape.scale[0]) if len(set(shape.scale)) == 1 else None
-        if file is None or file.suffix.lower() != ".stl" or unit is None:
+        drawn = (".stl", ".step")  # the latter are parts of an assembly
+        if file is None or file.suffix.lower() not in drawn or unit is None:
             why = "isn't there" if file is None else "only STL in m or mm is drawn"
             self.notes.append(f"{link.name}: the shape {shape.file} is left out ({why})")
             return None

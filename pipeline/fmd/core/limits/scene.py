@@ -36,7 +36,9 @@ LIGHT_SHARE = 1e-6  # of the mass and inertia of a robot's body: what stands bet
 SKEW_INERTIA = 1e-9  # products of inertia beside the moments that are none
 STOP_ANGLE, STOP_LENGTH = 0.01, 1e-3  # over which a robot's stop grows to its whole stiffness [rad or m]
 STOP_LOADS = 1.0  # largest efforts of its motor that a stop bears over that way
-STEEL = 7850.0  # density by which the push is chosen [kg/m³]
+STEEL = 7850.0  # density by which the push is chosen, and of an assembly's parts [kg/m³]
+COAXIAL = 1e-3  # of an assembly's round faces: angle between axes [rad], their distance and the gap of bores by radius
+BORE_CLEARANCE = 0.1  # of a bore's radius: by how much a pin in it may be thinner
 MOST_HELD = 0.2  # of the part's surface
 SPEED = 60.0  # length of the part over the duration of the push [m/s]
 

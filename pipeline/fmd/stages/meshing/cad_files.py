@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import shutil
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
+from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.mesh import CAD_DIGITS, CAD_ELEMENTS
 from fmd.core.limits.patience import CAD_SECONDS, CAD_SECONDS_PER_ELEMENT, READING_BYTES, READING_SECONDS
+from fmd.core.limits.scene import LONGEST_NAME
 from fmd.core.memory import available_memory
 from fmd.core.processes import ChildError, run_child
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
@@ -60,6 +66,52 @@ class PartOutline:
     low: tuple[float, float, float]
     high: tuple[float, float, float]
     faces: tuple[FaceOutline, ...]
+
+
+@dataclass(frozen=True)
+class RoundFace:
+    """A face of a part that is a whole cylinder.
+
+    Attributes
+    ----------
+    what : str
+        ``"pin"`` with material within, ``"hole"`` without.
+    middle, axis : ndarray, shape (3,)
+        Middle of its axis [m], and the axis' direction.
+    radius, length : float
+        [m]
+    """
+
+    what: str
+    middle: Array
+    axis: Array
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class AssemblyPart:
+    """A solid of an assembly, where it stands.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the file as scenes may have it, or its number.
+    volume : float
+        [m³]
+    centre : ndarray, shape (3,)
+        Centre of mass [m].
+    inertia : ndarray, shape (3, 3)
+        About the centre of mass, for a density of 1 [m⁵].
+    round_faces : tuple of RoundFace
+        Its bores and pins.
+    """
+
+    name: str
+    volume: float
+    centre: Array
+    inertia: Array
+    round_faces: tuple[RoundFace, ...]
 
 
 def cad_suffixes() -> tuple[str, ...]:
@@ -138,13 +190,50 @@ def describe_cad_file(path: Path) -> PartOutline:
     return PartOutline(found["solids"], found["volume"], tuple(found["low"]), tuple(found["high"]), faces)
 
 
+def describe_assembly_file(path: Path, folder: Path) -> list[AssemblyPart]:
+    """Describe the solids of a CAD file as parts of an assembly, and write each to a STEP file in a folder.
+
+    Raises as `mesh_cad_file`.
+    """
+    with tempfile.TemporaryDirectory(prefix="fmd-") as temporary:
+        description = Path(temporary) / "parts.json"
+        _run_gmsh(path, description, temporary, entry="fmd.meshes.cad_assembly:main")
+        found = json.loads(description.read_text(encoding="utf-8"))
+        names = _own_names([part.pop("name") for part in found])
+        folder.mkdir(parents=True, exist_ok=True)
+        for number, name in enumerate(names):
+            shutil.copyfile(Path(temporary) / f"{number}.step", folder / f"{name}.step")
+    return [
+        AssemblyPart(
+            name,
+            part["volume"],
+            np.array(part["centre"]),
+            np.array(part["inertia"]),
+            tuple(
+                RoundFace(**own | {key: np.array(own[key]) for key in ("middle", "axis")}) for own in part["cylinders"]
+            ),
+        )
+        for name, part in zip(names, found, strict=True)
+    ]
+
+
+def _own_names(given: list[str]) -> list[str]:
+    """Return a name for each part, as scenes and files may have it; no two are alike."""
+    names: list[str] = []
+    for number, text in enumerate(given, start=1):
+        name = re.sub(r"^[^A-Za-z]+", "", re.sub(r"[^A-Za-z0-9_]+", "-", text).strip("-_"))[: LONGEST_NAME - 4]
+        name = name if name and name != "ground" else f"part-{number}"
+        names.append(name if name not in names else f"{name}-{number}")
+    return names
+
+
 def choose_element_size(part: PartOutline) -> float:
     """Return an edge length that gives a part some 4000 elements or more, rounded [m]."""
     size = math.cbrt(part.volume / (_TETRAHEDRON * CAD_ELEMENTS))
     return float(f"{size:.{CAD_DIGITS - 1}e}")
 
 
-def _run_gmsh(path: Path, target: Path, *sizes: str) -> None:
+def _run_gmsh(path: Path, target: Path, *sizes: str, entry: str = "fmd.meshes.cad:main") -> None:
     """Let the mesher read a CAD file and write what it makes of it."""
     if not is_cad_file(path):
         raise InputError(str(path), "", None, f"is no CAD file that is read; these are: {' '.join(cad_suffixes())}")
@@ -153,9 +242,7 @@ def _run_gmsh(path: Path, target: Path, *sizes: str) -> None:
     limits = f"{READING_SECONDS:g}", f"{CAD_SECONDS_PER_ELEMENT:g}"
     memory = READING_BYTES + int(available_memory())
     try:
-        run_child(
-            "fmd.meshes.cad:main", str(path.resolve()), str(target), *limits, *sizes, seconds=CAD_SECONDS, memory=memory
-        )
+        run_child(entry, str(path.resolve()), str(target), *limits, *sizes, seconds=CAD_SECONDS, memory=memory)
     except ChildError as error:
         said = f"Gmsh's OpenCASCADE stopped on it ({error}); is it damaged?" if "died" in str(error) else str(error)
         if error.late:
