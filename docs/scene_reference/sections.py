@@ -89,10 +89,10 @@ charts, pictures and files that are wanted. `fmd new my-part.toml` writes a comm
   The ready scenes are {ready}.
 - **Mistakes** are refused, unknown keys too, all in one message, with a line for each: the file and the line in it, the
   key, the value and what would work.
-- **Editors** complete and check a scene by the JSON schema `fmd.schema.json`, which `fmd new` writes beside the scene
-  and names in its first line, `#:schema ./fmd.schema.json`; Taplo and VS Code's Even Better TOML read it. `python -m
-  fmd.scene.schema > fmd.schema.json` writes it for other scenes. It knows all keys, words and units, but not the names
-  that you give.
+- **Editors** complete and check a scene by the JSON schema `scene.schema.json`, which `fmd new` writes beside the scene
+  and names in its first line, `#:schema ./scene.schema.json`; Taplo and VS Code's Even Better TOML read it. For other
+  scenes `python -m fmd.scene.schema > scene.schema.json` writes it. It knows all keys, words and units, but not the
+  names that you give.
 - **In Python** each table is a class of the same keys, whose quantities may also be plain numbers in SI units:
   `Rod(mass=2.0, length="1 m", marker={{}})`.
 

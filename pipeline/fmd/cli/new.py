@@ -18,7 +18,7 @@ from fmd.scene.schema import write_schema
 from fmd.scene.toml_files import list_ready_scenes, read_tables
 from fmd.stages.meshing.cad_files import cad_suffixes, is_cad_file
 
-SCHEMA_FILE = "fmd.schema.json"
+SCHEMA_FILE = "scene.schema.json"
 """Name of the schema beside a new scene, which its first line names as Taplo and VS Code read it."""
 
 

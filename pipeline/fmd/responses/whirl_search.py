@@ -11,15 +11,13 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fmd.core.arrays import Array
-from fmd.core.limits.responses import PEAK_DIGITS, RIGID_POLE, WHIRL_CORRECTIONS, WHIRL_OFF_LINE
+from fmd.core.limits.responses import PEAK_DIGITS, RIGID_POLE, WHIRL_CORRECTIONS, WHIRL_DIGITS, WHIRL_OFF_LINE
 from fmd.core.limits.round_off import SOLVED
 from fmd.reduction.rotating import WhirlingModes
 from fmd.responses.whirl import SolvedVibrations, SpaceView, state_scale, whirling_modes
 
-_DIGITS = PEAK_DIGITS**1.5
 
-
-class Crossing(NamedTuple):
+class Bracket(NamedTuple):
     """Two places of the grid between which a vibration has the frequency of its coefficients.
 
     Attributes
@@ -109,19 +107,19 @@ class WhirlSearch:
             if self._apart(float(self.grid[-1]), k) > 0.0:
                 yield k, float(self.grid[-1])
 
-    def _crossings(self, n: int) -> Iterator[Crossing]:
+    def _crossings(self, n: int) -> Iterator[Bracket]:
         places = self.grid.tolist()
         for k in range(n):
             apart = [self._apart(omega, k) for omega in places]
             for i in range(len(places) - 1):
                 if (apart[i] > 0.0) != (apart[i + 1] > 0.0):
-                    yield Crossing(k, places[i], places[i + 1], (apart[i], apart[i + 1]))
+                    yield Bracket(k, places[i], places[i + 1], (apart[i], apart[i + 1]))
 
-    def _bisect(self, at: Crossing) -> tuple[float, float, float]:
-        omega = brentq(self._apart, at.low, at.high, args=(at.mode,), rtol=_DIGITS)
+    def _bisect(self, at: Bracket) -> tuple[float, float, float]:
+        omega = brentq(self._apart, at.low, at.high, args=(at.mode,), rtol=WHIRL_DIGITS)
         return _row(self._at(float(omega)), at.mode)
 
-    def _correct(self, at: Crossing) -> OwnVibration | None:
+    def _correct(self, at: Bracket) -> OwnVibration | None:
         """Return the vibration of a crossing by Newton's method for pole, state and frequency together.
 
         The equations ``A(ω) v = s v``, ``vᴴ v = 1`` and ``ω = |Ω ± Im s|`` are linearised with the mean slope of A
@@ -153,14 +151,14 @@ class WhirlSearch:
             v /= np.linalg.norm(v)
             if not at.low <= omega <= at.high:
                 return None
-            if abs(step) <= _DIGITS * omega and abs(moved[n]) <= _DIGITS * abs(s):
+            if abs(step) <= WHIRL_DIGITS * omega and abs(moved[n]) <= WHIRL_DIGITS * abs(s):
                 (frequency,), _, (whirl,) = self.view.look(np.array([s]), (v / scale)[:, None])
                 own = OwnVibration(float(abs(frequency)) / (2 * np.pi), float(s.real), float(whirl), s)
                 is_own = abs(abs(frequency) - omega) <= PEAK_DIGITS * omega and self._is_between(at, omega, s)
                 return own if is_own else None
         return None
 
-    def _is_between(self, at: Crossing, omega: float, pole: complex) -> bool:
+    def _is_between(self, at: Bracket, omega: float, pole: complex) -> bool:
         """Return True if a pole is near the straight line between those at both places, not another vibration's."""
         low, high = (complex(self._at(place).poles[at.mode]) for place in (at.low, at.high))
         line = low + (omega - at.low) / (at.high - at.low) * (high - low)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.rigid_bodies import Undeformable
 from fmd.scene.runs import name_methods
-from fmd.scene.scene_tables import SceneTables
+from fmd.scene.scene_tables import SceneTables, leads_round
 from fmd.scene.state_loads import OWN, FormulaVariables, LoadOverTime
 from fmd.scene.stress_outputs import ContactPressure
 
@@ -353,21 +353,16 @@ class CrossCheck:
                 yield FaultError("holds nothing that a support could hold on to; take a fixed joint", "joint", name)
         for name in self.scene.body:
             if name in parents:
-                if _leads_round(name, parents):
+                if leads_round(name, parents):
                     yield FaultError("its joints lead round in a circle; one must lead to ground", "body", name)
-            elif turned := [joint for joint in self.scene.joint if self._is_turned_round(joint, name)]:
-                parent, child = (getattr(self.scene.joint[turned[0]], key) for key in ("parent", "child"))
-                mend = f"is the ground, which hangs on nothing: parent = {child!r} and child = {parent!r} work"
-                yield FaultError(mend, "joint", turned[0], "child")
+            elif joint_name := self.scene.turned_round.get(name):
+                joint = self.scene.joint[joint_name]
+                mend = f"hangs on nothing: parent = {joint.child!r} and child = {joint.parent!r} work"
+                yield FaultError(mend, "joint", joint_name, "child")
             elif self.scene.simulation_table is not None:
                 yield FaultError(f"hangs on no joint; give it one with child = '{name}.…'", "body", name)
             elif name in self.scene.flexible and self.scene.flexible[name].modes.boundary == "joint":
                 yield FaultError("hangs on no joint to be held at", "body", name, "modes", "boundary")
-
-    def _is_turned_round(self, joint: str, body: str) -> bool:
-        """Return True if a joint has a body as parent and the ground as child."""
-        given = self.scene.joint[joint]
-        return (given.parent.partition(".")[0], given.child.partition(".")[0]) == (body, "ground")
 
     def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
         """A joint that closes a loop holds two places together, and has no coordinate of its own."""
@@ -384,7 +379,7 @@ class CrossCheck:
         if name not in self.scene.joint:
             yield UnknownNameError("joint", name, self.scene.joint, "the joints", *path)
         elif name in self.scene.closing:
-            if self.scene.joint[name].child.partition(".")[0] == "ground":  # `_check_tree` tells the cause
+            if name in self.scene.turned_round.values():  # `_check_tree` tells the cause
                 return
             mend = "write it before the joint that now carries its child"
             yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
@@ -417,12 +412,3 @@ class CrossCheck:
 def _joints_along(*units: str) -> tuple[str, ...]:
     """Return the kinds of joints whose one coordinate is in one of these units."""
     return kinds_that(lambda kind: kind.unit in units)
-
-
-def _leads_round(body: str, parents: Mapping[str, str]) -> bool:
-    """Return true if the parents of a body come back to one of themselves."""
-    seen: set[str] = set()
-    while body in parents and body not in seen:
-        seen.add(body)
-        body = parents[body]
-    return body in seen

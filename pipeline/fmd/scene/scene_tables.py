@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
@@ -109,3 +110,20 @@ class SceneTables(SceneTable):
         """Name of the joint that carries each body, by the body's name."""
         closing = self.closing
         return {joint.child.partition(".")[0]: name for name, joint in self.joint.items() if name not in closing}
+
+    @property
+    def turned_round(self) -> dict[str, str]:
+        """Joint whose child is the ground, which hangs on nothing, by the body that is its parent."""
+        ends = {
+            name: [end.partition(".")[0] for end in (joint.parent, joint.child)] for name, joint in self.joint.items()
+        }
+        return {parent: name for name, (parent, child) in ends.items() if child == "ground"}
+
+
+def leads_round(body: str, parents: Mapping[str, str]) -> bool:
+    """Return true if the parents of a body come back to one of themselves."""
+    seen: set[str] = set()
+    while body in parents and body not in seen:
+        seen.add(body)
+        body = parents[body]
+    return body in seen

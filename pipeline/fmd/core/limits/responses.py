@@ -58,6 +58,7 @@ BENDS = 1e-2
 NO_DAMPING = 1e-10  # damping ratio of round-off
 NO_WHIRL = 0.1  # circulation below which a motion is to and fro
 WHIRLS_BETWEEN = 4  # frequencies of whirl between two rows of a bearing's table at which vibrations are looked for
+WHIRL_DIGITS = 1e-12  # of such a frequency
 WHIRL_CORRECTIONS = 8  # of Newton's method for one of them; without an answer it is found by halves
 WHIRL_OFF_LINE = 0.1  # of the way from pole to pole: how far off the straight line between them that of a vibration is
 
