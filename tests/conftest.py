@@ -87,7 +87,8 @@ def fmd() -> Callable[..., int]:
 
         def check(answer: object) -> None:
             require_finite(answer)
-            jsonschema.Draft202012Validator(answer_schema(command)).validate(json.loads(json.dumps(answer)))
+            faults = jsonschema.Draft202012Validator(answer_schema(command)).iter_errors(json.loads(json.dumps(answer)))
+            assert [f"{fault.json_path}: {fault.message[-200:]}" for fault in faults] == []
 
         try:
             with mock.patch.object(options, "require_finite", check):

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from fmd.core.errors import InputError
 
 _SIMPLE = {"number": "number", "integer": "integer", "text": "string", "truth": "boolean", "null": "null"}
-_KEY = re.compile(r"(\w+)(\??)(?: \(([^()]*)\))?")
+_KEY = re.compile(r"(\w+)(\??)(?:\s+\(([^()]*)\))?")
 _HEADS = ("about", "like", "more")
 
 
