@@ -17,6 +17,7 @@ from fmd.fitting.optimise import Optimum, optimise_scene, read_limits
 from fmd.fitting.pareto import find_front
 from fmd.fitting.varied import read_varied
 from fmd.output.channels import find_channels, follow_mode
+from fmd.stages.pipeline import Pipeline
 
 BAR: dict[str, Any] = {
     "title": "Bar",
@@ -187,6 +188,13 @@ def test_the_largest_of_a_result_is_found_too() -> None:
 def test_what_cannot_be_is_refused(aim: str, limits: list[str], vary: list[str], error: Any, words: str) -> None:
     with pytest.raises(error, match=words):
         find(BAR, aim, limits, vary)
+
+
+def test_a_limit_on_what_there_is_not_is_refused_before_a_motion_is_computed() -> None:
+    run = package.load(PUSHED).run
+    with pytest.raises(InputError, match=r"--subject: tipp: no such result; did you mean 'tip'\?"):
+        read_limits(run, ["stress <= 90 MPa", "tipp <= 1 mm"])
+    assert Pipeline.motions.name not in run.results
 
 
 def test_a_history_is_no_aim_and_a_life_takes_its_output() -> None:

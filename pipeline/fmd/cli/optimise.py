@@ -46,6 +46,7 @@ def optimise(
     from fmd.fitting.optimise import optimise_scene, read_limits
     from fmd.fitting.pareto import find_front
     from fmd.fitting.varied import read_varied
+    from fmd.output.channels import require_results
 
     signed = ((minimise or [], 1), (maximise or [], -1))
     aims = [(name, sign) for given, sign in signed for name in given]
@@ -54,6 +55,7 @@ def optimise(
     if points is not None and (len(aims) != 2 or points < 3):
         raise InputError("--points", "", points, "must be 3 or more, and belongs to two aims")
     run = settle(options.open(scene))
+    require_results(run.scene, [name for name, _ in aims], "--minimise, --maximise")
     limits = read_limits(run, split_names("--subject", subject or []))
     varied = read_varied(run, split_names("--vary", vary))
     folder, given = out or Path("out") / f"{run.scene.name}-design", options.set_ or ()

@@ -15,7 +15,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import ENDLESS, MET, MOST_DESIGNS, OPTIMUM, STATIONARY
 from fmd.fitting.designs import Design, DesignSpace
 from fmd.fitting.varied import VariedNumber, read_number
-from fmd.output.channels import find_channels
+from fmd.output.channels import find_channels, require_results
 from fmd.stages.pipeline import Pipeline
 
 _LIMIT = re.compile(r"\s*(\S+?)\s*(>=|<=)\s*(.+?)\s*")
@@ -176,12 +176,14 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit, ...]:
     InputError
         A text isn't of this form, or names no result.
     """
-    found = []
+    read, found = [], []
     for text in texts:
         match = _LIMIT.fullmatch(text)
         if match is None:
             raise InputError("--subject", "", text, "must be a result and its bound, e.g. 'frequency.1 >= 40 Hz'")
-        name, sense, given = match.groups()
+        read.append(match.groups())
+    require_results(run.scene, [name for name, _, _ in read], "--subject")
+    for name, sense, given in read:
         channels = find_channels(run, name, "--subject")
         try:
             bound, _ = read_number(given, channels[0].unit)

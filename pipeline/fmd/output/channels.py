@@ -131,9 +131,8 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     return _histories(run, name, origin)
 
 
-def require_results(scene: Scene, names: Sequence[str]) -> None:
-    """Raise ``InputError`` for a name of ``--of`` that no result has, before anything is computed."""
-    origin = "--of"
+def require_results(scene: Scene, names: Sequence[str], origin: str = "--of") -> None:
+    """Raise ``InputError`` for a name of an option that no result has, before anything is computed."""
     for name in names:
         first, _, last = name.partition(".")
         of_body = first in _OF_A_BODY or (first in scene.body and last.partition(".")[0] in (*_OF_A_BODY, "mass"))
@@ -358,7 +357,7 @@ def _require_quantity(scene: Scene, name: str, origin: str) -> dict[str, Any]:
 
 def _examples(scene: Scene) -> list[str]:
     """Return names of results that a run has."""
-    found = ["tip", *(f"{body}.{kind}" for body in scene.flexible for kind in ("stress", "frequency.1"))]
+    found = ["tip", "mass", *(f"{body}.{kind}" for body in scene.flexible for kind in ("stress", "frequency.1"))]
     found += [f"{joint}.{kind}" for joint in scene.joint for kind in ("force", "position")]
     markers = [f"{body}.{marker}" for body, table in scene.body.items() for marker in table.marker]
     return [*found, *(f"{marker}.position" for marker in markers)]
