@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fmd as package
-from fmd.fitting import adjoint
+from fmd.fitting import adjoint, frozen_run
 from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import find_parameter
 from fmd.fitting.tangents import march_tangents
@@ -77,6 +77,20 @@ def test_few_numbers_and_results_of_no_time_or_several_take_tangents(monkeypatch
     accelerated = replace(place, read=lambda run: np.gradient(run.motion.trajectory.v[:, 0]))
     assert adjoint.find_gradient(frozen, motion, parameters, [accelerated], weights) == {}
     assert len(adjoint.find_gradient(frozen, motion, parameters, [place], weights)) == 2
+
+
+def test_scenes_beside_one_are_kept_of_as_many_numbers_as_march_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = package.load(chain("central-difference"), *MORE).run
+    parameters = [find_parameter(run.scene, key) for key in KEYS]
+    found = []
+    for count in (len(KEYS), 2):
+        monkeypatch.setattr(frozen_run, "LANES", count)
+        frozen = FrozenRun(run)
+        motion = frozen.at({}, by=parameters)
+        found.append([frozen.beside(motion, each).high.motion.trajectory.q for each in parameters])
+        assert len({number for number, _ in motion.variants}) == count
+        assert frozen.marches == 1 + -(-len(KEYS) // count)
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("fewest", [1, 40])
