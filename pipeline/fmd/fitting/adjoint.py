@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.fitting import FEWEST_BY_ADJOINT, LEAST_READ_DIFFERENCE, READ_DIFFERENCE
+from fmd.core.limits.fitting import FEWEST_BY_ADJOINT, LEAST_READ_DIFFERENCE, NEAR_DIFFERENCE, READ_DIFFERENCE
 from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter
@@ -57,15 +57,16 @@ class HistorySum:
 
     def by_number(self, parameter: Parameter) -> float:
         """Return the derivative by a number, times its size, where the motion stays as it is."""
-        value = self._motion.values.get(parameter, parameter.value)
-        sides = ({parameter: value + side * READ_DIFFERENCE * abs(value)} for side in (-1.0, 1.0))
-        low, high = (self._read(self._own, side) for side in sides)
-        return float((self._weights * (high - low)).sum() / (2.0 * READ_DIFFERENCE))
+        both = self._frozen.hold_motion(self._motion, parameter, self._own)
+        low, high = (self._histories(run) for run in (both.low, both.high))
+        return float((self._weights * (high - low)).sum() / (2.0 * NEAR_DIFFERENCE))
 
-    def _read(self, trajectory: Trajectory, changed: Mapping[Parameter, float] | None = None) -> Array:
-        """Return the histories of a motion, (n_channels, n_times), with some other numbers of the scene."""
-        other: Pipeline = self._frozen.with_motion({**self._motion.values, **(changed or {})}, trajectory)
-        return np.array([channel.read(other) for channel in self._channels])
+    def _read(self, trajectory: Trajectory) -> Array:
+        """Return the histories of a motion, (n_channels, n_times)."""
+        return self._histories(self._frozen.with_motion(self._motion.values, trajectory))
+
+    def _histories(self, run: Pipeline) -> Array:
+        return np.array([channel.read(run) for channel in self._channels])
 
 
 def find_gradient(
@@ -101,16 +102,19 @@ def find_gradient(
         return {}
     if weights.size != len(channels) * len(times):
         return {}
-    found = {parameter: frozen.direction(motion, parameter) for parameter in parameters}
-    directions = {key: each for key, each in found.items() if each is not None and not each.variants}
     total = HistorySum(frozen, motion, channels, weights.reshape(len(channels), -1))
-    if len(directions) < FEWEST_BY_ADJOINT or not total.is_of_each_time():
+    if not total.is_of_each_time():
         return {}
-    return _add_up(frozen, motion, total, directions)
+    found: dict[Parameter, tuple[Direction, float]] = {}
+    for parameter in parameters:
+        direction = frozen.direction(motion, parameter)
+        if direction is not None and not direction.variants:
+            found[parameter] = direction, total.by_number(parameter)
+    return _add_up(frozen, motion, total, found) if len(found) >= FEWEST_BY_ADJOINT else {}
 
 
 def _add_up(
-    frozen: FrozenRun, motion: FrozenMotion, total: HistorySum, directions: Mapping[Parameter, Direction]
+    frozen: FrozenRun, motion: FrozenMotion, total: HistorySum, found: Mapping[Parameter, tuple[Direction, float]]
 ) -> dict[Parameter, float]:
     plan = motion.plan
     assert plan is not None
@@ -120,7 +124,9 @@ def _add_up(
     if part is not None and plan.excited_system is not None:
         positions, rates = positions[part.positions], rates[part.rates]
     by_q, by_v = total.by_motion("q", positions), total.by_motion("v", rates)
-    along = pull_back(plan.integrator, system, q0, v0, frozen.times, by_q, by_v, [*directions.values()])
+    directions = [direction for direction, _ in found.values()]
+    along = pull_back(plan.integrator, system, q0, v0, frozen.times, by_q, by_v, directions)
     frozen.marches += 1
-    sizes = {key: abs(motion.values.get(key, key.value)) for key in directions}
-    return {key: float(x + total.by_number(key)) / sizes[key] for key, x in zip(directions, along, strict=True)}
+    sizes = [abs(motion.values.get(key, key.value)) for key in found]
+    changes = (x + own for x, (_, own) in zip(along, found.values(), strict=True))
+    return {key: float(change) / size for key, change, size in zip(found, changes, sizes, strict=True)}

@@ -248,6 +248,12 @@ class FrozenRun:
             self._set_motion(run, plan, trajectory)
         return found
 
+    def hold_motion(self, motion: FrozenMotion, parameter: Parameter, trajectory: Trajectory) -> Beside:
+        """Return the scene below and above a number that changes no shapes, each with a trajectory; keep neither."""
+        found = self._with_motions(self._variants(motion, parameter, NEAR_DIFFERENCE), [trajectory, trajectory])
+        del motion.variants[parameter, NEAR_DIFFERENCE]
+        return found
+
     def with_motion(self, values: Mapping[Parameter, float], trajectory: Trajectory) -> Pipeline:
         """Return the scene's stages at some values of its numbers [SI], with a trajectory as its motion."""
         other = self._variant(values, moves=True)
