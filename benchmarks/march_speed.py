@@ -47,14 +47,13 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
 # Module, class, and the step in fast steps, or a tolerance.
 METHODS_OF = {
     "central-difference": ("central_difference", "CentralDifference", 1.0),
-    "sub-cycling": ("subcycling", "Subcycling", 1.0),
     "reversible": ("reversible", "ReversibleSubcycling", 1.0),
     "generalized-alpha": ("generalized_alpha", "GeneralizedAlpha", 10.0),
     "exponential": ("exponential", "Exponential", 10.0),
     "exponential-rosenbrock": ("rosenbrock", "ExponentialRosenbrock", 1e-6),
     "runge-kutta": ("runge_kutta", "RungeKutta", 1e-6),
 }
-RATIOS = {"sub-cycling": (" 5:1", " 10:1"), "reversible": (" 10:1",)}
+RATIOS = {"reversible": (" 10:1",)}
 METHODS = tuple(label + ratio for label in METHODS_OF for ratio in RATIOS.get(label, ("",)))
 TOO_LONG = {("ten links", "exponential-rosenbrock")}  # an earlier version takes minutes
 READY = ("rod-slider", "beam-paper", "arm", "spin-up", "propeller", "propeller-torque", "propeller-gust")

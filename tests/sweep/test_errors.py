@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+import xarray
 from scipy.integrate import solve_ivp
 
 from fmd import load_scene
@@ -75,7 +76,7 @@ def test_files_say_which_column_has_an_error_or_why_none_is_stated(study):
     errors = {row["column"]: row for row in csv.DictReader((folder / "sweep-errors.csv").read_text().splitlines())}
     assert errors["run.0.final.joint_rates.hinge"]["why not"] == "run.0.final.joint_rates.hinge.error has it"
     assert errors["run.0.seconds"]["why not"].startswith("not stated: ")
-    attributes = SweepTable(sweep).dataset["run.final.kinetic_energy_j"].attrs
+    attributes = xarray.load_dataset(folder / "sweep.nc", engine="scipy")["run.final.kinetic_energy_j"].attrs
     assert attributes == {"units": "J", "error": "run.final.kinetic_energy_j.error has it"}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray
 
 from fmd.cli.sweep import print_messages
 from fmd.sweep.points import Point, Variation
@@ -26,7 +27,7 @@ def test_values_are_si_numbers_if_all_are_quantities_of_a_kind(texts, values, un
     assert axis_values(Variation("key", texts)) == (values, unit)
 
 
-def test_a_list_becomes_a_dimension_and_what_a_point_lacks_is_nan():
+def test_a_list_becomes_a_dimension_and_what_a_point_lacks_is_nan(tmp_path):
     """A point that was refused has no figures; one that is done has two runs, each with its seconds."""
     summary = {"integrations": [{"seconds": 1.0, "integrator": "a"}, {"seconds": 2.0, "integrator": "b"}]}
     points = (Point(("1 ms",), None, "key"), Point(("2 ms",), None, refusal="too long"))
@@ -35,7 +36,8 @@ def test_a_list_becomes_a_dimension_and_what_a_point_lacks_is_nan():
     assert [row["step [s]"] for row in table.rows] == [1e-3, 2e-3]
     assert [row["run.1.seconds"] for row in table.rows] == [2.0, None]
     assert [row["message"] for row in table.rows] == ["", "too long"]
-    data = table.dataset
+    table.write_netcdf(tmp_path / "sweep.nc")
+    data = xarray.load_dataset(tmp_path / "sweep.nc", engine="scipy")
     assert data["run.seconds"].dims == ("step", "run")
     np.testing.assert_array_equal(data["run.seconds"], [[1.0, 2.0], [np.nan, np.nan]])
     assert data["run.integrator"].values.tolist() == [["a", "b"], ["", ""]]
@@ -53,13 +55,15 @@ def test_messages_and_warnings_are_printed_once_with_the_numbers_of_their_points
     assert capsys.readouterr().out.splitlines() == ["1, 3: warning: arm turns far", "2: no such key"]
 
 
-def test_a_designs_keys_are_coordinates_along_its_points():
+def test_a_designs_keys_are_coordinates_along_its_points(tmp_path):
     values = (("1 mm", "3 mm", "2 mm"), ("7 N", "5 N", "6 N"))
     points = tuple(Point(pair, None, "key") for pair in zip(*values, strict=True))
     records = tuple(Record("ok", summary={"tip_m": float(k)}) for k in range(3))
     variations = (Variation("length", values[0]), Variation("load", values[1]))
-    data = SweepTable(Sweep(variations, points, records, 3)).dataset
+    SweepTable(Sweep(variations, points, records, 3)).write_netcdf(tmp_path / "sweep.nc")
+    data = xarray.load_dataset(tmp_path / "sweep.nc", engine="scipy")
     assert data["tip_m"].dims == ("point",)
+    assert {*data["tip_m"].coords} == {"length", "load"}
     np.testing.assert_allclose(data["length"], [1e-3, 3e-3, 2e-3])
     np.testing.assert_allclose(data["load"], [7.0, 5.0, 6.0])
 

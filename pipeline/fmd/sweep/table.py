@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.core.files import whole_file, write_table
+from fmd.core.netcdf import NetcdfVariable, write_netcdf
 from fmd.core.units import parse_quantity
 from fmd.output.error_table import NOT_COMPARED, write_errors
 from fmd.scene.toml_files import parse_value
 from fmd.sweep.points import Variation
 from fmd.sweep.study import Sweep
-
-if TYPE_CHECKING:
-    import xarray
 
 Leaf = float | str | None
 Place = tuple[str | int, ...]
@@ -104,21 +103,23 @@ class SweepTable:
         write_table(path, [*rows[0]], (row.values() for row in rows))
 
     @property
-    def dataset(self) -> xarray.Dataset:
+    def variables(self) -> list[NetcdfVariable]:
         """Figures over a dimension for each varied key and each list (``run``, ``mode`` ...); NaN or "" if missing.
 
         Those of a design are over one dimension ``point`` in place of the keys, whose values are coordinates along it.
         """
-        import xarray
-
         values = {variation.key: axis_values(variation) for variation in self.sweep.variations}
-        axes = tuple(values) if self.sweep.is_grid else ("point",)
+        is_grid = self.sweep.is_grid
+        axes = tuple(values) if is_grid else ("point",)
         shape = tuple(len(numbers) for numbers, _ in values.values())[: len(axes)]
-        inner = self._inner_sizes()
-        data: dict[str, Any] = {}
-        for name, words in (("status", "status"), ("message", "message")):
-            texts = np.array([getattr(record, words) for record in self.sweep.records], dtype=object)
-            data[name] = (axes, texts.reshape(shape))
+        along: dict[str, str | float] = {} if is_grid else {"coordinates": " ".join(values)}
+        inner, data = self._inner_sizes(), list[NetcdfVariable]()
+        for key, (numbers, unit) in values.items():
+            axis = np.array(numbers, dtype=None if isinstance(numbers[0], str) else float)
+            data.append(NetcdfVariable(key, (key,) if is_grid else axes, axis, {"units": unit} if unit else {}))
+        for name in ("status", "message"):
+            texts = np.array([getattr(record, name) for record in self.sweep.records], dtype=str)
+            data.append(NetcdfVariable(name, axes, texts.reshape(shape), along))
         for name, places in self._variables().items():
             dimensions = _inner_dimensions(places[0])
             is_text = any(isinstance(figures.get(place), str) for figures in self._figures for place in places)
@@ -128,14 +129,16 @@ class SweepTable:
                 for place in places:
                     if (value := figures.get(place)) is not None:
                         array[(number, *(step for step in place if isinstance(step, int)))] = value
-            data[name] = ((*axes, *dimensions), array.reshape(*shape, *full[1:]), self._attributes(name, places))
-        along = {key: key if self.sweep.is_grid else "point" for key in values}
-        data |= self._histories(axes, shape)
-        coordinates = {key: (along[key], list(numbers), {"units": unit}) for key, (numbers, unit) in values.items()}
-        return xarray.Dataset(data, coordinates)
+            array = (array.astype(str) if is_text else array).reshape(*shape, *full[1:])
+            data.append(NetcdfVariable(name, (*axes, *dimensions), array, self._attributes(name, places) | along))
+        histories = self._histories().items()
+        return data + [
+            NetcdfVariable(name, (*axes, "sample"), rows.reshape(*shape, rows.shape[1]), along | {"units": unit})
+            for name, (rows, unit) in histories
+        ]
 
-    def _histories(self, axes: tuple[str, ...], shape: tuple[int, ...]) -> dict[str, Any]:
-        """Return the histories that were kept over the points and the output times, and these; NaN where one ended."""
+    def _histories(self) -> dict[str, tuple[Array, str]]:
+        """Return the histories that were kept, rows of output times a point, and these; NaN where one ended. Units."""
         found = [
             {"time_s": record.summary["times_s"]}
             | {name: own["history"] for name, own in results_of(record.summary) if "history" in own}
@@ -144,14 +147,14 @@ class SweepTable:
             for record in self.sweep.records
         ]
         n_times = max((len(own.get("time_s", ())) for own in found), default=0)
-        data: dict[str, Any] = {}
+        data: dict[str, tuple[Array, str]] = {}
         for name in dict.fromkeys(name for own in found for name in own):
             array = np.full((len(found), n_times), np.nan)
             for row, own in zip(array, found, strict=True):
                 row[: len(own.get(name, ()))] = own.get(name, ())
             unit = self._units.get(name, "s")
             label = name if name == "time_s" else f"{name}.history"
-            data[label] = ((*axes, "sample"), array.reshape(*shape, n_times), {"units": unit})
+            data[label] = array, unit
         return data
 
     @property
@@ -176,14 +179,14 @@ class SweepTable:
         name = _dotted(place).removesuffix(f".{_ERROR}")
         return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix)), "")
 
-    def _attributes(self, name: str, places: Sequence[Place]) -> dict[str, str]:
-        unit, error = self._unit(places[0]), self._error_of(places, name)
-        return ({"units": unit} if unit else {}) | ({"error": error} if error else {})
+    def _attributes(self, name: str, places: Sequence[Place]) -> dict[str, str | float]:
+        found = {"units": self._unit(places[0]), "error": self._error_of(places, name)}
+        return {key: text for key, text in found.items() if text}
 
     def write_netcdf(self, path: Path) -> None:
-        """Write the data set as NetCDF."""
+        """Write the figures as NetCDF."""
         with whole_file(path) as part:
-            self.dataset.to_netcdf(part, engine="scipy")
+            write_netcdf(part, self.variables)
 
     def _variables(self) -> dict[str, list[Place]]:
         """Group the places that differ only by their numbers in lists: each group is one variable."""
