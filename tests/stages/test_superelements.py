@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from scipy.sparse import csr_array, save_npz
+from scipy.spatial.transform import Rotation
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError, InputError
+from tests.fem.formats.test_nastran_op2 import op2
 
 BEAM = """title = "t"
 [body.beam]
@@ -156,6 +158,42 @@ def test_grid_points_may_stand_in_the_file_of_the_matrices(made: Made):
     assert given(made, "whole.pch").parts["beam"].modes.omega[:8] == pytest.approx(made.free, rel=1e-2)
 
 
+def test_nastrans_unknowns_may_have_axes_of_their_own(made: Made):
+    """Matrices of OUTPUT2 in the order of EXTRN; a node lies and moves in a system that hangs on another one."""
+    Q = Rotation.from_rotvec([0.3, -0.8, 0.5])
+    origin, place = np.array([10.0, 20.0, -5.0]), made.places[3]
+    first, second = np.eye(3), Q.as_matrix()  # a shifted system, and in it a turned one
+    corners = [origin, origin + first[:, 2], origin + first[:, 0]]
+    cards = [f"CORD2R,4,0,{','.join(f'{x:.17g}' for x in np.ravel(corners)[:6])}"]
+    cards += [",".join(["", *(f"{x:.17g}" for x in corners[2])])]
+    corners = [np.zeros(3), second[:, 2], second[:, 0]]
+    cards += [f"CORD2R,5,4,{','.join(f'{x:.17g}' for x in np.ravel(corners)[:6])}"]
+    cards += [",".join(["", *(f"{x:.17g}" for x in corners[2])])]
+    at = second.T @ (place - origin)
+    cards += [
+        f"GRID,3,5,{','.join(f'{x:.17g}' for x in at)},5",
+        "GRID,7,," + ",".join(map(repr, made.places[7].tolist())),
+    ]
+    cards += ["EXTRN,3,123456,7,123456", *(f"EXTRN,{101 + k},0" for k in range(N_MODES))]
+    (made.folder / "turned.pch").write_text("BEGIN SUPER 5\n" + "\n".join(cards) + "\n")
+    order = np.r_[6:12, 0:6, 12 : 12 + N_MODES]
+    turn = la.block_diag(second, second, np.eye(6 + N_MODES))
+    K, M = (turn.T @ A[np.ix_(order, order)] @ turn for A in (made.K, made.M))
+    (made.folder / "beam.op2").write_bytes(op2({"KAA": K, "MAA": M, "BXX": np.ones((1, 1)), "K4XX": np.ones((1, 1))}))
+    part = given(made, "beam.op2", ', nodes = "turned.pch"').parts["beam"]
+    assert part.modes.omega[:8] == pytest.approx(made.free, rel=1e-2)
+    for node in "37":
+        assert part.given_model.data.nodes[node].position == pytest.approx(1e-3 * made.places[int(node)], abs=1e-12)
+    plain = given(made, "beam.mtx", ', nodes = "nodes.csv"').parts["beam"]
+    tips = [abs(own.given_model.data.nodes["3"].rotation) for own in (part, plain)]
+    assert np.abs(tips[0] - tips[1]).max() < 1e-6 * tips[1].max()
+    (made.folder / "round.pch").write_text("\n".join(cards).replace("CORD2R,4", "CORD2C,4"))
+    with pytest.raises(InputError, match="coordinate system 4 is a CORD2C; CORD2R are read"):
+        given(made, "beam.op2", ', nodes = "round.pch"').parts["beam"].fe  # noqa: B018
+    with pytest.raises(InputError, match=r"has 22 rows, and EXTRN of body\.nodes list 0 unknowns"):
+        given(made, "beam.op2", ', nodes = "nodes.csv"').parts["beam"].fe  # noqa: B018
+
+
 @pytest.mark.parametrize(("recovered", "within"), [(False, 0.015), (True, 1e-3)])
 def test_it_moves_as_the_whole_body(made: Made, recovered: bool, within: float):
     """A ball joint's motion beside that of the mesh: 0.8 % of the deflection, and 3e-4 with points within."""
@@ -202,8 +240,8 @@ def test_a_fault_of_the_matrices_is_named(made: Made, change, message: str):
         ("beam.mtx", ', nodes = "nodes.csv", mass = "1 kg"', r"has 0\.17 kg, and body\.mass is 1 kg"),
         ("light.mtx", "", r"has no \*MATRIX,TYPE=MASS; .*CalculiX writes the stiffness alone"),
         ("short.mtx", "", "TYPE=STIFFNESS has 252 numbers; one half of 22 rows has 253"),
-        ("empty.pch", "", "one matrix K… and one M… are wanted among its square real DMIG, which are none"),
-        ("beam.pch", ', nodes = "turned.bdf"', "moves in coordinate system 4"),
+        ("empty.pch", "", "one matrix K… and one M… are wanted among its real ones, which are none"),
+        ("beam.pch", ', nodes = "turned.bdf"', "coordinate system 4 isn't there"),
         ("beam.mtx", RECOVERED, "2 points have three rows each"),
         ("beam.mtx", ', recovery = "otm.mtx"', "recovery_nodes: is missing: recovery and recovery_nodes belong"),
         ("beam.SID_FEM", "", "belongs to superelements"),

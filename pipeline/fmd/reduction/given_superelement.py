@@ -9,7 +9,7 @@ it doesn't tell, ``∫ x_(a ψ_b)`` and how ``∫ ψ_ja ψ_kb`` divides among di
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,6 +67,8 @@ class GivenSuperelement:
         Stiffness, mass and damping.
     nodes : mapping of int to ndarray, shape (3,)
         Places of the boundary nodes.
+    axes : mapping of int to ndarray, shape (3, 3)
+        Directions, as columns, of the unknowns of nodes that have axes of their own.
     """
 
     unknowns: tuple[tuple[int, int], ...]
@@ -74,6 +76,7 @@ class GivenSuperelement:
     M: Array
     D: Array
     nodes: Mapping[int, Array] = field(default_factory=dict)
+    axes: Mapping[int, Array] = field(default_factory=dict)
 
     @property
     def turns(self) -> Array:
@@ -81,10 +84,29 @@ class GivenSuperelement:
         return np.array([node in self.nodes and component > 3 for node, component in self.unknowns])
 
     def in_si(self, length: float, stiffness: float, mass: float) -> GivenSuperelement:
-        """Return it in SI units, by the file's units of length [m], stiffness [N/m] and mass [kg]."""
-        arm = np.where(self.turns, length, 1.0)
-        K, M, D = (u * arm[:, None] * A * arm for u, A in ((stiffness, self.K), (mass, self.M), (stiffness, self.D)))
+        """Return it in SI units and in the part's axes, by units of length [m], stiffness [N/m] and mass [kg]."""
+        turn = self.to_file(length)
+        K, M, D = (u * turn.T @ A @ turn for u, A in ((stiffness, self.K), (mass, self.M), (stiffness, self.D)))
         return GivenSuperelement(self.unknowns, K, M, D, {k: length * np.asarray(x) for k, x in self.nodes.items()})
+
+    def to_file(self, length: float) -> Array:
+        """Return the file's unknowns by those in the part's axes and in m, (n, n), up to a factor of all.
+
+        Raises
+        ------
+        ValueError
+            A node with axes of its own has one or two displacements or rotations alone.
+        """
+        turn = np.diag(np.where(self.turns, length, 1.0))
+        place = {unknown: k for k, unknown in enumerate(self.unknowns)}
+        for node, Q in self.axes.items():
+            for first in (1, 4):
+                own = [place[node, c] for c in range(first, first + 3) if (node, c) in place]
+                if len(own) not in (0, 3):
+                    raise ValueError(f"node {node} has axes of its own and {len(own)} of three unknowns in them")
+                if own:
+                    turn[np.ix_(own, own)] = turn[own[0], own[0]] * Q.T
+        return turn
 
 
 def superelement_data(
@@ -111,6 +133,10 @@ def superelement_data(
         A matrix isn't symmetric, a rigid motion isn't free or has an inertia that no body has, or another mass than the
         body; a motion without mass has no stiffness; with the figure.
     """
+    used = np.flatnonzero(given.K.any(axis=1) | given.M.any(axis=1))  # rotations of solids' nodes have neither
+    unknowns, used_of = tuple(given.unknowns[k] for k in used), np.ix_(used, used)
+    given = replace(given, unknowns=unknowns, K=given.K[used_of], M=given.M[used_of], D=given.D[used_of])
+    recovery = recovery and recovery._replace(matrix=recovery.matrix[:, :, used])
     places = {node: x for node, x in given.nodes.items() if any(node == own for own, _ in given.unknowns)}
     if not places:
         raise InputError(

@@ -68,7 +68,7 @@ MECHANISM_FORMATS = ("fmu",)
 BODY_FORMATS = {name: suffixes for name, suffixes in EXPORT_FORMATS.items() if name not in MECHANISM_FORMATS}
 """Formats of a flexible body, and the suffixes of their files."""
 
-READ_FORMATS = BODY_FORMATS | {"abaqus": (".mtx",)}
+READ_FORMATS = BODY_FORMATS | {"nastran": (".pch", ".op4", ".op2"), "abaqus": (".mtx",)}
 """Formats of a flexible body that scenes may read, too, if `fmd.reduction.formats` has a reader."""
 
 _SUFFIXES = (".msh", ".vtu", ".vtkhdf", ".nc")

@@ -24,9 +24,10 @@ class BodyFile(SceneTable):
     file : str
         Standard input data (``.SID_FEM``), modal data of MBDyn (``.fem``) or of Exudyn's
         ``ObjectFFRFreducedOrderInterface`` (``.npz``), our own NetCDF (``.nc``), or a superelement: Nastran's as DMIG
-        (``.pch``), Abaqus' substructure (``.mtx``), relative to the scene's file.
+        (``.pch``), OUTPUT4 or OUTPUT2 (``.op4``, ``.op2``), Abaqus' substructure (``.mtx``), relative to the scene.
     nodes : str, optional
-        Places of the boundary's nodes: a deck of Nastran or Abaqus, or rows of number, x, y, z.
+        Places of the boundary's nodes: a deck of Nastran or Abaqus, or rows of number, x, y, z. Of OUTPUT4 and OUTPUT2
+        the ``.pch`` of that run, whose EXTRN lists the unknowns.
     unit : str
         Unit of length of nodes and matrices.
     stiffness_unit : str

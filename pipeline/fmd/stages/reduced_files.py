@@ -50,7 +50,7 @@ def read_reduced_body(shape: Flexible, source: SourceFiles | None, file: str, bo
             return equivalent_model(_read_superelement(own.read_superelement(path), shape.body, source))
         if own.read is not None:
             if said := [key for key in shape.body.model_fields_set if key != "file"]:
-                mend = "belongs to superelements (.pch, .mtx); this file is in SI units and has all of that"
+                mend = "belongs to superelements (.pch, .op4, .op2, .mtx); this file is in SI units and has all of that"
                 raise InputError(file, f"body.{body}.body.{said[0]}", getattr(shape.body, said[0]), mend)
             return equivalent_model(own.read(path))
     formats = {suffixes[0].lower(): body_format(name) for name, suffixes in READ_FORMATS.items()}
@@ -63,14 +63,26 @@ def _read_superelement(given: GivenSuperelement, table: BodyFile, source: Source
     from fmd.fem.formats.matrices import read_rows
     from fmd.reduction.given_superelement import Recovery, superelement_data
 
-    length = unit_ratio(table.unit, "m")
+    length, path = unit_ratio(table.unit, "m"), source.paths["file"]
     if table.nodes is not None:
-        given = replace(given, nodes={**given.nodes, **read_places(source.paths["nodes"])})
-    turns = given.turns
+        found = read_places(source.paths["nodes"])
+        given = replace(
+            given,
+            unknowns=given.unknowns or found.unknowns,
+            nodes={**given.nodes, **found.places},
+            axes={**given.axes, **found.axes},
+        )
+    if len(given.unknowns) != len(given.K):
+        listed = f"and EXTRN of body.nodes list {len(given.unknowns)} unknowns"
+        raise InputError(str(path), "", None, f"has {len(given.K)} rows, {listed}")
+    try:
+        to_file = given.to_file(length)
+    except ValueError as error:
+        raise InputError(str(path), "", None, str(error)) from None
     given = given.in_si(length, unit_ratio(table.stiffness_unit, "N/m"), unit_ratio(table.mass_unit, "kg"))
     recovery = None
     if table.recovery is not None:
-        rows, places = read_rows(source.paths["recovery"]), read_places(source.paths["recovery_nodes"])
+        rows, places = read_rows(source.paths["recovery"]), read_places(source.paths["recovery_nodes"]).places
         each = rows.shape[0] // max(len(places), 1)
         if each not in (3, 6) or rows.shape != (each * len(places), len(given.unknowns)):
             raise InputError(
@@ -78,9 +90,9 @@ def _read_superelement(given: GivenSuperelement, table: BodyFile, source: Source
                 f"has {rows.shape[0]} rows and {rows.shape[1]} columns; {len(places)} points have three rows each, or "
                 f"six, and the superelement has {len(given.unknowns)} unknowns",
             )  # fmt: skip
-        matrix = rows.toarray().reshape(len(places), each, -1)[:, :3] * np.where(turns, length, 1.0)
+        matrix = rows.toarray().reshape(len(places), each, -1)[:, :3] @ to_file
         recovery = Recovery(tuple(places), length * np.array([*places.values()]), matrix)
-    return superelement_data(source.paths["file"], given, table.mass, recovery)
+    return superelement_data(path, given, table.mass, recovery)
 
 
 def _formats_of(suffix: str) -> Iterator[BodyFormat]:

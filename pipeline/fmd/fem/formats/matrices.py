@@ -22,6 +22,7 @@ from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.formats.nastran import SUFFIXES as DECKS
 from fmd.fem.formats.nastran import read_grid_points
 from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4
+from fmd.fem.formats.nastran_op2 import read_op2
 from fmd.fem.formats.node_places import read_matrix_text, read_node_table
 from fmd.fem.formats.raw_mesh import MeshFileError
 from fmd.fem.formats.six_unknowns import SixUnknownsModel, six_unknowns_model
@@ -43,9 +44,9 @@ def read_matrices(
         Matrix Market (``.mtx``), SciPy's ``.npz``, or what Abaqus writes: rows of node, direction, node, direction,
         value (``FORMAT=MATRIX INPUT`` or ``LABELS``) or of row, column, value (``FORMAT=COORDINATE``). Rows and columns
         without node numbers are x, y, z of the first node in ``nodes``, then of the second; with six unknowns a node
-        the rotations about x, y, z behind each. Nastran's OUTPUT4 (``.op4``), whose rows are of the nodes in ascending
-        order, as those of CalculiX (``.sti``, ``.mas``) are, and DMIG cards (``.pch``); of several matrices in a file
-        those whose names begin with K and M.
+        the rotations about x, y, z behind each. Nastran's OUTPUT4 (``.op4``) and OUTPUT2 (``.op2``), whose rows are of
+        the nodes in ascending order, as those of CalculiX (``.sti``, ``.mas``) are, and DMIG cards (``.pch``); of
+        several matrices in a file those whose names begin with K and M.
     nodes : Path
         Rows of number, x, y, z, or a deck of Nastran, Abaqus or CalculiX.
     units : tuple of float
@@ -157,8 +158,8 @@ def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.cs
         match path.suffix.lower():
             case ".npz":
                 A = _read_npz(path)
-            case ".op4":
-                A = _read_op4(path, labels, unknowns, what)
+            case ".op4" | ".op2":
+                A = _read_output(path, labels, unknowns, what)
             case ".pch":
                 A = _read_dmig(path, labels, unknowns, what)
             case _:
@@ -178,11 +179,11 @@ def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.cs
     return A
 
 
-def _read_op4(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
-    """Read a matrix of OUTPUT4, whose rows are of ascending node numbers."""
+def _read_output(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
+    """Read a matrix of OUTPUT4 or OUTPUT2, whose rows are of ascending node numbers."""
     if path.stat().st_size > MOST_MATRIX_BYTES:
         raise ValueError(f"is over {MOST_MATRIX_BYTES / 1e9:g} GB")
-    found = read_op4(path)
+    found = (read_op4 if path.suffix.lower() == ".op4" else read_op2)(path)
     A = sp.coo_array(found[choose_matrix(found, what)])
     if A.shape != 2 * (unknowns * len(labels),):
         return sp.csr_array(A)  # its size is refused where all are
@@ -215,8 +216,8 @@ def read_rows(path: Path) -> sp.csr_array:
     """
     try:
         match path.suffix.lower():
-            case ".op4":
-                A = sp.csr_array(next(iter(read_op4(path).values())))
+            case ".op4" | ".op2":
+                A = next(iter((read_op4 if path.suffix.lower() == ".op4" else read_op2)(path).values()))
             case ".npz":
                 A = _read_npz(path)
             case _:

@@ -198,7 +198,7 @@ def read_cards(text: str) -> Iterator[tuple[int, str, list[str]]]:
             continue
         if name:
             yield start, name, fields
-        start, name, fields = number, head.rstrip("*"), body
+        start, name, fields = number, head.rstrip("* "), body
         if name == "ENDDATA":
             return
     if name:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,28 +14,77 @@ from fmd.core.errors import InputError
 from fmd.core.files import read_text
 from fmd.core.limits.files import MOST_MATRIX_BYTES
 from fmd.fem.formats import abaqus
-from fmd.fem.formats.nastran import SUFFIXES, grid_places
+from fmd.fem.formats.coordinate_systems import BASIC, CoordinateSystems
+from fmd.fem.formats.nastran import SUFFIXES, read_cards, read_real
 from fmd.fem.formats.raw_mesh import MeshFileError
 
 
-def read_places(path: Path) -> dict[int, Array]:
-    """Read the places of all nodes of a table, or of a deck of Nastran or Abaqus, in the file's unit.
+@dataclass(frozen=True)
+class Places:
+    """Places of nodes, as a file gives them.
+
+    Attributes
+    ----------
+    places : mapping of int to ndarray, shape (3,)
+        By node number, in the file's unit.
+    axes : mapping of int to ndarray, shape (3, 3)
+        Directions, as columns, of the unknowns of nodes that don't move along the basic axes.
+    unknowns : tuple of (int, int)
+        Node and component of an external superelement's unknowns, in their order, if the file lists them (EXTRN).
+    """
+
+    places: Mapping[int, Array]
+    axes: Mapping[int, Array] = field(default_factory=dict)
+    unknowns: tuple[tuple[int, int], ...] = ()
+
+
+def read_places(path: Path) -> Places:
+    """Read the places of all nodes of a table, or of a deck of Nastran or Abaqus.
 
     Raises
     ------
     InputError
-        The file can't be read, or a node has no place in the deck's basic axes.
+        The file can't be read, or a node is in a coordinate system that isn't read.
     """
     try:
-        if path.suffix.lower() in SUFFIXES:
-            return grid_places(read_matrix_text(path))
+        if path.suffix.lower() in (*SUFFIXES, ".pch", ".asm"):
+            return nastran_places(read_matrix_text(path))
         if path.suffix.lower() in abaqus.SUFFIXES:
             raw = abaqus.read_abaqus(read_matrix_text(path))
-            return dict(zip(raw.numbers.tolist(), raw.points, strict=True))
+            return Places(dict(zip(raw.numbers.tolist(), raw.points, strict=True)))
     except MeshFileError as error:
         raise InputError(str(path), "", None, str(error)) from error
     labels, x = read_node_table(path)
-    return dict(zip(labels.tolist(), x, strict=True))
+    return Places(dict(zip(labels.tolist(), x, strict=True)))
+
+
+def nastran_places(text: str) -> Places:
+    """Return the grid points of bulk data, and the unknowns that its EXTRN cards list.
+
+    Raises
+    ------
+    MeshFileError
+        A card has fields that aren't numbers, or a system isn't rectangular.
+    """
+    cards = list(read_cards(text))
+    systems = CoordinateSystems(((name, fields) for _, name, fields in cards), read_real)
+    places, axes, unknowns = dict[int, Array](), dict[int, Array](), list[tuple[int, int]]()
+    for line, name, fields in cards:
+        try:
+            if name == "GRID":
+                number, given, moves, *_ = int(fields[0]), fields[1], *fields[5:6], ""
+                x = [read_real(item) for item in (*fields[2:5], "", "", "")[:3]]
+                places[number] = systems.find(given).place(np.array(x))
+                if (turned := systems.find(moves)) is not BASIC:
+                    axes[number] = turned.axes
+            elif name == "EXTRN":
+                for node, components in zip(fields[::2], fields[1::2], strict=False):
+                    unknowns += [(int(node), int(c)) for c in components or "0"] if node else []
+        except MeshFileError as error:
+            raise MeshFileError(f"line {line}: {name} {fields[0]}: {error}") from None
+        except (ValueError, IndexError):
+            raise MeshFileError(f"line {line}: {name} has fields that aren't the numbers they should be") from None
+    return Places(places, axes, tuple(unknowns))
 
 
 def read_node_table(path: Path) -> tuple[IntArray, Array]:

@@ -6,7 +6,7 @@ sixteen characters, which hold ten digits. Cards: ``DMIG``, ``GRID``, ``SPOINT``
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,9 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import read_text, whole_file
-from fmd.fem.formats.nastran import grid_places
-from fmd.fem.formats.nastran_matrices import read_dmig
+from fmd.fem.formats.nastran_matrices import read_dmig, read_op4
+from fmd.fem.formats.nastran_op2 import read_op2
+from fmd.fem.formats.node_places import Places, nastran_places
 from fmd.fem.formats.raw_mesh import MeshFileError
 from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
@@ -72,34 +73,56 @@ def _write(body: ExportedBody, path: Path) -> list[Path]:
 
 
 def read_external(path: Path) -> GivenSuperelement:
-    """Read an external superelement: stiffness K…, mass M… and, if it is there, viscous damping B… as DMIG.
+    """Read an external superelement: stiffness K…, mass M… and, if it is there, viscous damping B….
 
-    ``EXTSEOUT(DMIGPCH)`` and ``PARAM,EXTOUT,DMIGPCH`` write ``KAAX``, ``MAAX`` and ``BAAX`` so. Structural damping,
-    ``K4AAX``, is left out. Grid points may stand in the same file.
+    They are DMIG cards as ``EXTSEOUT(DMIGPCH)`` writes them, ``KAAX``, ``MAAX`` and ``BAAX``; or ``KAA``, ``MAA`` and
+    ``BAA`` of OUTPUT4 or OUTPUT2, whose unknowns, none here, a file of nodes lists by EXTRN. Structural damping,
+    ``K4…``, is left out.
 
     Raises
     ------
     InputError
         A card is damaged, or a matrix is missing.
     """
-    text = read_text(path)
     try:
-        found = {name: A for name, A in read_dmig(text).items() if not name.startswith("K4")}
-        of = {letter: [name for name in found if name.startswith(letter)] for letter in "KMB"}
+        if path.suffix.lower() == ".pch":
+            text = read_text(path)
+            unknowns, found = _matrices_of_cards(read_dmig(text))
+            given = nastran_places(text)
+        else:
+            read = read_op4 if path.suffix.lower() == ".op4" else read_op2
+            unknowns, found, given = (), {name: A.toarray() for name, A in read(path).items()}, Places({})
+        found = {name: A for name, A in found.items() if not name.startswith("K4")}
+        of = {letter: _named(found, letter) for letter in "KM"}
         if not len(of["K"]) == len(of["M"]) == 1:
-            given = ", ".join(found) or "none"
-            raise ValueError(f"one matrix K… and one M… are wanted among its square real DMIG, which are {given}")
-        places = grid_places(text)
+            given_names = ", ".join(found) or "none"
+            raise ValueError(f"one matrix K… and one M… are wanted among its real ones, which are {given_names}")
+        K, M = (found[of[letter][0]] for letter in "KM")
+        damping = [A for name, A in found.items() if name.startswith("B") and A.shape == K.shape]
+        if K.shape != M.shape or K.shape[0] != K.shape[1]:
+            raise ValueError(f"{of['K'][0]} has {K.shape} rows and columns, and {of['M'][0]} {M.shape}")
     except (ValueError, MeshFileError) as error:
         raise InputError(str(path), "", None, f"can't be read as a superelement: {error}") from None
-    names = [*of["K"], *of["M"], *of["B"][:1]]
-    unknowns = tuple(sorted({key[:2] for name in names for key in found[name]}))
-    place = {unknown: k for k, unknown in enumerate(unknowns)}
-    K, M, D = (np.zeros((len(unknowns), len(unknowns))) for _ in range(3))
-    for A, name in zip((K, M, D), names, strict=False):
-        for key, value in found[name].items():
+    return GivenSuperelement(unknowns, K, M, damping[0] if damping else 0 * K, given.places, given.axes)
+
+
+def _named(found: Mapping[str, object], letter: str) -> list[str]:
+    """Return the names of matrices of a kind: that of the a-set if it is there, else all that begin with the letter."""
+    exact = [name for name in (f"{letter}AA", f"{letter}AAX") if name in found]
+    return exact[:1] or [name for name in found if name.startswith(letter)]
+
+
+def _matrices_of_cards(
+    found: Mapping[str, Mapping[tuple[int, int, int, int], float]],
+) -> tuple[tuple[_Unknown, ...], dict[str, Array]]:
+    """Return all unknowns of DMIG, ascending, and the dense matrices."""
+    unknowns = tuple(sorted({key[:2] for entries in found.values() for key in entries}))
+    place, matrices = {unknown: k for k, unknown in enumerate(unknowns)}, dict[str, Array]()
+    for name, entries in found.items():
+        A = matrices[name] = np.zeros((len(unknowns), len(unknowns)))
+        for key, value in entries.items():
             A[place[key[:2]], place[key[2:]]] = value
-    return GivenSuperelement(unknowns, K, M, D, places)
+    return unknowns, matrices
 
 
 FORMAT = BodyFormat(_write, read_superelement=read_external)

@@ -1,0 +1,59 @@
+"""Rectangular coordinate systems of Nastran decks, CORD2R, each given in another or in the basic one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.fem.formats.raw_mesh import MeshFileError
+
+
+class Axes(NamedTuple):
+    """Origin (3,), in the file's unit, and axes (3, 3) of a system, its axes the columns, in the basic one."""
+
+    origin: Array
+    axes: Array
+
+    def place(self, x: Array) -> Array:
+        """Return the basic coordinates of a point (3,)."""
+        return np.asarray(self.origin + self.axes @ x)
+
+
+BASIC = Axes(np.zeros(3), np.eye(3))
+
+
+class CoordinateSystems:
+    """The systems of a deck by their numbers, found on demand.
+
+    Parameters
+    ----------
+    cards : iterable of (str, list of str)
+        Names and fields of all cards of the deck.
+    real : callable
+        Reads a number from its field.
+    """
+
+    def __init__(self, cards: Iterable[tuple[str, list[str]]], real: Callable[[str], float]) -> None:
+        self._real = real
+        self._cards = {fields[0]: (name, fields) for name, fields in cards if name.startswith("CORD") and fields}
+        self._known = {"": BASIC, "0": BASIC}
+
+    def find(self, number: str) -> Axes:
+        """Return a system; raises ``MeshFileError`` if it isn't there or isn't rectangular by three points."""
+        if number in self._known:
+            return self._known[number]
+        name, fields = self._cards.pop(number, ("", []))  # popped: a system within itself isn't found again
+        if name != "CORD2R":
+            what = f"is a {name}" if name else "isn't there, or hangs on itself"
+            raise MeshFileError(f"coordinate system {number} {what}; CORD2R are read, and the basic one")
+        numbers = [self._real(field) for field in fields[2:11]]
+        within = self.find(fields[1])
+        a, b, c = (within.place(x) for x in np.array(numbers).reshape(3, 3))
+        z = (b - a) / np.linalg.norm(b - a)
+        y = np.cross(z, c - a)
+        y = y / np.linalg.norm(y)
+        self._known[number] = Axes(a, np.stack([np.cross(y, z), y, z], axis=1))
+        return self._known[number]
