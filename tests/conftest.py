@@ -4,10 +4,10 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import permutations
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from unittest import mock
 
 _CACHE = Path(tempfile.mkdtemp(prefix="fmd-tests-"))
@@ -38,10 +38,14 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from fmd.core.arrays import Array
+from fmd.core.paths import kernel_folder
+from fmd.dynamics.compiler import store
 from fmd.fem.assembly import assemble
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
+from fmd.kernels import kernel
+from fmd.kernels.machine import compile_object
 from fmd.meshes.bar import hexahedral_bar
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -72,6 +76,41 @@ ELEMENTS = (
 def with_own_cache() -> Callable[[Path], dict[str, str]]:
     """Call for the environment of a process with a cache of its own in a folder, that has the kernels of this run."""
     return _with_own_cache
+
+
+QUICKLY_COMPILED = ("dynamics", "integrators")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def least_effort(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Compile what these rooms march a few hundred steps with LLVM's least effort, beside what users march.
+
+    It takes a tenth of the time, which is most of all that there is. Other rooms, processes of their own, `load_code`
+    and the tests of machine code compile as users do.
+    """
+    if not {*request.path.parts} & {*QUICKLY_COMPILED} or request.path.stem == "test_machine_code":
+        yield
+        return
+    entered: list[kernel.Kernel] = []
+
+    def enter(own: kernel.Kernel, *arguments: Any, enter: Any = kernel.Kernel._enter) -> Any:
+        entered.append(own)
+        return enter(own, *arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernel.Kernel, "_enter", enter)
+        for module in (kernel, store):
+            patch.setattr(module, "compile_object", lambda text, *_, **__: compile_object(text, effort=0))
+            patch.setattr(module, "kernel_folder", _folder_of_quick_kernels)
+        yield
+    for own in entered:
+        own._entries.clear()
+
+
+def _folder_of_quick_kernels() -> Path:
+    folder = kernel_folder() / "quick"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -107,6 +107,7 @@ class Import(NamedTuple):
     where: str
 
 
+@cache
 def read_sources(base: Path, *folders: str) -> dict[str, str]:
     """Return the sources of all modules in some folders below a base, by dotted name."""
     sources = {}
@@ -122,10 +123,15 @@ def parse(source: str) -> ast.Module:
 
 
 def imports_of(sources: Sources, module: str) -> list[Import]:
-    return [*_imports(parse(sources[module]), set(sources), "top")]
+    return _all_imports(sources[module], frozenset(sources))
 
 
-def _imports(tree: ast.AST, known: set[str], where: str) -> Iterator[Import]:
+@cache
+def _all_imports(source: str, known: frozenset[str]) -> list[Import]:
+    return [*_imports(parse(source), known, "top")]
+
+
+def _imports(tree: ast.AST, known: frozenset[str], where: str) -> Iterator[Import]:
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.Import):
             yield from (Import(alias.name, node.lineno, where) for alias in node.names)
@@ -133,13 +139,18 @@ def _imports(tree: ast.AST, known: set[str], where: str) -> Iterator[Import]:
             module = "." * node.level + (node.module or "")
             names = {f"{module}.{alias.name}" for alias in node.names}
             yield from (Import(name, node.lineno, where) for name in sorted(names & known) or [module])
-        elif isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+        elif isinstance(node, ast.If) and _name_of(node.test) == "TYPE_CHECKING":
             yield from _imports(ast.Module(node.body, []), known, "types")
             yield from _imports(ast.Module(node.orelse, []), known, where)
         elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             yield from _imports(node, known, "function")
         elif not isinstance(node, ast.expr):
             yield from _imports(node, known, where)
+
+
+def _name_of(node: ast.AST) -> str:
+    """Return the last name of what is called or asked for, as of ``module.name``."""
+    return str(getattr(node, "attr", getattr(node, "id", "")))
 
 
 def inside(module: str, package: str) -> bool:
@@ -241,7 +252,8 @@ def prints(sources: Sources) -> Iterator[str]:
             continue
         body = [node for node in parse(sources[module]).body if not _is_main_guard(node)]
         for node in ast.walk(ast.Module(body, [])):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("print", "exit", "sys.exit"):
+            printing = isinstance(node, ast.Call) and _name_of(node.func) in ("print", "exit")
+            if printing and ast.unparse(node.func) in ("print", "exit", "sys.exit"):
                 yield f"{module}:{node.lineno} calls {ast.unparse(node.func)}"
 
 
@@ -313,7 +325,7 @@ def _calls(function: ast.FunctionDef) -> set[str]:
     called = set()
     for node in ast.walk(function):
         if isinstance(node, ast.Call):
-            name = ast.unparse(node.func).rpartition(".")[2]
+            name = _name_of(node.func)
             called.add("assert" if name.startswith("assert_") else name)
             called |= {ast.unparse(keyword) for keyword in node.keywords if keyword.arg == "check"}
         elif isinstance(node, ast.Assert):

@@ -79,10 +79,10 @@ def test_the_model_is_a_source_of_the_stated_error_and_not_of_the_numerical_one(
     assert row.dominant == "time"
 
 
-def bar(folder: Any, *settings: str) -> Pipeline:
+def bar(folder: Any, *settings: str, cache: Cache | None = None) -> Pipeline:
     file = folder / "bar.toml"
     file.write_text(CLAMPED)
-    return Pipeline(load_scene(file, list(settings)), Cache(None))
+    return Pipeline(load_scene(file, list(settings)), cache)
 
 
 def test_an_averaged_root_is_off_by_what_a_rigid_one_changes_on_a_fine_mesh(tmp_path: Any) -> None:
@@ -110,7 +110,7 @@ def test_a_cause_whose_variant_fails_leaves_lower_bounds(tmp_path: Any, monkeypa
         raise np.linalg.LinAlgError("singular")
 
     monkeypatch.setattr(ModelErrors, "_attachment", fail)
-    budget = state_errors(bar(tmp_path))
+    budget = state_errors(bar(tmp_path, cache=Cache(None)))
     assert "attachment: not estimated: singular" in [each.text for each in budget.model]
     (row,) = (row for row in budget.rows if row.name == "tip, deflection")
     assert row.parts[MORE_OF_MODEL] == "not estimated: singular"

@@ -210,18 +210,27 @@ def assert_sound(runs: Runs, cache: Path, out: Path, whole: dict[str, Any], twic
     assert read(again) == whole
 
 
-@pytest.mark.parametrize("when", ["before", "within", "after"])
-def test_a_run_killed_at_any_stage_is_taken_up_by_the_next(runs: Runs, whole: dict[str, Any], when: str) -> None:
-    for stage in STAGES:
+# What is left after a stage is what there is before the next one, and so with files.
+@pytest.mark.parametrize(
+    ("when", "stages"),
+    [("before", STAGES), ("within", STAGES[1::2]), ("after", STAGES[-1:])],
+    ids=["before", "within", "after"],
+)
+def test_a_run_killed_at_any_stage_is_taken_up_by_the_next(
+    runs: Runs, whole: dict[str, Any], when: str, stages: tuple[str, ...]
+) -> None:
+    for stage in stages:
         cache, out = runs.new_folder(), runs.new_folder()
         assert runs.run(cache, out, stage=stage, when=when) == -signal.SIGKILL, (stage, said(out))
         assert not (out / "summary.json").exists()
         assert_sound(runs, cache, out, whole)
 
 
-@pytest.mark.parametrize("when", ["before", "after"])
-def test_a_run_killed_at_any_file_leaves_it_whole_or_not_at_all(runs: Runs, whole: dict[str, Any], when: str) -> None:
-    for file in count(1):
+@pytest.mark.parametrize(("when", "every"), [("before", 1), ("after", 3)])
+def test_a_run_killed_at_any_file_leaves_it_whole_or_not_at_all(
+    runs: Runs, whole: dict[str, Any], when: str, every: int
+) -> None:
+    for file in count(1, every):
         cache, out = runs.new_folder(), runs.new_folder()
         status = runs.run(cache, out, file=file, when=when)
         if status == 0:  # there is no further file
@@ -379,16 +388,11 @@ def test_a_user_without_a_home_keeps_the_cache_among_temporary_files(frequencies
     assert [path.name for path in tmp_path.iterdir()] == ["fmd-12345"]
 
 
-def test_on_one_core_results_are_the_same(frequencies: list[float]) -> None:
-    if not shutil.which("taskset"):
-        pytest.skip("needs taskset")
-    assert frequencies_of(fmd([*MODES, "--no-cache"], "taskset", "-c", "0")) == frequencies
-
-
-def test_without_a_network_results_are_the_same(frequencies: list[float]) -> None:
-    if not shutil.which("unshare") or subprocess.run(["unshare", "-rn", "true"], check=False).returncode:
-        pytest.skip("needs a network of its own")
-    assert frequencies_of(fmd([*MODES, "--no-cache"], "unshare", "-rn")) == frequencies
+def test_on_one_core_and_without_a_network_results_are_the_same(frequencies: list[float]) -> None:
+    before = ("unshare", "-rn", "taskset", "-c", "0")
+    if not shutil.which("taskset") or subprocess.run([*before, "true"], check=False).returncode:
+        pytest.skip("needs taskset and a network of its own")
+    assert frequencies_of(fmd([*MODES, "--no-cache"], *before)) == frequencies
 
 
 def test_without_a_display_pictures_are_drawn(runs: Runs, tmp_path: Path) -> None:

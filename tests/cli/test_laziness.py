@@ -22,6 +22,7 @@ print("\\n" + json.dumps(sorted({name.partition(".")[0] for name in sys.modules}
     ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith(("fmd.", "scipy."))})))
 """
 QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
+FILM = ["--set", "output.5.frames=2", "--set", "output.5.size=[320, 180]", "--set", "output.4.size=[320, 180]"]
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +79,7 @@ def test_a_run_without_pictures_loads_neither_pyvista_nor_matplotlib(cold_run):
 @pytest.mark.slow
 @pytest.mark.usefixtures("cold_run")
 def test_a_run_draws_in_another_process(modules, tmp_path):
-    loaded = modules("run", "beam", *QUICK, "--no-budget", "--out", str(tmp_path))
+    loaded = modules("run", "beam", *QUICK, *FILM, "--no-budget", "--out", str(tmp_path))
     assert (tmp_path / "motion.mp4").exists()
     assert not loaded & {"pyvista", "vtk", "vtkmodules", "matplotlib", "imageio"}
 

@@ -160,12 +160,14 @@ def test_keys_differ_with_everything_that_a_result_depends_on(monkeypatch: pytes
     assert len(keys) == 6
 
 
-def test_what_killed_processes_left_half_written_is_deleted_in_time(cache: Cache, entry: Path, tmp_path: Path) -> None:
-    old, new = entry.parent / ".part-old", entry.parent / ".part-new"
+def test_what_killed_processes_left_half_written_is_deleted_in_time(tmp_path: Path) -> None:
+    folder = tmp_path / "cache"  # listed once in a process
+    folder.mkdir(mode=0o700)
+    old, new = folder / ".part-old", folder / ".part-new"
     for path in (old, new):
         path.write_bytes(b"half")
     os.utime(old, (0, 0))
-    cache.save("another", VALUE)
+    Cache(folder).save("another", VALUE)
     assert (old.exists(), new.exists()) == (False, True)
     abandoned, others = tmp_path / ".summary.12345.json", tmp_path / ".other.12345.json"
     for path in (abandoned, others):

@@ -6,11 +6,10 @@ from sums over points.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from fmd.core.arrays import Array
 from fmd.core.joint_kinds import JointKind
@@ -24,6 +23,7 @@ from fmd.scene.joints.free import FREE
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
 from fmd.scene.joints.spherical import SPHERICAL
+from tests.dynamics.compiler.kane import rotation, tilde
 
 Orders = tuple[tuple[JointKind, ...], tuple[int, ...], tuple[int, ...]]
 
@@ -37,11 +37,6 @@ CHAINS: dict[str, Orders] = {
     "many-roots": ((FIXED, REVOLUTE, PRISMATIC, PRISMATIC, REVOLUTE), (-1, 0, -1, -1, 3), (2, 2, 1, 0, 0)),
 }
 WITHOUT_SUPPORT = ("free-rigid", "free-flexible")
-
-
-def tilde(a: Array) -> Array:
-    """Matrix of the cross product, ``tilde(a) @ b = a × b``."""
-    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 
 
 def turned_by(e: Array) -> Array:
@@ -118,10 +113,10 @@ class PointChain:
                 (origin, R), inner = found[link.parent], modes[link.parent]
             shapes, rotations = link.place_shapes, link.place_rotations
             origin = origin + R @ (link.place + (shapes @ inner if shapes.size else 0.0))
-            R = R @ expm(tilde(rotations @ inner)) if rotations.size else R
+            R = R @ rotation(rotations @ inner) if rotations.size else R
             axis = link.axis / np.linalg.norm(link.axis)
             if link.joint == REVOLUTE:
-                R = R @ expm(s[0] * tilde(axis))
+                R = R @ rotation(s[0] * axis)
             elif link.joint == PRISMATIC:
                 origin = origin + R @ (s[0] * axis)
             elif link.joint == SPHERICAL:
@@ -291,6 +286,7 @@ def random_points(n_modes: int, rng: np.random.Generator) -> tuple[Array, Array,
     return x, m, np.linalg.solve(L, Phi.T).T.reshape(12, 3, n_modes)
 
 
+@cache
 def random_chain(name: str, seed: int = 0, gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PointChain:
     """One of `CHAINS` with everything a link may have: springs, dampers, loads, modal damping, moving sections."""
     kinds, parents, sizes = CHAINS[name]

@@ -43,7 +43,7 @@ def load_wrench(made: PointMechanism, load: PointLoad, q: Array) -> tuple[Array,
     origin, R, z = kane.frames(made, TIME, q)[k]
     bent, turned = kane.marker_motion(load.marker.translation, load.marker.rotation, load.marker.displacement2, z)
     value = load.size.value(TIME)[0] * load.direction / np.linalg.norm(load.direction)
-    value = R @ kane.expm(kane.tilde(turned)) @ value if load.following else value
+    value = R @ kane.rotation(turned) @ value if load.following else value
     value, place = value.real, (origin + R @ (load.marker.position + bent)).real
     return (np.zeros(3), value) if load.torque else (value, np.cross(place, value))
 

@@ -117,17 +117,17 @@ MASSES = ["body.coupler.mass", "body.crank.marker.b.at.0"]  # the second is the 
 @pytest.mark.parametrize(
     ("method", "make", "keys"),
     [
-        ("central-difference", four_bar, [SPRINGS[0], OTHERS[1], MASSES[1]]),
+        ("central-difference", four_bar, [SPRINGS[0], MASSES[1]]),
         pytest.param("central-difference", four_bar, SPRINGS + OTHERS + MASSES, marks=pytest.mark.long),
         pytest.param("runge-kutta", four_bar, ["joint.drive.spring", *MASSES], marks=pytest.mark.long),
         pytest.param("generalized-alpha", four_bar, ["joint.drive.damper", *MASSES], marks=pytest.mark.long),
-        ("central-difference", spatial, [SPATIAL[0], SPATIAL[2]]),
+        ("central-difference", spatial, SPATIAL[2:3]),
         *(
             pytest.param(method, partial(spatial, seed=seed), SPATIAL, id=f"spatial-{seed}", marks=pytest.mark.long)
             for seed, method in enumerate(["central-difference"] * 6 + ["runge-kutta", "generalized-alpha"], start=1)
         ),
         ("generalized-alpha", chain, [SPRINGS[1], OTHERS[0]]),
-        ("exponential", chain, OTHERS[:1]),
+        ("exponential", chain, OTHERS[1:]),
     ],
 )
 def test_tangents_are_extrapolated_differences_of_marches(method: str, make: Any, keys: list[str]) -> None:
@@ -167,7 +167,7 @@ DEPTH = "body.forearm.depth"
 @pytest.mark.parametrize(
     ("method", "keys"),
     [
-        (SMALL_ARM[0], [DEPTH, "body.forearm.length", "body.forearm.E", "body.forearm.modes.damping"]),
+        (SMALL_ARM[0], [DEPTH, "body.forearm.length", "body.forearm.modes.damping"]),
         (SUBCYCLED, [DEPTH, "joint.elbow.spring"]),
     ],
 )

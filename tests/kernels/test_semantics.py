@@ -218,7 +218,7 @@ class Random:
 def functions(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     """Random functions in a file, where the translator finds their source."""
     path: Path = tmp_path_factory.mktemp("random") / "random_functions.py"
-    names = [f"function_{seed}" for seed in range(40)]
+    names = [f"function_{seed}" for seed in range(25)]
     written = [Random(seed).function(name) for seed, name in enumerate(names)]
     path.write_text("\n\n".join(["import math", "from fmd.kernels.kernel import kernel", *written]))
     spec = importlib.util.spec_from_file_location("random_functions", path)

@@ -78,6 +78,15 @@ def test_modal_mass_is_one_and_stiffness_diagonal(beam: Beam, body: FlexibleBody
     assert body.frequencies_hz == pytest.approx(body.omega / (2 * np.pi), rel=1e-15)
 
 
+def test_a_mode_has_the_sign_of_the_free_mode_that_it_has_most_of(beam: Beam) -> None:
+    """How much it has of each is what strain energies say: the rigid motions between the two have none."""
+    sides = np.array([1.0, -1.0, -1.0, 1.0, -1.0])
+    given = sides * beam.modes.shapes
+    found = reduced_body(beam.fe, beam.modes.omega, given, beam.markers, "root", Z[None]).shapes
+    of_each = given.reshape(-1, 5).T @ beam.fe.K @ found.reshape(-1, 5) / beam.modes.omega[:, None] ** 2
+    assert (of_each[np.abs(of_each).argmax(axis=0), range(5)] > 0).all()
+
+
 def test_a_conforming_frame_is_not_coupled_with_the_modes(beam: Beam) -> None:
     omega, shapes = beam.enlarged
     assert conforming(beam).coupling < 1e-8

@@ -19,7 +19,7 @@ from fmd import load_scene
 from fmd.core.errors import InputError
 
 SCENES = sorted(Path(fmd.models.__file__).parent.glob("*.toml"))
-MUTANTS = 1000
+MUTANTS = 400
 SECONDS = 10.0  # to read one scene, on a busy machine
 MOST_LINES = 12  # of a message: three faults that are lines of different tables, with those of like bodies
 
@@ -163,7 +163,7 @@ def read(file: Path) -> str | None:
     return None
 
 
-def test_a_thousand_mutated_scenes_are_read_or_refused_by_one_message(tmp_path: Path) -> None:
+def test_hundreds_of_mutated_scenes_are_read_or_refused_by_one_message(tmp_path: Path) -> None:
     (tmp_path / "robot-motion.csv").write_bytes((SCENES[0].parent / "robot-motion.csv").read_bytes())
     file, refused = tmp_path / "mutant.toml", 0
     for seed in range(MUTANTS):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fmd import load
@@ -68,6 +69,12 @@ def test_stress_under_a_point_grows_with_refinement_and_is_told(tmp_path: Path) 
         result = load(tmp_path / "scene.toml")
         stress = result.run.stress_of("bar")
         assert stress.limitless is not None
+        x, part = result.run.parts["bar"].fe.x[stress.nodes], 0.5 * (0.1 * SIDE * SIDE) ** (1 / 3)
+        distance = np.linalg.norm(x - [0.03, 0.005, 0.0], axis=1)
+        # half the edge of a cube of the bar's volume, or as far as the elements at the point reach
+        near = max(part, np.hypot(np.hypot(0.1 / along, SIDE / across), SIDE / across))
+        assert stress.limitless[distance < 0.999 * part].all()
+        assert not stress.limitless[distance > 1.001 * near].any()
         there = stress.von_mises(0.0)[stress.limitless].max()
         found.append((there, result.summary["worst_stress"]["bar"]["value_pa"]))
         said = [each["text"] for each in result.summary["warnings"] if each["code"] == "point-load"]

@@ -1,5 +1,7 @@
 """The error budget against true errors: scenes, each against a much finer run of it."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -54,12 +56,17 @@ def propeller() -> dict[str, float]:
 
 
 @pytest.mark.slow
-def test_at_least_95_percent_of_true_errors_are_below_the_stated_ones_and_most_within_a_factor_of_five() -> None:
+@pytest.mark.parametrize(
+    "cases", [(rod_slider, beam), pytest.param((rod_slider, beam, propeller), marks=pytest.mark.long)]
+)
+def test_at_least_95_percent_of_true_errors_are_below_the_stated_ones_and_most_within_a_factor_of_five(
+    cases: tuple[Callable[[], dict[str, float]], ...],
+) -> None:
     found = {}
-    for name, case in {"rod": rod_slider, "beam": beam, "propeller": propeller}.items():
-        found |= {f"{name}: {quantity}": ratio for quantity, ratio in case().items()}
+    for case in cases:
+        found |= {f"{case.__name__}: {quantity}": ratio for quantity, ratio in case().items()}
     values = np.array(list(found.values()))
-    assert len(values) > 30
+    assert len(values) > (30 if propeller in cases else 15)
     assert np.mean(values >= 1) >= 0.95, {name: ratio for name, ratio in found.items() if ratio < 1}
     assert np.median(values) <= 2.5
     # On the coarser of the propeller's meshes the enhanced elements bend with one layer: their error falls by more than
@@ -150,9 +157,10 @@ def test_without_a_budget_nothing_is_computed_for_it() -> None:
 
 
 def test_the_better_value_is_the_answer_and_its_interval_holds_it_and_the_truth() -> None:
-    run = Pipeline(load_scene("beam-paper"), Cache(None))
+    own = ["simulation.duration=0.1 s"]  # the largest deflection is at 50 ms
+    run = Pipeline(load_scene("beam-paper", own), Cache(None))
     finer = ["body.beam.modes.count=12", "body.beam.modes.enrich=ritz", "body.beam.mesh.divisions=[48, 5, 2]"]
-    truth = Pipeline(load_scene("beam-paper", [*finer, "simulation.step=2 us"]), Cache(None))
+    truth = Pipeline(load_scene("beam-paper", [*own, *finer, "simulation.step=2 us"]), Cache(None))
     rows = {row.name: row for row in ERROR_BUDGET.of(run).rows}
     exact = {
         "tip, largest deflection": float(truth.fine_motion.tip_size.max()),

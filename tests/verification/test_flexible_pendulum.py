@@ -75,6 +75,12 @@ def motion_of(pipeline: Pipeline) -> Motion:
     return pipeline.motion
 
 
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> Motion:
+    """The pendulum's motion from 0.3 rad."""
+    return motion_of(pipeline_of(tmp_path_factory.mktemp("here"), angle=0.3))
+
+
 def by_hand(body: FlexibleBody, angle: float, times: Array) -> tuple[Array, Array]:
     """Angle and modal coordinates of the pendulum from rest, (n_times,) and (n_times, n).
 
@@ -115,7 +121,7 @@ def by_hand(body: FlexibleBody, angle: float, times: Array) -> tuple[Array, Arra
 
 @pytest.mark.parametrize("stiffening", ["off", "on"])
 def test_the_pendulum_moves_as_the_planar_model(tmp_path: Path, stiffening: str) -> None:
-    run = pipeline_of(tmp_path, f"simulation.stiffening={stiffening}", angle=0.3)
+    run = pipeline_of(tmp_path, f"simulation.stiffening={stiffening}", "simulation.duration=0.65 s", angle=0.3)
     motion, body = motion_of(run), run.body
     assert body.integrals.displacement2.size == (0 if stiffening == "off" else 3 * 4 * 4)
     theta, q = by_hand(body, 0.3, motion.times)
@@ -131,8 +137,8 @@ def test_the_pendulum_moves_as_the_planar_model(tmp_path: Path, stiffening: str)
     assert np.abs(motion.tip_displacement[:, 1]).max() > 1e-3  # … and bends
 
 
-def test_the_pendulum_keeps_its_energy(tmp_path: Path) -> None:
-    energy = np.sum(motion_of(pipeline_of(tmp_path, angle=0.3)).energies, axis=0)
+def test_the_pendulum_keeps_its_energy(here: Motion) -> None:
+    energy = np.sum(here.energies, axis=0)
     mass = RHO * LENGTH * DEPTH * WIDTH
     assert energy[0] == pytest.approx(mass * G * LENGTH / 2 * np.sin(0.3), rel=1e-9)
     assert energy == pytest.approx(np.full(energy.size, energy[0]), abs=1e-9 * mass * G * LENGTH)
@@ -159,19 +165,17 @@ def test_a_stiff_pendulum_has_the_period_of_the_compound_pendulum(tmp_path: Path
 
 
 @pytest.mark.parametrize("turn", [0.7, -2.0])
-def test_turning_start_and_weight_about_the_hinge_turns_the_motion(tmp_path: Path, turn: float) -> None:
+def test_turning_start_and_weight_about_the_hinge_turns_the_motion(tmp_path: Path, here: Motion, turn: float) -> None:
     R = Rotation.from_rotvec([0.0, 0.0, turn])
-    here = motion_of(pipeline_of(tmp_path, angle=0.3))
     there = motion_of(pipeline_of(tmp_path, angle=0.3 + turn, gravity=R.apply([0.0, -G, 0.0])))
     assert there.joint_position("hinge") == pytest.approx(here.joint_position("hinge") + turn, abs=1e-8)
     assert there.tip_position == pytest.approx(R.apply(here.tip_position), abs=1e-8)
     assert there.tip_displacement == pytest.approx(here.tip_displacement, abs=1e-8)
 
 
-def test_turning_bar_hinge_and_weight_about_the_bar_turns_the_motion(tmp_path: Path) -> None:
+def test_turning_bar_hinge_and_weight_about_the_bar_turns_the_motion(tmp_path: Path, here: Motion) -> None:
     # By 90° about x: y becomes z, and z becomes −y. The mesh is new, so modes may change their signs, not the motion.
     R = Rotation.from_rotvec([np.pi / 2, 0.0, 0.0])
-    here = motion_of(pipeline_of(tmp_path, angle=0.3))
     sizes = ("body.bar.depth=10 mm", "body.bar.width=25 mm")
     there = motion_of(
         pipeline_of(tmp_path, *sizes, angle=0.3, gravity=np.array([0.0, 0.0, -G]), axis="[0, -1, 0]", across="1, 2")
@@ -180,9 +184,8 @@ def test_turning_bar_hinge_and_weight_about_the_bar_turns_the_motion(tmp_path: P
     assert there.tip_position == pytest.approx(R.apply(here.tip_position), abs=1e-8)
 
 
-def test_the_hinge_and_its_bar_may_be_turned_over(tmp_path: Path) -> None:
+def test_the_hinge_and_its_bar_may_be_turned_over(tmp_path: Path, here: Motion) -> None:
     # The axis upside down: angles change their sign, nothing else does.
-    here = motion_of(pipeline_of(tmp_path, angle=0.3))
     there = motion_of(pipeline_of(tmp_path, angle=-0.3, axis="[0, 0, -2]"))
     assert there.joint_position("hinge") == pytest.approx(-here.joint_position("hinge"), abs=1e-8)
     assert there.tip_position == pytest.approx(here.tip_position, abs=1e-8)

@@ -116,6 +116,7 @@ def test_the_princeton_beam_bends_and_twists_as_a_rod(tmp_path: Path) -> None:
     assert np.linalg.norm(end_of(run) - exact) < 5e-3 * np.linalg.norm(exact - [length, 0, 0])
 
 
+@pytest.mark.long  # the Princeton beam bends and twists, too
 def test_bathes_bend_moves_as_published_in_all_three_directions(tmp_path: Path) -> None:
     moved = end_of(bend(tmp_path, pieces=6, along=24)) - END
     assert moved == pytest.approx(SONNEVILLE, rel=0.01)

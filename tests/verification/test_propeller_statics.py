@@ -68,7 +68,7 @@ def lacks(run: Pipeline, body: FlexibleBody) -> tuple[float, float]:
     return float(displacement), float(np.abs(ours / theirs - 1).max())
 
 
-@pytest.mark.slow
+@pytest.mark.long  # test_enrichment.py has a rod's, in a second
 def test_28_shapes_give_the_steady_stress_everywhere_on_the_joints() -> None:
     run = propeller()
     assert len(run.part.body.omega) <= 30

@@ -113,7 +113,13 @@ def half_loaded(load: float) -> tuple[float, float]:
     return float(np.sqrt(lowest) / (2 * np.pi)), -float(softest)
 
 
-@pytest.mark.parametrize(("section", "load"), [(UPRIGHT[0], 4000.0), (UPRIGHT[1], -4000.0)], ids=["across", "in plane"])
+@pytest.mark.parametrize(
+    ("section", "load"),
+    [
+        pytest.param(UPRIGHT[0], 4000.0, id="across"),
+        pytest.param(UPRIGHT[1], -4000.0, id="in plane", marks=pytest.mark.long),
+    ],
+)
 def test_a_load_along_a_bar_goes_to_both_walls(tmp_path: Path, section: str, load: float) -> None:
     # Rigid bodies leave it open; all of it on one wall, half the bar would be pushed twice as much, or not at all.
     text = SCENES["two bars in a row"].replace('depth = "20 mm"\nwidth = "6 mm"', section)

@@ -20,8 +20,10 @@ from fmd.verification.case import Figure, VerificationCase
 from fmd.verification.suite import CASES, Outcome, require_tolerances, run_cases
 
 STEEL = Material(210e9, 0.3, 7800.0)
-LONG = pytest.mark.long  # test_bouncing_bar.py and test_loops.py have what these show, in a second or two
-LONGER = ("bouncing-bar", "four-bar")
+LONG = (
+    pytest.mark.long
+)  # test_bouncing_bar.py, test_loops.py and test_friction.py have what these show, in a second or two
+LONGER = ("bouncing-bar", "four-bar", "slope")
 
 
 @pytest.mark.parametrize("case", [pytest.param(name, marks=LONG if name in LONGER else ()) for name in CASES])

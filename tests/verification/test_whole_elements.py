@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 MORE = pytest.mark.long
 SEEDS = (0, pytest.param(1, marks=MORE))
 BLOWS = tuple(pytest.param(seed, marks=MORE) for seed in range(3))
-STEPS = (8, 16)  # of the whole elements between two output times: their difference bounds the finer one's error
+STEPS = (4, 8)  # of the whole elements between two output times: their difference bounds the finer one's error
 STEPS_OF_BLOWS = (16, 32)
 MOST_STATED = 20.0  # stated over true error
 ROUND_OFF = 1e-6

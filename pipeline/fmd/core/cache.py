@@ -110,7 +110,7 @@ class Cache:
             return
         part = ""
         try:
-            remove_abandoned(self.folder, ".part-*")
+            _sweep(self.folder)
             handle, part = tempfile.mkstemp(dir=self.folder, prefix=".part-")
             with os.fdopen(handle, "wb") as file:
                 file.write(_digest(key, body))
@@ -125,6 +125,12 @@ class Cache:
         if self.folder is None or not is_private(self.folder, make=True):
             return nullcontext()
         return one_at_a_time(self.folder / f".making-{key}")
+
+
+@cache
+def _sweep(folder: Path) -> None:
+    """Delete what killed processes have left half written, once: a folder of many entries takes long to list."""
+    remove_abandoned(folder, ".part-*")
 
 
 def _digest(key: str, body: bytes) -> bytes:

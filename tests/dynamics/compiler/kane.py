@@ -1,13 +1,12 @@
 """Accelerations of bodies made of mass points by d'Alembert's principle: plain NumPy, slow, and sharing no code.
 
-Places are products of matrix exponentials, velocities complex steps of them, and accelerations at constant rates
+Places are products of rotation matrices, velocities complex steps of them, and accelerations at constant rates
 differences of order 8. Forces do their work on what moves (Kane & Levinson, Dynamics, McGraw-Hill, 1985).
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm
 
 from fmd.core.arrays import Array
 from fmd.scene.joints.constant_velocity import CONSTANT_VELOCITY
@@ -27,6 +26,17 @@ WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 
 def tilde(a: Array) -> Array:
     return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+
+
+def rotation(w: Array) -> Array:
+    """Rotation matrix of a rotation vector by Rodrigues' formula, analytic in its entries."""
+    squared, W = w @ w, tilde(w)
+    if abs(squared) < 1e-6:  # by series, to 1e-21
+        sine, cosine = 1 - squared / 6 * (1 - squared / 20), 0.5 - squared / 24 * (1 - squared / 30)
+    else:
+        angle = np.sqrt(squared)
+        sine, cosine = np.sin(angle) / angle, (1 - np.cos(angle)) / squared
+    return np.asarray(np.eye(3) + sine * W + cosine * (W @ W))
 
 
 def accelerations(made: PointMechanism, t: float, q: Array, v: Array) -> Array:
@@ -76,31 +86,31 @@ def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Arra
         if link.parent >= 0:
             origin, R, inner = out[link.parent]
         bent, turned = marker_motion(link.place_shapes, link.place_rotations, link.place_displacement2, inner)
-        origin, R = origin + R @ (link.place + bent), R @ expm(tilde(turned)) @ link.place_axes
+        origin, R = origin + R @ (link.place + bent), R @ rotation(turned) @ link.place_axes
         axis = link.axis / np.linalg.norm(link.axis)
         s = q[mechanism.layout.position[k] : mechanism.layout.position[k] + link.n_positions]
         if link.motion is not None:
             value, rate, _ = link.motion.value(np.real(t))
             s = np.array([value + 1j * np.imag(t) * rate])
         if link.joint == REVOLUTE:
-            R = R @ expm(s[0] * tilde(axis))
+            R = R @ rotation(s[0] * axis)
         elif link.joint == PRISMATIC:
             origin = origin + R @ (s[0] * axis)
         elif link.joint == UNIVERSAL:
             other = link.other_axis / np.linalg.norm(link.other_axis)
-            R = R @ expm(s[0] * tilde(axis)) @ expm(s[1] * tilde(other))
+            R = R @ rotation(s[0] * axis) @ rotation(s[1] * other)
         elif link.joint == CYLINDRICAL:
-            origin, R = origin + R @ (s[0] * axis), R @ expm(s[1] * tilde(axis))
+            origin, R = origin + R @ (s[0] * axis), R @ rotation(s[1] * axis)
         elif link.joint == SCREW:
-            origin, R = origin + R @ (s[0] * link.lead * axis), R @ expm(s[0] * tilde(axis))
+            origin, R = origin + R @ (s[0] * link.lead * axis), R @ rotation(s[0] * axis)
         elif link.joint == CONSTANT_VELOCITY:
             u = across(axis)
-            half = expm(0.5 * s[0] * tilde(u))
-            R = R @ half @ expm(s[1] * tilde(np.cross(axis, u))) @ half
+            half = rotation(0.5 * s[0] * u)
+            R = R @ half @ rotation(s[1] * np.cross(axis, u)) @ half
         elif link.joint == PLANAR:
             u = across(axis)
             origin = origin + R @ (s[0] * u + s[1] * np.cross(axis, u))
-            R = R @ expm(s[2] * tilde(axis))
+            R = R @ rotation(s[2] * axis)
         elif link.joint in (SPHERICAL, FREE):
             origin = origin + R @ s[:3] if link.joint == FREE else origin
             u, w = s[-4:-1], s[-1]
@@ -164,11 +174,15 @@ def bias(made: PointMechanism, t: float, q: Array, v: Array, step: float = 0.01)
 
 
 def advance(made: PointMechanism, q: Array, v: Array, h: float) -> Array:
-    """Positions after a time h at constant rates: q̇ is linear in q."""
-    A = np.stack([rate_of_positions(made, unit, v) for unit in np.eye(len(q))], axis=1)
-    b = rate_of_positions(made, np.zeros(len(q)), v)  # of all but quaternions, which A turns
-    A -= b[:, None]
-    return np.asarray(expm(h * A) @ q + h * b)
+    """Positions after a time h at constant rates, with which a quaternion goes round a circle."""
+    dq, mechanism = rate_of_positions(made, q, v), made.mechanism
+    moved = q + h * dq
+    for k, link in enumerate(mechanism.links):
+        if link.joint in (SPHERICAL, FREE):
+            last, spin_last = mechanism.layout.position[k] + link.n_positions, mechanism.layout.rate[k] + link.n_rates
+            e, half = slice(last - 4, last), 0.5 * h * np.linalg.norm(v[spin_last - 3 : spin_last])
+            moved[e] = np.cos(half) * q[e] + np.sinc(half / np.pi) * h * dq[e]
+    return np.asarray(moved)
 
 
 def forces(made: PointMechanism, t: float, q: Array, v: Array) -> Array:
@@ -206,7 +220,7 @@ def power(made: PointMechanism, load: object, t: float, q: Array, v: Array) -> f
     moved = frames(made, t, q + 1j * STEP * rate_of_positions(made, q, v))
     origin, R, z = moved[k]
     bent, turned = marker_motion(load.marker.translation, load.marker.rotation, load.marker.displacement2, z)
-    point, section = origin + R @ (load.marker.position + bent), R @ expm(tilde(turned))
+    point, section = origin + R @ (load.marker.position + bent), R @ rotation(turned)
     force = load.size.value(t)[0] * load.direction / np.linalg.norm(load.direction)
     force = section.real @ force if load.following else force
     return float(force @ (spin(section) if load.torque else point.imag / STEP))

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from fmd.core.arrays import Array
@@ -109,7 +108,11 @@ def _attachment(body: str, n: int, rng: np.random.Generator) -> Attachment:
 
 def strain(made: PointMechanism, element: Element, t: float, q: Array) -> Array:
     """Elongation of a spring, or displacement and rotation vector of a bushing, from products of matrices."""
-    ends = [_pose(made, end, t, q) for end in element.ends]
+    return _strain(made, element, kane.frames(made, t, q))
+
+
+def _strain(made: PointMechanism, element: Element, bodies: Sequence[tuple[Array, Array, Array]]) -> Array:
+    ends = [_pose(made, end, bodies) for end in element.ends]
     way = ends[1][0] - ends[0][0]
     if isinstance(element, PointSpring):
         return np.array([np.linalg.norm(way) - element.rest])
@@ -117,33 +120,40 @@ def strain(made: PointMechanism, element: Element, t: float, q: Array) -> Array:
     return np.concatenate([ends[0][1].T @ way - element.position, turn])
 
 
-def _pose(made: PointMechanism, end: Attachment, t: float, q: Array) -> tuple[Array, Array]:
+def _pose(made: PointMechanism, end: Attachment, bodies: Sequence[tuple[Array, Array, Array]]) -> tuple[Array, Array]:
     if not end.body:
         return end.marker.position, end.axes
-    origin, R, z = kane.frames(made, t, q)[made.mechanism.number_of(end.body)]
+    origin, R, z = bodies[made.mechanism.number_of(end.body)]
     bent, turned = kane.marker_motion(end.marker.translation, end.marker.rotation, end.marker.displacement2, z)
-    return np.real(origin + R @ (end.marker.position + bent)), np.real(R @ expm(kane.tilde(turned)) @ end.axes)
+    return np.real(origin + R @ (end.marker.position + bent)), np.real(R @ kane.rotation(turned) @ end.axes)
 
 
-def slope(made: PointMechanism, element: Element, t: float, q: Array, v: Array, flow: float) -> Array:
-    """Rate of a strain for rates v, by differences of order 8; without prescribed motions for flow 0."""
-    h, total = 1e-3, np.zeros(len(strain(made, element, t, q)))
-    for k, weight in enumerate(kane.WEIGHTS, start=1):
-        for side in (1, -1):
-            there = kane.advance(made, q, v, side * k * h)
-            total += side * weight / h * strain(made, element, t + flow * side * k * h, there)
-    return total
+def strains(made: PointMechanism, t: float, q: Array) -> Array:
+    """Strains of all elements one after another."""
+    bodies = kane.frames(made, t, q)
+    return np.concatenate([_strain(made, element, bodies) for element in made.mechanism.elements])
+
+
+def slopes(made: PointMechanism, t: float, q: Array, v: Array, flow: float) -> Array:
+    """Rates of all strains for rates v, by differences of order 8; without prescribed motions for flow 0."""
+    h = 1e-3
+    return sum(
+        side * weight / h * strains(made, t + flow * side * k * h, kane.advance(made, q, v, side * k * h))
+        for k, weight in enumerate(kane.WEIGHTS, start=1)
+        for side in (1, -1)
+    )
 
 
 def element_forces(made: PointMechanism, t: float, q: Array, v: Array) -> Array:
     """Generalised forces of all elements by virtual power."""
-    Q = np.zeros(made.mechanism.n)
+    found, rates, first = strains(made, t, q), slopes(made, t, q, v, 1.0), 0
+    effort = np.zeros(len(found))
     for element in made.mechanism.elements:
-        e, rate = strain(made, element, t, q), slope(made, element, t, q, v, 1.0)
         if isinstance(element, PointSpring):
-            force = np.array([law_force(element.name, element.law, e[0], rate[0])])
+            effort[first] = law_force(element.name, element.law, found[first], rates[first])
+            first += 1
         else:
-            force = element.K @ e + element.C @ rate
-        for j, unit in enumerate(np.eye(made.mechanism.n)):
-            Q[j] -= force @ slope(made, element, t, q, unit, 0.0)
-    return Q
+            six = slice(first, first + 6)
+            effort[six] = element.K @ found[six] + element.C @ rates[six]
+            first += 6
+    return -np.array([effort @ slopes(made, t, q, unit, 0.0) for unit in np.eye(made.mechanism.n)])

@@ -53,18 +53,12 @@ def test_elastic_forces_are_the_slopes_of_the_energy(seed: int) -> None:
     zero = {"inputs": np.zeros(0), "q": q, "v": rest, "a": rest}
     forces = interpreted(without, "residual", (bare.n,), **zero) - interpreted(with_, "residual", (bare.n,), **zero)
 
-    def energy(at: np.ndarray) -> float:
-        both = (interpreted(one, "energies", (2,), inputs=np.zeros(0), q=at, v=rest)[1] for one in (with_, without))
-        return float(np.subtract(*both))
-
-    h = 1e-4
-    for j, unit in enumerate(np.eye(bare.n)):
-        slope = sum(
-            side * weight / h * energy(kane.advance(made, q, unit, side * k * h))
-            for k, weight in enumerate(kane.WEIGHTS, start=1)
-            for side in (1, -1)
-        )
-        assert forces[j] == pytest.approx(-slope, rel=1e-7, abs=1e-8 * (1 + np.abs(forces).max()))
+    h, sides = 1e-4, [(side * k, side * weight) for k, weight in enumerate(kane.WEIGHTS, start=1) for side in (1, -1)]
+    places = np.stack([kane.advance(made, q, unit, k * h) for unit in np.eye(bare.n) for k, _ in sides], axis=1)
+    state = {"inputs": np.zeros(0), "q": places, "v": rest}
+    energies = [interpreted(one, "energies", (2, places.shape[1]), **state)[1] for one in (with_, without)]
+    slopes = np.subtract(*energies).reshape(bare.n, -1) @ [weight / h for _, weight in sides]
+    assert forces == pytest.approx(-slopes, rel=1e-7, abs=1e-8 * (1 + np.abs(forces).max()))
 
 
 def _undamped(stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
@@ -79,15 +73,16 @@ def test_tangents_with_elements_are_differences_of_the_residual(seed: int) -> No
     inputs = compiled.signal_values(TIME)
     by_q, by_v, _ = compiled.tangents(inputs, q, v, a)
 
-    def residual(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return interpreted(compiled, "residual", (n,), q=q, v=v, a=a)
-
     h = 1e-6
-    for j, unit in enumerate(np.eye(n)):
-        assert np.allclose(by_v[:, j], (residual(q, v + h * unit) - residual(q, v - h * unit)) / (2 * h), atol=1e-5)
-    for j, unit in enumerate(np.eye(len(q))):
-        found = (residual(q + h * unit, v) - residual(q - h * unit, v)) / (2 * h)
-        assert np.allclose(by_q[:, j], found, rtol=1e-5, atol=1e-4)
+
+    def slopes(which: str, at: np.ndarray) -> np.ndarray:
+        moved = at[:, None] + h * np.hstack([np.eye(len(at)), -np.eye(len(at))])
+        state = {"q": q, "v": v, "a": a} | {which: moved}
+        ahead, behind = np.split(interpreted(compiled, "residual", (n, moved.shape[1]), **state), 2, axis=1)
+        return (ahead - behind) / (2 * h)
+
+    assert np.allclose(by_v, slopes("v", v), atol=1e-5)
+    assert np.allclose(by_q, slopes("q", q), rtol=1e-5, atol=1e-4)
 
 
 def test_what_is_no_element_is_refused() -> None:

@@ -72,7 +72,13 @@ class RecordedMechanism:
 
     def of_joint(self, body: int) -> Evaluation:
         """Position and rate of a joint with one axis, of a revolute one of the section that it grips."""
-        return evaluation_of([*joint_elongation(self.inputs, self.frames[body])])
+        if body not in self._of_joints:
+            self._of_joints[body] = evaluation_of([*joint_elongation(self.inputs, self.frames[body])])
+        return self._of_joints[body]
+
+    @cached_property
+    def _of_joints(self) -> dict[int, Evaluation]:
+        return {}
 
     def of_strain(self, element: Element) -> Evaluation:
         """Strain of a force element, its rate, and that of the vector from its first place to its second one."""
