@@ -15,11 +15,11 @@ from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.html import scaled
-from fmd.core.limits.shown import SWEPT_JOINTS
+from fmd.core.limits.shown import SWEPTJOINT_FIGURES
 from fmd.core.progress import bars
 from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally, prepare_workers
-from fmd.sweep.plot import draw_sweep
+from fmd.sweep.plot import JOINT_FIGURE, draw_sweep
 from fmd.sweep.points import Point, choose_values, make_points
 from fmd.sweep.record import Wanted
 from fmd.sweep.study import Compute, Sweep, run_sweep
@@ -39,7 +39,6 @@ _FIGURES = {
     "run.0.stability_margin": ("limit/step", ""),
     "run.0.seconds": ("time of integration", "s"),
 }
-_JOINT = "run.0.final.joint_positions."
 
 
 def sweep(
@@ -130,8 +129,8 @@ def _read_results(of: Sequence[str], chosen: Sequence[Point]) -> tuple[str, ...]
 
 def _print_points(table: SweepTable, rows: Sequence[dict[str, Any]]) -> None:
     result, asked = table.sweep, {column: (column, unit) for unit, own in table.results.values() for column in own}
-    joints = [name for name in rows[0] if name.startswith(_JOINT)][:SWEPT_JOINTS]
-    figures = _FIGURES | {name: (name.removeprefix(_JOINT), "") for name in joints}
+    joints = [name for name in rows[0] if name.startswith(JOINT_FIGURE)][:SWEPTJOINT_FIGURES]
+    figures = _FIGURES | {name: (name.removeprefix(JOINT_FIGURE), "") for name in joints}
     figures = {
         name: words for name, words in (asked or figures).items() if any(row.get(name) is not None for row in rows)
     }

@@ -107,7 +107,7 @@ def write_netcdf(path: Path, variables: Sequence[NetcdfVariable], blocks: Iterab
             places[variable.name] = begin
             begin += length
         for (_, values, _), length in zip(encoded, lengths, strict=True):
-            if _is_empty(values):
+            if values.size > 1 and not any(values.strides):  # of an `empty_variable`: one number in memory
                 file.truncate(file.tell() + length)
                 file.seek(length, SEEK_CUR)
             else:
@@ -133,11 +133,6 @@ def _encode(variable: NetcdfVariable) -> tuple[tuple[str, ...], NDArray[Any], li
         return (*variable.dims, f"string{longest}"), letters, [*attributes, _text("_Encoding") + _text("utf-8", _CHAR)]
     missing = _text("_FillValue") + _number(np.nan)
     return variable.dims, np.asarray(variable.values, dtype=">f8"), [*attributes, missing]
-
-
-def _is_empty(values: NDArray[Any]) -> bool:
-    """Return True for the values of an `empty_variable`, which are one number in memory."""
-    return values.size > 1 and not any(values.strides)
 
 
 def _number(value: float) -> bytes:

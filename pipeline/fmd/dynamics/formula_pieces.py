@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, BoolArray
 from fmd.core.formula import Formula
 from fmd.core.limits.loads import (
     FARTHEST,
@@ -27,7 +27,7 @@ from fmd.core.limits.loads import (
 from fmd.dynamics.compiler.formulas import trace_formula
 from fmd.dynamics.compiler.graph import Graph, Scalar, total
 from fmd.dynamics.compiler.interpret import evaluation_of
-from fmd.dynamics.signals.bounds import Bools, PieceBounds
+from fmd.dynamics.signals.bounds import PieceBounds
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class _FormulaPieces:
             begin, end = np.r_[first, middle], np.r_[middle, last]
         return np.sort(np.concatenate(kept)), True
 
-    def _weigh(self, begin: Array, end: Array) -> tuple[Bools, Bools]:
+    def _weigh(self, begin: Array, end: Array) -> tuple[BoolArray, BoolArray]:
         """Return on which pieces the formula is close to a polynomial, and on which that makes no difference."""
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
         n = len(begin)
@@ -117,14 +117,14 @@ class _FormulaPieces:
         little = np.nan_to_num(spread, nan=math.inf) * (end - begin) <= LITTLE_WORK * self._weight(begin, end, sizes[0])
         return (np.isfinite(rest) & (rest <= SMOOTH_REST * np.sum(sizes, axis=0))) | nothing, little
 
-    def _has_value(self, begin: Array, middle: Array, end: Array) -> Bools:
+    def _has_value(self, begin: Array, middle: Array, end: Array) -> BoolArray:
         """Return on which pieces the formula has a finite value in the middle or near an end."""
         inset = INSET * (end - begin)
         points = np.concatenate([begin + inset, middle, end - inset])
         (values, *_), _ = self._series(points, points, 1)
         return np.asarray(np.isfinite(values[0]).reshape(3, -1).any(axis=0))
 
-    def _series(self, begin: Array, end: Array, n_terms: int = TAYLOR_TERMS) -> tuple[list[Array], Bools]:
+    def _series(self, begin: Array, end: Array, n_terms: int = TAYLOR_TERMS) -> tuple[list[Array], BoolArray]:
         pieces = PieceBounds(begin, end, n_terms)
         return pieces.run_program(self._formula.codes, self._formula.constants), pieces.rough
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from fmd.fem.material import AnyMaterial
     from fmd.fem.space import Discretisation
 
-_ORDER = ("xx", "yy", "zz", "yz", "xz", "xy")
-STRESS_COMPONENTS = ("von Mises", *_ORDER, "principal 1", "principal 2", "principal 3")
+STRESS_TENSOR = ("xx", "yy", "zz", "yz", "xz", "xy")
+STRESS_COMPONENTS = ("von Mises", *STRESS_TENSOR, "principal 1", "principal 2", "principal 3")
 
 
 def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
@@ -126,8 +126,8 @@ def stress_measure(component: str) -> Callable[[Array], Array]:
     """
     if component == "von Mises":
         return von_mises
-    if component in _ORDER:
-        row = _ORDER.index(component)
+    if component in STRESS_TENSOR:
+        row = STRESS_TENSOR.index(component)
         return lambda stress: stress[:, row]
     place = int(component.removeprefix("principal "))
 

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.errors import AccuracyError, InertiaError
 from fmd.core.limits import newton as limits
 from fmd.core.newton import Tolerance, Trial, largest, solve
 from fmd.dynamics.compiled_system.positive_mass import TOO_LIGHT
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
-from fmd.dynamics.signals.bounds import Bools
 from fmd.integrators.protocol import evaluate, evaluate_projection, move_positions
 from fmd.stability.tangent import differentiate
 from fmd.stages.assembly import free_directions
@@ -68,7 +67,7 @@ class _Start:
 
     system: CompiledSystem
     turns: Array
-    slides: Bools
+    slides: BoolArray
     forces: Array
     mass: Array
 
@@ -197,7 +196,7 @@ def _nudges(system: CompiledSystem) -> Array:
     return nudges
 
 
-def _marker_turns(mechanism: Mechanism) -> tuple[Array, Bools]:
+def _marker_turns(mechanism: Mechanism) -> tuple[Array, BoolArray]:
     """Return the rows that take a change of positions to joints' motions and markers' turns, and which are slides."""
     rows = np.eye(mechanism.n)
     found = []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fmd.core.errors import InputError
+from fmd.recovery.stress import STRESS_TENSOR
 from fmd.responses.ports import (
     Direction,
     GroundPort,
@@ -34,7 +35,6 @@ _DIRECTIONS: dict[str, tuple[Direction, bool]] = {
     "rz": ((0.0, 0.0, 1.0), True),
 }
 _ORDERS = {"velocity": 1, "acceleration": 2}
-_COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 
 
 @dataclass(frozen=True)
@@ -89,13 +89,15 @@ def find_output(run: Pipeline, mechanism: Mechanism, name: str) -> Port:
         return _joint_output(scene, mechanism, name, first, rest)
     place, _, component = name.rpartition(".")
     elements = [f"{body}.{element}" for body, part in run.parts.items() for element in part.elements]
-    if place in elements and component in _COMPONENTS:
+    if place in elements and component in STRESS_TENSOR:
         body, _, element = place.partition(".")
         part = run.parts[body]
-        row = part.element_stress[list(part.elements).index(element), _COMPONENTS.index(component)]
+        row = part.element_stress[list(part.elements).index(element), STRESS_TENSOR.index(component)]
         return ModalPort(name, "Pa", mechanism.number_of(body), row)
     if place in elements and component in ("von Mises", "principal 1", "principal 2", "principal 3"):
-        mend = f"isn't linear in the motion, so it has no transfer function; a component has: {', '.join(_COMPONENTS)}"
+        mend = (
+            f"isn't linear in the motion, so it has no transfer function; a component has: {', '.join(STRESS_TENSOR)}"
+        )
         raise InputError("--out", "", name, mend)
     if (found := _find_marker(scene, name)) is not None:
         place, way, order = found
@@ -196,4 +198,4 @@ def _output_names(scene: Scene, elements: list[str]) -> Iterator[str]:
     for name, joint in scene.joint.items():
         if joint.kind.unit and name not in scene.closing:
             yield f"{name}.position|rate|acceleration"
-    yield from (f"{element}.{'|'.join(_COMPONENTS)}" for element in elements)
+    yield from (f"{element}.{'|'.join(STRESS_TENSOR)}" for element in elements)

@@ -26,7 +26,7 @@ _FIGURES = {
     "largest_stable_step_s": ("largest stable step", "s"),
     "run.0.seconds": ("time of integration", "s"),
 }
-_JOINT = "run.0.final.joint_positions."
+JOINT_FIGURE = "run.0.final.joint_positions."
 _NUMBER = re.compile(r"\s*[\"']?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\"']*?)\s*[\"']?\s*")
 
 
@@ -87,8 +87,8 @@ def _figures(rows: Sequence[dict[str, Any]]) -> list[_Figure]:
     found = [_Figure("frequency", "Hz", {name: column for name, column in modes.items() if has(column)})]
     named = dict(_FIGURES)
     for name in rows[0]:
-        if name.startswith(_JOINT):
-            joint = name.removeprefix(_JOINT)
+        if name.startswith(JOINT_FIGURE):
+            joint = name.removeprefix(JOINT_FIGURE)
             unit = next((str(row[key]) for row in rows if row.get(key := f"joint_units.{joint}")), "")
             named[name] = (f"{joint} at the end", unit)
     found += [_Figure(label, unit, {"": name}) for name, (label, unit) in named.items()]

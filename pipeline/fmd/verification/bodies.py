@@ -12,7 +12,6 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.fem.formats.matrices import read_matrices
-from fmd.fem.material import Material
 from fmd.output.formats import write_format
 from fmd.reduction.equivalent_model import equivalent_model, modes_of
 from fmd.reduction.formats.exudyn_file import read_exudyn
@@ -22,10 +21,10 @@ from fmd.reduction.formats.sid_file import read_sid
 from fmd.reduction.modal_data import ModalData
 from fmd.verification.case import Figure, VerificationCase, make_figures, open_scene
 from fmd.verification.closed_forms import timoshenko_free
+from fmd.verification.frequencies import HUANG, STEEL
 
-_STEEL = Material(210e9, 0.3, 7800.0)  # of models/verification
 _LENGTH, _DEPTH, _WIDTH = 1.0, 0.1, 0.05
-_MASS = _STEEL.rho * _LENGTH * _DEPTH * _WIDTH
+_MASS = STEEL.rho * _LENGTH * _DEPTH * _WIDTH
 _INERTIA = _MASS * (_LENGTH**2 + _DEPTH**2) / 12  # about the centre, across the plane of bending
 _TWO_ENDS = ('body.beam.marker={left={face="x-"}, right={face="x+"}}',)
 _ONE_END = (*_TWO_ENDS, 'body.beam.modes={count=24, boundary="interface", interface=["left"]}')
@@ -85,7 +84,7 @@ def _reduced_beam(to: str, suffix: str, read: Callable[[Path], ModalData], cache
 
 def _bending(hertz: Array) -> list[Figure]:
     """Pair the free bending frequencies in the plane with the nearest ones found."""
-    exact = timoshenko_free(_LENGTH, _DEPTH, _STEEL, 2)
+    exact = timoshenko_free(_LENGTH, _DEPTH, STEEL, 2)
     ours = [float(hertz[np.abs(hertz - wanted).argmin()]) for wanted in exact]
     return make_figures([f"mode {k + 1} [Hz]" for k in range(len(exact))], ours, exact, 3e-3)
 
@@ -139,19 +138,16 @@ def _manual(_: Cache | None) -> list[Figure]:
     return [Figure("mass [kg]", data.integrals.mass, 3.0, 1e-14), *figures]
 
 
-_HUANG = "Huang, J Appl Mech 28 (1961)"
 _BEAM = "thick beam, free, from its file for"
 CASES = (
-    VerificationCase("body-sid", f"{_BEAM} SID", _HUANG, partial(_reduced_beam, "sid", ".SID_FEM", read_sid)),
-    VerificationCase("body-mbdyn", f"{_BEAM} MBDyn", _HUANG, partial(_reduced_beam, "mbdyn", ".fem", read_mbdyn)),
-    VerificationCase("body-exudyn", f"{_BEAM} Exudyn", _HUANG, partial(_reduced_beam, "exudyn", ".npz", read_exudyn)),
+    VerificationCase("body-sid", f"{_BEAM} SID", HUANG, partial(_reduced_beam, "sid", ".SID_FEM", read_sid)),
+    VerificationCase("body-mbdyn", f"{_BEAM} MBDyn", HUANG, partial(_reduced_beam, "mbdyn", ".fem", read_mbdyn)),
+    VerificationCase("body-exudyn", f"{_BEAM} Exudyn", HUANG, partial(_reduced_beam, "exudyn", ".npz", read_exudyn)),
     VerificationCase(
-        "body-simscape", f"{_BEAM} Simscape", _HUANG, partial(_superelement, "simscape", ".mat", _INTERFACE)
+        "body-simscape", f"{_BEAM} Simscape", HUANG, partial(_superelement, "simscape", ".mat", _INTERFACE)
     ),
-    VerificationCase(
-        "body-openfast", f"{_BEAM} OpenFAST", _HUANG, partial(_superelement, "openfast", ".dat", _ONE_END)
-    ),
-    VerificationCase("body-full", "thick beam, free, from its full matrices", _HUANG, _full),
+    VerificationCase("body-openfast", f"{_BEAM} OpenFAST", HUANG, partial(_superelement, "openfast", ".dat", _ONE_END)),
+    VerificationCase("body-full", "thick beam, free, from its full matrices", HUANG, _full),
     VerificationCase(
         "mbdyn-manual", "three nodes in MBDyn's manual", "MBDyn input manual, Modal Element Data", _manual
     ),

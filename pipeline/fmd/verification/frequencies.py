@@ -21,7 +21,7 @@ from fmd.verification.closed_forms import (
     timoshenko_supported,
 )
 
-_STEEL = Material(210e9, 0.3, 7800.0)  # of models/verification
+STEEL = Material(210e9, 0.3, 7800.0)  # of models/verification
 _ENDS = 'body.beam.support=[{face="x-", fixed=["y"]}, {face="x+", fixed=["y"]}]'
 _ABAQUS_SCENE = """
 title = "Free box from an Abaqus input file"
@@ -47,19 +47,19 @@ def _table_1(cache: Cache | None) -> list[Figure]:
 
 def _free_beam(cache: Cache | None) -> list[Figure]:
     run = open_scene("verification/beam", cache)
-    return _mode_figures(timoshenko_free(1.0, 0.1, _STEEL, 3), run.modes.frequencies_hz, 3e-3)
+    return _mode_figures(timoshenko_free(1.0, 0.1, STEEL, 3), run.modes.frequencies_hz, 3e-3)
 
 
 def _supported_beam(cache: Cache | None) -> list[Figure]:
     run = open_scene("verification/beam", cache, [_ENDS])
-    return _mode_figures(timoshenko_supported(1.0, 0.1, _STEEL, 3), run.modes.frequencies_hz, 3e-3)
+    return _mode_figures(timoshenko_supported(1.0, 0.1, STEEL, 3), run.modes.frequencies_hz, 3e-3)
 
 
 def _supported_plate(cache: Cache | None) -> list[Figure]:
     ours = open_scene("verification/plate", cache).modes.frequencies_hz
     bending = [(1, 1), (1, 2), (2, 1), (2, 2), (1, 3), (3, 1)]
-    exact = [(supported_plate(1.0, 0.1, _STEEL, m, n), f"bending ({m}, {n}) [Hz]") for m, n in bending]
-    exact += [(plate_shear(1.0, _STEEL, m, n), f"shear ({m}, {n}) [Hz]") for m, n in ((1, 0), (0, 1))]
+    exact = [(supported_plate(1.0, 0.1, STEEL, m, n), f"bending ({m}, {n}) [Hz]") for m, n in bending]
+    exact += [(plate_shear(1.0, STEEL, m, n), f"shear ({m}, {n}) [Hz]") for m, n in ((1, 0), (0, 1))]
     exact.sort()
     return make_figures([name for _, name in exact], ours, [value for value, _ in exact], 2e-3)
 
@@ -67,8 +67,8 @@ def _supported_plate(cache: Cache | None) -> list[Figure]:
 def _free_plate(cache: Cache | None) -> list[Figure]:
     run = open_scene("verification/plate", cache, _FREE_PLATE)
     side, thickness = 1.0, 0.01
-    rigidity = _STEEL.E * thickness**3 / (12 * (1 - _STEEL.nu**2))
-    scale = np.sqrt(rigidity / (_STEEL.rho * thickness)) / side**2
+    rigidity = STEEL.E * thickness**3 / (12 * (1 - STEEL.nu**2))
+    scale = np.sqrt(rigidity / (STEEL.rho * thickness)) / side**2
     published = [13.489, 19.789, 24.432, 35.024, 35.024, 61.526]
     names = [f"ω a² √(ρh/D), mode {k + 1}" for k in range(6)]
     return make_figures(names, run.modes.omega[:6] / scale, published, 0.012)
@@ -83,7 +83,7 @@ def _fv52(cache: Cache | None) -> list[Figure]:
 
 def _box(cache: Cache | None) -> list[Figure]:
     run = open_scene("verification/box", cache)
-    return _mode_figures(free_box((0.1, 0.07, 0.05), _STEEL, 6, 11), run.modes.frequencies_hz, 1e-3)
+    return _mode_figures(free_box((0.1, 0.07, 0.05), STEEL, 6, 11), run.modes.frequencies_hz, 1e-3)
 
 
 def _abaqus_box(cache: Cache | None) -> list[Figure]:
@@ -92,7 +92,7 @@ def _abaqus_box(cache: Cache | None) -> list[Figure]:
         scene = Path(folder) / "box.toml"
         scene.write_text(_ABAQUS_SCENE, encoding="utf-8")
         run = SolvedScene(load_scene(scene), cache).run
-        figures = _mode_figures(free_box((0.1, 0.07, 0.05), _STEEL, 6, 11), run.modes.frequencies_hz, 1e-3)
+        figures = _mode_figures(free_box((0.1, 0.07, 0.05), STEEL, 6, 11), run.modes.frequencies_hz, 1e-3)
         return [*figures, Figure("volume [m³]", run.mesh.volume, 0.1 * 0.07 * 0.05, 1e-9)]
 
 
@@ -119,13 +119,13 @@ def write_abaqus_box(path: Path, sizes: tuple[float, float, float], divisions: t
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-_HUANG = "Huang, J Appl Mech 28 (1961)"
+HUANG = "Huang, J Appl Mech 28 (1961)"
 _SRINIVAS = "Srinivas et al., J Sound Vib 12 (1970)"
 _VISSCHER = "Visscher et al., J Acoust Soc Am 90 (1991)"
 CASES = (
     VerificationCase("table-1", "the paper's beam, free", "Miao et al., Comput Mech 41 (2008), Table 1", _table_1),
-    VerificationCase("beam-free", "thick beam, free", _HUANG, _free_beam),
-    VerificationCase("beam-supported", "thick beam, simply supported", _HUANG, _supported_beam),
+    VerificationCase("beam-free", "thick beam, free", HUANG, _free_beam),
+    VerificationCase("beam-supported", "thick beam, simply supported", HUANG, _supported_beam),
     VerificationCase("plate-free", "thin square plate, free", "Leissa, J Sound Vib 31 (1973)", _free_plate),
     VerificationCase("plate-supported", "thick plate, supported", _SRINIVAS, _supported_plate),
     VerificationCase("fv52", "solid plate on its lower edges", "NAFEMS FV52", _fv52),

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, BoolArray
 from fmd.core.limits.loads import (
     FIRST_PART,
     HALVINGS,
@@ -23,7 +23,7 @@ from fmd.core.limits.loads import (
     SMOOTH_REST,
     STOPS,
 )
-from fmd.dynamics.signals.bounds import Bools, PieceBounds, Series
+from fmd.dynamics.signals.bounds import PieceBounds, Series
 from fmd.dynamics.signals.signal import Signal
 
 
@@ -44,8 +44,8 @@ class Activity:
     """
 
     times: Array
-    quiet: Bools
-    unresolved: Bools
+    quiet: BoolArray
+    unresolved: BoolArray
     kinks: tuple[float, ...]
 
     @property
@@ -91,7 +91,7 @@ def find_activity(signal: Signal, end: float, derivative: int = 0) -> Activity:
     kinks = _find_kinks(signal, fixed, derivative)
     fixed = np.array(sorted({*fixed.tolist(), *kinks}))
     begin, finish, largest, inset = fixed[:-1], fixed[1:], 0.0, (KINK_PART * end if kinks else 0.0)
-    kept: list[tuple[Array, Array, Array, Bools]] = []
+    kept: list[tuple[Array, Array, Array, BoolArray]] = []
     with np.errstate(all="ignore"):
         for level in range(HALVINGS + 1):
             margin = np.minimum(inset, 0.25 * (finish - begin))
@@ -138,7 +138,7 @@ def _divide(begin: Array, end: Array) -> tuple[Array, Array]:
 
 def _measure(
     signal: Signal, begin: Array, end: Array, derivative: int, largest: float
-) -> tuple[Array, Array, Array, Bools, float]:
+) -> tuple[Array, Array, Array, BoolArray, float]:
     """Return each piece's bound, rest beyond a parabola, size and possible kinks, and the largest value so far."""
     h, middle = end - begin, 0.5 * (begin + end)
     (f, _, curvature), rough = _derivatives(signal, begin, end, derivative)
@@ -152,7 +152,7 @@ def _measure(
     return bound, np.where(np.isnan(rest), math.inf, rest), np.where(rough, 0.0, size), rough, largest
 
 
-def _derivatives(signal: Signal, begin: Array, end: Array, derivative: int) -> tuple[Series, Bools]:
+def _derivatives(signal: Signal, begin: Array, end: Array, derivative: int) -> tuple[Series, BoolArray]:
     """Return bounds of a derivative of a signal and of its next two over pieces, and which pieces may have kinks."""
     pieces = PieceBounds(begin, end, derivative + 3)
     total = pieces.constant(0.0)

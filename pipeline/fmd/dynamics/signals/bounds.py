@@ -11,12 +11,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmd.core import formula as codes
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, BoolArray
 
-Bools = NDArray[np.bool_]
 Series = list[Array]
 """Bounds of Taylor coefficients f, f', f''/2, …, each of shape (2, n_pieces): lower and upper ones."""
 
@@ -105,7 +103,7 @@ class PieceBounds:
         chosen[0] = np.maximum(a[0], b[0])
         return chosen
 
-    def _chosen(self, a: Series, b: Series, is_a: Bools, is_b: Bools) -> Series:
+    def _chosen(self, a: Series, b: Series, is_a: BoolArray, is_b: BoolArray) -> Series:
         """Return a, b or the hull of both, where neither is certain; such pieces are rough."""
         self.rough |= ~(is_a | is_b)
         hulls = [np.stack([np.minimum(x[0], y[0]), np.maximum(x[1], y[1])]) for x, y in zip(a, b, strict=True)]

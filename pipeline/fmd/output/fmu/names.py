@@ -9,9 +9,9 @@ import numpy as np
 from fmd.dynamics.compiler.external import ExternalMechanism
 from fmd.dynamics.compiler.external_quantities import ExternalQuantity
 from fmd.dynamics.links import Link
+from fmd.recovery.stress import STRESS_TENSOR
 
 _AXES = ("x", "y", "z")
-_COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 
 
 class Entry(NamedTuple):
@@ -168,7 +168,7 @@ def _describe(link: Link, own: ExternalQuantity) -> str:
     if own.kind == "von_mises":
         return f"von Mises stress of element {own.place} of {link.name}"
     if own.kind == "stress":
-        return f"stress {_COMPONENTS[own.indices[0] - 1]} of element {own.place} of {link.name}, in its body's axes"
+        return f"stress {STRESS_TENSOR[own.indices[0] - 1]} of element {own.place} of {link.name}, in its body's axes"
     place = f"marker {own.place} of {link.name}"
     if own.kind == "rotation":
         return f"rotation matrix from the section of {place} into the ground"
