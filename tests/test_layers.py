@@ -79,7 +79,7 @@ FACTS = {
     "fmd.fem.formats.stl": {"_HEADER", "_RECORD"},
     "fmd.fem.local_markers": {"_POINTS"},
     "fmd.integrators.runge_kutta": {"DAMPED", "_E3", "_E5", "_D"},
-    "fmd.kernels.files": {"DIGEST_BYTES"},
+    "fmd.kernels.machine": {"DIGEST_BYTES"},
     "fmd.kernels.table": {"_WORD", "_LINE"},
     "fmd.output.campbell": {"RPM"},
     "fmd.output.fmu.build": {"_FAT_MAGIC", "_FAT_ALIGNMENT"},

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from fmd.kernels.files import read_code, write_code
+from fmd.kernels.machine import read_code, write_code
 
 
 @pytest.fixture

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from fmd.core.errors import StabilityError
+from fmd.dynamics.vibration import inertial_coupling
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import cycle_growth
-from fmd.stability.inertial_coupling import inertial_coupling
 from fmd.stability.limits import (
     ReferenceMatrices,
     explicit_method,

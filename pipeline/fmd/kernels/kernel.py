@@ -22,8 +22,7 @@ import numpy as np
 
 from fmd.core.limits.code import KERNEL_LEVEL
 from fmd.core.paths import kernel_folder
-from fmd.kernels.files import digest_of, read_code, write_code
-from fmd.kernels.machine import LoadedObject, compile_object, processor
+from fmd.kernels.machine import LoadedObject, compile_object, digest_of, processor, read_code, write_code
 from fmd.kernels.table import address_of
 from fmd.kernels.translate import Compiling, Module
 from fmd.kernels.types import NOTHING, REAL, TRUTH, WHOLE, ArrayType, TableType, Type, type_of

@@ -1,16 +1,38 @@
-"""Machine code of this computer's processor by LLVM, through llvmlite: compiled, loaded and called by address."""
+"""Machine code: compiled for this processor, linked into the process, and kept on disk as entries of the one store."""
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.cache import Cache
 from fmd.core.limits.code import DOUBLES_IN_LINE
+
+DIGEST_BYTES = 16
+"""Length of `digest_of` a content."""
+
+
+def read_code(path: Path) -> bytes | None:
+    """Return a file's content; ``None`` if there is none, or not what was written."""
+    return Cache(path.parent).load_bytes(path.name)
+
+
+def write_code(path: Path, content: bytes) -> None:
+    """Keep a content; what can't be written is compiled again another time."""
+    Cache(path.parent).save_bytes(path.name, content)
+
+
+def digest_of(content: bytes) -> bytes:
+    """Return what tells contents apart."""
+    return hashlib.blake2b(content, digest_size=DIGEST_BYTES).digest()
+
 
 _linking = threading.Lock()
 

@@ -9,7 +9,7 @@ import numpy as np
 from fmd.core.limits.mechanism import MOVED_BY_CLOSING
 from fmd.core.limits.stability import GROWS, SHOWN_MULTIPLIERS, STRONG
 from fmd.dynamics.compiler.closures import closed_distances
-from fmd.stability.inertial_coupling import inertial_coupling
+from fmd.dynamics.vibration import inertial_coupling
 from fmd.stages.assembly import constraint_rank, given_joints
 from fmd.stages.pipeline import Pipeline
 

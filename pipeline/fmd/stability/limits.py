@@ -15,12 +15,11 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.limits.stability import BELOW_CRITICAL, BEYOND_LIMIT, BISECTIONS, STABLE
 from fmd.dynamics.system import System
-from fmd.dynamics.vibration import highest_frequency
+from fmd.dynamics.vibration import highest_frequency, inertial_coupling
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import ResumableIntegrator
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import cycle_growth
-from fmd.stability.inertial_coupling import inertial_coupling
 from fmd.stability.operating_points import OperatingPoints
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stability.splitting import recommend_step

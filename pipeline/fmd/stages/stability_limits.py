@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.core.progress import Advance
+from fmd.dynamics.vibration import inertial_coupling
 from fmd.scene.run_table import SubCycledRun
-from fmd.stability.inertial_coupling import inertial_coupling
 from fmd.stability.limits import MechanismLimits, ReferenceMatrices, find_limits
 from fmd.stability.operating_points import find_operating_points
 from fmd.stages.run_checks import require_no_contact

@@ -18,8 +18,16 @@ from fmd.core.paths import kernel_folder
 from fmd.core.recently_used import RecentlyUsed
 from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.program import Program
-from fmd.kernels.files import DIGEST_BYTES, digest_of, read_code, write_code
-from fmd.kernels.machine import LoadedObject, compile_object, processor, register_width
+from fmd.kernels.machine import (
+    DIGEST_BYTES,
+    LoadedObject,
+    compile_object,
+    digest_of,
+    processor,
+    read_code,
+    register_width,
+    write_code,
+)
 
 # Loaded in this process: loading takes longer than many a march. What a digest names never changes.
 _loaded: RecentlyUsed[LoadedObject] = RecentlyUsed(MOST_LOADED)
