@@ -1,4 +1,4 @@
-"""Angular frequencies of ``M q̈ + K q = 0``, and the limit of explicit steps with dampers."""
+"""Angular frequencies of ``M q̈ + K q = 0``, inertial coupling, and the limit of explicit steps with dampers."""
 
 from __future__ import annotations
 

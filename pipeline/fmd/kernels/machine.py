@@ -20,7 +20,7 @@ DIGEST_BYTES = 16
 
 
 def read_code(path: Path) -> bytes | None:
-    """Return a file's content; ``None`` if there is none, or not what was written."""
+    """Return a file's content; ``None`` if there is none, or not what was written; any number may write at once."""
     return Cache(path.parent).load_bytes(path.name)
 
 
