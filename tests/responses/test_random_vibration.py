@@ -10,9 +10,8 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from fmd.core.errors import AccuracyError, InputError
 from fmd.output.responses import compute_response
-from fmd.responses.frequencies import choose_frequencies
 from fmd.responses.random_vibration import random_response
-from fmd.responses.state_space import Channel, StateSpace
+from fmd.responses.state_space import Channel, StateSpace, choose_frequencies
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.spectral_density import read_density

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
-from fmd.responses.frequencies import choose_frequencies
-from fmd.responses.state_space import Channel, StateSpace
+from fmd.responses.state_space import Channel, StateSpace, choose_frequencies
 
 
 def model_of(K: Array, C: Array, forced: int, seen: int) -> StateSpace:

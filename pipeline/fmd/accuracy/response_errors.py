@@ -21,8 +21,8 @@ from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import SAFETY
 from fmd.core.limits.responses import ERROR_BANDS, ERROR_DECADES, FINE_RATIO, POINTS_OF_BAND
-from fmd.responses.frequencies import choose_frequencies
 from fmd.responses.random_vibration import random_response
+from fmd.responses.state_space import choose_frequencies
 from fmd.scene.variants import change_modes
 from fmd.stages.linear_model import LinearModel, linearise_scene
 

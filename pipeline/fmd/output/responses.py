@@ -18,8 +18,8 @@ from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RES
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
 from fmd.output.error_table import NOT_STATED
 from fmd.output.output_kinds import OutputKind, ResponseKind
-from fmd.responses.frequencies import choose_frequencies
 from fmd.responses.random_vibration import RandomResponse, random_response
+from fmd.responses.state_space import choose_frequencies
 from fmd.scene.outputs import FrequencyResponseChart
 from fmd.stages.linear_model import LinearModel, linearise_scene
 from fmd.stages.pipeline import Pipeline

@@ -24,8 +24,7 @@ from fmd.core.limits.responses import (
     WORST_VIBRATIONS,
 )
 from fmd.core.limits.round_off import SUMMED
-from fmd.responses.frequencies import choose_frequencies
-from fmd.responses.state_space import Channel, StateSpace
+from fmd.responses.state_space import Channel, StateSpace, choose_frequencies
 
 
 @dataclass(frozen=True)

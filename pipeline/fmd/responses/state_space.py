@@ -12,7 +12,15 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.files import whole_file
-from fmd.core.limits.responses import CANCELS, FAR_ZERO, INFINITE_ZERO, ROUNDED_POLES, SLOW_POLE
+from fmd.core.limits.responses import (
+    CANCELS,
+    FAR_ZERO,
+    INFINITE_ZERO,
+    LEAST_DAMPING,
+    NEAREST_TO_POLE,
+    ROUNDED_POLES,
+    SLOW_POLE,
+)
 from fmd.core.limits.round_off import SUMMED
 
 
@@ -206,3 +214,30 @@ def _as_cells(values: Any) -> Any:
     cells = np.empty((len(values), 1), dtype=object)
     cells[:, 0] = values
     return cells
+
+
+def choose_frequencies(model: StateSpace, lowest: float, highest: float, points: int, ratio: float = 1.3) -> Array:
+    """Return frequencies [Hz], ascending, with no resonance between two of them.
+
+    Parameters
+    ----------
+    lowest, highest : float
+        Range [Hz].
+    points : int
+        Number of evenly spaced frequencies.
+    ratio : float
+        Of the distances from a pole of two neighbours about it.
+    """
+    even = np.linspace(lowest, highest, points)
+    spacing = (highest - lowest) / max(points - 1, 1)
+    found: list[Array] = [even]
+    for frequency, damping in zip(model.poles_hz, model.damping, strict=True):
+        half = frequency * max(abs(damping), LEAST_DAMPING)
+        count = int(
+            np.ceil(np.log(max(spacing / (ratio - 1.0) / (NEAREST_TO_POLE * half), 20.0 * ratio)) / np.log(ratio))
+        )
+        away = NEAREST_TO_POLE * half * ratio ** np.arange(count)
+        peak = frequency * np.sqrt(max(1.0 - 2.0 * damping**2, 0.0))
+        found += [peak - away, peak + away, np.full(int(abs(damping) >= LEAST_DAMPING), peak)]
+    every = np.unique(np.concatenate(found))
+    return np.asarray(every[(every >= lowest) & (every <= highest)])

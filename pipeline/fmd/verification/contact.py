@@ -1,11 +1,22 @@
-"""Cases of contact: a bar that bounces, and a block that slides down a slope or sticks on it."""
+"""Cases of contact: a bar and a ball that bounce, a block on a slope, and a pressed ball that slips aside."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from fmd.contact.half_space import half_space_flexibility
+from fmd.contact.touching_body import ContactPlane, ContactPoints, TouchingBody
+from fmd.core.arrays import Array
 from fmd.core.cache import Cache
+from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.links import Link, rigid_integrals
+from fmd.dynamics.mechanism import Mechanism
+from fmd.integrators.protocol import evaluate
+from fmd.output.contacts import contact_figures
+from fmd.scene.joints.free import FREE
 from fmd.verification.case import Figure, VerificationCase, open_scene
+
+SPEED, RADIUS, E, NU = 0.05, 0.01, 210e9, 0.3  # of the ball [m/s, m, Pa]
 
 
 def _bar(cache: Cache | None) -> list[Figure]:
@@ -29,8 +40,78 @@ def _slope(cache: Cache | None) -> list[Figure]:
     return found
 
 
+def _ball(cache: Cache | None) -> list[Figure]:
+    """Largest approach ``(15 m v²/(16 E* √R))^0.4``, contact for 2.9432 of it over v; modes take next to nothing."""
+    run = open_scene("verification/ball", cache)
+    floor, mass = contact_figures(run)["contacts"]["floor"], run.mechanism.mass
+    stiff = E / (1.0 - NU**2)
+    approach = (15.0 / 16.0 * mass * SPEED**2 / (stiff * np.sqrt(RADIUS))) ** 0.4
+    force, half = 4.0 / 3.0 * stiff * np.sqrt(RADIUS) * approach**1.5, np.sqrt(RADIUS * approach)
+    pressure, lasts = 1.5 * force / (np.pi * half**2), floor["end_s"] - floor["begin_s"]
+    return [
+        Figure("largest force [N]", floor["largest_force_n"], float(force), 0.01),
+        Figure("largest pressure [Pa]", floor["largest_pressure_pa"], float(pressure), 0.01),
+        Figure("duration [s]", lasts, 2.9432 * approach / SPEED, 0.02),
+        Figure("impulse [N s]", floor["impulse_n_s"][2], 2.0 * mass * SPEED, 0.01),
+        Figure("largest area [m²]", floor["largest_area_m2"], float(np.pi * half**2), 0.05),
+        Figure("largest von Mises stress below [Pa]", floor["largest_stress_below_pa"], 0.62 * float(pressure), 0.02),
+        Figure("its depth [m]", floor["its_depth_m"], 0.48 * float(half), 0.06),
+    ]
+
+
+def _pushed_ball(cache: Cache | None) -> list[Figure]:
+    """``Q = μ F (1 − (1 − s/s₁)^1.5)`` up to the slide, which begins at s₁ = 3 μ F/(16 a G*).
+
+    ν = 0.5, so that pressure doesn't move the surface along itself, as it doesn't between equal spheres.
+    """
+    E, nu, friction, half, radius = 210e3, 0.5, 0.3, 0.25, 10.0  # in N and mm
+    places, side = _disc(150, 1.1 * half)
+    n = len(places)
+    foot = ContactPoints(
+        x=np.column_stack([places, (places**2).sum(axis=1) / (2 * radius)]),
+        areas={"foot": np.full(n, side**2)},
+        shapes=np.zeros((n, 3, 0)),
+        G=half_space_flexibility(places, (side, side), E, nu)[:, [1, 2, 0]][..., [1, 2, 0]],
+        faces={"foot": np.arange(n)},
+    )
+    plane = ContactPlane("floor", np.zeros(3), np.array([0.0, 0.0, 1.0]), friction, "foot")
+    link = Link("ball", rigid_integrals(1.0, np.zeros(3), np.eye(3)), FREE)
+    system = share_system(Mechanism([link], contacts=[TouchingBody("ball", foot, (plane,))]))
+    q, p = system.mechanism.rest_positions, system.parameters
+    c, q[2] = p.contact, -(half**2) / radius
+
+    def press() -> None:
+        evaluate(p, 0.0, q, np.zeros(6), np.zeros(6))
+        c.tip[:] = c.spot + np.einsum("ikb,ik->ib", c.Q, c.moved)
+        c.known[:], c.seen[:, 1] = np.einsum("ikb,ik->ib", c.Q, c.own), 1
+
+    press()
+    pressed = c.force[:, 0].sum()
+    slide = 3 * friction * pressed / (16 * half) * (2 - nu) * 2 * (1 + nu) / E
+    found = []
+    for part in np.arange(0.1, 0.95, 0.1):
+        q[0] += 0.1 * slide
+        press()
+        across = float(np.linalg.norm((c.force[:, 1:, None] * plane.axes[1:]).sum(axis=(0, 1))))
+        exact = 1.0 - (1.0 - part) ** 1.5
+        found.append(Figure(f"Q/(μ F) at {part:.1f}", across / (friction * pressed), exact, 0.01 / exact))
+    return found
+
+
+def _disc(count: int, half: float) -> tuple[Array, float]:
+    """Return middles of squares in a circle, and their sides."""
+    n = int(np.sqrt(4 * count / np.pi))
+    middles = (np.arange(n) + 0.5) / n * 2 * half - half
+    places = np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
+    return places[np.hypot(*places.T) < half], 2 * half / n
+
+
 _DOYEN = "Doyen, Ern & Piperno, SIAM J Sci Comput 33 (2011)"
+_HERTZ = "Hertz (1882); Johnson, Contact Mechanics (1985)"
+_MINDLIN = "Cattaneo (1938); Mindlin (1949)"
 CASES = (
     VerificationCase("bouncing-bar", "contact of a bar that bounces", _DOYEN, _bar),
     VerificationCase("slope", "friction on a slope of 30°", "−g (sin 30° − μ cos 30°)", _slope),
+    VerificationCase("ball", "ball that bounces, elements of 9 mm", _HERTZ, _ball),
+    VerificationCase("pushed-ball", "pressed ball that is pushed aside", _MINDLIN, _pushed_ball),
 )

@@ -13,10 +13,10 @@ from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import refusing, write_json, write_table
 from fmd.scene.reading import suggest_name
-from fmd.verification import bodies, contact, frequencies, functional_mockup, hertz, loops, rotation, tops, wind_turbine
+from fmd.verification import bodies, contact, frequencies, functional_mockup, loops, rotation, tops, wind_turbine
 from fmd.verification.case import CaseSkipped, Figure, VerificationCase
 
-_PARTS = (frequencies, rotation, tops, loops, bodies, contact, hertz, wind_turbine, functional_mockup)
+_PARTS = (frequencies, rotation, tops, loops, bodies, contact, wind_turbine, functional_mockup)
 CASES = {case.name: case for part in _PARTS for case in part.CASES}
 
 
