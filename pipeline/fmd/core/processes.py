@@ -14,7 +14,6 @@ from fmd.core.limits.shown import LAST_WORDS
 
 _ROOT = Path(__file__).parents[2]
 _CHILD = Path(__file__).with_name("child.py")
-# Python's own modules come first, wherever a process is started.
 
 
 class ChildError(Exception):
@@ -48,6 +47,7 @@ def child_command(target: str, *arguments: str, memory: int = 0) -> list[str]:
 
 def start_child(target: str, *arguments: str, memory: int = 0, **options: Any) -> subprocess.Popen[str]:
     """Start a child process, which is to be waited for by its caller; the options are those of ``Popen``."""
+    # Python's own modules come first, wherever a process is started.
     environment = os.environ | dict(options.pop("env", {})) | {"PYTHONSAFEPATH": "1"}
     command = child_command(target, *arguments, memory=memory)
     return subprocess.Popen(command, text=True, encoding="utf-8", errors="replace", env=environment, **options)

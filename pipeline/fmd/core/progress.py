@@ -14,9 +14,6 @@ Advance = Callable[[float], None]
 """Takes the part of a task that is done, 0…1."""
 
 
-"""What a task is called where it is shown, if that isn't its name."""
-
-
 class Monitor(Protocol):
     """Listener to tasks and their progress."""
 
@@ -36,7 +33,7 @@ def bars(name: str) -> Iterator[Advance]:
 
     What is done never grows less, though methods that are tried begin anew.
     """
-    name = {"machine code": "compiling"}.get(name, name)
+    name = {"machine code": "compiling"}.get(name, name)  # as it is shown
     most = 0.0
     if not sys.stderr.isatty():
         with _lines(name) as say:

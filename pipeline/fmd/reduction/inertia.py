@@ -12,8 +12,6 @@ from fmd.core.arrays import Array, read_only, require_shape
 from fmd.core.errors import AccuracyError
 from fmd.reduction.second_order import SecondOrderFields, SecondOrderMass, second_order_fields, second_order_mass
 
-# Axes across each axis; the last, number -1, has all three.
-
 
 @dataclass(frozen=True)
 class InertiaIntegrals:
@@ -145,7 +143,7 @@ def inertia_integrals(x: Array, m: Any, Phi: Array, normal: int = -1) -> Inertia
     Zwölfer & Gerstmayr, A concise nodal-based derivation of the floating frame of reference formulation for
     displacement-based solid finite elements, Multibody System Dynamics 49 (2020).
     """
-    across = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))[normal]
+    across = (slice(1, 3), slice(0, 3, 2), slice(0, 2), slice(0, 3))[normal]  # axes; for number -1 all three
     U = _positions(x, Phi, across)
     G = np.zeros((3, 3, U.shape[2], U.shape[2]))
     G[across, across] = _products(U, m, U)

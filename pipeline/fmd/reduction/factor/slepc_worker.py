@@ -25,8 +25,6 @@ petsc4py.init(["worker"])
 from petsc4py import PETSc  # noqa: E402
 from slepc4py import SLEPc  # noqa: E402
 
-# Packages that factorise over all ranks, best first.
-
 
 def _matrix(folder: Path, name: str) -> Any:
     """Read this rank's rows of a symmetric matrix in CSR form."""
@@ -60,6 +58,7 @@ class _Distributed:
         self._A = _matrix(folder, "A")
         self._rows = slice(*_rows(self._A.getSize()[0]))
         ranks = PETSc.COMM_WORLD.getSize()
+        # Of the packages that factorise over all ranks the best.
         self.package = next((p for p in ("mumps", "superlu_dist") if PETSc.Sys.hasExternalPackage(p)), "petsc")
         self._ksp = PETSc.KSP().create(PETSc.COMM_WORLD)
         self._ksp.setOperators(self._A)
