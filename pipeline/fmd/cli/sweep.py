@@ -15,7 +15,7 @@ from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.html import scaled
-from fmd.core.limits.shown import SWEPTJOINT_FIGURES
+from fmd.core.limits.shown import SWEPT_JOINTS
 from fmd.core.progress import bars
 from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally, prepare_workers
@@ -129,7 +129,7 @@ def _read_results(of: Sequence[str], chosen: Sequence[Point]) -> tuple[str, ...]
 
 def _print_points(table: SweepTable, rows: Sequence[dict[str, Any]]) -> None:
     result, asked = table.sweep, {column: (column, unit) for unit, own in table.results.values() for column in own}
-    joints = [name for name in rows[0] if name.startswith(JOINT_FIGURE)][:SWEPTJOINT_FIGURES]
+    joints = [name for name in rows[0] if name.startswith(JOINT_FIGURE)][:SWEPT_JOINTS]
     figures = _FIGURES | {name: (name.removeprefix(JOINT_FIGURE), "") for name in joints}
     figures = {
         name: words for name, words in (asked or figures).items() if any(row.get(name) is not None for row in rows)
