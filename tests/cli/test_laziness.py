@@ -112,3 +112,32 @@ def test_a_rigid_scene_loads_neither_gmsh_nor_scikit_fem(modules, tmp_path):
     loaded = modules("run", "rod-slider", "--no-pictures", "--set", "simulation.duration=1 s", "--out", str(tmp_path))
     assert "llvmlite" in loaded
     assert not loaded & {"gmsh", "fmd.meshes", "skfem", "meshio", "fmd.fem.model", "pyvista", "matplotlib"}
+
+
+def test_a_sweeps_tables_are_written_without_xarray(tmp_path):
+    code = f"""
+import sys
+from pathlib import Path
+from fmd.sweep.points import Point, Variation
+from fmd.sweep.record import Record
+from fmd.sweep.study import Sweep
+from fmd.sweep.table import SweepTable, write_tables
+points = tuple(Point((force,), None, "key") for force in ("1 N", "2 N"))
+records = (Record("ok", summary={{"tip_m": 1.0}}),) * 2
+write_tables(SweepTable(Sweep((Variation("force", ("1 N", "2 N")),), points, records, 2)), Path({str(tmp_path)!r}))
+print({{"xarray", "pandas"}} & {{*sys.modules}})
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["set()"]
+    assert (tmp_path / "sweep.nc").is_file()
+
+
+def test_a_scene_makes_checks_of_those_kinds_of_tables_alone_that_it_has():
+    code = """
+from fmd import load_scene
+from fmd.scene.any_body import Bar, Propeller
+load_scene("beam")
+print(Bar.__pydantic_complete__, Propeller.__pydantic_complete__)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "False"]
