@@ -186,13 +186,11 @@ def test_the_published_rotor_is_critical_where_its_forward_whirl_meets_the_speed
         assert peak == pytest.approx(nearest.rate, rel=1e-3)
 
 
-def test_the_command_writes_orbits_and_critical_speeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_orbits_and_critical_speeds(tmp_path: Path, fmd, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "rigid.toml"
     file.write_text(RIGID)
     words = ["unbalance", str(file), "--at", "rotor.centre", "--to", "6000 rpm", "--points", "120"]
-    with pytest.raises(SystemExit) as ended:
-        main([*words, "--of", "200 g mm", "--out", str(tmp_path / "out"), "--json"])
-    assert ended.value.code == 0
+    assert fmd(*words, "--of", "200 g mm", "--out", tmp_path / "out", "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert found["files"] == ["unbalance.png", "unbalance.csv", "criticals.csv"]
     assert all((tmp_path / "out" / name).stat().st_size > 100 for name in found["files"])

@@ -11,10 +11,12 @@ import sys
 import time
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 import xarray
 
+from fmd.cli.answers import answer_schema
 from fmd.cli.app import main
 
 pytestmark = pytest.mark.slow
@@ -59,7 +61,9 @@ def fmd(environment):
         command = [*FMD, "sweep", *map(str, arguments), "--json"]
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, env=environment)
         assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
+        answer = json.loads(done.stdout)
+        jsonschema.validate(answer, answer_schema("sweep"))
+        return answer
 
     return call
 
