@@ -63,7 +63,7 @@ class HistorySum:
 
     def _read(self, trajectory: Trajectory) -> Array:
         """Return the histories of a motion, (n_channels, n_times)."""
-        return self._histories(self._frozen.with_motion(self._motion.values, trajectory))
+        return self._histories(self._frozen.with_motion(self._motion, trajectory))
 
     def _histories(self, run: Pipeline) -> Array:
         return np.array([channel.read(run) for channel in self._channels])

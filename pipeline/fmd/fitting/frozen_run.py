@@ -254,10 +254,11 @@ class FrozenRun:
         del motion.variants[parameter, NEAR_DIFFERENCE]
         return found
 
-    def with_motion(self, values: Mapping[Parameter, float], trajectory: Trajectory) -> Pipeline:
-        """Return the scene's stages at some values of its numbers [SI], with a trajectory as its motion."""
-        other = self._variant(values, moves=True)
-        self._set_motion(other, plan_frozen(self.plan, other), trajectory)
+    def with_motion(self, motion: FrozenMotion, trajectory: Trajectory) -> Pipeline:
+        """Return the scene's stages at the numbers of a motion, by another trajectory of the same plan."""
+        assert motion.plan is not None
+        other = self._variant(motion.values, moves=True)
+        self._set_motion(other, motion.plan, trajectory)
         return other
 
     def _march(self, plan: Plan) -> Trajectory:
