@@ -59,3 +59,11 @@ def test_a_pyramid_has_its_mid_edge_nodes_around_the_base_and_then_upwards(name:
         assert mesh.cell_type == {5: "pyramid", 13: "pyramid13"}[count]
         assert mesh.volume == pytest.approx(1.0, rel=1e-13)
         assert not any("order" in note for note in mesh.notes)
+
+
+def test_a_star_of_large_fields_may_stand_apart_from_the_name() -> None:
+    """As the punch files of MSC Nastran have it."""
+    ends = ((1, 0, 0), (2, 1, 0), (3, 0, 1))
+    cards = [f"GRID   *{k:16d}{'':16}{x:16.1f}{y:16.1f}\n*       {0.0:16.1f}" for k, x, y in ends]
+    raw = read_nastran("\n".join(["BEGIN BULK", *cards, "CTRIA3,1,1,1,2,3", "ENDDATA"]))
+    assert raw.points.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]

@@ -117,42 +117,23 @@ def read_grid_points(text: str) -> tuple[IntArray, Array, Connections]:
     MeshFileError
         A grid point is in a coordinate system of its own, or moves in one, or a link isn't one of those that are read.
     """
-    numbers = grid_places(text)
+    numbers: dict[int, None] = {}
     for line, name, fields in read_cards(text):
-        if name == "SPOINT":
+        if name == "GRID":
+            if fields[5:6] not in ([], [""], ["0"]):
+                raise MeshFileError(
+                    f"line {line}: grid point {fields[0]} moves in coordinate system {fields[5]}, its CD, by which its "
+                    "rows are turned; write the deck with CD = 0"
+                )
+            numbers[int(fields[0]) if fields[0].isdigit() else 0] = None
+        elif name == "SPOINT":
             raise MeshFileError(f"line {line}: SPOINT {fields[0]} has rows without a grid point; leave it out")
-        if name in ("RBE1", "RROD", "RTRPLT", "RSPLINE", "RSSCON"):
+        elif name in ("RBE1", "RROD", "RTRPLT", "RSPLINE", "RSSCON"):
             raise MeshFileError(f"line {line}: {name} isn't in KGG, which comes before it, and isn't read")
     raw = read_nastran(text)
     order = np.argsort(list(numbers))
     place = {int(old): new for new, old in enumerate(order)}
     return np.array(list(numbers), dtype=np.int64)[order], raw.points[order], raw.connections.numbered(place)
-
-
-def grid_places(text: str) -> dict[int, Array]:
-    """Return the places of a file's grid points by number, in its unit.
-
-    Raises
-    ------
-    MeshFileError
-        A grid point is in a coordinate system of its own, or moves in one.
-    """
-    points: dict[int, list[float]] = {}
-    for line, name, fields in read_cards(text):
-        if name != "GRID":
-            continue
-        if fields[5:6] not in ([], [""], ["0"]):
-            raise MeshFileError(
-                f"line {line}: grid point {fields[0]} moves in coordinate system {fields[5]}, its CD, by which its "
-                "rows are turned; write the deck with CD = 0"
-            )
-        try:
-            _take_point(fields, points)
-        except MeshFileError as error:
-            raise MeshFileError(f"line {line}: {error}") from None
-        except (ValueError, IndexError):
-            raise MeshFileError(f"line {line}: GRID has fields that aren't the numbers they should be") from None
-    return {number: np.array(x) for number, x in points.items()}
 
 
 def _take_point(fields: list[str], points: dict[int, list[float]]) -> None:
