@@ -34,6 +34,7 @@ def test_each_case_keeps_its_tolerances(case: str) -> None:
     require_tolerances([outcome])
     assert len(outcome.figures) >= 2
     assert all(np.isfinite([figure.ours, figure.published]).all() for figure in outcome.figures)
+    json.dumps(suite.tabulate([outcome]), allow_nan=False)  # as the command writes it
 
 
 def test_a_case_whose_program_is_missing_is_skipped_with_a_word(fmd, monkeypatch, tmp_path, capsys) -> None:

@@ -39,7 +39,7 @@ class Figure:
     @property
     def holds(self) -> bool:
         """True if the difference is within the tolerance, which NaN never is."""
-        return abs(self.difference) <= self.tolerance
+        return bool(abs(self.difference) <= self.tolerance)  # JSON takes no truth of NumPy's
 
 
 class CaseSkipped(Exception):  # noqa: N818 - no error: what a case needs isn't there
