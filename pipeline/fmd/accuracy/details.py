@@ -93,6 +93,11 @@ def named_markers(motion: Motion) -> tuple[str, ...]:
     )
 
 
+def is_reaction(name: str) -> bool:
+    """Return true for force and moment of a joint, by the name of their row."""
+    return name.rpartition(".")[2] in ("force", "moment")
+
+
 def _quantity(variable: Variable) -> Quantity | None:
     name, values = variable.name, np.asarray(variable.values)
     if name.rpartition(".")[2] in NO_MEANING:

@@ -20,6 +20,8 @@ from fmd.reduction.body import FlexibleBody
 NO_PART = "no part in it"
 NO_VIBRATION = "not estimated: no vibration of the mesh is alike; more modes help"
 """Of a frequency of few fixed-interface modes and static responses: they make up none of the mesh's own."""
+OTHER_LOOPS = "not estimated: more shapes also move a loop in directions in which the run's shapes don't"
+"""Of reactions there: forces between the two models differ by more than an error."""
 MORE_OF_MODEL = "model, left out"
 """Part of a row for causes of the model's error that were not estimated: what is stated is a lower bound then."""
 MORE_OF_MESH = "discretisation, left out"
