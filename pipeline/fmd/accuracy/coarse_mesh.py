@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmd.accuracy.error_estimates import refinement_gain, retune_body
+from fmd.accuracy.error_estimates import refinement_gain, retune_body, soften_body
 from fmd.accuracy.quantities import find_counterparts, match_modes
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache
 from fmd.core.limits.errors import ALIKE, ALIKE_MODES, MORE_COARSE_MODES
 from fmd.core.limits.round_off import SOLVED
+from fmd.reduction.body import FlexibleBody
 from fmd.scene.scene import Scene
 from fmd.scene.variants import (
     COARSENING_FACTORS,
@@ -75,6 +76,13 @@ class Pair:
             retuned_bodies[name] = retune_body(other, omega)
         ringing = self.coarse.with_bodies({name: body for name, (body, _) in retuned_bodies.items()})
         return ringing, {name: scale for name, (_, scale) in retuned_bodies.items()}
+
+    def soften(self, name: str) -> tuple[FlexibleBody, Array]:
+        """Return a body of the run at the other mesh's frequencies, and its factors from coordinates to stress."""
+        numbers, alike = self.counterparts(name)
+        body = self.run.bodies[name]
+        lost = 1 - (self.coarse.bodies[name].omega[numbers] / body.omega) ** 2
+        return soften_body(body, np.diag(np.where(alike, lost, 0.0)))
 
     def counterparts(self, name: str) -> tuple[IntArray, NDArray[np.bool_]]:
         """Return the numbers of the shapes on the coarse mesh that are most like a body's, and which of them match."""

@@ -300,9 +300,16 @@ class Estimates(Comparison):
     def _otherwise_across(self, pair: Pair) -> dict[str, float | str]:
         """Estimate what else changes with more elements from side to side: shapes without a match, and their inertia.
 
-        Of stress the coarser mesh and its recovery tell.
+        The run softened to that mesh's frequencies is compared with it. Modal masses of a mesh that rings slower can't
+        be changed to the run's frequencies: its modes move nearly the whole mass of a body, and would move more than
+        that. Of stress the coarser mesh and its recovery tell.
         """
-        for name, error in self._changes_by_shapes(pair).items():
+        theirs, softened = pair.coarse, {name: pair.soften(name) for name in self.run.bodies}
+        moved = self.run.with_bodies({name: body for name, (body, _) in softened.items()})
+        forces = {name: as_if for name, (_, as_if) in softened.items()}
+        ours = self.quantities_of(moved, self.march(moved, plan_like(self.plan, moved)), as_if=forces)
+        finer = self.quantities_of(theirs, self.march(theirs, plan_like(self.plan, theirs)), places=self._places)
+        for name, error in self.changes(finer, ours).items():
             if (kind := self.quantities[name].kind) == "displacement":
                 self._shapes[name] = error / abs(pair.gains[kind])
         return {}
@@ -325,9 +332,13 @@ class Estimates(Comparison):
     def _changes_by_shapes(self, pair: Pair) -> dict[str, float]:
         """Return what changes on the other mesh of a pair that rings at the run's frequencies."""
         ringing, stressed = pair.at_the_same_frequencies()
-        places = {name: part.element_places for name, part in self.run.parts.items() if part.elements}
         motion = self.march(ringing, plan_like(self.plan, ringing))
-        return self.changes(self.quantities_of(ringing, motion, places=places, as_if=stressed))
+        return self.changes(self.quantities_of(ringing, motion, places=self._places, as_if=stressed))
+
+    @property
+    def _places(self) -> dict[str, Array]:
+        """Middles of the named elements of each body [m], which are looked for on other meshes."""
+        return {name: part.element_places for name, part in self.run.parts.items() if part.elements}
 
     def _shifts_and_shapes(self) -> dict[str, float]:
         """Return the mesh's errors of the motion by shifted frequencies and by shapes together."""
