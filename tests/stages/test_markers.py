@@ -85,3 +85,33 @@ def test_a_marker_in_the_middle_of_the_tip_moves_as_the_tips_face():
 def test_markers_that_lie_nowhere_are_refused(where: str, message: str):
     with pytest.raises(InputError, match=message):
         beam(f"body.beam.marker.own={{{where}}}").markers  # noqa: B018
+
+
+@pytest.mark.parametrize(("attachment", "rtol"), [(None, 0.03), ("averaged", 0.3)])
+def test_a_broad_clamped_face_is_a_real_clamp_by_default(attachment: str | None, rtol: float) -> None:
+    """Square cantilever plates have 3.494, 8.547 and 21.44 √(D/ρh)/a² (Leissa, J Sound Vib 31, 1973, ν = 0.3)."""
+    a, h, E, rho = 0.3, 0.004, 70e9, 2700.0
+    root = {"face": "x-"} | ({"attachment": attachment} if attachment else {})
+    part = clamped_part([f"{a} m", f"{h} m", f"{a} m"], [8, 1, 8], root)
+    exact = np.array([3.494, 8.547, 21.44]) * np.sqrt(E * h**2 / (12 * (1 - 0.3**2) * rho)) / a**2 / (2 * np.pi)
+    errors = np.abs(part.modes.frequencies_hz[:3] / exact - 1)
+    assert errors.max() < rtol
+    assert part.markers["root"].rigid == (attachment is None)
+    assert (errors[1] > 0.2) == (attachment is not None)  # averaged, the root's edge bends as the plate twists
+
+
+def test_the_end_of_a_slender_bar_that_is_clamped_stays_averaged() -> None:
+    part = clamped_part(["0.4 m", "0.01 m", "0.02 m"], [10, 1, 1], {"face": "x-"})
+    assert not part.markers["root"].rigid
+    beam = 1.8751**2 * np.sqrt(70e9 * 0.01**2 / 12 / 2700.0) / 0.4**2 / (2 * np.pi)
+    assert part.modes.frequencies_hz[0] == pytest.approx(beam, rel=5e-3)
+
+
+def clamped_part(sizes: list[str], divisions: list[int], root: dict[str, str]) -> FlexiblePart:
+    bar = {"shape": "bar", "E": "70 GPa", "nu": 0.3, "rho": "2700 kg/m^3", "mesh": {"order": 2, "divisions": divisions}}
+    bar |= dict(zip(("length", "depth", "width"), sizes, strict=True))
+    bar |= {"modes": {"count": 3, "boundary": "joint"}, "marker": {"root": root, "tip": {"face": "x+"}}}
+    joint = {"clamp": {"type": "fixed", "parent": "ground", "child": "bar.root"}}
+    times = {"duration": "1 ms", "output_step": "1 ms", "tip": "bar.tip", "run": [{"integrator": "auto"}]}
+    scene = load_scene({"title": "clamp", "body": {"bar": bar}, "joint": joint, "simulation": times})
+    return FlexiblePart(scene, "bar", StageStore(Cache(None)))

@@ -251,6 +251,7 @@ class ModelErrors:
         clamped = [name for name, part in run.parts.items() if not (part.joint.free or part.joint.floating)]
         clamped = [name for name in clamped if not run.parts[name].shape.support]  # else the supports clamp it
         clamped = [name for name in clamped if name in run.wholes or run.frame_of(part_of(name)) == name]
+        clamped = [name for name in clamped if not run.parts[name].markers[run.parts[name].joint.marker].rigid]
         roots = {part_of(name) or name: run.parts[name].joint.marker for name in clamped}
         scene = attach_roots_rigidly(run.scene, roots)
         if scene is None:

@@ -57,7 +57,9 @@ class MarkerPlace(Orientation):
         name of a set that holds it alone.
     attachment : str
         How the marker follows its nodes: their mean motion (``"averaged"``, RBE3), which leaves the face free to
-        deform, or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``.
+        deform, or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``. By default a
+        face by which a fixed joint clamps a solid body that touches no other is rigid if it is broad, of more than a
+        quarter of the body's reach from it; all others are averaged.
 
     Examples
     --------
@@ -80,7 +82,7 @@ class MarkerPlace(Orientation):
     node: Point | None = None
     nodes: tuple[int, ...] | None = None
     link: LinkName | None = None
-    attachment: Literal["averaged", "rigid"] = "averaged"
+    attachment: Literal["averaged", "rigid"] | None = None
 
     @property
     def faces(self) -> tuple[str, ...]:

@@ -134,7 +134,7 @@ def attach_roots_rigidly(scene: Scene, roots: Mapping[str, str]) -> Scene | None
     for name, root in roots.items():
         body = scene.flexible[name]
         marker = body.marker[root]
-        if marker.attachment != "averaged" or getattr(marker, "face", None) is None:
+        if marker.attachment == "rigid" or getattr(marker, "face", None) is None:
             continue
         markers = {**body.marker, root: marker.model_copy(update={"attachment": "rigid"})}
         bodies[name] = body.model_copy(update={"marker": markers})

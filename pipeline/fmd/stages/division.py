@@ -275,6 +275,19 @@ class Division:
         return find_place(place, {name: part.cut for name, part in self.divided.items()})
 
 
+def _attach_as_wholes(scene: Scene, wholes: Mapping[str, FlexiblePart]) -> Scene:
+    """Return the scene with the attachment that each face's marker has on the whole part; pieces can't tell."""
+    bodies = dict(scene.body)
+    for name, whole in wholes.items():
+        markers = dict(scene.flexible[name].marker)
+        for at, given in markers.items():
+            if isinstance(given, MarkerPlace) and given.is_face:
+                kind = "rigid" if whole.markers[at].rigid else "averaged"
+                markers[at] = given.model_copy(update={"attachment": kind})
+        bodies[name] = scene.flexible[name].model_copy(update={"marker": markers})
+    return scene.model_copy(update={"body": bodies})
+
+
 def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Division | None = None) -> Division:
     """Divide the parts of a scene that are to be in pieces.
 
@@ -305,7 +318,8 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
         cuts[name] = mark_pieces(whole, cut_part(whole, int(count)), ports[name])
     if not cuts:
         return Division(scene, wholes)
-    found = divide_scene(scene, cuts, {name: wholes[name].elements for name in cuts})
+    attached = _attach_as_wholes(scene, {name: wholes[name] for name in cuts})
+    found = divide_scene(attached, cuts, {name: wholes[name].elements for name in cuts})
     parts: dict[str, FlexiblePart] = {}
     divided = {}
     for name, whole in wholes.items():

@@ -11,6 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
+from fmd.core.limits.mesh import BROAD_CLAMP
 from fmd.fem.deck_links import find_deck_links
 from fmd.fem.formats.matrices import node_marker, nodes_in_plane
 from fmd.fem.formats.matrix_model import MatrixModel
@@ -68,6 +69,20 @@ def place_markers(
         return face_marker(space, faces, rigid, _centre_by_geometry(space, faces))
 
     return _placed(shape, place, file, body)
+
+
+def clamp_broad(marker: Marker, space: Discretisation, others: Mapping[str, Marker]) -> Marker:
+    """Return the marker of a clamped face, rigid if the face is broad beside the body's reach from it.
+
+    Averaged, a broad face warps and bends, which no clamp allows. Of shells, and where nodes of another rigid face are
+    on it, it stays averaged.
+    """
+    nodes = [other.nodes for other in others.values() if other.rigid]
+    if space.mesh.midsurface is not None or (nodes and np.isin(marker.nodes, np.concatenate(nodes)).any()):
+        return marker
+    away = np.linalg.norm(space.x - marker.position, axis=1)
+    broad = 2 * away[marker.nodes].max() > BROAD_CLAMP * away.max()
+    return replace(marker, rigid=True) if broad else marker
 
 
 def place_link_markers(shape: Flexible, model: Callable[[], FEModel], file: str, body: str) -> dict[str, Marker]:

@@ -331,12 +331,14 @@ class FlexiblePart(KeyedPart):
     @cached_property
     def markers(self) -> dict[str, Marker]:
         """Markers on the finite element model, by name."""
-        from fmd.stages.markers import place_link_markers, place_markers, place_node_markers
+        from fmd.stages.markers import clamp_broad, place_link_markers, place_markers, place_node_markers
 
         if self.has_mesh:
             given = dict(self.piece.given) if self.piece else {}
             given |= place_link_markers(self.shape, lambda: self.fe, self.file, self.name)
-            return place_markers(self.shape, self.space, self.file, self.name, given)
+            found = place_markers(self.shape, self.space, self.file, self.name, given)
+            root = self.joint.marker
+            return {**found, root: clamp_broad(found[root], self.space, found)} if self.has_default_clamp else found
         if self.is_reduced:
             return place_file_markers(self.fe, self.shape, self.file, self.name)
         return place_node_markers(self.shape, self.given_model, self.file, self.name)

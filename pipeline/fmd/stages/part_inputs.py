@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from fmd.scene.imported_bodies import MatrixPart, ReducedPart
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import SourceFiles
 from fmd.stages.parent_joint import read_parent_joint
@@ -37,6 +38,17 @@ class KeyedPart:
     def is_supported(self) -> bool:
         """True if supports fix the body in its frame, and not its joint's section alone, which may turn freely."""
         return bool(self.shape.support) and not self.joint.free
+
+    @property
+    def has_default_clamp(self) -> bool:
+        """True if a fixed joint alone holds a face of the whole body, which touches nothing, and nothing says how."""
+        shape, joint = self.shape, self.joint
+        if isinstance(shape, MatrixPart | ReducedPart) or joint.floating or joint.free:
+            return False
+        if shape.support or shape.link or self.contact_faces:
+            return False
+        at = shape.marker[joint.marker]
+        return at.attachment is None and at.is_face
 
     def key(self, stage: str) -> str:
         """Return the key that a stage's result is kept under; empty if it never is."""
@@ -75,6 +87,7 @@ def modes_inputs(part: KeyedPart) -> Any:
         "part": _identify(part, without),
         "axis": part.joint.axis if shape.modes.family != "any" else "",
         "rigid": {name: marker.where for name, marker in markers.items() if marker.attachment == "rigid"},
+        "clamp": repr(markers[part.joint.marker]) if part.has_default_clamp else "",
         "fixed": fixed,
     }
 

@@ -17,6 +17,10 @@ STRAIGHT_EDGE = 1e-6  # smallest over largest second moment of an edge that has 
 OFF_EDGE = 1e-9  # of shape functions of nodes off the edge
 OFF_FACE = 1e-12  # integrals over a face of the shape functions of nodes off it, over the largest: round-off
 
+# Extent of a clamped face over the body's reach from it, from which on it is rigid by default. Frequencies of bars of
+# less are off by 1.1 % if it is averaged, and by 2.3 % if it is rigid; those of plates and stubs of more by 47 and 3 %.
+BROAD_CLAMP = 0.25
+
 # Selection.
 FACE_IN_PLANE = 1e-5  # distance of a face's nodes from a plane, of the body's extent
 NODES_ON_EDGE = 1e-6  # distance of nodes from an edge, of the body's extent
