@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmd.scene.imported_bodies import MatrixPart, ReducedPart
+from fmd.scene.imported_bodies import Meshless
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import SourceFiles
 from fmd.stages.parent_joint import read_parent_joint
@@ -43,7 +43,7 @@ class KeyedPart:
     def has_default_clamp(self) -> bool:
         """True if a fixed joint alone holds a face of the whole body, which touches nothing, and nothing says how."""
         shape, joint = self.shape, self.joint
-        if isinstance(shape, MatrixPart | ReducedPart) or joint.floating or joint.free:
+        if isinstance(shape, Meshless) or joint.floating or joint.free:
             return False
         if shape.support or shape.link or self.contact_faces:
             return False
