@@ -18,12 +18,11 @@ import numpy as np
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.comparison import Comparison, change_fineness
 from fmd.accuracy.corner_stress import CornerStress, find_corner_stress
-from fmd.accuracy.details import is_reaction
 from fmd.accuracy.error_estimates import NO_PART, NO_VIBRATION, OTHER_LOOPS, shifted_frequencies, soften_body
 from fmd.accuracy.model_errors import ModelErrors
 from fmd.accuracy.quantities import find_counterparts, mesh_quantities
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
-from fmd.accuracy.truncation import compare_bases
+from fmd.accuracy.truncation import compare_bases, reactions_of_other_loops
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.errors import (
@@ -187,20 +186,10 @@ class Estimates(Comparison):
             ours, enriched = compare_bases(self, rich)
         except InputError as fault:  # the mesh has no more modes than the run's
             return dict.fromkeys(self.quantities, f"not estimated: with more modes, {fault}")
-        unknown = self._reactions_of_other_loops(rich)
+        unknown = reactions_of_other_loops(self, rich)
         enriched = {name: quantity for name, quantity in enriched.items() if name not in unknown}
         self.correct_by(enriched, 1.0, ours)
         return self.changes(enriched, ours) | dict.fromkeys(unknown, OTHER_LOOPS)
-
-    def _reactions_of_other_loops(self, rich: Pipeline) -> list[str]:
-        """Return the reactions where the richer basis moves a loop in directions in which the run's shapes don't.
-
-        Such are motions out of a plane that round-off alone puts into later generations of static responses: what holds
-        them is force by round-off.
-        """
-        if rich.system.compiled.rows == self.run.system.compiled.rows:
-            return []
-        return [name for name in self.details if is_reaction(name)]
 
     def _discretisation(self, recovery: dict[str, float | str]) -> dict[str, float | str]:
         """Estimate the mesh's error: the shift of the frequencies, and everything else that a coarser mesh changes."""
