@@ -142,7 +142,10 @@ def test_a_block_that_begins_in_the_ground_is_refused_by_its_depth() -> None:
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ('simulation.run.0.integrator="exponential"', "takes no contact; central-difference and generalized-alpha do"),
+        (
+            'simulation.run.0.integrator="exponential"',
+            "takes no contact; central-difference, sub-cycling and generalized-alpha do",
+        ),
         ('simulation.start="steady"', "doesn't know of contacts; 'undeformed' and 'equilibrium' do"),
         ("accuracy=0.01", "no error budget states theirs"),
         (

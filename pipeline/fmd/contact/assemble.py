@@ -158,6 +158,7 @@ def _surfaces(
         "radius": radius,
         "room": np.full(n, -1.0),
         "corners": np.zeros((n, 8, 3)),
+        "ahead": np.zeros((n, 8, 3)),
         "modal_then": np.zeros((n, 2, most_modes)),
     }
 

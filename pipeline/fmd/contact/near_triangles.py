@@ -18,7 +18,7 @@ def keep_near_triangles(c: ContactTable, s: int, q: Array, origins: Array, rotat
     What isn't in a list was as far away as the list's room, and no two places can have come closer than the corners of
     a box around the points have moved in the other body's frame, and both bodies' modes beside.
     """
-    if c.room[s] >= 0.0 and _motion(c, s, q, origins, rotations) <= MOVED_PART * c.room[s]:
+    if c.room[s] >= 0.0 and moved_since_listed(c, s, q, origins, rotations) <= MOVED_PART * c.room[s]:
         return True
     _note_places(c, s, q, origins, rotations)
     radius = c.radius[s]
@@ -32,9 +32,15 @@ def keep_near_triangles(c: ContactTable, s: int, q: Array, origins: Array, rotat
 
 
 @inner
-def _corner_in_master(c: ContactTable, s: int, k: int, a: int, origins: Array, rotations: Array) -> float:
-    """Return a coordinate of a corner of a surface's box in the frame of the body with the triangles."""
-    own, other, total = c.link[c.slave[s]], c.link[c.master[s]], 0.0
+def corner_beside(c: ContactTable, s: int, k: int, a: int, origins: Array, rotations: Array) -> float:
+    """Return a coordinate of a corner of a surface's box in the frame of the other body, before a plane in space."""
+    own, total = c.link[c.slave[s]], 0.0
+    if c.master[s] < 0:
+        total = origins[own, a]
+        for d in range(3):
+            total += rotations[own, a, d] * c.box[s, k, d]
+        return float(total)
+    other = c.link[c.master[s]]
     for b in range(3):
         place = origins[own, b] - origins[other, b]
         for d in range(3):
@@ -44,13 +50,13 @@ def _corner_in_master(c: ContactTable, s: int, k: int, a: int, origins: Array, r
 
 
 @inner
-def _motion(c: ContactTable, s: int, q: Array, origins: Array, rotations: Array) -> float:
+def moved_since_listed(c: ContactTable, s: int, q: Array, origins: Array, rotations: Array) -> float:
     """Return a bound of how far points have moved against triangles since these were found."""
     farthest = 0.0
     for k in range(8):
         size = 0.0
         for a in range(3):
-            size += (_corner_in_master(c, s, k, a, origins, rotations) - c.corners[s, k, a]) ** 2
+            size += (corner_beside(c, s, k, a, origins, rotations) - c.corners[s, k, a]) ** 2
         farthest = max(farthest, size)
     total = math.sqrt(farthest)
     for side in range(2):
@@ -66,7 +72,7 @@ def _note_places(c: ContactTable, s: int, q: Array, origins: Array, rotations: A
     """Note where both bodies are, and place the points and the balls around all triangles."""
     for k in range(8):
         for a in range(3):
-            c.corners[s, k, a] = _corner_in_master(c, s, k, a, origins, rotations)
+            c.corners[s, k, a] = corner_beside(c, s, k, a, origins, rotations)
     for side in range(2):
         body = c.slave[s] if side == 0 else c.master[s]
         for m in range(c.n_modes[body]):

@@ -63,6 +63,7 @@ class ContactTable(Table):
     radius: Array  # (n_surfaces,): distance up to which triangles are kept [m]
     room: Array  # (n_surfaces,): what surfaces may move before these are to be found again; negative at first [m]
     corners: Array  # (n_surfaces, 8, 3): the box in the master's frame when they were found
+    ahead: Array  # (n_surfaces, 8, 3): the same, or before a plane in space, some time ahead
     modal_then: Array  # (n_surfaces, 2, most modes): modal coordinates of both bodies then
     # Triangles.
     corner: IntArray  # (n_triangles, 3): nodes

@@ -57,6 +57,18 @@ def remember_contacts(p: Any, t: float, q: Array, v: Array) -> None:
 
 
 @singledispatch
+def may_touch(p: Any, t: float, ahead: float, q: Array, v: Array) -> bool:
+    """Tell if surfaces touch at time t [s], or may within a time ahead [s]; if not, contacts remember a step's end."""
+    raise NotImplementedError
+
+
+@singledispatch
+def is_pressed(p: Any, t: float, q: Array, v: Array) -> bool:
+    """Tell if surfaces press one another in a state, of which nothing is remembered."""
+    raise NotImplementedError
+
+
+@singledispatch
 def freeze_slow(p: Any, t: float, q: Array, v: Array, a: Array, frozen: Any) -> None:
     """Freeze M̂, the slow accelerations and the coefficients of the velocity-dependent terms over a major cycle."""
     raise NotImplementedError

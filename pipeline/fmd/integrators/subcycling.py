@@ -29,7 +29,7 @@ from fmd.dynamics.system import (
     project_onto_constraints,
 )
 from fmd.integrators.carried import DEGREES, CarriedSteps, carried_steps
-from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators.central_difference import CentralDifference, LeapfrogSteps
 from fmd.integrators.cycles_with_tangents import CyclesWithTangents
 from fmd.integrators.fixed_step import (
     FixedMarch,
@@ -111,7 +111,12 @@ class Subcycling(FixedStepIntegrator):
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, rates half a step before it, those of slow coordinates half a cycle."""
         start = start_state(system, q0, v0, self.lag(system))
-        return replace(start, memory=np.zeros(2 * system.n + 1)) if self.remembered else start
+        return replace(start, memory=np.zeros(self._own_memory(system)))
+
+    def _own_memory(self, system: System) -> int:
+        """Return how many values a state remembers: of kinds of cycles where surfaces touch, and of carried forces."""
+        touching = 2 if self.substeps > 1 and hasattr(system, "n_contact_values") else 0
+        return touching + (2 * system.n + 1 if self.remembered else 0)
 
     def carries_tangent(self, system: System, others: Sequence[System]) -> bool:
         """Tell whether tangents can be marched: where forces follow theirs, of a mechanism without loops."""
@@ -129,7 +134,12 @@ class Subcycling(FixedStepIntegrator):
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
         if self.substeps == 1:
             return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
-        return super().resume(system, start, times, progress)
+        march = super().resume(system, start, times, progress)
+        if not hasattr(system, "n_contact_values"):
+            return march
+        single = (self.substeps - 1) * int(march.end.memory[1] - start.memory[1])
+        fast = max(0, march.fast_evaluations - single)
+        return replace(march, evaluations=march.evaluations + single, fast_evaluations=fast)
 
     def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
         """Return the trajectory of a march with so many fast steps."""
@@ -144,6 +154,8 @@ class Subcycling(FixedStepIntegrator):
         h, m, n_slow, n = self.step, self.substeps, system.n_slow, system.n
         if m == 1:
             return replace(CentralDifference(h).fixed_march(system), name=self.name)
+        if hasattr(system, "n_contact_values"):
+            return self._touching_march(system)
         whole = system.cycle(h, m) if hasattr(system, "cycle") and not self.remembered else None
 
         def make(state: State) -> FrozenSteps | WholeSteps | CarriedSteps:
@@ -166,6 +178,28 @@ class Subcycling(FixedStepIntegrator):
             return CyclesWithTangents(h, m, system.fast_places, state.q, state.v, state.a, *now)
 
         return FixedMarch(self.name, make, system, system.cycle_tangents(h, m), h, m)
+
+    def _touching_march(self, system: System) -> FixedMarch:
+        """Return what a system with contacts is marched with, whose module only such systems load."""
+        from fmd.integrators.touching_cycles import TouchingCycles
+
+        h, m, n = self.step, self.substeps, system.n
+
+        def make(state: State) -> TouchingCycles:
+            own, room = (state.q, state.v, state.a), aligned(system.n_positions, n, n, n)
+            cycles: FrozenSteps | CarriedSteps
+            if self.remembered:
+                remembered = replace(state, memory=state.memory[2 : self._own_memory(system)])
+                cycles = carried_steps(system, h, m, DEGREES[self.forces], remembered)
+            else:
+                cycles = FrozenSteps(h, m, system.n_slow, *own, *aligned(system.n_positions, n))
+            singles = LeapfrogSteps(h, *own, *aligned(system.n_positions, n))
+            known = cycles.memory[-1:] if isinstance(cycles, CarriedSteps) else np.zeros(1)
+            kind = np.zeros(1, dtype=np.int64)
+            return TouchingCycles(*own, cycles, singles, system.leapfrog(), state.memory[:2], known, kind, *room)
+
+        storage = system.leapfrog() if self.remembered else system.frozen(m * h)
+        return FixedMarch(self.name, make, system, storage, h, m, own_memory=self._own_memory(system))
 
 
 @dataclass(frozen=True)

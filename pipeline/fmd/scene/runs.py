@@ -39,7 +39,8 @@ class SubCyclingRun(SubCycledRun):
     """Central differences with small steps for fast coordinates and large ones for slow coordinates.
 
     Miao, Zhu, Shi & Chen, Comput Mech 41 (2008) 269-277, eqs. (8)-(11). Where slow and fast coordinates couple through
-    the mass matrix it is weakly unstable at any step; ``fmd stability`` computes what a scene stands.
+    the mass matrix it is weakly unstable at any step; ``fmd stability`` computes what a scene stands. While surfaces of
+    a contact touch, or may in the next cycle, all coordinates take the fast step.
 
     Parameters
     ----------
@@ -67,6 +68,7 @@ class SubCyclingRun(SubCycledRun):
 
     title: ClassVar[str] = "Sub-cycling"
     method: ClassVar[str] = "subcycling.Subcycling"
+    takes_contact: ClassVar[bool] = True
     growth_remedy: ClassVar[str] = ", and reversible-sub-cycling takes longer ones"
 
     integrator: Literal["sub-cycling"]

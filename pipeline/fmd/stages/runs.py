@@ -206,7 +206,7 @@ def _measure_growth(built: Pipeline, plan: Plan, run: Run, known: list[Operating
     method: Any = plan.integrator  # a method with a limit has a step, and resumes
     limit, free = method.largest_step(plan.system), built.scene.simulation.step == "auto" and not run.step
     if plan.mechanism.contacts:
-        return _limit_contact_step(built, plan, limit, free)
+        return _limit_contact_step(built, plan, run, known, limit, free)
     if not method.step < limit and not free:
         raise InputError(
             built.scene.file,
@@ -239,24 +239,32 @@ def _measure_growth(built: Pipeline, plan: Plan, run: Run, known: list[Operating
                 built.scene.file,
                 plan.key,
                 f"{method.step:.6g} s",
-                _describe_growth(method, folds, longest) + run.growth_remedy,
+                _describe_growth(method, folds, longest) + ("" if built.scene.contact else run.growth_remedy),
             )
         return Growth(longest, float(np.exp(points.e_folds(replace(method, step=longest)))))
     return Growth(None, float(np.exp(folds)))
 
 
-def _limit_contact_step(built: Pipeline, plan: Plan, limit: float, free: bool) -> Growth:
+def _limit_contact_step(
+    built: Pipeline, plan: Plan, run: Run, known: list[OperatingPoints], limit: float, free: bool
+) -> Growth:
     """Shorten the step of a run with contacts, or refuse it: from half of its limit on the highest modes gain energy.
 
     They do so without damping, by opening and closing, though each of the two is stable by itself. Operating points,
-    which a motion without contacts would have, tell nothing.
+    which a motion without contacts would have, tell of sub-cycling alone, whose cycles are taken apart from contacts.
     """
     _require_free_start(built, plan)
-    step = plan.integrator.step
+    step, substeps, apart = plan.integrator.step, plan.integrator.substeps, Growth()
+    if substeps > 1:
+        mechanism = replace(plan.mechanism, contacts=())
+        own = replace(plan, mechanism=mechanism, system=share_system(mechanism))
+        apart = _measure_growth(built, own, run, known)
     if free:
         round_laws = any(own.law for body in plan.mechanism.contacts for own in body.contacts)
         share = built.results.get("contact step", CHOSEN_STEP) * (SHOCK_STEPS if round_laws else 1.0)
-        return Growth(plan.system.resolving_step(share * plan.system.largest_step)[0])
+        longest = substeps * share * min(limit, plan.system.largest_step)  # loads are frozen over a cycle
+        longest = plan.system.resolving_step(longest)[0] / substeps
+        return replace(apart, step=min(longest, apart.step or longest))
     if step > LARGEST_STEP * limit:  # which an implicit method has none of
         raise InputError(
             built.scene.file,
@@ -266,7 +274,7 @@ def _limit_contact_step(built: Pipeline, plan: Plan, limit: float, free: bool) -
             f"{round_down(LARGEST_STEP * limit):g} s is the longest step, {round_down(CHOSEN_STEP * limit):g} s a good "
             "one",
         )
-    return Growth()
+    return apart
 
 
 def _require_free_start(built: Pipeline, plan: Plan) -> None:

@@ -24,6 +24,7 @@ LARGEST_STEP = 0.5  # of 2/ω with all points closed: beyond it, opening and clo
 CHOSEN_STEP = 0.25  # of the same, where the step is left to the program
 HALVED_STEPS = 4  # times that a step left to the program is halved where contact makes or loses energy
 
+CYCLES_ABOVE = 4.0  # of sub-cycling: with gaps that frames don't close in as many, nothing touches in the next one
 STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from which on they aren't placed
 
 # Results.

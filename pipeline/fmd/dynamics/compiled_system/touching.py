@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fmd.contact.approach import any_force, may_close, note_corners
 from fmd.contact.assemble import contact_table
 from fmd.contact.patch import touch
 from fmd.contact.recorded import ContactRecord
@@ -27,7 +28,9 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.system import (
     accelerations,
     advance,
+    is_pressed,
     leapfrog_step,
+    may_touch,
     note_contacts,
     project_onto_constraints,
     remember_contacts,
@@ -46,6 +49,7 @@ class TouchingParameters(TreeParameters):
     origins: Array  # (n_bodies, 3): the bodies' frames
     rotations: Array  # (n_bodies, 3, 3)
     spins: Array  # (n_bodies, 3)
+    q_ahead: Array  # (n_positions,)
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,7 @@ class TouchingClosedParameters(ClosedParameters):
     origins: Array
     rotations: Array
     spins: Array
+    q_ahead: Array
 
 
 class TouchingSystem(CompiledSystem):
@@ -84,12 +89,28 @@ class TouchingSystem(CompiledSystem):
             origins=np.zeros((n_links, 3)),
             rotations=np.zeros((n_links, 3, 3)),
             spins=np.zeros((n_links, 3)),
+            q_ahead=np.zeros(self.n_positions),
         )
         return found
 
     @cached_property
     def _leapfrog(self) -> Leapfrog:
         return Leapfrog(0, np.zeros(1), np.zeros(self.n))
+
+    @property
+    def takes_whole_cycles(self) -> bool:
+        """False: fast steps are taken with all coordinates where surfaces may touch."""
+        return False
+
+    @property
+    def largest_fast_step(self) -> float:
+        """Longest stable leapfrog step with all points held [s]: as bodies touch, all coordinates take fast steps."""
+        return self.largest_step
+
+    @cached_property
+    def largest_slow_step(self) -> float:
+        """Longest stable leapfrog step of the slow coordinates apart from all contacts [s]; they take none in them."""
+        return CompiledSystem(self.mechanism).largest_slow_step
 
     @property
     def stiffest_matrices(self) -> tuple[Array, Array, Array]:
@@ -192,3 +213,26 @@ def _note_contacts(p: Any, t: float, q: Array, v: Array, values: Array) -> None:
     _find_contacts(p, t, q, v)
     evaluate_contacts(p.contact, t, p.origins, p.rotations)
     note_values(p.contact, values)
+
+
+@may_touch.register(TouchingParameters)
+@may_touch.register(TouchingClosedParameters)
+def _may_touch(p: Any, t: float, ahead: float, q: Array, v: Array) -> bool:
+    for i in range(q.size):
+        p.q_ahead[i] = q[i]
+    advance(p, p.q_ahead, v, ahead, 0, v.size)
+    set_inputs(p, float(t + ahead))
+    call_native(p.frames, (p.inputs, p.q_ahead, v, p.origins, p.rotations, p.spins))
+    note_corners(p.contact, p.origins, p.rotations)
+    _find_contacts(p, t, q, v)
+    if may_close(p.contact, ahead, q, v, p.origins, p.rotations):
+        return True
+    remember(p.contact, t, p.origins, p.rotations)
+    return False
+
+
+@is_pressed.register(TouchingParameters)
+@is_pressed.register(TouchingClosedParameters)
+def _is_pressed(p: Any, t: float, q: Array, v: Array) -> bool:
+    _find_contacts(p, t, q, v)
+    return any_force(p.contact)
