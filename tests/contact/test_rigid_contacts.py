@@ -291,7 +291,7 @@ def test_a_rigid_body_without_a_surface_is_told_how_to_have_one() -> None:
         )
 
 
-@pytest.mark.parametrize("kinds", [("box", "box"), ("pin", "pin"), ("box", "bore")])
+@pytest.mark.parametrize("kinds", [("box", "pin"), ("pin", "pin"), ("box", "bore")])
 def test_surfaces_that_have_no_points_for_each_other_are_refused(kinds: tuple[str, str]) -> None:
     axis = {"start": [0, 0, -0.01], "end": [0, 0, 0.01], "radius": 0.01}
     keys = {"box": {"size": [0.01] * 3}, "pin": axis, "bore": axis}

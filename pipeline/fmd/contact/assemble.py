@@ -134,6 +134,7 @@ def _surfaces(
     laws = [own.of.law for own in surfaces]
     return {
         "primitive": np.array([own.primitive.row if own.primitive else np.zeros(17) for own in surfaces]),
+        "edges": np.array([own.edges.row if own.edges else np.zeros(17) for own in surfaces]),
         "rounded": np.array([law is not None for law in laws], dtype=np.int64),
         "law": law_table(laws),
         "ends": np.array([law.ends if law else np.inf for law in laws]),
@@ -232,6 +233,7 @@ def _rooms(group: IntArray, damping: Array) -> dict[str, Any]:
         "n_factored": np.full(len(counts), -1, dtype=np.int64),
         "answer": np.zeros(most),
         "way": np.zeros((3, 3)),
+        "edge": np.zeros((2, 4, 3)),
         "b": np.zeros(int(counts.max())),
         "block": np.zeros((3, 3)),
         "product": np.zeros((3, 3)),

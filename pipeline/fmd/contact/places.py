@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from fmd.contact.edges import stand_on_edge
 from fmd.contact.near_triangles import keep_near_triangles
 from fmd.contact.nodes import modal_size, place_node
 from fmd.contact.round_points import follow_material
@@ -63,6 +64,9 @@ def _place_round_points(c: ContactTable, s: int, q: Array, origins: Array, rotat
         place_node(c, c.node[i], c.slave[s], q, origins, rotations)
         if c.master[s] < 0:
             stand_on_plane(c, s, i)
+        elif c.edges[s, 0] > 0.0:
+            if not stand_on_edge(c, s, i, origins, rotations):
+                continue
         elif not stand_on_primitive(c, s, i, origins, rotations):
             continue
         _turn(c, s, i, rotations)

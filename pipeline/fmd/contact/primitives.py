@@ -37,6 +37,19 @@ class Primitive:
     radius: float
 
     @property
+    def edge_middles(self) -> Array:
+        """Middles of a box's edges in the body's frame, shape (12, 3), without its rounding.
+
+        Number e is along axis ``e // 4``, on the side of the two next ones that its last two bits say.
+        """
+        corners = np.zeros((12, 3))
+        for e in range(12):
+            for step in (1, 2):
+                axis = (e // 4 + step) % 3
+                corners[e, axis] = self.half[axis] * (1.0 if e & step else -1.0)
+        return np.asarray(np.array(self.at) + corners @ np.array(self.axes))
+
+    @property
     def row(self) -> Array:
         """All numbers that kernels read, shape (17,)."""
         return np.concatenate([[self.kind], self.at, np.ravel(self.axes), self.half, [self.radius]])
@@ -56,9 +69,12 @@ class RoundPoints:
         Part of the law's force that each has at a depth: 1 of a ball, less of the pieces of a pin.
     length : float
         Length of a pin [m]; 0 of balls.
+    of_edges : bool
+        True if they are on edges of a box, wherever these cross edges of another.
     """
 
     x: Array
     radius: float
     shares: Array
     length: float = 0.0
+    of_edges: bool = False

@@ -37,6 +37,8 @@ class ContactSurface:
         More of the own flexibility of each point.
     primitive : Primitive, optional
         The second body's surface, if that is rigid.
+    edges : Primitive, optional
+        The first body's box, if its edges are meant.
     """
 
     slave: int
@@ -50,6 +52,7 @@ class ContactSurface:
     sign: int
     softness: float
     primitive: Primitive | None = None
+    edges: Primitive | None = None
 
 
 _NO_TRIANGLES = np.zeros((0, 3), dtype=np.int64), np.zeros((0, 6), dtype=np.int64)
@@ -73,11 +76,10 @@ def find_surfaces(bodies: Sequence[TouchingBody]) -> list[tuple[int, ContactSurf
         for pair in body.pairs:
             other = names.index(pair.other)
             theirs, sign = bodies[other].points, -1 if pair.reported_on_other else 1
-            if primitive := theirs.primitives.get(pair.other_face):
-                points, areas = own.faces[pair.face], own.areas[pair.face]
-                outward = np.zeros((len(points), 3))
-                rigid = ContactSurface(k, other, points, areas, outward, *_NO_TRIANGLES, pair, sign, 0.0, primitive)
-                found.append((number, rigid))
+            if pair.other_face in theirs.primitives:
+                for each in (pair, *pair.others):
+                    ends, side = ((k, other), sign) if each.other == pair.other else ((other, k), -sign)
+                    found.append((number, _before_primitive(bodies, *ends, each, side)))
                 number += 1
                 continue
             mine, beyond = own.surfaces[pair.face], theirs.surfaces[pair.other_face]
@@ -91,6 +93,16 @@ def find_surfaces(bodies: Sequence[TouchingBody]) -> list[tuple[int, ContactSurf
             found += [(number, second)] if len(edge) else []
             number += 1
     return found
+
+
+def _before_primitive(
+    bodies: Sequence[TouchingBody], slave: int, master: int, pair: ContactPair, sign: int
+) -> ContactSurface:
+    """Return points of a body before a surface of a rigid one."""
+    own, primitive = bodies[slave].points, bodies[master].points.primitives[pair.other_face]
+    points, areas, edges = own.faces[pair.face], own.areas[pair.face], own.primitives.get(pair.edges)
+    outward = np.zeros((len(points), 3))
+    return ContactSurface(slave, master, points, areas, outward, *_NO_TRIANGLES, pair, sign, 0.0, primitive, edges)
 
 
 def triangle_normals(x: Array, triangles: IntArray) -> Array:

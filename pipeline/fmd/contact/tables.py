@@ -45,6 +45,7 @@ class ContactTable(Table):
     softness: Array  # (n_surfaces,): more of the own flexibility of each point
     clearance: Array  # (n_surfaces,): what is added to gaps [m]
     friction: Array  # (n_surfaces,)
+    edges: Array  # (n_surfaces, 17): the same of the points' own box, if its edges touch; 0 else
     primitive: Array  # (n_surfaces, 17): kind, place, axes, half extents and radius of a rigid body's surface
     rounded: (
         IntArray  # (n_surfaces,): 1 if its points are centres of balls or of pieces of pins, with laws of their own
@@ -137,6 +138,7 @@ class ContactTable(Table):
     n_factored: IntArray  # (n_groups,): how many; -1 if it isn't to be used
     answer: Array  # (as many): displacements by them
     way: Array  # (3, 3)
+    edge: Array  # (2, 4, 3): middle, direction and two outward directions of an edge each of two boxes, in space
     b: Array  # (most points of a group,)
     block: Array  # (3, 3)
     product: Array  # (3, 3)

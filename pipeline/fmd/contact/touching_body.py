@@ -207,6 +207,10 @@ class ContactPair:
         Force of each point of a rigid body by its depth, before another one.
     slide : float
         How much softer it is aside.
+    edges : str
+        This body's surface, a box, if its edges are meant, before those of the other's.
+    others : tuple of ContactPair
+        What belongs to the same contact: of two boxes the other's corners before this one, and edges before edges.
     """
 
     name: str
@@ -220,6 +224,8 @@ class ContactPair:
     near_field: str = "mesh"
     law: RoundLaw | None = None
     slide: float = 1.0
+    edges: str = ""
+    others: tuple[ContactPair, ...] = ()
 
 
 @dataclass(frozen=True)

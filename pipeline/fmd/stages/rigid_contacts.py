@@ -12,7 +12,7 @@ from fmd.contact.round_laws import RoundLaw, ball_law, joint_modulus, pin_law, s
 from fmd.contact.touching_body import ContactPair, ContactPlane, ContactPoints, TouchingBody
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.contact import PRIMITIVE_DEPTH
+from fmd.core.limits.contact import CROSSING_EDGES, PRIMITIVE_DEPTH
 from fmd.core.rotations import rotation_by
 from fmd.stages.parent_joint import ground_place
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _PAIRS = {
     "ball": ("ball", "box", "pin", "bore"),
     "pin": ("bore",),
+    "box": ("box",),
 }
 """Which surfaces points of a surface may touch."""
 
@@ -47,8 +48,10 @@ def order_of(scene: Scene, name: str, contact: Contact) -> tuple[str, str]:
         if theirs is not None and (mine is None or theirs.type in _PAIRS.get(mine.type, ())):
             return places[0], places[1]
     what = f"a {one.type} and a {other.type}"
-    mend = "a ball touches balls, boxes, pins and bores, a pin bores; all of these touch faces of flexible bodies, and "
-    mend += "all but bores planes of the ground"
+    mend = (
+        "a ball touches balls, boxes, pins and bores, a pin bores, a box boxes; all of these touch faces of flexible "
+    )
+    mend += "bodies, and all but bores planes of the ground"
     raise InputError(scene.file, f"contact.{name}.between", what, f"can't be followed; {mend}")
 
 
@@ -69,6 +72,12 @@ def points_of(table: Any, origin: Array) -> RoundPoints | None:
         x = 0.5 * (start + end) - origin + 0.5 * nodes[:, None] * (end - start)
         return RoundPoints(x, table.radius, 0.5 * weights, float(np.linalg.norm(end - start)))
     return None
+
+
+def edges_of(table: Any, origin: Array) -> RoundPoints:
+    """Return the edges of a box, each of them once for each edge of another box."""
+    middles = np.repeat(primitive_of(table, origin).edge_middles, 12, axis=0)
+    return RoundPoints(middles, table.edge_radius, np.ones(len(middles)), of_edges=True)
 
 
 def primitive_of(table: Any, origin: Array) -> Primitive:
@@ -113,7 +122,9 @@ def force_law(
         rows, ends = pin_law(points.radius, np.inf if theirs is None else theirs.radius, length, modulus)
         return RoundLaw(rows, contact.restitution, ends), slide
     across = 1.0 / points.radius
-    if theirs is None or theirs.type == "box":
+    if points.of_edges:
+        curvatures = (across, 1.0 / theirs.edge_radius)  # of cylinders that cross at a right angle
+    elif theirs is None or theirs.type == "box":
         curvatures = (across, across)
     elif theirs.type == "ball":
         curvatures = (across + 1.0 / theirs.radius,) * 2
@@ -194,22 +205,47 @@ def add_rigid_contact(
         contact.damping,
         reported_on_other=mine_at == contact.between[0],
     )
-    mine, theirs = rigid_surface(scene, mine_at), rigid_surface(scene, theirs_at)
+    mine = rigid_surface(scene, mine_at)
     if mine is not None:
-        points = points_of(mine, start.origin(body))
-        assert points is not None  # or it would have no place in the order
-        law, slide = force_law(scene, name, contact, points, mine, theirs)
-        apart = float(np.linalg.norm(start.frame(body)[0] - start.frame(other)[0]))  # no fall is farther
-        # Each of the two is held by itself in what steps are chosen by: both are twice as stiff.
-        stiffness = 2.0 * expected_stiffness(law, points.radius, *start.fall(apart))
-        face = _points_in(name, mine_at)
-        bodies[body] = replace(bodies[body], points=add_points(bodies[body].points, face, points, stiffness))
-        (origin, R), (theirs_origin, theirs_R) = start.frame(body), start.frame(other)
-        there = (origin + points.x @ R.T - theirs_origin) @ theirs_R
-        held = add_points(bodies[other].points, f"before {name}", replace(points, x=there), stiffness)
-        bodies[other] = replace(bodies[other], points=held)
-        pair = replace(pair, face=face, law=law, slide=slide, near_field=_near_field(points))
+        one, two = (body, mine_at), (other, theirs_at)
+        held = _hold_points(scene, pair, one, two, bodies, start)
+        if mine.type == "box":
+            back = _hold_points(scene, replace(pair, other=body, other_face=face), two, one, bodies, start)
+            edges = _hold_points(scene, replace(pair, edges=face), one, two, bodies, start)
+            held = replace(held, others=(back, edges))
+        pair = held
     bodies[body] = replace(bodies[body], pairs=(*bodies[body].pairs, pair))
+
+
+def _hold_points(
+    scene: Scene,
+    pair: ContactPair,
+    one: tuple[str, str],
+    two: tuple[str, str],
+    bodies: dict[str, TouchingBody],
+    start: StartPose,
+) -> ContactPair:
+    """Give a body the points of its surface before that of another rigid one, and return the pair with their law.
+
+    Of each of the two, its name and the place of its surface are given.
+    """
+    (body, mine_at), (other, theirs_at) = one, two
+    mine, theirs = rigid_surface(scene, mine_at), rigid_surface(scene, theirs_at)
+    points = edges_of(mine, start.origin(body)) if pair.edges else points_of(mine, start.origin(body))
+    assert points is not None  # or it would have no place in the order
+    law, slide = force_law(scene, pair.name, scene.contact[pair.name], points, mine, theirs)
+    (origin, R), (theirs_origin, theirs_R) = start.frame(body), start.frame(other)
+    apart = float(np.linalg.norm(origin - theirs_origin))  # no fall is farther
+    # Each of the two is held by itself in what steps are chosen by: both are twice as stiff.
+    stiffness = 2.0 * expected_stiffness(law, points.radius, *start.fall(apart))
+    if pair.edges:
+        stiffness *= CROSSING_EDGES / len(points.x)
+    face = f"{_points_in(pair.name, mine_at)}, edges" if pair.edges else _points_in(pair.name, mine_at)
+    bodies[body] = replace(bodies[body], points=add_points(bodies[body].points, face, points, stiffness))
+    there = (origin + points.x @ R.T - theirs_origin) @ theirs_R
+    held = add_points(bodies[other].points, f"before {face}", replace(points, x=there), stiffness)
+    bodies[other] = replace(bodies[other], points=held)
+    return replace(pair, face=face, law=law, slide=slide, near_field=_near_field(points))
 
 
 def _points_in(contact: str, place: str) -> str:

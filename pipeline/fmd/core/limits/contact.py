@@ -68,6 +68,9 @@ CARRYING = 0.05  # of a grid point's force on a node: nodes with more have a str
 UNSEEN_WEIGHT = 1e-6  # of a node: one with less everywhere is left out
 
 # Rigid bodies.
+PARALLEL_EDGES = 1e-4  # square of the sine of the angle between edges of boxes, below which they don't cross
+BESIDE_EDGE = 0.2  # sine of the angle by which a normal may leave the faces beside an edge: of faces on one another
+CROSSING_EDGES = 8  # of two boxes that are expected to touch at once
 USUAL_ROUNDING = 0.05  # of the least extent of a box: radius of its edges and corners where none is given
 LEAST_RESTITUTION = 0.05  # below it a damper of a shock would be stiffer than the surface
 PRIMITIVE_DEPTH = 1e-5  # of a radius: how deep a surface is pressed at least in what steps are chosen by
