@@ -1,8 +1,8 @@
-"""A slider-crank whose last joint is a pin in a wider bore, against a model by SciPy; and with nearly no clearance."""
+"""A slider-crank and a four-bar with a pin in a wider bore for a joint, against SciPy; and with nearly no clearance."""
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,47 @@ from tests.contact.test_rigid_contacts import scene
 
 CRANK, ROD, RATE = 0.05, 0.12, 100.0  # of the slider-crank that Flores and others have: lengths [m]; [rad/s]
 M_ROD, I_ROD, M_SLIDER = 0.21, 2.5e-5, 0.14
+I_ROCKER = 3e-4  # of a rocker in the slider's place, about its pivot [kg m²]
 RADIUS, WIDTH, STEEL = 0.01, 0.02, {"E": 207e9, "nu": 0.3}
 
 
-def slider_crank(clearance: float, duration: float, **contact: Any) -> Pipeline:
+@dataclass(frozen=True)
+class Follower:
+    """The last body: a slider, or with a ``length`` a rocker about a ``pivot`` on the slider's way."""
+
+    inertia: float = M_SLIDER
+    length: float = 0.0
+    pivot: float = 0.0
+
+    def place(self, s: float) -> Array:
+        turned = self.length * np.array([np.cos(s), np.sin(s)])
+        return np.array([self.pivot, 0.0]) + turned if self.length else np.array([s, 0.0])
+
+    def lever(self, s: float) -> Array:
+        return self.length * np.array([-np.sin(s), np.cos(s)]) if self.length else np.array([1.0, 0.0])
+
+    def with_joint(self, angle: Array) -> tuple[Array, Array]:
+        """Return the rod's angle and the follower's coordinate by that of the crank, without clearance."""
+        x, y = CRANK * np.cos(angle), CRANK * np.sin(angle)
+        if not self.length:
+            s = x + np.sqrt(ROD**2 - y**2)
+            return np.arctan2(-y, s - x), s
+        way = np.hypot(self.pivot - x, y)
+        along = (way**2 + ROD**2 - self.length**2) / (2.0 * way)
+        b = np.arctan2(-y, self.pivot - x) + np.arccos(along / ROD)
+        return b, np.arctan2(y + ROD * np.sin(b), x + ROD * np.cos(b) - self.pivot)
+
+    def start(self) -> Array:
+        """Rod's angle, coordinate and their rates at the start, where the crank points at the slider."""
+        b, s = (float(own) for own in self.with_joint(np.array(0.0)))
+        columns = np.stack([-ROD * np.array([-np.sin(b), np.cos(b)]), self.lever(s)], axis=1)
+        return np.concatenate([[b, s], np.linalg.solve(columns, [0.0, RATE * CRANK])])
+
+
+SLIDER, ROCKER = Follower(), Follower(I_ROCKER, length=0.08, pivot=0.1)
+
+
+def linkage(follower: Follower, clearance: float, duration: float, **contact: Any) -> Pipeline:
     def axis(at: float) -> dict[str, Any]:
         return {"start": [at, 0, -WIDTH / 2], "end": [at, 0, WIDTH / 2], **STEEL}
 
@@ -36,29 +73,33 @@ def slider_crank(clearance: float, duration: float, **contact: Any) -> Pipeline:
             "marker": {"big": {"at": [0, 0, 0]}, "small": {"at": [ROD, 0, 0]}},
             "surface": {"journal": {"type": "pin", "radius": RADIUS, **axis(ROD)}},
         },
-        "slider": {
+        "last": {
             "mass": M_SLIDER,
-            "inertia": [1e-5] * 3,
+            "inertia": [I_ROCKER] * 3,
             "marker": {"middle": {"at": [0, 0, 0]}},
-            "surface": {"bore": {"type": "bore", "radius": RADIUS + clearance, **axis(0.0)}},
+            "surface": {"bore": {"type": "bore", "radius": RADIUS + clearance, **axis(follower.length)}},
         },
     }
+    b, s, turn, rate = follower.start()
     z = {"type": "revolute", "axis": [0, 0, 1]}
     joints = {
         "hub": z | {"parent": "ground", "child": "crank.hub"},
-        "big": z | {"parent": "crank.end", "child": "rod.big", "rate": -RATE * (1.0 + CRANK / ROD)},
-        "guide": {"type": "prismatic", "axis": [1, 0, 0], "parent": "ground", "child": "slider.middle"},
+        "big": z | {"parent": "crank.end", "child": "rod.big", "angle": b, "rate": turn - RATE},
+        "guide": z | {"parent": "ground.pivot", "child": "last.middle", "angle": s, "rate": rate},
     }
-    joints["guide"]["position"] = CRANK + ROD
-    fit = {"between": ["slider.bore", "rod.journal"], **contact}
+    if not follower.length:
+        slide = {"type": "prismatic", "axis": [1, 0, 0], "position": s, "rate": rate}
+        joints["guide"] = slide | {"parent": "ground.pivot", "child": "last.middle"}
+    fit = {"between": ["last.bore", "rod.journal"], **contact}
     own = scene({k: {"shape": "rigid"} | body for k, body in bodies.items()}, joints, {"fit": fit}, duration)
     motion = {"type": "motion", "joint": "hub", "angle": {"formula": f"{RATE}*t", "unit": "rad"}}
-    own["simulation"]["tip"] = "slider.middle"
-    return Pipeline(load_scene(own | {"drive": {"turn": motion}}))
+    own["simulation"]["tip"] = "last.middle"
+    ground = {"pivot": {"at": [follower.pivot, 0, 0]}}
+    return Pipeline(load_scene(own | {"drive": {"turn": motion}, "ground": ground}))
 
 
-def by_scipy(clearance: float, times: Array, restitution: float) -> tuple[Array, float]:
-    """March the rod's angle and the slider's place; return the latter and the largest force.
+def by_scipy(follower: Follower, clearance: float, times: Array, restitution: float) -> tuple[Array, float]:
+    """March the rod's angle and the follower's coordinate; return the latter and the largest force.
 
     The journal is a point on the rod, pushed along its line to the bore's centre. Of a shock the speed of the approach
     is that at which the gap closes, an event of the march.
@@ -70,7 +111,7 @@ def by_scipy(clearance: float, times: Array, restitution: float) -> tuple[Array,
         a, b = RATE * t, y[0]
         journal = CRANK * np.array([np.cos(a), np.sin(a)]) + ROD * np.array([np.cos(b), np.sin(b)])
         speed = RATE * CRANK * np.array([-np.sin(a), np.cos(a)]) + y[2] * ROD * np.array([-np.sin(b), np.cos(b)])
-        return journal - [y[1], 0.0], speed - [y[3], 0.0]
+        return journal - follower.place(y[1]), speed - y[3] * follower.lever(y[1])
 
     def depth(t: float, y: Array, *_: Any) -> float:
         return float(np.linalg.norm(apart(t, y)[0]) - clearance)
@@ -89,10 +130,10 @@ def by_scipy(clearance: float, times: Array, restitution: float) -> tuple[Array,
         a, b, f = RATE * t, y[0], force(t, y, first)
         pivot, across = -(RATE**2) * CRANK * np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(b), np.cos(b)])
         turn = (ROD * across @ f - M_ROD * ROD / 2 * across @ pivot) / (I_ROD + M_ROD * ROD**2 / 4)
-        return np.array([y[2], y[3], turn, -f[0] / M_SLIDER])
+        return np.array([y[2], y[3], turn, -follower.lever(y[1]) @ f / follower.inertia])
 
     depth.terminal = True  # type: ignore[attr-defined]
-    t, y, first, found = 0.0, np.array([0.0, CRANK + ROD, -RATE * CRANK / ROD, 0.0]), 1.0, np.zeros(len(times))
+    t, y, first, found = 0.0, follower.start(), 1.0, np.zeros(len(times))
     inside = False
     while t < times[-1]:
         depth.direction = -1.0 if inside else 1.0  # type: ignore[attr-defined]
@@ -112,30 +153,28 @@ def by_scipy(clearance: float, times: Array, restitution: float) -> tuple[Array,
     return found, largest
 
 
-@cache
-def loose() -> Pipeline:
-    return slider_crank(0.5e-3, 8e-3, restitution=0.9)
-
-
-def test_a_slider_crank_with_a_clearance_moves_as_an_independent_model_does() -> None:
-    run = loose()
+@pytest.mark.parametrize(("follower", "duration"), [(SLIDER, 8e-3), (ROCKER, 3.4e-3)], ids=["slider-crank", "four-bar"])
+def test_a_linkage_with_a_clearance_moves_as_an_independent_model_does(follower: Follower, duration: float) -> None:
+    run = linkage(follower, 0.5e-3, duration, restitution=0.9)
     own, places = run.motion.contacts["fit"], run.motion.trajectory.q[:, -1]
-    exact, largest = by_scipy(0.5e-3, run.motion.times, 0.9)
-    assert own.impulse[-1, 0] > 0.0  # the slider is pulled back
-    np.testing.assert_allclose(places, exact, atol=0.01 * 0.5e-3)  # of the clearance, over some shocks
+    exact, largest = by_scipy(follower, 0.5e-3, run.motion.times, 0.9)
+    assert own.figures["largest_force_n"] > 0.0
+    moved = (follower.length or 1.0) * (places - exact)
+    np.testing.assert_allclose(moved, 0.0, atol=0.01 * 0.5e-3)  # of the clearance, over some shocks
     assert own.figures["largest_force_n"] == pytest.approx(largest, rel=0.01)
 
 
 def test_the_pin_stays_in_its_bore_and_friction_and_loss_take_energy() -> None:
-    run = slider_crank(0.5e-3, 8e-3, restitution=0.9, friction=0.1)
+    run = linkage(SLIDER, 0.5e-3, 8e-3, restitution=0.9, friction=0.1)
     own = run.motion.contacts["fit"]
     assert own.friction_work[-1] > 0.0
     assert own.damping_work[-1] > 0.0
     assert abs(own.energy_error[-1]) < 0.01 * run.motion.energies[0].max()
 
 
-def test_with_little_clearance_the_slider_is_where_a_joint_has_it() -> None:
-    run = slider_crank(1e-5, 4e-3, restitution=0.5)
-    angle = RATE * run.motion.times
-    exact = CRANK * np.cos(angle) + np.sqrt(ROD**2 - (CRANK * np.sin(angle)) ** 2)
-    np.testing.assert_allclose(run.motion.trajectory.q[:, -1], exact, atol=2e-5)
+@pytest.mark.parametrize("follower", [SLIDER, ROCKER], ids=["slider-crank", "four-bar"])
+def test_with_little_clearance_a_contact_is_in_the_place_of_a_joint(follower: Follower) -> None:
+    run = linkage(follower, 1e-5, 4e-3, restitution=0.5)
+    rod, exact = follower.with_joint(RATE * run.motion.times)
+    along = [follower.lever(s) @ [np.cos(b), np.sin(b)] for b, s in zip(rod, exact, strict=True)]
+    np.testing.assert_allclose(along * (run.motion.trajectory.q[:, -1] - exact), 0.0, atol=2e-5)
