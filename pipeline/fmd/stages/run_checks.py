@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.core.limits.contact import DEEP_START
 from fmd.core.limits.mechanism import NO_INERTIA
 from fmd.core.limits.memory import ALWAYS_FIT, FINE_RUNS, NUMBERS_OF_BODY, NUMBERS_OF_COORDINATE
 from fmd.core.limits.stepping import MANY_RADIANS, MOST_STEPS
 from fmd.core.memory import available_memory
 from fmd.dynamics.fastest_part import find_fastest_part
+from fmd.integrators.protocol import Integrator, evaluate
 from fmd.integrators.work_bounds import round_down
 from fmd.scene.runs import name_methods
 
 if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.system import CompiledSystem
     from fmd.dynamics.mechanism import Mechanism
-    from fmd.integrators.protocol import Integrator
     from fmd.scene.scene import Scene
     from fmd.scene.simulation import Simulation
+
+
+def require_free_start(scene: Scene, system: CompiledSystem, start: tuple[Array, Array]) -> None:
+    """Raise ``InputError`` if a body begins in what it touches, not at rest: what presses it there isn't known."""
+    if scene.simulation.start == "equilibrium":
+        return
+    parameters: Any = system.parameters
+    evaluate(parameters, 0.0, *start, np.zeros(system.n))
+    table, number = parameters.contact, 0
+    for body in system.mechanism.contacts:
+        for name in body.names:
+            depth = table.deepest(number)
+            if depth > DEEP_START * body.points.extent:
+                mend = f"{body.body} has to start above what it touches, or on it"
+                raise InputError(scene.file, f"contact.{name}", None, f"begins {depth:.4g} m deep: {mend}")
+            number += 1
+    if table.lost:
+        raise InputError(scene.file, "contact", None, f"has no forces at the start: {table.lost}")
 
 
 def require_no_contact(scene: Scene, what: str) -> None:

@@ -11,13 +11,13 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InertiaError, InputError, StabilityError
-from fmd.core.limits.contact import CHOSEN_STEP, DEEP_START, HALVED_STEPS, LARGEST_STEP, LOST_ENERGY, SHOCK_STEPS
+from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, LOST_ENERGY, SHOCK_STEPS
 from fmd.core.limits.mechanism import NO_FORCE
 from fmd.core.limits.stability import ALLOWED_GROWTH, LEAST_CYCLES, SURELY_STABLE, TRIED_PART, TRIED_TIMES
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.excited_modes import excited_part
 from fmd.integrators.central_difference import CentralDifference
-from fmd.integrators.protocol import Integrator, Trajectory, evaluate
+from fmd.integrators.protocol import Integrator, Trajectory
 from fmd.integrators.side_by_side import time_by_turns
 from fmd.integrators.work_bounds import round_down
 from fmd.scene.run_table import SubCycledRun
@@ -28,6 +28,7 @@ from fmd.stages.mechanism import find_start, place_joints
 from fmd.stages.plan import Growth, Plan, repeat_choice
 from fmd.stages.run_checks import (
     require_countable_steps,
+    require_free_start,
     require_inertia,
     require_known_phases,
     require_resolved_loads,
@@ -253,7 +254,7 @@ def _limit_contact_step(
     They do so without damping, by opening and closing, though each of the two is stable by itself. Operating points,
     which a motion without contacts would have, tell of sub-cycling alone, whose cycles are taken apart from contacts.
     """
-    _require_free_start(built, plan)
+    require_free_start(built.scene, plan.system, plan.start)
     step, substeps, apart = plan.integrator.step, plan.integrator.substeps, Growth()
     if substeps > 1:
         mechanism = replace(plan.mechanism, contacts=())
@@ -275,24 +276,6 @@ def _limit_contact_step(
             "one",
         )
     return apart
-
-
-def _require_free_start(built: Pipeline, plan: Plan) -> None:
-    """Raise ``InputError`` if a body begins in what it touches, not at rest: what presses it there isn't known."""
-    if built.scene.simulation.start == "equilibrium":
-        return
-    parameters, (q0, v0) = plan.system.parameters, plan.start
-    evaluate(parameters, 0.0, q0, v0, np.zeros(plan.system.n))
-    table, number = parameters.contact, 0
-    for body in plan.mechanism.contacts:
-        for name in body.names:
-            depth = table.deepest(number)
-            if depth > DEEP_START * body.points.extent:
-                mend = f"{body.body} has to start above what it touches, or on it"
-                raise InputError(built.scene.file, f"contact.{name}", None, f"begins {depth:.4g} m deep: {mend}")
-            number += 1
-    if table.lost:
-        raise InputError(built.scene.file, "contact", None, f"has no forces at the start: {table.lost}")
 
 
 def _describe_growth(method: Integrator, folds: float, longest: float) -> str:
