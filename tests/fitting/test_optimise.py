@@ -240,3 +240,32 @@ marker = { end = { face = "x-" } }
     assert "one result, or two for their front" in capsys.readouterr().err
     assert fmd("optimise", path, "--minimise", "mass", "--points", "5", *given) == 2
     assert "belongs to two aims" in capsys.readouterr().err
+
+
+ROD = [
+    "body.rod.depth=12 mm",
+    "body.rod.width=12 mm",
+    "body.rod.mesh.divisions=[8,1,1]",
+    "body.rod.modes={count=4,boundary='joint',enrich='none',damping=0.01}",
+    "simulation.duration=0.0419 s",
+    "simulation.step=auto",
+    "simulation.run=[{integrator='central-difference'}]",
+    "output=[{type='fatigue',file='life.csv',body='rod',sn={amplitude='40 MPa',cycles=1e6,slope=5}}]",
+]
+
+
+@pytest.mark.long
+def test_no_connecting_rod_around_the_best_is_lighter_and_lives_as_long() -> None:
+    """Of a slider-crank, a loop: by its life, and by a frequency a tenth below that of the rod that it begins with."""
+    run = package.load("slider-crank", *ROD).run
+    varied = read_varied(run, ["body.rod.depth=6..30 mm", "body.rod.width=6..30 mm"])
+    life, frequency = (float(find_channels(run, name)[0].read(run)) for name in ("life", "frequency.1"))
+    limits = [f"life >= {life!r}", f"frequency.1 >= {0.9 * frequency!r}"]
+    found = optimise_scene(run, "rod.mass", read_limits(run, limits), varied)
+    assert found.active.all()
+    assert found.multipliers[2] < 0.01
+    shares = np.log([value / 0.012 for value in numbers_of(found).values()])
+    for angle in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
+        mass, *others = found.space.at(shares + 0.02 * np.array([np.cos(angle), np.sin(angle)])).results
+        bounds = np.array([life, 0.9 * frequency])
+        assert mass > found.design.results[0] or (np.array(others) < bounds).any()
