@@ -63,6 +63,16 @@ def test_a_strip_that_bends_evenly_answers_to_its_largest_rotation_alone() -> No
     assert 0.6 * turn**2 < ratio < OF_BENDING * turn**2
 
 
+def test_at_constant_gradients_energy_and_load_are_their_integrands_times_the_volume() -> None:
+    """Of ``u = A x`` the quadratic strain is ``½ Aᵀ A``; without Poisson's ratio stress is E times the strain."""
+    fe, (A, B) = strip(), 1e-3 * np.random.default_rng(1).normal(size=(2, 3, 3))
+    f, energy = quadratic_strain_load(fe, fe.x @ A.T)
+    strain, stiff = 0.5 * A.T @ A, SOFT.E * LENGTH * WIDTH * DEPTH
+    assert energy == pytest.approx(0.5 * stiff * (strain**2).sum(), rel=1e-9)
+    work = stiff * ((strain * B).sum() + (0.5 * (A + A.T) * (A.T @ B)).sum())
+    assert (f * (fe.x @ B.T)).sum() == pytest.approx(work, rel=1e-9)
+
+
 def test_the_load_is_quadratic_and_its_energy_quartic_and_no_translation_works() -> None:
     fe = strip()
     u = 1e-4 * np.sin(fe.x @ np.random.default_rng(0).normal(size=(3, 3)))

@@ -32,6 +32,15 @@ def test_a_coupled_limit_is_where_growth_jumps(m: int) -> None:
         Subcycling(1.02 * limit, m).march(system, np.ones(3), np.zeros(3), np.array([2000.0]))
 
 
+def test_the_growth_rate_is_that_of_a_march_of_half_the_step() -> None:
+    M, K, m = np.array([[1.0, 0.1], [0.1, 1.0]]), np.diag([1e-6, 1.0]), 5
+    limit, rate = find_sudden_step(M, K, 1, m)
+    cycle = 0.5 * limit * m
+    march = Subcycling(0.5 * limit, m).march(LinearSystem(M, K, 1), np.ones(2), np.zeros(2), cycle * np.arange(351))
+    early, late = (np.abs(march.q[cycles, 1]).max() for cycles in (slice(100, 150), slice(300, 350)))
+    assert np.log(late / early) / (200 * cycle) == pytest.approx(rate, rel=0.05)
+
+
 def test_without_coupling_each_limit_is_that_of_the_stricter_coordinate() -> None:
     # 2/ω of the fast coordinate, 2/(m ω) of the slow one.
     M, K = np.eye(2), np.diag([4.0, 100.0])
