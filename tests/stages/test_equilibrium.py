@@ -1,12 +1,14 @@
 """Mechanisms at rest under the loads of the start, against statics."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fmd.core.errors import AccuracyError, InputError
 from fmd.scene.scene import load_scene
+from fmd.stages import equilibrium
 from fmd.stages.pipeline import Pipeline
 
 PENDULUM = """
@@ -133,7 +135,9 @@ def test_what_falls_has_no_equilibrium(tmp_path: Path) -> None:
 
 
 def test_a_start_whose_inertia_round_off_spoils_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fmd.stages.equilibrium._mass", lambda system, q, t: -np.eye(system.n))
+    check = equilibrium._positive_mass
+    spoilt = SimpleNamespace(mass_matrix=lambda q: -np.eye(len(q)))
+    monkeypatch.setattr(equilibrium, "_positive_mass", lambda system, q: check(spoilt, q))
     with pytest.raises(AccuracyError, match="the mass matrix of the start isn't positive definite: combinations of"):
         _ = run_of(tmp_path, PENDULUM).motion
 
