@@ -13,7 +13,6 @@ from fmd.cli.options import Flag, Folder, SceneName, print_json
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import CAMPBELL_CROSSINGS, CAMPBELL_LINES, CAMPBELL_MODES
-from fmd.core.progress import bars
 
 if TYPE_CHECKING:
     from fmd.output.campbell import CampbellDiagram
@@ -54,7 +53,9 @@ def campbell(
 
     pipeline = options.solve(scene)
     folder = out or Path("out") / pipeline.scene.name
-    diagram = compute_campbell(pipeline, np.linspace(0.0, highest, points), multiples, "rpm" in to, bars)
+    diagram = compute_campbell(
+        pipeline, np.linspace(0.0, highest, points), multiples, "rpm" in to, pipeline.store.monitor
+    )
     diagram = diagram if no_budget else diagram.with_errors(pipeline)
     files = write_campbell(diagram, folder)
     if options.json:

@@ -13,7 +13,7 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.cli.options import Json, NoCache, Set
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
-from fmd.core.progress import bars
+from fmd.core.progress import Bars
 from fmd.core.units import to_si
 from fmd.scene.scene import load_scene
 from fmd.scene.source_files import load_repaired
@@ -47,7 +47,7 @@ class Options:
         loaded = load_repaired(scene, given) if repair else load_scene(scene, given, without)
         if linear:
             loaded = complete_for_linear_answers(loaded)
-        return SolvedScene(loaded, Cache(None) if self.no_cache else None, bars, keep_all)
+        return SolvedScene(loaded, Cache(None) if self.no_cache else None, Bars(), keep_all)
 
     def solve(self, scene: str, *, repair: bool = False, spare: Sequence[Sequence[str]] = ()) -> Pipeline:
         """Return the stages of a scene as it is computed.

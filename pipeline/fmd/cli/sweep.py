@@ -16,7 +16,7 @@ from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.html import scaled
 from fmd.core.limits.shown import SWEPT_JOINTS
-from fmd.core.progress import bars
+from fmd.core.progress import Bars
 from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally, prepare_workers
 from fmd.sweep.plot import JOINT_FIGURE, draw_sweep
@@ -99,7 +99,7 @@ def sweep(
 
         compute = partial(compute_on_cluster, address=scheduler, wanted=wanted)
     with refusing("--out", folder):
-        result = run_sweep(variations, chosen, folder / "points", compute, bars, wanted)
+        result = run_sweep(variations, chosen, folder / "points", compute, Bars(), wanted)
         table = SweepTable(result)
         files, rows = write_tables(table, folder), table.rows
         files += draw_sweep(table, folder, f"{name}: {len(rows)} points")

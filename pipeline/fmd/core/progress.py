@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from typing import Protocol
 
 from fmd.core.limits.patience import SAY_AFTER_SECONDS, SHOW_AFTER_SECONDS
@@ -27,60 +30,87 @@ def silent(name: str) -> Iterator[Advance]:
     yield lambda done: None
 
 
-@contextmanager
-def bars(name: str) -> Iterator[Advance]:
-    """Draw a bar once a task has taken a second, if standard error is a terminal; else write a line every ten seconds.
+@dataclass(eq=False)
+class _Task:
+    """A task that is open; what is done of it never grows less, though methods that are tried begin anew."""
 
-    What is done never grows less, though methods that are tried begin anew.
+    name: str
+    begun: float
+    done: float = 0.0
+
+    def advance(self, done: float) -> None:
+        self.done = max(self.done, done)
+
+
+class Bars:
+    """Monitor that draws a bar for a task that has taken a second at a terminal, else writes a line every ten seconds.
+
+    Lines count from the first task, so that a run of many short ones has them, too; ten seconds without any begin anew.
     """
-    name = {"machine code": "compiling"}.get(name, name)  # as it is shown
-    most = 0.0
-    if not sys.stderr.isatty():
-        with _lines(name) as say:
-            yield say
-        return
+
+    def __init__(self) -> None:
+        self._begun = self._ended = self._said = -math.inf  # the first task, the last one's end, the last line
+        self._open: list[_Task] = []
+        self._writing = threading.Lock()
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[Advance]:
+        """Enter a task; the function that is yielded takes its progress."""
+        task = _Task({"machine code": "compiling"}.get(name, name), time.monotonic())  # as it is shown
+        with _draw_bar(task) if sys.stderr.isatty() else self._write_lines(task) as advance:
+            yield advance
+
+    @contextmanager
+    def _write_lines(self, task: _Task) -> Iterator[Advance]:
+        if not self._open and task.begun - self._ended > SAY_AFTER_SECONDS:
+            self._begun = self._said = task.begun
+        left = threading.Event()
+
+        def write() -> None:
+            while not left.wait(max(self._said + SAY_AFTER_SECONDS - time.monotonic(), 0.0)):
+                with self._writing:
+                    if time.monotonic() >= self._said + SAY_AFTER_SECONDS:  # else a task around this one has written
+                        self._said = time.monotonic()
+                        sys.stderr.write(self._line())
+                        sys.stderr.flush()
+
+        self._open.append(task)
+        writer = threading.Thread(target=write, daemon=True)
+        writer.start()
+        try:
+            yield task.advance
+        finally:
+            left.set()
+            writer.join()
+            self._open.remove(task)
+            self._ended = time.monotonic()
+
+    def _line(self) -> str:
+        """Return the line of the outermost task that knows how far it is, else of the innermost."""
+        tasks = self._open.copy()
+        task = next((each for each in tasks if each.done), tasks[-1])
+        share = f", {100 * task.done:.0f} %" if task.done else ""
+        if 0.0 < task.done < 1.0:
+            share += f", about {(self._said - task.begun) * (1.0 / task.done - 1.0):.0f} s left"
+        return f"{self._said - self._begun:.0f} s: {task.name}{share}\n"
+
+
+@contextmanager
+def _draw_bar(task: _Task) -> Iterator[Advance]:
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(name, total=None, visible=False)
-        timer = threading.Timer(SHOW_AFTER_SECONDS, lambda: progress.update(task, visible=True))
+        bar = progress.add_task(task.name, total=None, visible=False)
+        timer = threading.Timer(SHOW_AFTER_SECONDS, lambda: progress.update(bar, visible=True))
         timer.daemon = True
         timer.start()
 
         def advance(done: float) -> None:
-            nonlocal most
-            most = max(most, done)
-            progress.update(task, total=1.0, completed=most)
+            task.advance(done)
+            progress.update(bar, total=1.0, completed=task.done)
 
         try:
             yield advance
         finally:
             timer.cancel()
-
-
-@contextmanager
-def _lines(name: str) -> Iterator[Advance]:
-    """Write a line for each ten seconds that a task takes, with what is left at the pace until then."""
-    most, ended = 0.0, threading.Event()
-
-    def advance(done: float) -> None:
-        nonlocal most
-        most = max(most, done)
-
-    def write() -> None:
-        seconds = SAY_AFTER_SECONDS
-        while not ended.wait(SAY_AFTER_SECONDS):
-            left = f", about {seconds * (1.0 / most - 1.0):.0f} s left" if 0.0 < most < 1.0 else ""
-            share = f", {100 * most:.0f} %{left}" if most else ""
-            sys.stderr.write(f"{name}: {seconds:.0f} s{share}\n")
-            sys.stderr.flush()
-            seconds += SAY_AFTER_SECONDS
-
-    writer = threading.Thread(target=write, daemon=True)
-    writer.start()
-    try:
-        yield advance
-    finally:
-        ended.set()
-        writer.join()

@@ -14,7 +14,7 @@ from fmd.core.arrays import Array
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import MANY_BODIES
-from fmd.core.progress import Monitor, bars, silent
+from fmd.core.progress import Bars, Monitor, silent
 from fmd.output.body_matrices import BodyMatrices
 from fmd.output.notebook import Animation, Picture, Summary, draw_inline, read_output
 from fmd.output.pictures import draw_film
@@ -231,4 +231,4 @@ def load(scene: str | Path | Mapping[str, Any], *overrides: str) -> Result:
     InputError
         As `fmd.load_scene`.
     """
-    return solve(load_scene(scene, overrides), monitor=bars)
+    return solve(load_scene(scene, overrides), monitor=Bars())
