@@ -187,7 +187,7 @@ def _points(
             soft = soft + (1.0 + own.softness) * bodies[own.master].points.softness[own.triangles].max()
         supple.append(soft)
     vectors = ("weights", "spot", "free", "force", "own", "moved", "at", "known", "tip", "before")
-    of_round = ("dent", "dent_then", "drag", "drag_then", "touched", "touched_then")
+    of_round = ("dent", "dent_then", "drag", "drag_then", "tangent_then", "touched", "touched_then")
     then = ("undamped", "viscous", "weights_then", "normal_then", "moved_then", "elastic_then", "viscous_then")
     return {
         "node": np.concatenate([first[own.slave] + own.points for own in surfaces]),

@@ -33,6 +33,16 @@ class ContactHistory(NamedTuple):
     beyond_grid: bool  # it has reached the border of its near field's grid
     largest: tuple[float, float, float]  # force [N], area [m²] and pressure [Pa] at any step
 
+    def lost_part(self, kinetic: Array) -> float:
+        """Return the largest energy that steps made or lost, over the largest that they had to do with.
+
+        That is the bodies' kinetic energy (n_times,), what the contact stores, or what it turns into heat: of bodies
+        that are set down or at rest kinetic energy alone is next to nothing.
+        """
+        energies = kinetic, self.energy, self.friction_work, self.damping_work
+        scale = max(float(np.abs(own).max()) for own in energies)
+        return float(np.abs(self.energy_error).max()) / scale if scale else 0.0
+
     @property
     def figures(self) -> dict[str, Any]:
         """Figures for a summary: first and last time of contact, sums, and largest values at any step."""

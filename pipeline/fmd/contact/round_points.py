@@ -25,6 +25,7 @@ def follow_material(c: ContactTable, s: int, i: int, origins: Array, rotations: 
     mean arm, so that along the normal it is the change of the gap. Places are in the other body's frame.
     """
     _note_frame(c, s, i, origins, rotations)
+    _turn_memory(c, i)
     for a in range(3):
         c.spot[i, a] = c.touched[i, a]
     if c.seen[i, 1] == 0:
@@ -41,6 +42,33 @@ def follow_material(c: ContactTable, s: int, i: int, origins: Array, rotations: 
         one, other = (a + 1) % 3, (a + 2) % 3
         turned = c.way[0, one] * c.way[2, other] - c.way[0, other] * c.way[2, one]
         c.spot[i, a] = c.before[i, a] + c.way[1, a] + turned
+
+
+@inner
+def _turn_memory(c: ContactTable, i: int) -> None:
+    """Put what a point remembers aside along its tangents of now, which jump where the normal's least part is another.
+
+    Tangents are chosen afresh for each normal; a deflection that stayed along the old ones would look like a slip.
+    """
+    along, across = 0.0, 0.0
+    for b in range(3):
+        t1, t2 = 0.0, 0.0
+        for k in range(3):
+            t1 += c.turned[i, 1, k] * c.Q[i, k, b]
+            t2 += c.turned[i, 2, k] * c.Q[i, k, b]
+        along += t1 * c.tangent_then[i, b]
+        across += t2 * c.tangent_then[i, b]
+        c.way[0, b] = t1
+    for b in range(3):
+        c.tangent_then[i, b] = c.way[0, b]
+    size = math.sqrt(along * along + across * across)
+    if size == 0.0:
+        return
+    along, across = along / size, across / size
+    d1, d2, f1, f2 = c.dent_then[i, 1], c.dent_then[i, 2], c.drag_then[i, 1], c.drag_then[i, 2]
+    # the old second tangent is the first, turned by a right angle about the normal
+    c.dent_then[i, 1], c.dent_then[i, 2] = along * d1 - across * d2, across * d1 + along * d2
+    c.drag_then[i, 1], c.drag_then[i, 2] = along * f1 - across * f2, across * f1 + along * f2
 
 
 @inner

@@ -107,6 +107,7 @@ class ContactTable(Table):
     dent_then: Array  # (n, 3): at the last step
     drag: Array  # (n, 3): damper's part of the force [N]
     drag_then: Array  # (n, 3)
+    tangent_then: Array  # (n, 3): first tangent along which these two are, in the other's frame
     touched: Array  # (n, 3): place, in the other's frame [m]
     touched_then: Array  # (n, 3)
     gap_then: Array  # (n,) [m]
@@ -185,6 +186,7 @@ class ContactTable(Table):
         of_round = (
             self.dent_then,
             self.drag_then,
+            self.tangent_then,
             self.touched_then,
             self.gap_then,
             self.speed_then,

@@ -32,13 +32,13 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Return warnings about energy that contact's steps made, grids, raised flexibility, and nodes that go unseen."""
     found = []
     for motion in run.motions.values() if run.scene.contact else ():
-        kinetic = float(motion.energies[0].max())
         for name, own in motion.contacts.items():
-            error = float(np.abs(own.energy_error).max())
-            if error > LOST_ENERGY * kinetic:
+            part = own.lost_part(motion.energies[0])
+            if part > LOST_ENERGY:
                 text = (
-                    f"contact.{name}: the steps made or lost {error:.3g} J by opening and closing, "
-                    f"{100 * error / max(kinetic, 1e-300):.2g} % of the largest kinetic energy; shorter steps lose less"
+                    f"contact.{name}: the steps made or lost {np.abs(own.energy_error).max():.3g} J by opening and "
+                    f"closing, {100 * part:.2g} % of the largest of kinetic energy, energy stored in the contact, and "
+                    "its heat; shorter steps lose less"
                 )
                 found.append({"code": "contact-energy", "text": text})
         found += [{"code": "contact-grid", "text": text} for text in _grid_faults(motion)]

@@ -352,8 +352,7 @@ def find_motions(run: Pipeline) -> dict[str, Motion]:
 
 def _loses_energy(motion: Motion) -> bool:
     """Return true if contact's steps made or lost more energy than is let pass without a warning."""
-    allowed = LOST_ENERGY * float(motion.energies[0].max())
-    return any(float(np.abs(own.energy_error).max()) > allowed for own in motion.contacts.values())
+    return any(own.lost_part(motion.energies[0]) > LOST_ENERGY for own in motion.contacts.values())
 
 
 def _find_whole_motions(run: Pipeline) -> dict[str, Motion]:

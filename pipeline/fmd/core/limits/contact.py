@@ -29,7 +29,7 @@ STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from wh
 
 # Results.
 DEEP_START = 1e-6  # of the body's size: how deep it may be in the ground at the start
-LOST_ENERGY = 0.01  # of the largest kinetic energy: more that contact's steps make or lose is warned of
+LOST_ENERGY = 0.01  # of kinetic energy, contact's or its heat: more that contact's steps make or lose is warned of
 ASLANT = 0.5  # [rad]: how far a picture of a face's pressure is taken beside its normal, and above it
 FEW_ON_MESH = 12  # points of a curved face that are pressed: fewer tell the force to less than 2 %
 FEW_POINTS = 32  # of a grid that are pressed: fewer tell the largest pressure to less than 2 %
