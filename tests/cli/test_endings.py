@@ -76,6 +76,40 @@ def test_a_failure_of_numerical_libraries_is_one_message(fmd, capsys, monkeypatc
     assert capsys.readouterr().err == said
 
 
+UPRIGHT = """
+[joint.foot]
+type = "fixed"
+parent = "ground"
+child = "bar.foot"
+[simulation]
+duration = "1 s"
+output_step = "0.1 s"
+tip = "bar.tip"
+gravity = ["-9.81 m/s^2", "0 m/s^2", "0 m/s^2"]
+[[simulation.run]]
+integrator = "runge-kutta"
+tolerance = 1e-6
+"""
+
+
+@pytest.mark.parametrize(("command", "more", "status"), [("run", ["--no-budget"], 2), ("mesh", [], 0)])
+def test_a_wrong_unit_is_told_before_anything_is_computed(
+    fmd, capsys, monkeypatch, tmp_path, command, more, status
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    scene = tmp_path / "upright.toml"
+    wrong = (
+        PART.replace("7850 kg/m^3", "7850 g/cm^3")
+        .replace("210 GPa", "2 GPa")
+        .replace("{ middle", '{ foot = { face = "x-" }, middle')
+    )
+    scene.write_text(wrong.replace("divisions = [12", "divisions = [6").replace("count = 6", "count = 2") + UPRIGHT)
+    assert fmd(command, scene, *more) == status
+    first, *others = capsys.readouterr().err.splitlines()
+    assert first.startswith("warning: body.bar.rho is 7.85e+06 kg/m^3, which is unusual: foam has about 30, water 1000")
+    assert [text.partition("would buckle")[1] for text in others] == ["would buckle"] * (status == 2)
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_what_json_can_not_hold_is_named_by_its_place(bad: float) -> None:
     with pytest.raises(AccuracyError, match=r"the result rows\.1\.error isn't a finite number"):

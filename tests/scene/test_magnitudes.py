@@ -20,6 +20,11 @@ def test_what_no_part_can_have_is_refused_by_its_key(key: str, size: str) -> Non
     assert f"{key} = '{size} {unit}': {given} {unit} can't be a" in str(caught.value)
 
 
+def test_a_density_in_grams_per_cubic_millimetre_by_mistake_is_refused() -> None:
+    with pytest.raises(InputError, match=r"body\.beam\.rho = '2700 g/mm\^3': 2\.7e\+09 kg/m\^3 can't be a density"):
+        load_scene("beam", ["body.beam.rho=2700 g/mm^3"])
+
+
 @pytest.mark.parametrize(
     ("override", "said"),
     [

@@ -70,6 +70,13 @@ def test_what_was_made_of_a_forgotten_result_is_forgotten_with_it(tmp_path):
     assert first.results == {}
 
 
+def test_an_error_of_a_stage_has_what_is_unusual_about_the_scene_as_its_notes():
+    store = StageStore(Cache(None), remarks=lambda: iter(["rho is 2.7, which is unusual"]))
+    with pytest.raises(TypeError) as caught:
+        Sum(store, 3, "4").double  # noqa: B018 - computes it
+    assert caught.value.__notes__ == ["rho is 2.7, which is unusual"]  # of both stages
+
+
 def test_every_source_that_a_key_names_is_there():
     named = {
         source for stage in (*PART_STAGES.values(), *RUN_STAGES.values(), ERROR_BUDGET) for source in stage.sources

@@ -15,6 +15,7 @@ from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.progress import Bars
 from fmd.core.units import to_si
+from fmd.scene.magnitudes import find_unusual
 from fmd.scene.scene import load_scene
 from fmd.scene.source_files import load_repaired
 from fmd.scene.variants import complete_for_linear_answers
@@ -39,7 +40,7 @@ class Options:
         without: Sequence[str] = (),
         linear: bool = False,
     ) -> SolvedScene:
-        """Load a scene, to be solved with progress bars on the terminal.
+        """Load a scene, to be solved with progress bars on the terminal; says its unusual values before anything runs.
 
         Tables ``without`` are left out unread; ``linear`` answers need no simulation in the scene.
         """
@@ -47,6 +48,8 @@ class Options:
         loaded = load_repaired(scene, given) if repair else load_scene(scene, given, without)
         if linear:
             loaded = complete_for_linear_answers(loaded)
+        for text in find_unusual(loaded):
+            print(f"warning: {text}", file=sys.stderr)
         return SolvedScene(loaded, Cache(None) if self.no_cache else None, Bars(), keep_all)
 
     def solve(self, scene: str, *, repair: bool = False, spare: Sequence[Sequence[str]] = ()) -> Pipeline:

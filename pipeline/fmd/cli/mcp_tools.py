@@ -74,7 +74,7 @@ class SceneTools:
                 for part in solved.given.wholes.values():
                     part.modes  # noqa: B018 - so have they here
         except (InputError, AccuracyError) as error:
-            return {"sound": False, "faults": str(error).splitlines()}
+            return {"sound": False, "faults": [*str(error).splitlines(), *getattr(error, "__notes__", ())]}
         return {"sound": True, "faults": []}
 
     @_quietly

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fmd.core.limits.shown import MOST_WARNINGS, UNCUT
+from fmd.scene.magnitudes import UNUSUAL
 
 
 def new_table(title: str, *columns: str, wide: int = 0) -> Table:
@@ -63,8 +64,9 @@ def print_frequencies(summary: dict[str, Any]) -> None:
 
 
 def print_warnings(warnings: Sequence[Mapping[str, Any]], where: str = "--json") -> None:
-    """Print the first few warnings, and where the others are."""
+    """Print the first few warnings, and where the others are; unusual values were told as the scene was opened."""
     console = open_console()
+    warnings = [warning for warning in warnings if warning["code"] != UNUSUAL]
     for warning in warnings[:MOST_WARNINGS]:
         console.print(f"warning: {warning['text']}")
     if (more := len(warnings) - MOST_WARNINGS) > 0:

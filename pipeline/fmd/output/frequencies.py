@@ -10,7 +10,7 @@ import numpy as np
 from fmd.core.limits.scene import LUMPING_COUNTS, POOR_QUALITY
 from fmd.reduction.rotating import rotating_modes
 from fmd.scene.imported_bodies import MatrixPart
-from fmd.scene.magnitudes import find_unusual
+from fmd.scene.magnitudes import UNUSUAL, find_unusual
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
@@ -64,7 +64,7 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
     list of dict
         ``code``, ``body`` and ``text`` of each warning.
     """
-    found = [{"code": "unusual-value", "text": text} for text in find_unusual(run.scene)]
+    found = [{"code": UNUSUAL, "text": text} for text in find_unusual(run.scene)]
     for name, part in run.wholes.items():
         if part.shape.file_keys[:1] == ("mesh",) and (quality := float(part.mesh.quality.min())) < POOR_QUALITY:
             text = f"{name}: an element has a scaled Jacobian of {quality:.2g}; results around it are poor"

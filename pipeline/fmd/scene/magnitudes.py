@@ -10,6 +10,8 @@ from fmd.core.limits.scene import USUAL_OF_BODIES, USUAL_OF_MOTION
 from fmd.core.units import QuantityReader
 from fmd.scene.reading import SceneTable
 
+UNUSUAL = "unusual-value"  # code of the warning
+
 
 def find_unusual(scene: SceneTable) -> Iterator[str]:
     """Write a sentence for each value of a scene that is far from usual ones: its key, it, and what is usual."""

@@ -20,6 +20,7 @@ from fmd.recovery.deformation import Deformation, measure_deformation
 from fmd.recovery.envelope import StressEnvelope, stress_envelope
 from fmd.recovery.stress import StressHistory, stress_measure
 from fmd.reduction.inertia import normal_blocks
+from fmd.scene.magnitudes import find_unusual
 from fmd.scene.scene import Scene
 from fmd.scene.source_files import collect_inputs
 from fmd.stages.division import Division, complete_inertia, divide_parts
@@ -196,7 +197,7 @@ class Pipeline:
         self.scene, self.keep_all, self.whole_energy = scene, keep_all, False
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
         self.stands_alone = True
-        self.store = StageStore(Cache(cache_folder() / "stages") if cache is None else cache, monitor)
+        self.store = StageStore(cache or Cache(cache_folder() / "stages"), monitor, lambda: find_unusual(scene))
         self.wholes = {name: FlexiblePart(scene, name, self.store, (like or {}).get(name)) for name in scene.flexible}
         if division is not None:
             wholes = {name: divided.whole for name, divided in division.divided.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -57,6 +57,8 @@ class StageStore:
     ----------
     monitor : Monitor
         Reports each stage's progress.
+    remarks : callable
+        Finds what is unusual about the scene, which an error of a stage has as its notes.
     log : Log
         Records what was done.
     shared : dict of str to object
@@ -65,6 +67,7 @@ class StageStore:
 
     cache: Cache
     monitor: Monitor = silent
+    remarks: Callable[[], Iterable[str]] = tuple
     log: Log = field(default_factory=Log)
     shared: dict[str, Any] = field(default_factory=dict)
 
@@ -129,6 +132,11 @@ class StageStore:
         try:
             with self.monitor(stage), pools.limit(limits=1):  # the products here are small: two BLAS threads only spin
                 return compute()
+        except Exception as error:
+            for text in self.remarks():
+                if text not in getattr(error, "__notes__", ()):  # of a stage that this one needs
+                    error.add_note(text)
+            raise
         finally:
             spent = time.perf_counter() - tick
             self.log.add(stage, spent - (sum(self.log.seconds.values()) - others), self.log.run)

@@ -46,7 +46,7 @@ SPEED = 60.0  # length of the part over the duration of the push [m/s]
 POSSIBLE = {
     "length": (1e-12, 1e12),
     "stress": (1e-9, 1e18),
-    "density": (1e-9, 1e18),
+    "density": (1e-9, 1e8),  # a stub that stands for a machine's mass may have 1e7
     "time": (1e-18, 1e12),
     "frequency": (1e-12, 1e18),
     "mass": (1e-30, 1e18),
