@@ -86,8 +86,7 @@ def test_stress_in_a_sharp_corner_grows_as_the_theory_of_wedges_has_it(
 ) -> None:
     """Williams 1952: as h^-0.4555 with 270° of material; of a crack, with 360°, as h^-½. Meshes scatter about that."""
     (corner,) = bracket[1]
-    assert corner.angle == pytest.approx(1.5 * np.pi)
-    assert wedge_exponent(corner.angle) == pytest.approx(0.4555, abs=1e-4)
+    assert corner.exponent == pytest.approx(0.4555, abs=1e-4)
     assert wedge_exponent(2 * np.pi - 1e-6) == pytest.approx(0.5, abs=1e-4)
     assert corner.place[0] == pytest.approx(0.02)
     assert corner.growth == pytest.approx(0.4555, abs=0.15)

@@ -4,10 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
+from scipy.linalg import eigh
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.coarse_mesh import make_pair_across
 from fmd.accuracy.error_budget import ERROR_BUDGET
+from fmd.core.rotations import rigid_motions
+from fmd.reduction.body import FlexibleBody
 
 LENGTH, DEPTH, WIDTH, E, RHO = 1.2, 0.02, 0.06, 70e9, 2700.0
 BAR = f"""
@@ -100,3 +104,31 @@ def test_shapes_that_round_off_sets_apart_tell_nothing_of_the_mesh() -> None:
     assert 8 <= alike.sum() < len(alike)  # round-off chooses where between these
     assert np.abs(excess[alike]).max() < 0.05
     assert np.abs(excess[~alike]).max() > 0.05
+
+
+def test_a_run_softened_to_a_finer_mesh_moves_no_more_than_its_mass_as_that_mesh_stiffened_does(tmp_path: Path) -> None:
+    """A clamped bar's shapes of bending move nearly its whole mass, and one element across is stiff."""
+    file = tmp_path / "bar.toml"
+    bar = BAR.replace("ORDER", "2").replace("DIVISIONS", "[12, 1, 1]").replace('family = "torsion", ', "")
+    file.write_text(bar.replace("count = 1", "count = 8"))
+    run = Pipeline(load_scene(file))
+    pair = make_pair_across(run)
+    assert pair is not None
+    stiffened, _ = pair.at_the_same_frequencies()
+    softened, _ = pair.soften("bar")
+    m, finer = run.parts["bar"].fe.m, pair.coarse.parts["bar"].fe.m
+    assert moved_share(stiffened.bodies["bar"], finer) > 1.0  # no mass matrix
+    assert moved_share(softened, m) == pytest.approx(moved_share(run.bodies["bar"], m))
+    assert moved_share(softened, m) < 1.0
+    numbers, alike = pair.counterparts("bar")
+    theirs = np.where(alike, pair.coarse.bodies["bar"].omega[numbers], run.bodies["bar"].omega)
+    assert softened.omega == pytest.approx(np.sort(theirs))
+    assert (theirs < 0.999 * run.bodies["bar"].omega).any()
+
+
+def moved_share(body: FlexibleBody, m: sp.csr_array) -> float:
+    """Return the largest share of a rigid motion's mass that a body's shapes of unit modal mass move."""
+    rigid = rigid_motions(body.x)
+    momenta = (m @ rigid.reshape(len(body.x), -1)).reshape(-1, 6)
+    moved = momenta.T @ body.shapes.reshape(len(momenta), -1)
+    return float(eigh(moved @ moved.T, rigid.reshape(-1, 6).T @ momenta, eigvals_only=True)[-1])

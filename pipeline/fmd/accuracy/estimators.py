@@ -89,7 +89,7 @@ class Estimates(Comparison):
         if self.run.parts:
             found["recovery"] = self._recovery()
             self.pair, self._across = self._coarse_pair(), self._pair_across()
-            self._within_limit("stress at re-entrant edges", self._corner_stress)
+            self._within_limit("stress at edges", self._corner_stress)
         found["time"] = self._within_limit("time", self._time)
         if not self.run.parts:
             return found

@@ -23,7 +23,7 @@ def uncertain_warnings(scene: Scene, budget: Budget) -> list[dict[str, str]]:
         error = budget.safety * cause.error
         if cause.counted and cause.cause not in _OWN_WARNING and error > TOO_UNCERTAIN:
             texts.append(f"'{cause.quantity}' may be off by up to {100 * error:.0f} %: {cause.text}")
-    corners = [{"code": "re-entrant-edge", "body": each.body, "text": each.warning} for each in budget.corners]
+    corners = [{"code": each.code, "body": each.body, "text": each.warning} for each in budget.corners]
     return [*corners, *({"code": "uncertain-results", "text": text} for text in texts)]
 
 

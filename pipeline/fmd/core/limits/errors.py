@@ -16,8 +16,11 @@ COMPARED_TIMES = 2000  # at which reactions, places and accelerations are compar
 HOTTEST_FRAMES = 20  # of them around the largest stress
 HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
 
-# Re-entrant edges.
+# Edges about which stress has no limit.
 EDGE_RINGS = 2  # of triangles about an edge, within which the largest stress is the edge's
+# Exponent of stress about a right angle between a rigid face and a free one, of Poisson's ratio 0.3 in plane strain:
+# 1 - x with the smallest root of sin(x π/2)² = (4 (1 - ν)² - x²)/(3 - 4ν) (Williams 1952).
+CLAMPED_EDGE = 0.289
 OF_WEDGE = 0.5  # of a wedge's exponent: stress that grows by more with smaller elements is taken to have no limit
 
 # Large deflection.
