@@ -39,6 +39,13 @@ RUNS = {
     "runge-kutta": {"integrator": "runge-kutta", "tolerance": 1e-12},
     "generalized-alpha": {"integrator": "generalized-alpha", "step": "1 ms"},
     "exponential": {"integrator": "exponential", "step": "1 ms"},
+    "sub-cycling": {
+        "integrator": "sub-cycling",
+        "substeps": 4,
+        "step": "0.1 ms",
+        "split": "20 Hz",
+        "forces": "tangents",
+    },
 }
 
 
@@ -108,6 +115,21 @@ def spatial_chain(method: str) -> dict[str, Any]:
     return tables
 
 
+def fast_slides(method: str) -> dict[str, Any]:
+    """Two fast slides that don't couple, one with a drive and a damper, on a slow crank that turns."""
+    push = {"formula": "4*sin(300*t)", "unit": "N"}
+    slide = {"type": "prismatic", "axis": [1, 0, 0], "position": "5 mm"}
+    tables = chain(method)
+    tables["body"] = {"crank": rod(0.3), "block": rod(0.1), "beside": rod(0.1)}
+    tables["joint"] = {
+        "drive": revolute("ground", "crank.a", angle="80 deg", spring="2 N m", rate="8 rad/s"),
+        "slide": {**slide, "parent": "crank.b", "child": "block.a", "spring": "60 N/mm", "damper": "20 N s/m"},
+        "other": {**slide, "parent": "crank.a", "child": "beside.a", "spring": "80 N/mm"},
+    }
+    tables["drive"] = {"push": {"type": "force", "joint": "slide", "force": push}}
+    return tables
+
+
 SPRINGS = ["joint.drive.spring", "joint.pin.spring"]
 OTHERS = ["joint.drive.damper", "drive.push.torque"]
 SPATIAL = ["joint.drive.spring", "drive.push.torque", "body.coupler.mass", "body.rocker.inertia.1"]
@@ -128,6 +150,7 @@ MASSES = ["body.coupler.mass", "body.crank.marker.b.at.0"]  # the second is the 
         ),
         ("generalized-alpha", chain, [SPRINGS[1], OTHERS[0]]),
         ("exponential", chain, OTHERS[1:]),
+        ("sub-cycling", fast_slides, ["body.block.mass", "joint.slide.spring"]),
     ],
 )
 def test_tangents_are_extrapolated_differences_of_marches(method: str, make: Any, keys: list[str]) -> None:

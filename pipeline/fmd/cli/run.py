@@ -249,7 +249,7 @@ def _notes(summary: dict[str, Any]) -> list[str]:
     ]
     lines += [
         f"note: {row['integrator']} {row['substeps']}:1 takes {ratio:.2g} times as long as central-difference here, "
-        "and forces carried on from cycle to cycle don't keep simulation.error: take central-difference"
+        "and forces carried on from cycle to cycle were not accurate or not stable enough: take central-difference"
         for row in summary["integrations"]
         if (ratio := row["part_over_plain"] or 0.0) > 1
     ]

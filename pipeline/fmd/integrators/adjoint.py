@@ -21,6 +21,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import MOST_STEPS_KEPT
+from fmd.core.limits.round_off import NO_TURN, SMALL_TURN
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import CompiledParameters
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -163,8 +164,9 @@ def _turn_back(q: Array, at: int, v: Array, turn: int, h: float, dq: Array, dv: 
     """Transpose the derivative of a unit quaternion's turn: ``e∘(s u, c)`` with ``u = ½ h ω``, s and c of its size."""
     ux, uy, uz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]
     size = math.sqrt(ux * ux + uy * uy + uz * uz)
-    s, c = (math.sin(size) / size, math.cos(size)) if size > 1e-12 else (1.0, 1.0)
-    bend = (c - s) / (size * size) if size > 1e-3 else -1.0 / 3.0 + size * size / 30.0  # of s, by half the size squared
+    s, c = (math.sin(size) / size, math.cos(size)) if size > NO_TURN else (1.0, 1.0)
+    # Of s, by half the size squared.
+    bend = (c - s) / (size * size) if size > SMALL_TURN else -1.0 / 3.0 + size * size / 30.0
     x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
     tx, ty, tz = s * ux, s * uy, s * uz
     e0, e1 = w * tx + y * tz - z * ty + x * c, w * ty - x * tz + z * tx + y * c

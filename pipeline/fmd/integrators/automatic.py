@@ -33,6 +33,9 @@ from fmd.core.limits.stepping import (
     RESOLVED,
     SHORTER_STEPS,
     TRIAL,
+    UNRESOLVED_LEAST,
+    UNRESOLVED_MOST,
+    UNRESOLVED_ORDER,
     WORTH_A_CORE,
     WORTH_A_TRIAL,
     WORTHWHILE,
@@ -335,7 +338,7 @@ class Automatic(Integrator):
 
 def _gain(coarse: Trajectory, system: System) -> Gain:
     if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > RESOLVED:
-        return Gain(1.2, 0.7, 4.0)  # of longer ones, in which the fastest vibrations die away
+        return Gain(UNRESOLVED_ORDER, UNRESOLVED_LEAST, UNRESOLVED_MOST)
     return _GAINS[coarse.integrator]
 
 

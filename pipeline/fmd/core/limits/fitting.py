@@ -8,7 +8,9 @@ PARTS = 200  # of a motion
 TRIED_TIMES = 8  # at which loads are compared, to see if they change in proportion to a number
 TRIED_MOVES = 1e-2  # of positions beside the start [m, rad or modal coordinate], at which equations are compared so
 # By the adjoint of a march.
-FEWEST_BY_ADJOINT = 32  # numbers: of six links a whole gradient by 16 takes 1.2 times that by tangents, by 24 1.1 times
+# Numbers. A whole gradient of six links takes 1.2 times that by tangents by 16, 1.1 times by 24: extrapolated, it is
+# cheaper from 32 on.
+FEWEST_BY_ADJOINT = 32
 READ_DIFFERENCE = 1e-4  # of a coordinate's largest value, between motions that a result is read from
 LEAST_READ_DIFFERENCE = 1e-7  # the same of a coordinate that stays near 0 [m, rad or modal coordinate, or their rates]
 

@@ -81,7 +81,9 @@ def _freeze_slow(p: TangentParameters, t: float, q: Array, v: Array, a: Array, c
         for lane in range(LANES):
             c.directions[i, lane] = p.directions[i, lane]
     velocities(p, q, v, c.moved)
-    if not c.frozen.single:
+    if c.frozen.single:
+        _take_shares(c)
+    else:
         _go_ahead(p, t, c)
     _follow_slow_motion(p, c)
     for row in range(c.share.size):
@@ -92,6 +94,18 @@ def _freeze_slow(p: TangentParameters, t: float, q: Array, v: Array, a: Array, c
         _add_variants(p, q, v, a, c)
     for row in range(c.share.size):
         _find_column(p, q, v, a, c, row)
+
+
+@inner
+def _take_shares(c: CycleTangents) -> None:
+    """Let directions have their shares of fast accelerations that don't couple: masses may change with a number."""
+    frozen, last = c.frozen, c.share.size - 1
+    for i in range(frozen.n_slow, frozen.k.size):
+        c.along_a[0, i], c.along_a[1, i] = -frozen.k[i], frozen.slope[i]
+        for k in range(frozen.driven.size):
+            c.along_a[2 + k, i] = frozen.lever[k, i]
+        if frozen.damped:
+            c.along_a[last, i] = -frozen.c[i]
 
 
 @inner

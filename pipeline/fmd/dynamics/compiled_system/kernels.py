@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from fmd.core.arrays import Array
+from fmd.core.limits.round_off import NO_TURN
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints, velocities
 from fmd.kernels.kernel import inlined
@@ -107,7 +108,7 @@ def _advance_quaternion(q: Array, at: int, v: Array, turn: int, h: float) -> Non
     """Turn the unit quaternion at ``q[at]`` by h times the body's own rates; the only place where one changes."""
     wx, wy, wz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]
     size = math.sqrt(wx * wx + wy * wy + wz * wz)
-    s, c = (math.sin(size) / size, math.cos(size)) if size > 1e-12 else (1.0, 1.0)
+    s, c = (math.sin(size) / size, math.cos(size)) if size > NO_TURN else (1.0, 1.0)
     wx, wy, wz = s * wx, s * wy, s * wz
     x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
     e0 = w * wx + x * c + y * wz - z * wy

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.round_off import NO_TURN, SMALL_TURN
 from fmd.dynamics.compiled_system.kernels import quaternion_rate, take_leap
 from fmd.dynamics.compiled_system.parameters import Leapfrog
 from fmd.dynamics.compiler.program import LANES
@@ -189,8 +190,9 @@ def _advance_quaternion(p: TangentParameters, q: Array, at: int, v: Array, turn:
     """Turn the unit quaternion at ``q[at]`` by h times the body's own rates, and its tangents with it."""
     wx, wy, wz = 0.5 * h * v[turn], 0.5 * h * v[turn + 1], 0.5 * h * v[turn + 2]
     size = math.sqrt(wx * wx + wy * wy + wz * wz)
-    s, c = (math.sin(size) / size, math.cos(size)) if size > 1e-12 else (1.0, 1.0)
-    bend = (c - s) / (size * size) if size > 1e-3 else -1.0 / 3.0 + size * size / 30.0  # of s, by half the size squared
+    s, c = (math.sin(size) / size, math.cos(size)) if size > NO_TURN else (1.0, 1.0)
+    # Of s, by half the size squared.
+    bend = (c - s) / (size * size) if size > SMALL_TURN else -1.0 / 3.0 + size * size / 30.0
     x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
     e0 = s * (w * wx + y * wz - z * wy) + x * c
     e1 = s * (w * wy - x * wz + z * wx) + y * c
