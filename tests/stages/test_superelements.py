@@ -55,6 +55,7 @@ marker = {{ root = {{ node = "7" }}, tip = {{ node = "3" }} }}
 """
 RECOVERED = ', nodes = "nodes.csv", recovery = "otm.mtx", recovery_nodes = "nodes.csv"'
 N_MODES = 10
+UNKNOWNS = tuple([(n, c) for n in (7, 3) for c in range(1, 7)] + [(101 + k, 0) for k in range(N_MODES)])
 
 
 class Made(NamedTuple):
@@ -185,12 +186,14 @@ def test_nastrans_unknowns_may_have_axes_of_their_own(made: Made):
     for node in "37":
         assert part.given_model.data.nodes[node].position == pytest.approx(1e-3 * made.places[int(node)], abs=1e-12)
     plain = given(made, "beam.mtx", ', nodes = "nodes.csv"').parts["beam"]
-    tips = [abs(own.given_model.data.nodes["3"].rotation) for own in (part, plain)]
-    assert np.abs(tips[0] - tips[1]).max() < 1e-6 * tips[1].max()
+    tips, roots = ([own.given_model.data.nodes[node].rotation for own in (part, plain)] for node in "37")
+    signs = np.sign(np.sum(roots[0] * roots[1], axis=0))  # of whole modes, by the other node
+    assert np.abs(tips[0] * signs - tips[1]).max() < 1e-6 * np.abs(tips[1]).max()
     (made.folder / "round.pch").write_text("\n".join(cards).replace("CORD2R,4", "CORD2C,4"))
     with pytest.raises(InputError, match="coordinate system 4 is a CORD2C; CORD2R are read"):
         given(made, "beam.op2", ', nodes = "round.pch"').parts["beam"].fe  # noqa: B018
-    with pytest.raises(InputError, match=r"has 22 rows, and EXTRN of body\.nodes list 0 unknowns"):
+    listed = r"body\.beam\.body\.nodes = 'nodes\.csv': lists 0 unknowns by EXTRN, and \S+ has 22 rows; name the \.pch"
+    with pytest.raises(InputError, match=listed):
         given(made, "beam.op2", ', nodes = "nodes.csv"').parts["beam"].fe  # noqa: B018
 
 
@@ -219,7 +222,8 @@ def test_it_moves_as_the_whole_body(made: Made, recovered: bool, within: float):
         (lambda K, M: (K + np.diag([1.0] + 21 * [0.0]), M), "isn't free: .*reduce it without supports"),
         (lambda K, M: (np.triu(K), M), "the stiffness isn't symmetric"),
         (lambda K, M: (K, M - 0.2 * np.diag([M[0, 0]] + 21 * [0.0])), "and its moments are none of a body's"),
-        (lambda K, M: (K, 0 * M), "the mass isn't symmetric"),
+        (lambda K, M: (K, 0 * M), "all entries of the mass matrix are zero"),
+        (lambda K, M: (K, -M), "no mass matrix: moved as a whole the body has -0.17 kg"),
         (lambda K, M: (K, 1e6 * M), "are of no matter"),
     ],
 )
@@ -227,10 +231,86 @@ def test_a_fault_of_the_matrices_is_named(made: Made, change, message: str):
     from fmd.reduction.given_superelement import GivenSuperelement, superelement_data
 
     K, M = change(made.K, made.M)
-    unknowns = tuple([(n, c) for n in (7, 3) for c in range(1, 7)] + [(101 + k, 0) for k in range(N_MODES)])
-    element = GivenSuperelement(unknowns, K, M, 0 * K, made.places).in_si(1e-3, 1e3, 1e3)
+    element = GivenSuperelement(UNKNOWNS, K, M, 0 * K, made.places).in_si(1e-3, 1e3, 1e3)
     with pytest.raises(AccuracyError, match=message):
         superelement_data(Path("x"), element)
+
+
+@pytest.mark.parametrize("held", ["one node", "two near nodes"])
+def test_few_nodes_tell_a_body_that_their_unknowns_move_as_a_whole(made: Made, held: str):
+    """The same matrices by other coordinates: tip less what the root carries along, and a node near the root."""
+    from fmd.core.rotations import rigid_motions
+    from fmd.reduction.given_superelement import GivenSuperelement, superelement_data
+
+    T = np.eye(len(UNKNOWNS))  # new coordinates by the given ones
+    T[6:9, :6] = -rigid_motions((made.places[3] - made.places[7])[None])[0]
+    T[9:12, 3:6] = -np.eye(3)
+    unknowns, places = [(7, c) for c in range(1, 7)] + [(100 + k, 0) for k in range(16)], {7: made.places[7]}
+    if held == "two near nodes":
+        node = int(np.argmin(np.linalg.norm(made.x - made.places[7] - [42.5, 12.5, 5.0], axis=1)))
+        T[6:9], places[8] = made.all_of_it[3 * node : 3 * node + 3], made.x[node]
+        unknowns[6:9] = [(8, c) for c in (1, 2, 3)]
+    heavy = 100.0  # as dense as nothing is if the body were no larger than its nodes are apart
+    back = np.linalg.inv(T)
+    K, M = (heavy * back.T @ A @ back for A in (made.K, made.M))
+    data = superelement_data(Path("x"), GivenSuperelement(tuple(unknowns), K, M, 0 * K, places).in_si(1e-3, 1e3, 1e3))
+    omega = np.sqrt(la.eigh(made.K, made.M, eigvals_only=True)[6:])
+    assert np.sqrt(data.K.diagonal()) == pytest.approx(omega, rel=1e-6)
+    assert data.integrals.mass == pytest.approx(heavy * made.mass, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("places", "message"),
+    [
+        (
+            np.outer(range(4), [1.0, 2.0, 2.0]),
+            r"no body has moments of inertia of \S+, 45, 45 kg m² .*on one line perhaps",
+        ),
+        (np.zeros((4, 3)), "4 nodes at one place tell no rotation of the body"),
+    ],
+)
+def test_nodes_that_tell_no_rotation_are_refused(places: Array, message: str):
+    """Masses of 1 kg, three units of length apart: 9 · (2 · 1.5² + 2 · 0.5²) kg m² across their line."""
+    from fmd.reduction.given_superelement import GivenSuperelement, superelement_data
+
+    unknowns = tuple((node, c) for node in range(4) for c in (1, 2, 3))
+    K = np.kron(4 * np.eye(4) - 1, np.eye(3))
+    with pytest.raises(AccuracyError, match=message):
+        superelement_data(Path("x"), GivenSuperelement(unknowns, K, np.eye(12), 0 * K, dict(enumerate(places))))
+
+
+@pytest.mark.parametrize("component", [0, 8, 11])
+def test_components_of_placed_nodes_that_are_no_motion_are_refused(made: Made, component: int):
+    lines = (made.folder / "beam.mtx").read_text().replace("\n1,2,3,4,5,6\n", f"\n1,2,3,4,5,{component}\n")
+    (made.folder / "odd.mtx").write_text(lines)
+    with pytest.raises(InputError, match=f"node 7 has component {component}; 1 to 3 are displacements, 4 to 6 rot"):
+        given(made, "odd.mtx", ', nodes = "nodes.csv"').parts["beam"].fe  # noqa: B018
+
+
+def test_rows_of_points_within_may_be_in_axes_of_their_own(made: Made):
+    """Nastran's OTM is in each point's CD, which GRDSET may set for all."""
+    Q = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()
+    at = ",".join(f"{x:.17g}" for x in [0, 0, 0, *Q[:, 2]])
+    points, cards = dict(enumerate(made.x[::9], start=1001)), [f"CORD2R,5,,{at}"]
+    cards += ["," + ",".join(f"{x:.17g}" for x in Q[:, 0]), "GRDSET,,,,,,5"]
+    own = made.all_of_it.reshape(len(made.x), 3, -1)[::9].copy()
+    for k, (label, x) in enumerate(points.items()):
+        cards.append(f"GRID,{label},," + ",".join(map(repr, x.tolist())) + (",0" if k % 2 else ""))
+        own[k] = own[k] if k % 2 else Q.T @ own[k]
+    (made.folder / "within.bdf").write_text("\n".join(cards))
+    save_npz(made.folder / "turned.npz", csr_array(own.reshape(-1, own.shape[2])))
+    save_npz(
+        made.folder / "plain.npz", csr_array(made.all_of_it.reshape(len(made.x), -1)[::9].reshape(-1, own.shape[2]))
+    )
+    np.savetxt(made.folder / "within.csv", [[k, *x] for k, x in points.items()], "%d %.17g %.17g %.17g")
+    files = (("turned.npz", "within.bdf"), ("plain.npz", "within.csv"))
+    turned, plain = (
+        given(made, "beam.mtx", f', nodes = "nodes.csv", recovery = "{rows}", recovery_nodes = "{nodes}"').parts["beam"]
+        for rows, nodes in files
+    )
+    for label in map(str, points):
+        shapes = [part.given_model.data.nodes[label].translation for part in (turned, plain)]
+        assert shapes[0] == pytest.approx(shapes[1], abs=1e-12 * np.abs(shapes[1]).max())
 
 
 @pytest.mark.parametrize(
@@ -240,6 +320,8 @@ def test_a_fault_of_the_matrices_is_named(made: Made, change, message: str):
         ("beam.mtx", ', nodes = "nodes.csv", mass = "1 kg"', r"has 0\.17 kg, and body\.mass is 1 kg"),
         ("light.mtx", "", r"has no \*MATRIX,TYPE=MASS; .*CalculiX writes the stiffness alone"),
         ("short.mtx", "", "TYPE=STIFFNESS has 252 numbers; one half of 22 rows has 253"),
+        ("whole.op4", "", r"matrix KGG has 300000 rows, and a superelement has at most 10000; .*`matrices =`"),
+        ("beam.mtx", RECOVERED.replace("otm.mtx", "empty.op4"), "can't be read as a matrix: it holds no real matrix"),
         ("empty.pch", "", "one matrix K… and one M… are wanted among its real ones, which are none"),
         ("beam.pch", ', nodes = "turned.bdf"', "coordinate system 4 isn't there"),
         ("beam.mtx", RECOVERED, "2 points have three rows each"),
@@ -249,13 +331,17 @@ def test_a_fault_of_the_matrices_is_named(made: Made, change, message: str):
 )
 def test_what_a_file_lacks_is_said(made: Made, file: str, more: str, message: str):
     write_substructure(made, "light.mtx", made.K, None)
-    text = (made.folder / "beam.mtx").read_text()
-    (made.folder / "short.mtx").write_text(text.replace("*MATRIX,TYPE=STIFFNESS\n", "*MATRIX,TYPE=STIFFNESS\n** "))
-    lines = text.splitlines()
+    lines = (made.folder / "beam.mtx").read_text().splitlines()
     first = lines.index("*MATRIX,TYPE=STIFFNESS") + 1
     lines[first] = lines[first].split(",", 1)[1]
     (made.folder / "short.mtx").write_text("\n".join(lines))
     (made.folder / "empty.pch").write_text("BEGIN BULK\n")
+    (made.folder / "empty.op4").write_text("")
+    huge = (
+        f"{300_000:8d}{300_000:8d}{6:8d}{2:8d}{name:8s}1P,3E23.16\n{300_001:8d}{1:8d}{1:8d}\n 1.0\n"
+        for name in ("KGG", "MGG")
+    )
+    (made.folder / "whole.op4").write_text("".join(huge))
     (made.folder / "turned.bdf").write_text("GRID,7,,0.,0.,0.,4\n")
     (made.folder / "otm.mtx").write_text("%%MatrixMarket matrix coordinate real general\n3 22 1\n1 1 1.0\n")
     (made.folder / "beam.SID_FEM").write_text("part\n")

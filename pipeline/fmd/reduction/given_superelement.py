@@ -21,6 +21,7 @@ from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.files import (
     DENSEST,
     FASTEST_WAVE,
+    LEAST_MOMENT,
     RIGID_FORCE,
     RIGID_INERTIA,
     SUPPORT_STIFFNESS,
@@ -95,8 +96,12 @@ class GivenSuperelement:
         Raises
         ------
         ValueError
-            A node with axes of its own has one or two displacements or rotations alone.
+            A node has a component that is no displacement or rotation, or axes of its own and one or two displacements
+            or rotations alone.
         """
+        for node, component in self.unknowns:
+            if node in self.nodes and not 1 <= component <= 6:
+                raise ValueError(f"node {node} has component {component}; 1 to 3 are displacements, 4 to 6 rotations")
         turn = np.diag(np.where(self.turns, length, 1.0))
         place = {unknown: k for k, unknown in enumerate(self.unknowns)}
         for node, Q in self.axes.items():
@@ -130,9 +135,14 @@ def superelement_data(
     InputError
         No node has a place.
     AccuracyError
-        A matrix isn't symmetric, a rigid motion isn't free or has an inertia that no body has, or another mass than the
-        body; a motion without mass has no stiffness; with the figure.
+        A matrix is zero or isn't symmetric, a rigid motion isn't free or has an inertia that no body has, or another
+        mass than the body; a motion without mass has no stiffness; with the figure.
     """
+    for what, A in (("stiffness", given.K), ("mass", given.M)):
+        if not A.any():
+            raise AccuracyError(f"{path}: all entries of the {what} matrix are zero")
+        if not (apart := float(np.abs(A - A.T).max() / np.abs(A).max())) < SYMMETRIC:
+            raise AccuracyError(f"{path}: the {what} isn't symmetric, entries differ by {apart:.1e} of the largest")
     used = np.flatnonzero(given.K.any(axis=1) | given.M.any(axis=1))  # rotations of solids' nodes have neither
     unknowns, used_of = tuple(given.unknowns[k] for k in used), np.ix_(used, used)
     given = replace(given, unknowns=unknowns, K=given.K[used_of], M=given.M[used_of], D=given.D[used_of])
@@ -142,14 +152,8 @@ def superelement_data(
         raise InputError(
             str(path), "", None, "no unknown is of a node with a place; name a file of nodes by body.nodes"
         )
-    for what, A in (("stiffness", given.K), ("mass", given.M)):
-        apart = float(np.abs(A - A.T).max() / np.abs(A).max()) if A.any() else np.inf
-        if not apart < SYMMETRIC:
-            raise AccuracyError(f"{path}: the {what} isn't symmetric, entries differ by {apart:.1e} of the largest")
     x = np.array([*places.values()])
-    size = float(np.linalg.norm(np.ptp(x, axis=0)))
-    if not size > 0.0:
-        raise AccuracyError(f"{path}: {len(x)} nodes at one place tell no rotation of the body; retain more of them")
+    size = _body_size(path, given.M, _rigid_motions(given, x.mean(axis=0), 1.0), x)
     scale = np.where(given.turns, 1.0 / size, 1.0)  # unknowns of one unit
     K, M = (scale[:, None] * (A + A.T) / 2 * scale for A in (given.K, given.M))
     R = _rigid_motions(given, x.mean(axis=0), size)
@@ -191,12 +195,31 @@ def _rigid_motions(given: GivenSuperelement, centre: Array, size: float) -> Arra
     return R
 
 
+def _body_size(path: Path, M: Array, R: Array, x: Array) -> float:
+    """Return the nodes' extent, or if it is longer the diagonal of an even box of the body's second moments [m]."""
+    H = R.T @ M @ R
+    total, _, J = _moments(H)
+    if not total > 0.0:
+        raise AccuracyError(f"{path}: no mass matrix: moved as a whole the body has {total:.3g} kg")
+    radius2 = max(0.5 * float(np.trace(J)) / total, 0.0)
+    size = max(float(np.linalg.norm(np.ptp(x, axis=0))), float(np.sqrt(12.0 * radius2)))
+    if not size > 0.0:
+        raise AccuracyError(f"{path}: {len(x)} nodes at one place tell no rotation of the body; retain more of them")
+    return size
+
+
+def _moments(H: Array) -> tuple[float, Array, Array]:
+    """Return mass, centre of mass (3,) and inertia tensor about it (3, 3) of the inertia (6, 6) of rigid motions."""
+    total = float(np.trace(H[:3, :3]) / 3)
+    centre = 0.5 * np.einsum("abc,bc->a", EPSILON, H[:3, 3:]) / (total or 1.0)
+    square = float(centre @ centre) * np.eye(3) - np.outer(centre, centre)
+    return total, centre, 0.5 * (H[3:, 3:] + H[3:, 3:].T) - total * square
+
+
 def _rigid_inertia(path: Path, M: Array, R: Array, size: float, wanted: float | None) -> tuple[float, Array, Array]:
     """Return mass [kg], centre of mass from the nodes' mean [m] and second moments about it (3, 3) [kg m²]."""
     H = R.T @ M @ R
-    total = float(np.trace(H[:3, :3]) / 3)
-    if not total > 0.0:
-        raise AccuracyError(f"{path}: no mass matrix: moved as a whole the body has {total:.3g} kg")
+    total, centre, J = _moments(H)  # of lengths in parts of the size
     masses = H[:3, :3].diagonal()
     apart = float(np.abs(H[:3, :3] - total * np.eye(3)).max() / total)
     across = 0.5 * (H[:3, 3:] + H[:3, 3:].T)
@@ -211,15 +234,14 @@ def _rigid_inertia(path: Path, M: Array, R: Array, size: float, wanted: float | 
             f"{path}: the mass matrix has {total:.6g} kg, and body.mass is {wanted:.6g} kg; check mass_unit, and that "
             "the superelement has all masses"
         )
-    centre = 0.5 * np.einsum("abc,bc->a", EPSILON, H[:3, 3:]) / total  # in parts of the size
-    square = float(centre @ centre) * np.eye(3) - np.outer(centre, centre)
-    J = 0.5 * (H[3:, 3:] + H[3:, 3:].T) - total * square
     second = 0.5 * np.trace(J) * np.eye(3) - J
     moments, axes = np.linalg.eigh(second)
-    if not moments[0] > -RIGID_INERTIA * moments[2]:
+    about = eigvalsh(J)
+    if not (moments[0] > -RIGID_INERTIA * moments[2] and about[0] > LEAST_MOMENT * about[2]):
         raise AccuracyError(
-            f"{path}: no body has moments of inertia of {', '.join(f'{j:.3g}' for j in size**2 * eigvalsh(J))} kg m² "
-            "about its centre of mass: its nodes don't tell how it turns; retain more of them, or their rotations"
+            f"{path}: no body has moments of inertia of {', '.join(f'{j:.3g}' for j in size**2 * about)} kg m² about "
+            "its centre of mass: its nodes, on one line perhaps, don't tell how it turns; retain more of them, or "
+            "their rotations"
         )
     return total, size * centre, size**2 * (axes * np.maximum(moments, 0.0)) @ axes.T
 
@@ -250,7 +272,8 @@ def _free_modes(path: Path, K: Array, M: Array, R: Array) -> tuple[Array, Array]
 
 def _require_matter(path: Path, K: Array, M: Array, R: Array, mass: float, size: float, omega2: float) -> None:
     """Raise ``AccuracyError`` if rigid motions have forces, or no matter is so dense or so stiff."""
-    defect = np.abs(K @ R).max(axis=0) / np.maximum((np.abs(K) @ np.abs(R)).max(axis=0), np.finfo(float).tiny)
+    terms, inertia = ((np.abs(A) @ np.abs(R)).max(axis=0) for A in (K, M))
+    defect = np.abs(K @ R).max(axis=0) / np.maximum(terms, omega2 * inertia)  # a node alone has terms of round-off
     support = np.abs(eigh(R.T @ K @ R, R.T @ M @ R, eigvals_only=True)).max() / omega2
     if not (defect.max() < RIGID_FORCE and support < SUPPORT_STIFFNESS):
         raise AccuracyError(
@@ -261,7 +284,7 @@ def _require_matter(path: Path, K: Array, M: Array, R: Array, mass: float, size:
         )
     if mass / size**3 > DENSEST or size * np.sqrt(omega2) / np.pi > FASTEST_WAVE:
         raise AccuracyError(
-            f"{path}: {mass:.3g} kg, nodes within {1e3 * size:.3g} mm and a first frequency of "
+            f"{path}: {mass:.3g} kg within {1e3 * size:.3g} mm and a first frequency of "
             f"{np.sqrt(omega2) / (2 * np.pi):.3g} Hz are of no matter; check unit, stiffness_unit and mass_unit of body"
         )
 

@@ -38,7 +38,7 @@ class BodyFile(SceneTable):
         Mass of the whole body, which the mass matrix is to have [kg].
     recovery : str, optional
         Displacements of points within by the superelement's unknowns, three rows a point, or six with rotations: Matrix
-        Market (``.mtx``), ``.npz``, or Nastran's OUTPUT4 (``.op4``).
+        Market (``.mtx``), ``.npz``, or Nastran's OUTPUT4 or OUTPUT2 (``.op4``, ``.op2``).
     recovery_nodes : str, optional
         Those points, as ``nodes``.
 

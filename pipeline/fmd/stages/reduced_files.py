@@ -18,11 +18,12 @@ from fmd.scene.outputs import READ_FORMATS
 from fmd.scene.reading import suggest_name
 
 if TYPE_CHECKING:
+    from fmd.core.arrays import Array
     from fmd.fem.markers import Marker
     from fmd.fem.model import FEModel
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.equivalent_model import EquivalentModel
-    from fmd.reduction.given_superelement import GivenSuperelement
+    from fmd.reduction.given_superelement import GivenSuperelement, Recovery
     from fmd.reduction.modal_data import ModalData
     from fmd.reduction.modes import Modes
     from fmd.scene.any_body import Flexible
@@ -47,7 +48,9 @@ def read_reduced_body(shape: Flexible, source: SourceFiles | None, file: str, bo
     path = Path(source.paths["file"])
     for own in _formats_of(path.suffix.lower()):
         if own.read_superelement is not None:
-            return equivalent_model(_read_superelement(own.read_superelement(path), shape.body, source))
+            return equivalent_model(
+                _read_superelement(own.read_superelement(path), shape.body, source, (file, f"body.{body}.body"))
+            )
         if own.read is not None:
             if said := [key for key in shape.body.model_fields_set if key != "file"]:
                 mend = "belongs to superelements (.pch, .op4, .op2, .mtx); this file is in SI units and has all of that"
@@ -58,10 +61,11 @@ def read_reduced_body(shape: Flexible, source: SourceFiles | None, file: str, bo
     raise InputError(str(path), "", None, f"is no file of a reduced body that is read; these are: {' '.join(read)}")
 
 
-def _read_superelement(given: GivenSuperelement, table: BodyFile, source: SourceFiles) -> ModalData:
-    """Complete a superelement by its nodes, its units and its points within, as a scene names them."""
-    from fmd.fem.formats.matrices import read_rows
-    from fmd.reduction.given_superelement import Recovery, superelement_data
+def _read_superelement(
+    given: GivenSuperelement, table: BodyFile, source: SourceFiles, where: tuple[str, str]
+) -> ModalData:
+    """Complete a superelement by its nodes, its units and its points within, as a scene's table has them."""
+    from fmd.reduction.given_superelement import superelement_data
 
     length, path = unit_ratio(table.unit, "m"), source.paths["file"]
     if table.nodes is not None:
@@ -73,26 +77,34 @@ def _read_superelement(given: GivenSuperelement, table: BodyFile, source: Source
             axes={**given.axes, **found.axes},
         )
     if len(given.unknowns) != len(given.K):
-        listed = f"and EXTRN of body.nodes list {len(given.unknowns)} unknowns"
-        raise InputError(str(path), "", None, f"has {len(given.K)} rows, {listed}")
+        listed = f"lists {len(given.unknowns)} unknowns by EXTRN, and {path} has {len(given.K)} rows"
+        mend = f"{listed}; name the .pch of that run, which has EXTRN"
+        raise InputError(where[0], f"{where[1]}.nodes", table.nodes, mend)
     try:
         to_file = given.to_file(length)
     except ValueError as error:
         raise InputError(str(path), "", None, str(error)) from None
     given = given.in_si(length, unit_ratio(table.stiffness_unit, "N/m"), unit_ratio(table.mass_unit, "kg"))
-    recovery = None
-    if table.recovery is not None:
-        rows, places = read_rows(source.paths["recovery"]), read_places(source.paths["recovery_nodes"]).places
-        each = rows.shape[0] // max(len(places), 1)
-        if each not in (3, 6) or rows.shape != (each * len(places), len(given.unknowns)):
-            raise InputError(
-                str(source.paths["recovery"]), "", None,
-                f"has {rows.shape[0]} rows and {rows.shape[1]} columns; {len(places)} points have three rows each, or "
-                f"six, and the superelement has {len(given.unknowns)} unknowns",
-            )  # fmt: skip
-        matrix = rows.toarray().reshape(len(places), each, -1)[:, :3] @ to_file
-        recovery = Recovery(tuple(places), length * np.array([*places.values()]), matrix)
+    recovery = None if table.recovery is None else _read_recovery(source, length, to_file)
     return superelement_data(path, given, table.mass, recovery)
+
+
+def _read_recovery(source: SourceFiles, length: float, to_file: Array) -> Recovery:
+    """Read motion of points within by the unknowns in the part's axes, of which ``to_file`` makes those of the file."""
+    from fmd.fem.formats.matrices import read_rows
+    from fmd.reduction.given_superelement import Recovery
+
+    rows, found = read_rows(source.paths["recovery"]), read_places(source.paths["recovery_nodes"])
+    n, each = len(found.places), rows.shape[0] // max(len(found.places), 1)
+    if each not in (3, 6) or rows.shape != (each * n, len(to_file)):
+        raise InputError(
+            str(source.paths["recovery"]), "", None,
+            f"has {rows.shape[0]} rows and {rows.shape[1]} columns; {n} points have three rows each, or six, and the "
+            f"superelement has {len(to_file)} unknowns",
+        )  # fmt: skip
+    axes = np.array([found.axes.get(label, np.eye(3)) for label in found.places])  # in which the rows are
+    matrix = axes @ rows.toarray().reshape(n, each, -1)[:, :3] @ to_file
+    return Recovery(tuple(found.places), length * np.array([*found.places.values()]), matrix)
 
 
 def _formats_of(suffix: str) -> Iterator[BodyFormat]:

@@ -40,13 +40,15 @@ def strings(column: Array) -> list[tuple[int, Array]]:
     return [(int(run[0]) + 1, column[run]) for run in runs if len(run)]
 
 
+def record(data: bytes, order: str = "<") -> bytes:
+    """Return a record of Fortran."""
+    length = struct.pack(f"{order}i", len(data))
+    return length + data + length
+
+
 def op4(matrices: dict[str, Array], form: str, binary: bool, precision: int = 2, order: str = "<") -> bytes:
     """Write matrices as OUTPUT4: ``dense``, sparse with ``one`` word a string, or with ``two``."""
     out, words = b"", precision
-
-    def record(data: bytes) -> bytes:
-        length = struct.pack(f"{order}i", len(data))
-        return length + data + length
 
     def numbers(values: Array) -> bytes:
         if binary:
@@ -58,7 +60,7 @@ def op4(matrices: dict[str, Array], form: str, binary: bool, precision: int = 2,
         n_rows, n_columns = A.shape
         head = n_columns, -n_rows if form == "two" else n_rows, 1, precision
         if binary:
-            out += record(struct.pack(f"{order}4i8s", *head, name.ljust(8).encode()))
+            out += record(struct.pack(f"{order}4i8s", *head, name.ljust(8).encode()), order)
         else:
             out += ("".join(f"{n:8d}" for n in head) + f"{name:8s}1P,3E23.16\n").encode()
         for k, column in enumerate(A.T, start=1):
@@ -79,9 +81,9 @@ def op4(matrices: dict[str, Array], form: str, binary: bool, precision: int = 2,
                     data += (b"" if binary else b"\n") + numbers(values)
                     n_words += len(mark) + length
                 start = k, 0, n_words
-            out += record(struct.pack(f"{order}3i", *start) + data) if binary else b"%8d%8d%8d\n" % start + data
+            out += record(struct.pack(f"{order}3i", *start) + data, order) if binary else b"%8d%8d%8d\n" % start + data
         last, one = (n_columns + 1, 1, 1), numbers(np.ones(1))
-        out += record(struct.pack(f"{order}3i", *last) + one) if binary else b"%8d%8d%8d\n" % last + one
+        out += record(struct.pack(f"{order}3i", *last) + one, order) if binary else b"%8d%8d%8d\n" % last + one
     return out
 
 
@@ -168,6 +170,11 @@ def test_cards_of_dmig_in_small_fields_and_without_symmetry_are_read() -> None:
         (lambda K, M: op4({"A": K, "B": M}, "two", True), "which matrix is the stiffness.*A, B"),
         (lambda K, M: op4({"KGG": K, "MGG": M}, "two", True)[:-300], r"MGG is cut off|it is cut off"),
         (lambda K, M: op4({"KGG": K, "MGG": M}, "dense", False)[:-400], "matrix MGG is damaged or cut off"),
+        (lambda K, M: record(struct.pack("<4i8s", 1, 1, 2, 2, b"KGG")) + record(bytes(8)), "ends after 8 of 12 bytes"),
+        (
+            lambda K, M: record(struct.pack("<4i8s", 1, -1, 2, 2, b"KGG")) + record(struct.pack("<4i", 1, 0, 1, 3)),
+            "ends after 4 of 8 bytes",
+        ),
         (lambda K, M: b"\x30\0\0\0" + b"0" * 100, "words of eight bytes"),
         (lambda K, M: b"GRID    1\n", "isn't the header of an OUTPUT4 matrix"),
     ],

@@ -77,12 +77,22 @@ def test_kgg_and_mgg_of_one_file_are_a_body(tmp_path: Path) -> None:
     assert model.mass == pytest.approx(lumped(x)[::6, ::6].trace(), rel=1e-12)
 
 
+def with_short_string(data: bytes) -> bytes:
+    """Cut the last string of numbers down to two bytes."""
+    last = random_matrix(1)[:, -1]
+    size = 4 + 8 * len(strings(last)[-1][1])
+    start = data.rindex(struct.pack("<2i", size, strings(last)[-1][0]))
+    return data[:start] + struct.pack("<i2xi", 2, 2) + data[start + size + 8 :]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda data: data[: len(data) // 2], "cut off"),
         (lambda data: b"\x08" + data[1:], "words of eight bytes"),
         (lambda data: data[:-12].replace(struct.pack("<3i", 101, 9, 12), struct.pack("<3i", 101, 9, 3)), "outside"),
+        (lambda data: data.replace(struct.pack("<3i", 101, 9, 12), struct.pack("<3i", 101, 9, 2**31 - 1)), "over 1e"),
+        (with_short_string, "matrix KGG has a string of 2 bytes in column 9"),
     ],
 )
 def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, change, message: str) -> None:

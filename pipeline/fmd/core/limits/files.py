@@ -8,6 +8,9 @@ SYMMETRIC = 1e-7  # largest difference from the transpose, of the largest entry
 ISOTROPIC = 1e-6  # difference of masses along x, y and z
 IN_LINE = 1e-6  # second moment of a marker's nodes across a line, over the sum of all: they lie in it
 MOST_MATRIX_BYTES = 4_000_000_000  # of a matrix's file: more doesn't fit into the memory of most machines
+MOST_MATRIX_ROWS = 10**8  # that a file may say of a sparse matrix, whose rows take 0.4 GB before an entry is read
+MOST_UNKNOWNS = 10_000  # of a superelement, whose matrices are dense: 0.8 GB each
+SAME_LINE = 1e-9  # sine of the angle between the arms of a coordinate system's three points: they lie on a line
 
 # What another program has computed for a body without elements.
 UNMATCHED_FIELD = 1e-3  # part of a shape's deformation or of a load that isn't a combination of the given ones
@@ -19,6 +22,7 @@ RIGID_FORCE = 1e-5  # force of a rigid motion over the sum of its terms
 # Stiffness of a rigid motion over that of the smoothest deformation: a frequency is off by half of it.
 SUPPORT_STIFFNESS = 2e-3
 FASTEST_WAVE = 100e3  # m/s as nodes tell it, which is up to five times too much; diamond has 18e3
+LEAST_MOMENT = 1e-8  # of the largest moment of inertia; a wire 10,000 times as long as it is thick has 1.5e-8
 RIGID_INERTIA = 1e-4  # part of a superelement's mass that may depend on the direction
 FITTED_MODES = 20  # modes of a superelement that masses of points of known motion are fitted to
 EVEN_MASS = 1e-3  # part of modal masses that counts as alike along x, y and z, where points tell another

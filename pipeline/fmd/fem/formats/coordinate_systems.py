@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.files import SAME_LINE
 from fmd.fem.formats.raw_mesh import MeshFileError
 
 
@@ -52,8 +53,10 @@ class CoordinateSystems:
         numbers = [self._real(field) for field in fields[2:11]]
         within = self.find(fields[1])
         a, b, c = (within.place(x) for x in np.array(numbers).reshape(3, 3))
-        z = (b - a) / np.linalg.norm(b - a)
-        y = np.cross(z, c - a)
-        y = y / np.linalg.norm(y)
+        z, y = b - a, np.cross(b - a, c - a)
+        across = float(np.linalg.norm(y))
+        if not across > SAME_LINE * np.linalg.norm(z) * np.linalg.norm(c - a):
+            raise MeshFileError(f"coordinate system {number}: its three points lie on a line")
+        z, y = z / np.linalg.norm(z), y / across
         self._known[number] = Axes(a, np.stack([np.cross(y, z), y, z], axis=1))
         return self._known[number]

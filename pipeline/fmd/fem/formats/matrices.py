@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, SYMMETRIC
+from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, MOST_MATRIX_ROWS, SYMMETRIC
 from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.connections import Connections
 from fmd.fem.formats import abaqus
@@ -181,8 +181,6 @@ def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.cs
 
 def _read_output(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
     """Read a matrix of OUTPUT4 or OUTPUT2, whose rows are of ascending node numbers."""
-    if path.stat().st_size > MOST_MATRIX_BYTES:
-        raise ValueError(f"is over {MOST_MATRIX_BYTES / 1e9:g} GB")
     found = (read_op4 if path.suffix.lower() == ".op4" else read_op2)(path)
     A = sp.coo_array(found[choose_matrix(found, what)])
     if A.shape != 2 * (unknowns * len(labels),):
@@ -207,7 +205,7 @@ def _read_dmig(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr
 
 
 def read_rows(path: Path) -> sp.csr_array:
-    """Read a matrix of any shape, the first of its file: OUTPUT4, ``.npz`` or Matrix Market.
+    """Read a matrix of any shape, the first of its file: OUTPUT4, OUTPUT2, ``.npz`` or Matrix Market.
 
     Raises
     ------
@@ -217,7 +215,10 @@ def read_rows(path: Path) -> sp.csr_array:
     try:
         match path.suffix.lower():
             case ".op4" | ".op2":
-                A = next(iter((read_op4 if path.suffix.lower() == ".op4" else read_op2)(path).values()))
+                found = (read_op4 if path.suffix.lower() == ".op4" else read_op2)(path)
+                if not found:
+                    raise ValueError("it holds no real matrix")
+                A = next(iter(found.values()))
             case ".npz":
                 A = _read_npz(path)
             case _:
@@ -250,6 +251,8 @@ def _real_matrix(shape: tuple[int, ...], row: IntArray, column: IntArray, values
     """Sum entries into a matrix; check indices first, since SciPy writes out of range otherwise."""
     if np.iscomplexobj(values):
         raise ValueError("its entries are complex")
+    if max(shape) > MOST_MATRIX_ROWS:
+        raise ValueError(f"it has {shape[0]} rows and {shape[1]} columns, over {MOST_MATRIX_ROWS:.0e}")
     if len(row) and not (row.min() >= 0 and row.max() < shape[0] and column.min() >= 0 and column.max() < shape[1]):
         raise ValueError(f"it has entries outside of its {shape[0]} rows and {shape[1]} columns")
     return sp.csr_array((np.asarray(values, dtype=float), (row, column)), shape=shape)

@@ -18,14 +18,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.files import MOST_MATRIX_ROWS
 from fmd.fem.formats.nastran import read_cards, read_real
+from fmd.fem.formats.node_places import read_matrix_bytes
 
 _HEADER = struct.Struct("4i8s")
 _WORDS = {1: 1, 2: 2, 3: 1, 4: 2}  # of a number by the matrix' type: single and double precision, real and complex
 _REAL = (1, 2)
 _SYMMETRIC, _SQUARE = "6", "1"  # forms of DMIG
 
-_Entries = tuple[list[IntArray], list[IntArray], list[Array]]  # rows, columns and values
+Entries = tuple[list[IntArray], list[IntArray], list[Array]]  # rows, columns and values
 
 
 def read_op4(path: Path) -> dict[str, sp.csr_array]:
@@ -33,10 +35,12 @@ def read_op4(path: Path) -> dict[str, sp.csr_array]:
 
     Raises
     ------
+    InputError
+        The file can't be read, or is too large.
     ValueError
-        The file isn't whole.
+        It isn't whole.
     """
-    content = path.read_bytes()
+    content = read_matrix_bytes(path)
     if len(content) >= 4 and content[:4] in (b"\x18\0\0\0", b"\0\0\0\x18"):
         return _read_binary(content, "<" if content[0] else ">")
     if content[:4] in (b"\x30\0\0\0", b"\0\0\0\x30"):
@@ -50,17 +54,20 @@ def _type_words(name: str, kind: int) -> int:
     return _WORDS[kind]
 
 
-def _whole(shape: tuple[int, int], entries: _Entries) -> sp.csr_array:
-    """Return the matrix of entries, of which each column was checked to lie in it."""
+def matrix_of_entries(name: str, shape: tuple[int, int], entries: Entries) -> sp.csr_array:
+    """Return the matrix of columns of entries, or raise ``ValueError`` if they don't lie in its shape."""
     rows, columns, values = (np.concatenate([np.zeros(0), *each]) for each in entries)
-    if len(rows) and not (rows.min() >= 0 and rows.max() < shape[0] and columns.min() >= 0):
-        raise ValueError(f"it has entries outside of its {shape[0]} rows")
+    if max(shape) > MOST_MATRIX_ROWS:
+        raise ValueError(f"matrix {name} has {shape[0]} rows and {shape[1]} columns, over {MOST_MATRIX_ROWS:.0e}")
+    inside = len(rows) == 0 or (min(rows.min(), columns.min()) >= 0 and rows.max() < shape[0])
+    if not (inside and columns.max(initial=-1) < shape[1]):
+        raise ValueError(f"matrix {name} has entries outside of its {shape[0]} rows and {shape[1]} columns")
     return sp.csr_array((values, (rows.astype(np.int64), columns.astype(np.int64))), shape=shape)
 
 
 def _read_binary(content: bytes, order: str) -> dict[str, sp.csr_array]:
     """Read matrices from Fortran's records, each between two words with its length."""
-    records, found = _records(content, order), dict[str, sp.csr_array]()
+    records, found = fortran_records(content, order, "OUTPUT4"), dict[str, sp.csr_array]()
     for head in records:
         if len(head) != _HEADER.size:
             raise ValueError("it isn't an OUTPUT4 file: a matrix begins with a record of 24 bytes")
@@ -68,10 +75,9 @@ def _read_binary(content: bytes, order: str) -> dict[str, sp.csr_array]:
         name = given.decode("ascii", errors="replace").strip()
         words = _type_words(name, kind)
         number = np.dtype(f"{order}f{4 * words}")
-        entries: _Entries = ([], [], [])
+        entries: Entries = ([], [], [])
         for record in records:
-            column, row, n_words = struct.unpack(f"{order}3i", record[:12])
-            data = record[12:]
+            (column, row, n_words), data = _integers(record, 3, order), record[12:]
             if column > n_columns:
                 break
             if len(data) < 4 * n_words:
@@ -82,10 +88,10 @@ def _read_binary(content: bytes, order: str) -> dict[str, sp.csr_array]:
             place = 0
             while place < 4 * n_words:
                 if n_rows < 0:
-                    length, row = struct.unpack(f"{order}2i", data[place : place + 8])
+                    length, row = _integers(data[place:], 2, order)
                     place, length = place + 8, length - 1
                 else:
-                    length, row = _string(struct.unpack(f"{order}i", data[place : place + 4])[0])
+                    length, row = _string(*_integers(data[place:], 1, order))
                     place += 4
                 if not 0 < length <= n_words:
                     raise ValueError(f"column {column} of matrix {name} has a string of {length} words")
@@ -94,17 +100,25 @@ def _read_binary(content: bytes, order: str) -> dict[str, sp.csr_array]:
         else:
             raise ValueError(f"matrix {name} is cut off")
         if kind in _REAL:
-            found[name] = _whole((abs(n_rows), n_columns), entries)
+            found[name] = matrix_of_entries(name, (abs(n_rows), n_columns), entries)
     return found
 
 
-def _records(content: bytes, order: str) -> Iterator[bytes]:
+def _integers(data: bytes, count: int, order: str) -> tuple[int, ...]:
+    """Return the integers that data begin with, or raise ``ValueError`` if there are fewer."""
+    if len(data) < 4 * count:
+        raise ValueError(f"a record ends after {len(data)} of {4 * count} bytes")
+    return struct.unpack_from(f"{order}{count}i", data)
+
+
+def fortran_records(content: bytes, order: str, kind: str) -> Iterator[bytes]:
+    """Yield Fortran's records, each between two words with its length; ``ValueError`` if it isn't whole."""
     place = 0
     while place + 4 <= len(content):
         (length,) = struct.unpack(f"{order}i", content[place : place + 4])
         end = place + 4 + length
         if length < 0 or content[end : end + 4] != content[place : place + 4]:
-            raise ValueError("it is cut off, or isn't an OUTPUT4 file of Fortran's records")
+            raise ValueError(f"it is cut off, or isn't an {kind} file of Fortran's records")
         yield content[place + 4 : end]
         place = end + 4
 
@@ -115,7 +129,7 @@ def _string(word: int) -> tuple[int, int]:
     return length - 1, row
 
 
-def _add(entries: _Entries, column: int, row: int, values: Array) -> None:
+def _add(entries: Entries, column: int, row: int, values: Array) -> None:
     """Add numbers of a column from a row on, both counted from 1."""
     entries[0].append(row - 1 + np.arange(len(values)))
     entries[1].append(np.full(len(values), column - 1))
@@ -138,16 +152,17 @@ def _read_text(text: str) -> dict[str, sp.csr_array]:
         width = int(of_line[2]) if of_line else 16
         try:
             matrix = _text_matrix(lines, (n_columns, n_rows), words, width)
-            found |= {name: _whole((abs(n_rows), n_columns), matrix)} if kind in _REAL else {}
+            size = abs(n_rows), n_columns
+            found |= {name: matrix_of_entries(name, size, matrix)} if kind in _REAL else {}
         except (StopIteration, ValueError, IndexError) as error:
             raise ValueError(f"matrix {name} is damaged or cut off: {str(error) or 'the file ends'}") from None
     return found
 
 
-def _text_matrix(lines: Iterator[str], size: tuple[int, int], words: int, width: int) -> _Entries:
+def _text_matrix(lines: Iterator[str], size: tuple[int, int], words: int, width: int) -> Entries:
     """Read the columns of one matrix."""
     n_columns, n_rows = size
-    entries: _Entries = ([], [], [])
+    entries: Entries = ([], [], [])
     while True:
         line = next(lines)
         column, row, n_words = (int(line[k : k + 8]) for k in (0, 8, 16))

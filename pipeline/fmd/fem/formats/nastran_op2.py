@@ -9,13 +9,13 @@ of the column: its number of words, and a record of its first row and its number
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 
-from fmd.core.arrays import Array
+from fmd.fem.formats.nastran_matrices import Entries, fortran_records, matrix_of_entries
+from fmd.fem.formats.node_places import read_matrix_bytes
 
 _TRAILER = struct.Struct("7i")
 _REAL = {1: 4, 2: 8}  # bytes of a number by the matrix' type: single and double precision
@@ -26,10 +26,12 @@ def read_op2(path: Path) -> dict[str, sp.csr_array]:
 
     Raises
     ------
+    InputError
+        The file can't be read, or is too large.
     ValueError
-        The file isn't whole, or has words of eight bytes.
+        It isn't whole, or has words of eight bytes.
     """
-    content = path.read_bytes()
+    content = read_matrix_bytes(path)
     if content[:4] in (b"\x08\0\0\0", b"\0\0\0\x08"):
         raise ValueError("it has words of eight bytes; write it with words of four")
     order = "<" if content[:4] == b"\x04\0\0\0" else ">"
@@ -52,7 +54,7 @@ def _data_block(records: _Records, name: str) -> dict[str, sp.csr_array]:
     if len(trailer) != _TRAILER.size:
         raise ValueError(f"data block {name} has no trailer of seven words")
     _, n_columns, n_rows, _, kind, *_ = struct.unpack(f"{records.order}7i", trailer)
-    rows, columns, values = list[Array](), list[Array](), list[Array]()
+    entries: Entries = ([], [], [])
     column, is_matrix = -1, False
     key = records.key()
     while key is not None and key < 0:
@@ -62,19 +64,17 @@ def _data_block(records: _Records, name: str) -> dict[str, sp.csr_array]:
         while (key := records.key()) is not None and key > 0:
             record = records.record()
             if is_matrix and kind in _REAL:
+                if len(record) % _REAL[kind] != 4 % _REAL[kind] or len(record) < 4:
+                    raise ValueError(f"matrix {name} has a string of {len(record)} bytes in column {column + 1}")
                 own = np.frombuffer(record[4:], f"{records.order}f{_REAL[kind]}")
-                first = struct.unpack(f"{records.order}i", record[:4])[0] - 1
-                rows.append(first + np.arange(len(own)))
-                columns.append(np.full(len(own), column))
-                values.append(own.astype(float))
+                entries[0].append(struct.unpack_from(f"{records.order}i", record)[0] - 1 + np.arange(len(own)))
+                entries[1].append(np.full(len(own), column))
+                entries[2].append(own.astype(float))
     if key is None:
         raise ValueError(f"data block {name} is cut off")
     if not is_matrix or kind not in _REAL:
         return {}
-    row, where = (np.concatenate([np.zeros(0, int), *each]) for each in (rows, columns))
-    if len(row) and not (row.min() >= 0 and row.max() < n_rows and where.max() < n_columns):
-        raise ValueError(f"matrix {name} has entries outside of its {n_rows} rows and {n_columns} columns")
-    return {name: sp.csr_array((np.concatenate([np.zeros(0), *values]), (row, where)), shape=(n_rows, n_columns))}
+    return {name: matrix_of_entries(name, (n_rows, n_columns), entries)}
 
 
 class _Records:
@@ -82,17 +82,7 @@ class _Records:
 
     def __init__(self, content: bytes, order: str) -> None:
         self.order = order
-        self._each = self._split(content)
-
-    def _split(self, content: bytes) -> Iterator[bytes]:
-        place = 0
-        while place + 4 <= len(content):
-            (length,) = struct.unpack(f"{self.order}i", content[place : place + 4])
-            end = place + 4 + length
-            if length < 0 or content[end : end + 4] != content[place : place + 4]:
-                raise ValueError("it is cut off, or isn't an OUTPUT2 file of Fortran's records")
-            yield content[place + 4 : end]
-            place = end + 4
+        self._each = fortran_records(content, order, "OUTPUT2")
 
     def record(self) -> bytes:
         """Return the next record; raises ``ValueError`` at the end of the file."""

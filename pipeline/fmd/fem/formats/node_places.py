@@ -69,10 +69,12 @@ def nastran_places(text: str) -> Places:
     cards = list(read_cards(text))
     systems = CoordinateSystems(((name, fields) for _, name, fields in cards), read_real)
     places, axes, unknowns = dict[int, Array](), dict[int, Array](), list[tuple[int, int]]()
+    default = next((fields for _, name, fields in cards if name == "GRDSET"), [])  # CP and CD of fields left blank
     for line, name, fields in cards:
         try:
             if name == "GRID":
-                number, given, moves, *_ = int(fields[0]), fields[1], *fields[5:6], ""
+                number = int(fields[0])
+                given, moves = (next(filter(None, (*fields[k : k + 1], *default[k : k + 1])), "") for k in (1, 5))
                 x = [read_real(item) for item in (*fields[2:5], "", "", "")[:3]]
                 places[number] = systems.find(given).place(np.array(x))
                 if (turned := systems.find(moves)) is not BASIC:
@@ -113,9 +115,22 @@ def read_node_table(path: Path) -> tuple[IntArray, Array]:
 
 def read_matrix_text(path: Path) -> str:
     """Read a text file of a size that memory holds, or raise ``InputError``."""
+    _require_size(path)
+    return read_text(path)
+
+
+def read_matrix_bytes(path: Path) -> bytes:
+    """Read a binary file of a size that memory holds, or raise ``InputError``."""
+    _require_size(path)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(str(path), "", None, f"can't be read: {error.strerror or error}") from error
+
+
+def _require_size(path: Path) -> None:
     if path.is_file() and path.stat().st_size > MOST_MATRIX_BYTES:
         raise InputError(str(path), "", None, f"is over {MOST_MATRIX_BYTES / 1e9:g} GB")
-    return read_text(path)
 
 
 def _is_number(item: str) -> bool:

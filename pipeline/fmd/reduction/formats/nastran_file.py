@@ -6,17 +6,19 @@ sixteen characters, which hold ten digits. Cards: ``DMIG``, ``GRID``, ``SPOINT``
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.files import read_text, whole_file
+from fmd.core.files import whole_file
+from fmd.core.limits.files import MOST_UNKNOWNS
 from fmd.fem.formats.nastran_matrices import read_dmig, read_op4
 from fmd.fem.formats.nastran_op2 import read_op2
-from fmd.fem.formats.node_places import Places, nastran_places
+from fmd.fem.formats.node_places import Places, nastran_places, read_matrix_text
 from fmd.fem.formats.raw_mesh import MeshFileError
 from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
@@ -82,31 +84,48 @@ def read_external(path: Path) -> GivenSuperelement:
     Raises
     ------
     InputError
-        A card is damaged, or a matrix is missing.
+        A card is damaged, a matrix is missing, or they are larger than dense ones may be.
     """
     try:
         if path.suffix.lower() == ".pch":
-            text = read_text(path)
+            text = read_matrix_text(path)
             unknowns, found = _matrices_of_cards(read_dmig(text))
             given = nastran_places(text)
         else:
             read = read_op4 if path.suffix.lower() == ".op4" else read_op2
-            unknowns, found, given = (), {name: A.toarray() for name, A in read(path).items()}, Places({})
-        found = {name: A for name, A in found.items() if not name.startswith("K4")}
-        of = {letter: _named(found, letter) for letter in "KM"}
-        if not len(of["K"]) == len(of["M"]) == 1:
-            given_names = ", ".join(found) or "none"
-            raise ValueError(f"one matrix K… and one M… are wanted among its real ones, which are {given_names}")
-        K, M = (found[of[letter][0]] for letter in "KM")
-        damping = [A for name, A in found.items() if name.startswith("B") and A.shape == K.shape]
-        if K.shape != M.shape or K.shape[0] != K.shape[1]:
-            raise ValueError(f"{of['K'][0]} has {K.shape} rows and columns, and {of['M'][0]} {M.shape}")
+            unknowns, found, given = (), read(path), Places({})
+        stiffness, mass = _stiffness_and_mass(found)
+        shape = found[stiffness].shape
+        if shape != found[mass].shape or shape[0] != shape[1]:
+            raise ValueError(f"{stiffness} has {shape} rows and columns, and {mass} {found[mass].shape}")
+        _require_reduced(stiffness, shape[0])
+        K, M = found[stiffness].toarray(), found[mass].toarray()
+        damping = [A.toarray() for name, A in found.items() if name.startswith("B") and A.shape == shape]
     except (ValueError, MeshFileError) as error:
         raise InputError(str(path), "", None, f"can't be read as a superelement: {error}") from None
     return GivenSuperelement(unknowns, K, M, damping[0] if damping else 0 * K, given.places, given.axes)
 
 
-def _named(found: Mapping[str, object], letter: str) -> list[str]:
+def _stiffness_and_mass(found: Collection[str]) -> list[str]:
+    """Return the names of the stiffness and the mass among a file's matrices, or raise ``ValueError``."""
+    names = [name for name in found if not name.startswith("K4")]
+    of_kind = [_named(names, letter) for letter in "KM"]
+    if any(len(own) != 1 for own in of_kind):
+        listed = ", ".join(names) or "none"
+        raise ValueError(f"one matrix K… and one M… are wanted among its real ones, which are {listed}")
+    return [own[0] for own in of_kind]
+
+
+def _require_reduced(name: str, n: int) -> None:
+    """Raise ``ValueError`` if a matrix has more rows than a dense one may have."""
+    if n > MOST_UNKNOWNS:
+        raise ValueError(
+            f"matrix {name} has {n} rows, and a superelement has at most {MOST_UNKNOWNS}; if these are matrices of a "
+            "whole model, name them by `matrices =` of the body"
+        )
+
+
+def _named(found: Collection[str], letter: str) -> list[str]:
     """Return the names of matrices of a kind: that of the a-set if it is there, else all that begin with the letter."""
     exact = [name for name in (f"{letter}AA", f"{letter}AAX") if name in found]
     return exact[:1] or [name for name in found if name.startswith(letter)]
@@ -114,14 +133,14 @@ def _named(found: Mapping[str, object], letter: str) -> list[str]:
 
 def _matrices_of_cards(
     found: Mapping[str, Mapping[tuple[int, int, int, int], float]],
-) -> tuple[tuple[_Unknown, ...], dict[str, Array]]:
-    """Return all unknowns of DMIG, ascending, and the dense matrices."""
+) -> tuple[tuple[_Unknown, ...], dict[str, sp.coo_array]]:
+    """Return all unknowns of DMIG, ascending, and the matrices."""
     unknowns = tuple(sorted({key[:2] for entries in found.values() for key in entries}))
-    place, matrices = {unknown: k for k, unknown in enumerate(unknowns)}, dict[str, Array]()
+    place, n = {unknown: k for k, unknown in enumerate(unknowns)}, len(unknowns)
+    matrices = dict[str, sp.coo_array]()
     for name, entries in found.items():
-        A = matrices[name] = np.zeros((len(unknowns), len(unknowns)))
-        for key, value in entries.items():
-            A[place[key[:2]], place[key[2:]]] = value
+        where = np.array([(place[key[:2]], place[key[2:]]) for key in entries], dtype=int).reshape(-1, 2)
+        matrices[name] = sp.coo_array((np.array([*entries.values()], dtype=float), tuple(where.T)), shape=(n, n))
     return unknowns, matrices
 
 
