@@ -1,11 +1,16 @@
 """Shells from the scene file to their motion and stress, beside solids, and scenes with shells that are wrong."""
 
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
 
 import fmd
+from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.output.frequencies import rotating_table
 
@@ -120,3 +125,41 @@ def test_shells_of_second_order_are_refused(tmp_path: Any) -> None:
     mesh = {"file": "panel.inp", "unit": "mm", "shell": "2 mm", "order": 2}
     with pytest.raises(InputError, match="shells have three or four nodes"):
         fmd.load({"title": "Panel", "body": {"panel": {"mesh": mesh, "modes": {"count": 2}} | METAL}})
+
+
+def test_the_tower_of_the_page_moves_as_a_beam_with_a_mass_on_its_head() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "shells.md").read_text(encoding="utf-8")
+    scene = tomllib.loads(page.partition("## A tower")[2].partition("```toml")[2].partition("```")[0])
+    run = fmd.load(scene, "body.tower.mesh.divisions=[20, 16]", "output=[]").run
+    stiffness, geometric, mass = timoshenko_beam_with_head(inertia=2.6e7)
+    across = timoshenko_beam_with_head(inertia=4e7)  # bending in z turns the head about y
+    beams = [np.sqrt(eigh(K, M, eigvals_only=True)[0]) / (2 * np.pi) for K, _, M in (across, (stiffness, 0, mass))]
+    assert run.modes.frequencies_hz[:2] == pytest.approx(beams, rel=2e-3)
+
+    squares, modes = eigh(stiffness + geometric, mass)
+
+    def rates(t: float, y: Array) -> Array:
+        force = np.interp(t, [0.0, 3.0, 6.0, 12.0], [0.0, 8e5, 3e5, 3e5])
+        return np.concatenate([y[2:], modes[0] * force - 0.02 * np.sqrt(squares) * y[2:] - squares * y[:2]])
+
+    times = run.motion.times
+    beam = modes[0] @ solve_ivp(rates, (0.0, 12.0), np.zeros(4), rtol=1e-8, t_eval=times, max_step=0.05).y[:2]
+    assert np.abs(run.motion.tip_deflection[:, 1] - beam).max() < 1e-2 * np.abs(beam).max()
+
+
+def timoshenko_beam_with_head(inertia: float) -> tuple[Array, Array, Array]:
+    """Return K, K_G by weight and M of the tower as one beam of 16 flat sides, for deflection and slope of its head."""
+    E, nu, rho, radius, wall, length, head, g = 210e9, 0.3, 8500.0, 2.4, 0.027, 87.0, 350e3, 9.81
+    side = 2 * radius * np.sin(np.pi / 16)
+    area = 16 * side * wall * np.cos(np.pi / 16)  # its thickness is along the directors, which point away from the axis
+    moment = area * ((radius * np.cos(np.pi / 16)) ** 2 / 2 + side**2 / 24)
+    shear = E * area / (4 + 3 * nu)  # k G A of a thin ring, Cowper's k = 2 (1 + nu) / (4 + 3 nu)
+    flexibility = [[length**3 / 3 + length * E * moment / shear, length**2 / 2], [length**2 / 2, length]]
+    s, weights = (np.polynomial.legendre.leggauss(6) + np.array([[1.0], [0.0]])) / 2
+    weights = weights * length
+    shapes = np.array([3 * s**2 - 2 * s**3, length * (s**3 - s**2)])
+    slopes = np.array([6 * s - 6 * s**2, length * (3 * s**2 - 2 * s)]) / length
+    pressed = g * (head + rho * area * length * (1 - s))
+    mass = (shapes * weights * rho * area) @ shapes.T + (slopes * weights * rho * moment) @ slopes.T
+    K = np.linalg.inv(np.array(flexibility) / (E * moment))
+    return K, -(slopes * weights * pressed) @ slopes.T, mass + np.diag([head, inertia])
