@@ -81,7 +81,8 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ("body.beam.mesh={}", "body.beam.mesh.divisions: is missing: hexahedra along x, y and z"),
         (
             "simulation={}",
-            "duration: is missing\n--set: simulation.output_step: is missing\n--set: simulation.tip: is",
+            "duration: is missing, e.g. '0.5 ms'\n--set: simulation.output_step: is missing, e.g. '0.5 ms'\n"
+            '--set: simulation.tip: is missing: "body.marker"',
         ),
         ("body.beam=3", "body.beam = 3: must be a table"),
         ("body=3", "body = 3: must be a table"),

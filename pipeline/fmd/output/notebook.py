@@ -17,7 +17,7 @@ from fmd.output.output_kinds import kind_of, kinds_that
 from fmd.output.pictures import draw_modes
 from fmd.output.stated_errors import key_figures
 from fmd.scene.outputs import OUTPUT_MODELS, Output
-from fmd.scene.reading import Fault, join_errors, list_faults, suggest_name
+from fmd.scene.reading import join_errors, list_faults, suggest_name
 from fmd.stages.pipeline import Pipeline
 
 
@@ -120,5 +120,4 @@ def read_output(given: dict[str, Any]) -> Any:
     try:
         return TypeAdapter[Any](Output).validate_python(given)
     except ValidationError as error:
-        faults = [Fault(path[1:], mend) for path, mend in list_faults(error)]  # which begins with the type
-        raise join_errors(faults, given, lambda _: ("picture", None)) from None
+        raise join_errors(list_faults(error), given, lambda _: ("picture", None)) from None

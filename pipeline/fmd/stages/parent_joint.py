@@ -30,6 +30,8 @@ class ParentJoint:
         Directions (k, 3) about which the joint lets the body turn by itself: its frame floats about them.
     floating : bool
         Holds nothing at all: a free joint, or none.
+    welded : bool
+        Holds everything: a fixed joint.
     prescribed : bool
         Its motion is given.
     in_plane : bool
@@ -46,6 +48,7 @@ class ParentJoint:
     axis: Direction
     free: tuple[Direction, ...]
     floating: bool
+    welded: bool
     prescribed: bool
     in_plane: bool
     normal: int = -1
@@ -70,7 +73,7 @@ def read_parent_joint(scene: Scene, body: str) -> ParentJoint:
     if body not in scene.carrying:  # a scene of parts alone
         axis = (0.0, 0.0, 1.0)
         loaded = _loaded_markers(scene, body, axis)
-        return ParentJoint("", axis, (), floating=True, prescribed=False, in_plane=False, loaded=loaded)
+        return ParentJoint("", axis, (), floating=True, welded=False, prescribed=False, in_plane=False, loaded=loaded)
     name = scene.carrying[body]
     joint = scene.joint[name]
     prescribed = find_motion(scene.drive, name) is not None
@@ -100,6 +103,7 @@ def read_parent_joint(scene: Scene, body: str) -> ParentJoint:
         axis=axis,
         free=free,
         floating=joint.kind.is_free,
+        welded=joint.kind.is_weld,
         prescribed=prescribed,
         in_plane=all(kept),
         normal=int(np.argmax(np.abs(axis))) if about_an_axis else -1,

@@ -41,9 +41,9 @@ class KeyedPart:
 
     @property
     def has_default_clamp(self) -> bool:
-        """True if a joint alone, about which nothing turns freely, holds a face of the body and nothing says how."""
+        """True if a fixed joint alone holds a face of the whole body, which touches nothing, and nothing says how."""
         shape, joint = self.shape, self.joint
-        if isinstance(shape, Meshless) or joint.floating or joint.free:
+        if isinstance(shape, Meshless) or not joint.welded:
             return False
         if shape.support or shape.link or self.contact_faces:
             return False
