@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 
-from fmd.cli.answers import answer_schema, kind_of_answer, list_keys, names_in, read_answers
-from fmd.cli.app import app
+from fmd.cli.answers import answer_schema, kind_of_answer, list_commands, list_keys, names_in, read_answers
 
 _INTRODUCTION = """# JSON of the commands
 
@@ -17,12 +16,6 @@ version to version, and neither renamed nor removed.
 
 `python -m fmd.cli.answers COMMAND` prints the JSON schema of a command. A key with a question mark may be missing; a
 table of something has names of the scene as keys."""
-
-
-def list_commands() -> list[str]:
-    """List the commands that print JSON, in the order of ``fmd --help``."""
-    names = [name for name in app if not name.startswith("-")]
-    return [name for name in names if name not in ("new", "mcp")]
 
 
 def write_page() -> str:

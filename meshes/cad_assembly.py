@@ -41,13 +41,12 @@ def describe_assembly(path: Path, folder: Path) -> list[dict[str, Any]]:
             raise CadError("there is no solid in it; export the assembly as solids, not as surfaces")
         names, whole = names_of_entities(gmsh, path), whole_faces(gmsh)
         parts = [_describe(gmsh, tag, names.get((3, tag), []), whole) for _, tag in solids]
-    for number in range(len(parts)):
-        with gmsh_model("part") as gmsh:
-            others = import_entities(gmsh, path, 3)
-            del others[number]
-            gmsh.model.occ.remove(others, recursive=True)
-            gmsh.model.occ.synchronize()
+        gmsh.option.setNumber("Geometry.OCCExportOnlyVisible", 1)
+        gmsh.model.setVisibility(gmsh.model.getEntities(), 0)
+        for number, solid in enumerate(solids):
+            gmsh.model.setVisibility([solid], 1, recursive=True)
             gmsh.write(str(folder / f"{number}.step"))
+            gmsh.model.setVisibility([solid], 0, recursive=True)
     return parts
 
 

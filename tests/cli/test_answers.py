@@ -8,8 +8,8 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from docs.json_reference import list_commands, write_page
-from fmd.cli.answers import answer_schema, read_answers
+from docs.json_reference import write_page
+from fmd.cli.answers import answer_schema, list_commands, main, read_answers
 from fmd.core.errors import InputError
 
 
@@ -59,3 +59,12 @@ def test_what_a_command_prints_is_what_its_schema_says(
     monkeypatch.chdir(tmp_path)
     assert fmd(*command, "--json") == 0  # it checks
     assert json.loads(capsys.readouterr().out)
+
+
+def test_the_module_prints_a_schema_and_names_the_commands_that_have_one(capsys) -> None:
+    assert main(["export"]) == 0
+    assert json.loads(capsys.readouterr().out) == answer_schema("export")
+    assert main([]) == 2
+    assert f"COMMAND: takes one command; the commands that do: {', '.join(list_commands())}" in capsys.readouterr().err
+    assert main(["exprot"]) == 2
+    assert "prints no JSON; did you mean 'export'? the commands that do: " in capsys.readouterr().err

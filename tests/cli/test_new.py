@@ -15,6 +15,7 @@ import pytest
 from fmd import Pipeline
 from fmd.cli.app import app
 from fmd.scene.scene import load_scene
+from fmd.scene.schema import write_schema
 from fmd.scene.toml_files import list_ready_scenes
 
 
@@ -128,3 +129,27 @@ def test_the_shell_completes_commands_and_options(fmd, tmp_path, capsys):
             ["bash", "-c", ask.format(words, number)], capture_output=True, text=True, check=True, timeout=20
         )
         assert set(done.stdout.split()) == wanted
+
+
+def test_a_schema_of_another_is_left_alone_and_an_own_one_is_renewed(fmd, tmp_path, capsys):
+    schema, own = tmp_path / "scene.schema.json", write_schema()
+    for text in ('{"title": "Scene"}', "[1]", "no JSON", own.replace('"title": "fmd scene"', '"title": "mine"', 1)):
+        schema.write_text(text)
+        path = tmp_path / "part.toml"
+        assert fmd("new", path) == 0
+        assert f"{schema} is another's and left as it is: the scene names no schema" in capsys.readouterr().out
+        assert (schema.read_text(), path.read_text().partition("\n")[0][:8]) == (text, "# A scen"), text
+        path.unlink()
+    schema.write_text('{"title": "fmd scene"}')  # of another version
+    assert fmd("new", path) == 0
+    assert (schema.read_text(), path.read_text()[:9]) == (own, "#:schema ")
+
+
+def test_a_schema_that_can_not_be_written_is_named_and_no_scene_left(fmd, tmp_path, capsys, monkeypatch):
+    def full(path: Path, text: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("fmd.cli.new.write_text", full)
+    assert fmd("new", tmp_path / "part.toml") == 2
+    assert f"{tmp_path / 'scene.schema.json'}: can't be written: No space left" in capsys.readouterr().err
+    assert not [*tmp_path.iterdir()]

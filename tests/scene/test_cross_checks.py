@@ -136,3 +136,26 @@ def test_a_chart_of_stress_takes_units_of_stress() -> None:
     assert load_scene("propeller-gust", [chart.replace("UNIT", "kPa")]).output[0].unit == "kPa"  # type: ignore[union-attr]
     with refused("output.0.unit = 'mm': isn't a unit that Pa converts to; 'Pa' works"):
         load_scene("propeller-gust", [chart.replace("UNIT", "mm")])
+
+
+CLOSING = 'joint.two={type="revolute", parent="rod.rest", child="ground", axis=[0, 0, 1]}'
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        'drive.more={type="torque", joint="two", torque="1 N m"}',
+        'simulation.fast=["two"]',
+        "joint.two.damper=1 N m s",
+    ],
+)
+def test_what_takes_the_coordinate_of_a_joint_from_a_carried_body_to_the_ground_is_refused(use: str) -> None:
+    assert load_scene("rod-slider", [CLOSING]).closing == ("two",)
+    with refused("with parent = 'ground' and child = 'rod.rest' before the other joint that carries rod, which closes"):
+        load_scene("rod-slider", [CLOSING, use])
+
+
+def test_of_a_body_that_hangs_on_nothing_the_cause_alone_is_told() -> None:
+    with refused("hangs on nothing: parent = 'ground' and child = 'rod.hinge' work") as refusal:
+        load_scene("rod-slider", ["joint.hinge.parent=rod.hinge", "joint.hinge.child=ground"])  # which a drive turns
+    assert "closes a loop" not in str(refusal.value)

@@ -400,3 +400,10 @@ def test_any_file_is_an_input_error(tmp_path: Path, content: bytes) -> None:
 def test_words_of_other_programs_are_understood(override: str, meant: str) -> None:
     with pytest.raises(InputError, match=rf"did you mean '{meant}'\?"):
         load_scene("beam", [override])
+
+
+def test_a_misspelt_kind_is_named_in_a_list_and_in_its_only_table_without_brackets() -> None:
+    box = '{type="bx", size=["1 m", "1 m", "1 m"]}'
+    for visual in (box, f"[{box}]"):
+        with refused("did you mean 'box'?"):
+            load_scene("rod-slider", [f"body.slider.visual={visual}"])

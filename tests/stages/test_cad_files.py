@@ -13,7 +13,7 @@ from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.dynamics.compiler.closures import closed_distances
 from fmd.meshes.gmsh_session import gmsh_model
-from fmd.stages.meshing.cad_files import choose_element_size, describe_cad_file, mesh_cad_file
+from fmd.stages.meshing.cad_files import _own_names, choose_element_size, describe_cad_file, mesh_cad_file
 
 MM = 1e-3
 
@@ -205,3 +205,16 @@ def test_names_in_the_file_go_before_places(step: Callable[..., Path]):
 def test_a_file_without_a_solid_has_no_description(step: Callable[..., Path]):
     with pytest.raises(InputError, match="no solid"):
         describe_cad_file(step(lambda occ: occ.addRectangle(0, 0, 0, 1, 1)))
+
+
+@pytest.mark.parametrize(
+    ("given", "names"),
+    [
+        (["bolt-3", "bolt", "bolt"], ["bolt-3", "bolt", "bolt-4"]),
+        (["Bolt", "bolt"], ["Bolt", "bolt-2"]),  # one file where case isn't distinguished
+        (["part-2", "", "ground"], ["part-2", "part-2-2", "part-3"]),
+        (["a b", "a_b", "a/b"], ["a-b", "a_b", "a-b-3"]),
+    ],
+)
+def test_no_two_parts_of_an_assembly_have_one_name(given: list[str], names: list[str]) -> None:
+    assert _own_names(given) == names

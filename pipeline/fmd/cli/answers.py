@@ -16,10 +16,12 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 from fmd.core.errors import InputError
+from fmd.scene.reading import suggest_name
 
 _SIMPLE = {"number": "number", "integer": "integer", "text": "string", "truth": "boolean", "null": "null"}
 _KEY = re.compile(r"(\w+)(\??)(?:\s+\(([^()]*)\))?")
 _HEADS = ("about", "like", "more")
+_WHAT = "the commands that do"
 
 
 class Key(NamedTuple):
@@ -64,8 +66,15 @@ def kind_of_answer(command: str) -> str:
     """
     kind = read_answers()["commands"].get(command, command)
     if not names_in(kind) or command == "commands":
-        raise InputError("COMMAND", "", command, "prints no JSON")
+        raise InputError("COMMAND", "", command, f"prints no JSON; {suggest_name(command, list_commands(), _WHAT)}")
     return kind
+
+
+def list_commands() -> list[str]:
+    """List the commands that print JSON, in the order of ``fmd --help``."""
+    from fmd.cli.app import app
+
+    return [name for name in app if not name.startswith("-") and name not in ("new", "mcp")]
 
 
 def answer_schema(command: str) -> dict[str, Any]:
@@ -126,5 +135,19 @@ def _split(kind: str) -> Iterator[str]:
     yield found
 
 
+def main(arguments: list[str]) -> int:
+    """Print the schema of one command's answer; return the exit status, 2 without or with a wrong command."""
+    try:
+        if len(arguments) != 1:
+            mend = f"takes one command; {_WHAT}: {', '.join(list_commands())}"
+            raise InputError("COMMAND", "", " ".join(arguments) or None, mend)
+        schema = answer_schema(arguments[0])
+    except InputError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    sys.stdout.write(json.dumps(schema, indent=1) + "\n")
+    return 0
+
+
 if __name__ == "__main__":
-    sys.stdout.write(json.dumps(answer_schema(sys.argv[1]), indent=1) + "\n")
+    sys.exit(main(sys.argv[1:]))

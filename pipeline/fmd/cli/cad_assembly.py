@@ -11,7 +11,6 @@ import numpy as np
 
 from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
 from fmd.core.limits.scene import BORE_CLEARANCE, COAXIAL, STEEL
 from fmd.stages.meshing.cad_files import AssemblyPart, RoundFace, describe_assembly_file
 
@@ -30,7 +29,8 @@ def read_assembly(file: Path, folder: Path) -> Robot:
     """Read an assembly, whose largest part stands on the ground.
 
     A hinge is suggested where a pin of one part is in a bore of another, or two bores are side by side on one axis;
-    where two parts share several axes they are fixed together. Parts without a suggestion are fixed to the ground.
+    where two parts share several axes they are fixed together. Of parts that no suggestion joins to the largest, the
+    largest of each group is fixed to the ground.
 
     Parameters
     ----------
@@ -45,32 +45,32 @@ def read_assembly(file: Path, folder: Path) -> Robot:
         The file can't be read, or has one solid.
     """
     parts = {part.name: part for part in describe_assembly_file(file, folder)}
-    if len(parts) == 1:
-        raise InputError("--assembly", "", str(file), "has one solid: leave --assembly out")
-    root = max(parts, key=lambda name: parts[name].volume)
+    by_size = sorted(parts, key=lambda name: -parts[name].volume)
+    root = by_size[0]
     suggested = [found for pair in combinations(parts.values(), 2) if (found := suggest_joint(*pair))]
     suggested.sort(key=lambda found: "pin" not in found.why)
     notes = [f"{root} is the largest part: it stands on the ground", *_of_materials(file)]
-    joints, places = {}, {root: np.zeros(3)}
-    waiting = list(suggested)
-    while waiting:
-        at = next((found for found in waiting if len(places.keys() & set(found.parts)) == 1), None)
+    joints, places, moves_with = {}, {root: np.zeros(3)}, {root: root}
+    while len(places) < len(parts):
+        at = next((found for found in suggested if len(places.keys() & set(found.parts)) == 1), None)
         if at is None:
-            break
-        waiting.remove(at)
+            alone = next(name for name in by_size if name not in places)
+            at = Suggestion("fixed", (root, alone), np.zeros(3), np.eye(3)[2], "")
+            notes.append(
+                f"{alone} shares no axis with {root} or what hangs on it: fixed to the ground, give it a joint"
+            )
+        else:
+            suggested.remove(at)
         parent, child = at.parts if at.parts[0] in places else at.parts[::-1]
+        if at.why:
+            notes.append(f"suggested, to be confirmed: {child} on {parent} by {at.why}")
         joints[f"{parent}-{child}"] = RobotJoint(
             f"{parent}-{child}", at.kind, parent, child, Pose(at.place - places[parent]), at.axis, {}
         )
-        places[child] = at.place
-        notes.append(f"suggested, to be confirmed: {child} on {parent} by {at.why}")
-    for name in parts.keys() - places.keys():
-        joints[f"{root}-{name}"] = RobotJoint(f"{root}-{name}", "fixed", root, name, Pose(), np.eye(3)[2], {})
-        places[name] = np.zeros(3)
-        notes.append(f"{name} shares no axis with a part that moves: it is fixed to the ground, give it its joint")
-    for found in waiting:
-        if not set(found.parts) <= {root, *(joint.child for joint in joints.values() if joint.kind == "fixed")}:
-            one, other = found.parts
+        places[child], moves_with[child] = at.place, moves_with[parent] if at.kind == "fixed" else child
+    for found in suggested:
+        one, other = found.parts
+        if moves_with[one] != moves_with[other]:
             notes.append(f"suggested, not in the scene: {one} on {other} by {found.why}; as in docs/loops.md")
     links = {name: _link(part, places[name], folder) for name, part in parts.items()}
     return Robot(file.stem, links, joints, root, tuple(notes))

@@ -202,7 +202,7 @@ class _Reader:
     def _linear(self, text: str, what: str) -> str:
         """Return the first coefficient of a spring's or damper's polynomial; a note names the others."""
         first, *higher = text.split() or [text]
-        if any(higher):
+        if any(read_list(" ".join(higher))):
             self.notes.append(f"{what} is a polynomial, {text}: only its linear part is taken, a drive has formulas")
         return first
 

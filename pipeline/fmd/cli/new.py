@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +15,7 @@ from fmd.core.errors import InputError
 from fmd.core.files import write_text
 from fmd.scene.inheritance import list_files
 from fmd.scene.reading import suggest_name
-from fmd.scene.schema import write_schema
+from fmd.scene.schema import TITLE, write_schema
 from fmd.scene.toml_files import list_ready_scenes, read_tables
 from fmd.stages.meshing.cad_files import cad_suffixes, is_cad_file
 
@@ -105,16 +106,31 @@ def _write_scene(path: Path, text: str) -> None:
     Raises
     ------
     InputError
-        The file exists, isn't a ``.toml`` or can't be written.
+        The file exists, isn't a ``.toml``, or it or the schema can't be written.
     """
     _require_free(path)
+    schema = writing = path.parent / SCHEMA_FILE
+    head = f"#:schema ./{SCHEMA_FILE}\n"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        if schema.exists() and not _is_schema(schema):
+            head = ""
+            open_console().print(f"{schema} is another's and left as it is: the scene names no schema", soft_wrap=True)
+        else:
+            write_text(schema, write_schema())
+        writing = path
         with path.open("x", encoding="utf-8") as file:
-            file.write(f"#:schema ./{SCHEMA_FILE}\n{text}")
-        write_text(path.parent / SCHEMA_FILE, write_schema())
+            file.write(f"{head}{text}")
     except OSError as error:
-        raise InputError(str(path), "", None, f"can't be written: {error.strerror or error}") from None
+        raise InputError(str(writing), "", None, f"can't be written: {error.strerror or error}") from None
+
+
+def _is_schema(file: Path) -> bool:
+    """Return true if a file is a schema of scenes that this command has written, perhaps that of another version."""
+    try:
+        return bool(json.loads(file.read_text(encoding="utf-8"))["title"] == TITLE)
+    except (OSError, ValueError, LookupError, TypeError):
+        return False
 
 
 def _require_free(path: Path) -> None:

@@ -366,13 +366,12 @@ class CrossCheck:
 
     def _check_closing(self, name: str, joint: Joint) -> Iterator[FaultError]:
         """A joint that closes a loop holds two places together, and has no coordinate of its own."""
-        child = joint.child.partition(".")[0]
         if not isinstance(joint, CarryingJoint):
             return
         if joint.cannot_close:
             yield FaultError(joint.cannot_close, "joint", name, "type")
-        mend = f"write it before the other joint that carries {child}, which closes the loop then"
         for key in joint.of_coordinates:
+            mend = _mend_to_carry(joint)
             yield FaultError(f"closes a loop, so it has no coordinate for this; {mend}", "joint", name, key)
 
     def _check_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
@@ -381,7 +380,7 @@ class CrossCheck:
         elif name in self.scene.closing:
             if name in self.scene.turned_round.values():  # `_check_tree` tells the cause
                 return
-            mend = "write it before the joint that now carries its child"
+            mend = _mend_to_carry(self.scene.joint[name])
             yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
         elif self.scene.joint[name].type not in fitting:
             wanted = " or ".join([", ".join(fitting[:-1]), fitting[-1]] if len(fitting) > 1 else fitting)
@@ -407,6 +406,14 @@ class CrossCheck:
         elements = [f"{name}.{element}" for name, body in self.scene.flexible.items() for element in body.element]
         if place not in elements:
             yield UnknownNameError("element", place, elements, "the named elements", *path)
+
+
+def _mend_to_carry(joint: Joint) -> str:
+    """Return how a joint that closes a loop carries a body, and another closes the loop."""
+    carried, turn = joint.child, ""
+    if carried == "ground" or carried.startswith("ground."):
+        carried, turn = joint.parent, f" with parent = {joint.child!r} and child = {joint.parent!r}"
+    return f"write it{turn} before the other joint that carries {carried.partition('.')[0]}, which closes the loop then"
 
 
 def _joints_along(*units: str) -> tuple[str, ...]:

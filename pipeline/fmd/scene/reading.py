@@ -249,7 +249,8 @@ def kinds_as_meant(error: ValidationError, tables: Mapping[str, Any]) -> dict[st
             found = deepcopy(dict(tables)) if found is None else found
             table: Any = found
             for part in path:
-                table = table[part]
+                if not (isinstance(part, int) and isinstance(table, Mapping)):  # a list's only table without brackets
+                    table = table[part]
             table[key] = near
     return found
 

@@ -113,11 +113,12 @@ class SceneTables(SceneTable):
 
     @property
     def turned_round(self) -> dict[str, str]:
-        """Joint whose child is the ground, which hangs on nothing, by the body that is its parent."""
+        """Joint whose child is the ground, by the body that is its parent and hangs on no other joint."""
         ends = {
             name: [end.partition(".")[0] for end in (joint.parent, joint.child)] for name, joint in self.joint.items()
         }
-        return {parent: name for name, (parent, child) in ends.items() if child == "ground"}
+        hanging = self.body.keys() - self.carrying.keys()
+        return {parent: name for name, (parent, child) in ends.items() if child == "ground" and parent in hanging}
 
 
 def leads_round(body: str, parents: Mapping[str, str]) -> bool:

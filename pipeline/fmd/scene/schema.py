@@ -28,6 +28,9 @@ from fmd.scene.scene import Scene
 KNOWN_BY_FILES = (MeshedPart, CadPart, MatrixPart, ReducedPart)
 """Bodies whose kind a scene may leave out, since the keys of their files say it."""
 
+TITLE = "fmd scene"
+"""Title of the schema, by which a file is known as one."""
+
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 _PREFIXES = (
@@ -39,7 +42,7 @@ _PREFIXES = (
 def write_schema() -> str:
     """Return the schema as JSON."""
     schema = Scene.model_json_schema(schema_generator=_Generator)
-    properties = schema["properties"]
+    schema["title"], properties = TITLE, schema["properties"]
     properties["base"] = {"type": "string", "description": "Ready scene, or path of a scene, that this one builds on."}
     properties["set"] = {"type": "array", "items": {"type": "string"}, "description": "Single values to replace."}
     # A scene that builds on another has its tables, and a body that is like another its keys.

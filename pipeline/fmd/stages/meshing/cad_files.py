@@ -8,6 +8,7 @@ import re
 import shutil
 import tempfile
 from dataclasses import dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -193,16 +194,25 @@ def describe_cad_file(path: Path) -> PartOutline:
 def describe_assembly_file(path: Path, folder: Path) -> list[AssemblyPart]:
     """Describe the solids of a CAD file as parts of an assembly, and write each to a STEP file in a folder.
 
-    Raises as `mesh_cad_file`.
+    Raises
+    ------
+    InputError
+        As `mesh_cad_file`, the file has one solid, or the folder has a file of a part's name.
     """
     with tempfile.TemporaryDirectory(prefix="fmd-") as temporary:
         description = Path(temporary) / "parts.json"
         _run_gmsh(path, description, temporary, entry="fmd.meshes.cad_assembly:main")
         found = json.loads(description.read_text(encoding="utf-8"))
+        if len(found) == 1:
+            raise InputError(str(path), "", None, "has one solid: leave --assembly out")
         names = _own_names([part.pop("name") for part in found])
+        targets = [folder / f"{name}.step" for name in names]
+        for target in targets:
+            if target.exists():
+                raise InputError(str(target), "", None, "exists already and is left as it is; take another name")
         folder.mkdir(parents=True, exist_ok=True)
-        for number, name in enumerate(names):
-            shutil.copyfile(Path(temporary) / f"{number}.step", folder / f"{name}.step")
+        for number, target in enumerate(targets):
+            shutil.copyfile(Path(temporary) / f"{number}.step", target)
     return [
         AssemblyPart(
             name,
@@ -218,13 +228,15 @@ def describe_assembly_file(path: Path, folder: Path) -> list[AssemblyPart]:
 
 
 def _own_names(given: list[str]) -> list[str]:
-    """Return a name for each part, as scenes and files may have it; no two are alike."""
-    names: list[str] = []
+    """Return a name for each part, as scenes and files may have it; no two are alike, also without regard to case."""
+    names: dict[str, str] = {}
     for number, text in enumerate(given, start=1):
         name = re.sub(r"^[^A-Za-z]+", "", re.sub(r"[^A-Za-z0-9_]+", "-", text).strip("-_"))[: LONGEST_NAME - 4]
         name = name if name and name != "ground" else f"part-{number}"
-        names.append(name if name not in names else f"{name}-{number}")
-    return names
+        alike = (f"{name}-{k}" for k in count(number))
+        own = next(own for own in chain([name], alike) if own.casefold() not in names)
+        names[own.casefold()] = own
+    return [*names.values()]
 
 
 def choose_element_size(part: PartOutline) -> float:
