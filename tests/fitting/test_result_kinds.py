@@ -12,7 +12,7 @@ import pytest
 import fmd as package
 from fmd.core.errors import InputError
 from fmd.fitting.sensitivities import Sensitivity
-from fmd.output.channels import ResultChannel
+from fmd.output.channels import ResultChannel, find_channels
 from tests.contact.test_rigid_contacts import BALL, MASS, RADIUS, SPEED, free, scene
 from tests.fitting.test_optimise import PUSHED
 from tests.fitting.test_sensitivities import OSCILLATOR
@@ -65,28 +65,42 @@ def test_a_state_of_equilibrium_moves_with_the_numbers_as_its_closed_form() -> N
         np.testing.assert_allclose(each.slope * each.parameter.value, power * each.value, rtol=1e-6)
 
 
+def rotor(folder: Path) -> str:
+    (folder / "rotor.toml").write_text(RIGID.replace(f"{DAMPER} N s/m", "0 N s/m"))
+    return str(folder / "rotor.toml")
+
+
 @pytest.mark.parametrize(
     ("name", "key", "power"),
     [
-        ("critical_speed.4", "bearing.near.radial", 0.25),
+        ("critical_speed.2", "body.rotor.mass", -0.5),
+        pytest.param("critical_speed.4", "bearing.near.radial", 0.25, marks=pytest.mark.long),
         pytest.param(
             "critical_speed.4", "body.rotor.inertia.0", -0.5 * POLAR / (ACROSS + POLAR), marks=pytest.mark.long
         ),
-        pytest.param("critical_speed.2", "body.rotor.mass", -0.5, marks=pytest.mark.long),
     ],
 )
 def test_critical_speeds_go_with_the_numbers_as_their_closed_forms(
     name: str, key: str, power: float, tmp_path: Path
 ) -> None:
     """Of a rigid rotor: that of translation is √(2 k/m), that of tilting backward √(2 k a²/(I_t + I_p))."""
-    rotor = tmp_path / "rotor.toml"
-    rotor.write_text(RIGID.replace(f"{DAMPER} N s/m", "0 N s/m"))
-    (found,) = package.jacobian(package.load(rotor), [name], [key])
+    (found,) = package.jacobian(package.load(rotor(tmp_path)), [name], [key])
     squared = 2 * RADIAL / ROTOR_MASS if name.endswith("2") else 2 * RADIAL * ARM**2 / (ACROSS + POLAR)
     assert float(found.value) == pytest.approx(np.sqrt(squared), rel=1e-7)
     assert found.relative == pytest.approx(power, abs=1e-4)
+
+
+def test_critical_speeds_are_found_beyond_a_slow_vibration_and_far_from_the_scenes_own(tmp_path: Path) -> None:
+    """The rotor slides to and fro along its axis at 0.005 of the speed at which its bearings' springs are met."""
+    run = package.load(rotor(tmp_path), "bearing.near.axial=1 N/m").run
+    (channel,) = find_channels(run, "critical_speed.2")
+    whirl = np.sqrt(2 * RADIAL / ROTOR_MASS)
+    assert np.sqrt(1.0 / ROTOR_MASS) < whirl / 128
+    assert float(channel.read(run)) == pytest.approx(whirl, rel=1e-7)
+    heavier = package.load(rotor(tmp_path), "bearing.near.axial=1 N/m", f"body.rotor.mass={1.1 * ROTOR_MASS} kg").run
+    assert float(channel.read(heavier)) == pytest.approx(whirl / np.sqrt(1.1), rel=1e-7)
     with pytest.raises(InputError, match="needs its number, from 1"):
-        package.jacobian(package.load(rotor), ["critical_speed"], [key])
+        find_channels(run, "critical_speed")
 
 
 @pytest.mark.parametrize("key", ["body.ball.mass", "joint.free.velocity.2"])

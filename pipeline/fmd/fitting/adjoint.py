@@ -105,12 +105,11 @@ def find_gradient(
     total = HistorySum(frozen, motion, channels, weights.reshape(len(channels), -1))
     if not total.is_of_each_time():
         return {}
-    found: dict[Parameter, tuple[Direction, float]] = {}
-    for parameter in parameters:
-        direction = frozen.direction(motion, parameter)
-        if direction is not None and not direction.variants:
-            found[parameter] = direction, total.by_number(parameter)
-    return _add_up(frozen, motion, total, found) if len(found) >= FEWEST_BY_ADJOINT else {}
+    directions = {each: frozen.direction(motion, each) for each in parameters}
+    served = {key: own for key, own in directions.items() if own is not None and not own.variants}
+    if len(served) < FEWEST_BY_ADJOINT:
+        return {}
+    return _add_up(frozen, motion, total, {key: (own, total.by_number(key)) for key, own in served.items()})
 
 
 def _add_up(

@@ -25,9 +25,8 @@ class _LinearExperiment:
 
     run: Pipeline  # stages of the scene as it is computed
     channels: tuple[MeasuredChannel, ...]
-    inputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # of the linear model, as `linearise_scene` takes them
     outputs: tuple[str, ...]
-    """inputs, outputs: of the linear model, as `linearise_scene` takes them."""
     solved: int = 0
     _known: dict[tuple[float, ...], LinearModel] = field(default_factory=dict)
 

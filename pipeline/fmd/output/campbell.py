@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 from fmd.accuracy.response_errors import NO_ERRORS
 from fmd.accuracy.rotor_errors import estimate_frequency_errors
 from fmd.core.arrays import Array
-from fmd.core.errors import AccuracyError
 from fmd.core.files import write_table
 from fmd.core.limits.responses import (
     BESIDE_MEETING,
@@ -215,10 +214,10 @@ def compute_campbell(
         return _compute(coupled(run), rates, orders, in_rpm, monitor)
 
 
-def find_critical_speeds(run: Pipeline, count: int) -> list[float]:
-    """Find the lowest rates at which the rotation itself meets a frequency, ascending [rad/s].
+def find_critical_speeds(run: Pipeline, count: int) -> tuple[list[float], float]:
+    """Find the lowest rates at which the rotation itself meets a frequency, and up to which it looked [rad/s].
 
-    There are fewer than ``count`` if no more are met up to many times the frequencies at rest.
+    It looks up to twice as many frequencies at rest as are wanted, and further while there are fewer than ``count``.
 
     Raises
     ------
@@ -226,29 +225,28 @@ def find_critical_speeds(run: Pipeline, count: int) -> list[float]:
         As `fmd.stages.rotor.find_vibrations`.
     """
     found: list[float] = []
-    at_rest = compute_campbell(run, np.array([0.0, 1.0]), []).frequencies_hz[0]
-    highest = 2.0 * np.pi * at_rest[at_rest > 0.0].min(initial=np.inf)
-    for _ in range(DOUBLED_RATES if np.isfinite(highest) else 0):
+    with threadpool_limits(1):
+        at_rest = find_vibrations(coupled(run))(0.0).frequencies_hz
+    lowest, highest = 0.0, 4.0 * np.pi * float(np.sort(at_rest[at_rest > 0.0])[:count].max(initial=0.0))
+    for _ in range(DOUBLED_RATES if highest else 0):
+        rates = np.linspace(lowest, highest, LOOKED_RATES)
+        found += [at.rate for at in compute_campbell(run, rates, [1.0]).crossings]
         if len(found) >= count:
             break
-        highest *= 2.0
-        found = [at.rate for at in compute_campbell(run, np.linspace(0.0, highest, LOOKED_RATES), [1.0]).crossings]
-    return found[:count]
+        lowest, highest = highest, 2.0 * highest
+    return found[:count], highest if len(found) >= count else lowest
 
 
-def find_critical_speed_near(run: Pipeline, rate: float) -> float:
-    """Find the rate nearest to another one [rad/s] at which the rotation itself meets a frequency.
-
-    Raises
-    ------
-    AccuracyError
-        There is none within a per cent.
-    """
-    rates = rate * np.array([1.0 - NEAR_CRITICAL, 1.0 + NEAR_CRITICAL])
-    found = [at.rate for at in compute_campbell(run, rates, [1.0]).crossings]
-    if not found:
-        raise AccuracyError(f"no critical speed is within {100 * NEAR_CRITICAL:g} % of {rate:.6g} rad/s")
-    return min(found, key=lambda at: abs(at - rate))
+def find_critical_speed_near(run: Pipeline, rate: float) -> float | None:
+    """Find the rate nearest to another one [rad/s] at which the rotation itself meets a frequency, or none close by."""
+    ends = rate * np.array([1.0 - NEAR_CRITICAL, 1.0 + NEAR_CRITICAL])
+    with threadpool_limits(1):
+        vibrations = cache(find_vibrations(coupled(run)))
+        values = zip(*(vibrations(end).frequencies_hz for end in ends.tolist()), strict=False)
+        found = [
+            at for k, both in enumerate(values) for at in _meet(vibrations, ends, np.array(both), order=1.0, mode=k)
+        ]
+    return min(found, key=lambda at: abs(at - rate), default=None)
 
 
 def _compute(run: Pipeline, rates: Array, orders: Sequence[float], in_rpm: bool, monitor: Monitor) -> CampbellDiagram:

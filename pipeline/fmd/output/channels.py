@@ -191,17 +191,22 @@ def _of_mode(name: str, body: str, mode: int) -> ResultChannel:
 
 
 def _critical_speed(run: Pipeline, name: str, number: list[str], origin: str) -> ResultChannel:
-    """Return a critical speed, as a Campbell diagram has it; of other runs the one nearest to it."""
+    """Return a critical speed, as a Campbell diagram has it; of other runs the one close by, or that of this number."""
     from fmd.output.campbell import find_critical_speed_near, find_critical_speeds
 
     if len(number) != 1 or not number[0].isdigit() or not int(number[0]):
         raise InputError(origin, name, None, "needs its number, from 1, e.g. critical_speed.1")
-    found = find_critical_speeds(run, int(number[0]))
-    if len(found) < int(number[0]):
-        raise InputError(origin, name, None, f"the rotation meets {len(found)} frequencies, see 'fmd campbell'")
-    rate = found[-1]
-    read = lambda other: np.asarray(rate if other is run else find_critical_speed_near(other, rate))  # noqa: E731
-    return ResultChannel(name, "rad/s", read, moves=False)
+
+    def find(other: Pipeline) -> float:
+        found, highest = find_critical_speeds(other, int(number[0]))
+        if len(found) < int(number[0]):
+            mend = f"the rotation meets {len(found)} frequencies up to {highest:.4g} rad/s, see 'fmd campbell'"
+            raise InputError(origin, name, None, mend)
+        return found[-1]
+
+    rate = find(run)
+    near = lambda other: find_critical_speed_near(other, rate) or find(other)  # noqa: E731
+    return ResultChannel(name, "rad/s", lambda other: np.asarray(rate if other is run else near(other)), moves=False)
 
 
 def follow_mode(channel: ResultChannel, run: Pipeline, other: Pipeline) -> ResultChannel:

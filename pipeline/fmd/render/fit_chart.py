@@ -99,4 +99,6 @@ def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: 
             axes.set_xlabel(label, fontsize=12)
             if len(places) <= _FEW:
                 axes.set_xticks(places)
+            else:
+                axes.locator_params(axis="x", nbins=5)  # labels of the narrow charts stay apart
         frames[0, 0].legend(fontsize=10, frameon=False)

@@ -31,9 +31,9 @@ RIGID_POLE = 1e-7  # of the fastest vibration: a pole that oscillates slower is 
 RIGID_DRIFT = 1e-6  # of the fastest vibration: a smaller real pole is a rigid motion, split by round-off
 GROWS = 1e-6  # of its own size: the real part of a pole from which on its motion grows
 BESIDE_MEETING = 1e-3  # of a rate: so far beside it a whirl that stands still in the turning frame is looked at
-LOOKED_RATES = 21  # from rest to the highest: between two, a frequency is met once
+LOOKED_RATES = 21  # of a range: between two, a frequency is met once
 DOUBLED_RATES = 6  # times that the highest rate is doubled, to meet frequencies
-NEAR_CRITICAL = 0.01  # of a critical speed: how far beside it that of a like rotor is looked for
+NEAR_CRITICAL = 0.003  # of a critical speed: how far beside it that of a rotor a difference away is looked for
 UNSTABLE_EDGE = 1e-4  # of the highest rate: how near the edges of unstable ranges are found
 
 # Models over the rate of rotation.
