@@ -205,8 +205,11 @@ def _critical_speed(run: Pipeline, name: str, number: list[str], origin: str) ->
         return found[-1]
 
     rate = find(run)
-    near = lambda other: find_critical_speed_near(other, rate) or find(other)  # noqa: E731
-    return ResultChannel(name, "rad/s", lambda other: np.asarray(rate if other is run else near(other)), moves=False)
+
+    def read(other: Pipeline) -> Array:
+        return np.asarray(rate if other is run else find_critical_speed_near(other, rate) or find(other))
+
+    return ResultChannel(name, "rad/s", read, moves=False)
 
 
 def follow_mode(channel: ResultChannel, run: Pipeline, other: Pipeline) -> ResultChannel:
