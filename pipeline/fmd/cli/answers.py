@@ -15,6 +15,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, NamedTuple
 
+from fmd.cli.app import app
 from fmd.core.errors import InputError
 from fmd.scene.reading import suggest_name
 
@@ -72,8 +73,6 @@ def kind_of_answer(command: str) -> str:
 
 def list_commands() -> list[str]:
     """List the commands that print JSON, in the order of ``fmd --help``."""
-    from fmd.cli.app import app
-
     return [name for name in app if not name.startswith("-") and name not in ("new", "mcp")]
 
 
