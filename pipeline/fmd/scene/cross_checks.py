@@ -370,18 +370,16 @@ class CrossCheck:
             return
         if joint.cannot_close:
             yield FaultError(joint.cannot_close, "joint", name, "type")
-        for key in joint.of_coordinates:
-            mend = _mend_to_carry(joint)
-            yield FaultError(f"closes a loop, so it has no coordinate for this; {mend}", "joint", name, key)
+        mend = f"closes a loop, so it has no coordinate for this; {_mend_to_carry(joint)}"
+        yield from (FaultError(mend, "joint", name, key) for key in joint.of_coordinates)
 
     def _check_joint(self, name: str, fitting: tuple[str, ...], user: str, *path: str | int) -> Iterator[FaultError]:
         if name not in self.scene.joint:
             yield UnknownNameError("joint", name, self.scene.joint, "the joints", *path)
         elif name in self.scene.closing:
-            if name in self.scene.turned_round.values():  # `_check_tree` tells the cause
-                return
-            mend = _mend_to_carry(self.scene.joint[name])
-            yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
+            if name not in self.scene.turned_round.values():  # of which `_check_tree` tells the cause
+                mend = _mend_to_carry(self.scene.joint[name])
+                yield FaultError(f"closes a loop, so it has no coordinate that {user} could take; {mend}", *path)
         elif self.scene.joint[name].type not in fitting:
             wanted = " or ".join([", ".join(fitting[:-1]), fitting[-1]] if len(fitting) > 1 else fitting)
             yield FaultError(f"is a {self.scene.joint[name].type} joint; {user} needs a {wanted} one", *path)
