@@ -206,6 +206,7 @@ def test_several_starts_find_the_minimum_that_one_misses(tmp_path: Path) -> None
     varied = read_varied(start, ["joint.slide.spring=50..3000"])
     alone, several = (fit_scene(experiments, varied, starts) for starts in (1, 6))
     assert alone.chi2 > 10.0 * several.chi2
+    assert any("--starts 6" in warning["text"] for warning in alone.warnings())
     assert several.values[0] == pytest.approx(800.0, rel=0.01)
     assert several.summary()["starts"][0]["chi2"] == pytest.approx(several.chi2)
     with pytest.raises(InputError, match="takes bounds of each number"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -204,6 +204,22 @@ def test_stated_errors_hold_what_ten_times_as_many_modes_change(
                 if not isinstance(variable.attrs["error"], str):
                     apart = np.abs(variable.values[0] - theirs[key].values[0])
                     assert apart.max() <= variable.attrs["error"] + 1e-9 * np.abs(variable.values).max(), key
+
+
+def test_each_figure_of_bodies_and_of_the_end_has_an_error_or_a_reason(stated: Path) -> None:
+    summary = json.loads((stated / "summary.json").read_text(encoding="utf-8"))
+    places = [path for table in ("bodies", "final") for path in _places_of_numbers(summary[table], table)]
+    errors = summary["stated_errors"]
+    assert len(places) > 20
+    assert not [path for path in places if path not in errors and path.rpartition(".")[0] not in errors]
+
+
+def _places_of_numbers(value: Any, path: str) -> Iterator[str]:
+    """Yield the places of the numbers in a summary's table, but for the time, which is given."""
+    if isinstance(value, float) and not path.endswith("time_s"):
+        yield path
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else ()):
+        yield from _places_of_numbers(inner, f"{path}.{key}")
 
 
 def test_a_clamped_bar_in_equilibrium_bears_its_weight_and_the_mass(scene: Path) -> None:

@@ -123,6 +123,8 @@ class Fit:
         for name, probability in self.white.items():
             if probability < WHITE:
                 text = f"residuals of {name} are not white: the model misses something in it, or its noise isn't white"
+                if len(self.starts) < 2:
+                    text += ", or another minimum is lower, which --starts 6 looks for"
                 found.append({"code": "not-white", "text": text})
         for alike in self.likeness.values():
             for number, value in enumerate(alike, start=1):

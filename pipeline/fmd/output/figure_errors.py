@@ -11,6 +11,10 @@ from fmd.output.error_table import NOT_STATED
 from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
 
+_OF_RANGE = NOT_STATED + "it tells whether the model holds, and the error budget doesn't compare it"
+_PLACES = ("time_s", "position_m")  # of the largest stress
+_OF_PLACE = NOT_STATED + "errors are those of the value, not of its place and time"
+
 
 def figure_errors(run: Pipeline, summary: Mapping[str, Any]) -> dict[str, float | str]:
     """Return the error of each figure of a run's summary in its unit, or why it is not stated.
@@ -24,7 +28,10 @@ def figure_errors(run: Pipeline, summary: Mapping[str, Any]) -> dict[str, float 
     for name, own in by_step.items():
         for key, x in own.items():
             found[f"contacts.{name}.{key}"] = NOT_STATED + x if isinstance(x, str) else x
-    return found
+    for body, figures in summary.get("bodies", {}).items():
+        for key in (key for key, x in figures.items() if isinstance(x, float) or key == "frequencies_in_frame_hz"):
+            found.setdefault(f"bodies.{body}.{key}", _OF_RANGE)
+    return found | {f"worst_stress.{key}": _OF_PLACE for key in _PLACES if key in summary.get("worst_stress", ())}
 
 
 def _quantities(run: Pipeline, summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -41,9 +48,11 @@ def _quantities(run: Pipeline, summary: Mapping[str, Any]) -> Iterator[tuple[str
         yield f"final.joint_rates.{joint}", f"{joint}.rate"
     yield "final.kinetic_energy_j", "kinetic_energy"
     yield "final.potential_energy_j", "potential_energy"
-    yield "final.tip.position_m", "tip.position"
+    for tip in ("final.tip", "tip"):
+        yield f"{tip}.position_m", "tip.position"
+        if "peak_tip_deflection_m" in summary:
+            yield f"{tip}.deflection_m", "tip.deflection"
     if "peak_tip_deflection_m" in summary:
-        yield "final.tip.deflection_m", "tip.deflection"
         yield "peak_tip_deflection_m", "tip, largest deflection"
     worst = summary.get("worst_stress", {})
     if worst:
