@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from docs.json_reference import write_page
+
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 ROOMS = sorted({path.parent.name for path in (ROOT / "pipeline" / "fmd").glob("*/__init__.py")} - {"models"})
@@ -25,6 +27,12 @@ def test_the_tables_of_the_pages_are_those_of_the_benchmarks() -> None:
         used |= {slot[1] for slot in tables["SLOT"].findall(page)}
         assert tables["fill_tables"](page) == page, f"{path.name}: run python benchmarks/tables.py"
     assert used == set(tables["TABLES"])
+
+
+def test_the_page_of_answers_is_what_their_schemas_say() -> None:
+    assert (DOCS / "json.md").read_text(encoding="utf-8") == write_page(), (
+        "python -m docs.json_reference > docs/json.md"
+    )
 
 
 def test_the_readme_is_a_door() -> None:

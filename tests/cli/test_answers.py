@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import jsonschema
 import pytest
 
-from docs.json_reference import write_page
 from fmd.cli.answers import answer_schema, list_commands, main, read_answers
 from fmd.core.errors import InputError
 
 
-def test_each_command_has_a_schema_and_the_page_is_what_they_say() -> None:
+def test_each_command_has_a_schema() -> None:
     for command in list_commands():
         schema = answer_schema(command)
         jsonschema.Draft202012Validator.check_schema(schema)
-    assert (Path(__file__).parents[2] / "docs" / "json.md").read_text(encoding="utf-8") == write_page()
+        assert schema["title"] == f"fmd {command} --json"
 
 
 def test_each_table_is_part_of_an_answer() -> None:
