@@ -39,7 +39,8 @@ def may_close(c: ContactTable, time: float, q: Array, v: Array, origins: Array, 
         for side in range(1 if c.master[s] < 0 else 2):
             body = c.slave[s] if side == 0 else c.master[s]
             back = 1.0 if _is_of_box(c, s) else 2.0  # gaps of points are those of deformed bodies
-            way += c.reach[s, side] * (back * modal_size(c, body, q) + time * _modal_rate(c, body, v))
+            swing = back * modal_size(c, body, q, c.shift) + time * modal_size(c, body, v, 0)
+            way += c.reach[s, side] * swing
         if not _least_gap(c, s, q, origins, rotations) > way:
             return True
     return False
@@ -55,7 +56,7 @@ def _is_of_box(c: ContactTable, s: int) -> bool:
 def _least_gap(c: ContactTable, s: int, q: Array, origins: Array, rotations: Array) -> float:
     """Return a lower bound of the gaps of a surface's points, of undeformed bodies before a plane."""
     if _is_of_box(c, s):
-        return float(c.height[s, 0] + c.reach[s, 0] * modal_size(c, c.slave[s], q))
+        return float(c.height[s, 0] + c.reach[s, 0] * modal_size(c, c.slave[s], q, c.shift))
     least = math.inf
     if c.rounded[s] == 1 or c.primitive[s, 0] > 0.0:
         for i in range(c.point[s], c.point[s + 1]):
@@ -66,15 +67,6 @@ def _least_gap(c: ContactTable, s: int, q: Array, origins: Array, rotations: Arr
         if c.n_near[i] > 0:
             return 0.0
     return float(c.room[s] - moved_since_listed(c, s, q, origins, rotations))
-
-
-@inner
-def _modal_rate(c: ContactTable, body: int, v: Array) -> float:
-    """Return the length of the rates of a body's modal coordinates."""
-    size = 0.0
-    for m in range(c.n_modes[body]):
-        size += v[c.mode[body, m]] ** 2
-    return math.sqrt(size)
 
 
 @inner

@@ -28,9 +28,9 @@ def place_node(c: ContactTable, k: int, body: int, q: Array, origins: Array, rot
 
 
 @inner
-def modal_size(c: ContactTable, body: int, q: Array) -> float:
-    """Return the length of a body's modal coordinates."""
+def modal_size(c: ContactTable, body: int, x: Array, shift: int) -> float:
+    """Return the length of a body's modal coordinates, which stand shifted among positions, or of their rates."""
     size = 0.0
     for m in range(c.n_modes[body]):
-        size += q[c.mode[body, m] + c.shift] ** 2
+        size += x[c.mode[body, m] + shift] ** 2
     return math.sqrt(size)

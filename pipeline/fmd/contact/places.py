@@ -77,7 +77,7 @@ def _place_round_points(c: ContactTable, s: int, q: Array, origins: Array, rotat
 @inner
 def _may_touch_plane(c: ContactTable, s: int, q: Array, origin: Array, R: Array) -> bool:
     """Return false if all points stay above their plane for some steps, as fast as they now come down."""
-    deformed, low = c.reach[s, 0] * modal_size(c, c.slave[s], q), math.inf
+    deformed, low = c.reach[s, 0] * modal_size(c, c.slave[s], q, c.shift), math.inf
     for k in range(8):
         gap = c.clearance[s] - deformed
         for a in range(3):

@@ -83,6 +83,10 @@ def quaternion_of_matrix(R: Array) -> Array:
     return np.asarray(e * np.cumprod(np.r_[1.0, flips])[:, None])
 
 
+RIGID_MOTIONS = tuple(f"{how} {axis}" for how in ("moved along", "turned about") for axis in "xyz")
+"""The motions of `rigid_motions`, in words."""
+
+
 def rigid_motions(x: Array) -> Array:
     """Three translations and three linearised rotations about the origin of points at x (n, 3), shape (n, 3, 6)."""
     turns = np.cross(np.eye(3), x[:, None]).swapaxes(1, 2)

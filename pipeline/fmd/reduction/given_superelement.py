@@ -28,13 +28,11 @@ from fmd.core.limits.files import (
     SYMMETRIC,
 )
 from fmd.core.limits.modes import MASSLESS, NO_FREQUENCY
-from fmd.core.rotations import rigid_motions
+from fmd.core.rotations import RIGID_MOTIONS, rigid_motions
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
 from fmd.reduction.known_motion import affine_products, directional_mass, within_schwarz
 from fmd.reduction.modal_data import ModalData
-
-_MOTIONS = ("moved along x", "moved along y", "moved along z", "turned about x", "turned about y", "turned about z")
 
 
 class Recovery(NamedTuple):
@@ -277,7 +275,7 @@ def _require_matter(path: Path, K: Array, M: Array, R: Array, mass: float, size:
     support = np.abs(eigh(R.T @ K @ R, R.T @ M @ R, eigvals_only=True)).max() / omega2
     if not (defect.max() < RIGID_FORCE and support < SUPPORT_STIFFNESS):
         raise AccuracyError(
-            f"{path}: the body isn't free: {_MOTIONS[int(defect.argmax())]} as a whole it answers with "
+            f"{path}: the body isn't free: {RIGID_MOTIONS[int(defect.argmax())]} as a whole it answers with "
             f"{defect.max():.1e} of its forces (at most {RIGID_FORCE:.0e}), with {100 * support:.2g} % of the "
             f"stiffness of its first mode (at most {100 * SUPPORT_STIFFNESS:g} %); reduce it without supports, "
             "check unit of body, write all digits"

@@ -15,7 +15,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.newton import PROJECTIONS, STALLED
 from fmd.dynamics.compiled_system.closed import project_positions, project_rates, pull, push
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog
-from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, pulled, set_time, take_state
+from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy, pulled, set_time, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints
 from fmd.kernels.kernel import inner
@@ -45,12 +45,6 @@ class ClosedTangentParameters(TangentParameters):
 
 
 @inner
-def _copy(x: Array, out: Array) -> None:
-    for i in range(out.size):
-        out[i] = x[i]
-
-
-@inner
 def _clear(x: Array) -> None:
     for i in range(x.size):
         x[i] = 0.0
@@ -59,10 +53,10 @@ def _clear(x: Array) -> None:
 @inner
 def _advance_tangents(p: ClosedTangentParameters, q: Array, own: Array, h: float) -> None:
     """Move the tangents of positions by h times ``rates`` about the motion's ``own`` positions; q's own stay."""
-    _copy(q, p.moved)
-    _copy(own[: p.n_positions], q[: p.n_positions])
+    copy(q, p.moved)
+    copy(own[: p.n_positions], q[: p.n_positions])
     advance(p, q, p.rates, h, 0, p.rates.size)
-    _copy(p.moved[: p.n_positions], q[: p.n_positions])
+    copy(p.moved[: p.n_positions], q[: p.n_positions])
 
 
 @inner
@@ -78,9 +72,9 @@ def _accelerations(p: ClosedTangentParameters, t: float, q: Array, v: Array, a: 
     set_time(p, float(t))
     whole = p.own.whole
     accelerations(p.own, t, q[: p.n_positions], v[: p.n], a[: p.n])
-    _copy(whole.multiplier, p.multiplier)
+    copy(whole.multiplier, p.multiplier)
     pulled(p, q, v, p.multiplier, a, a)
-    _copy(a, p.a_free)
+    copy(a, p.a_free)
     along = (p.directions, q[p.n_position_lines :], v[p.n_lines :], a[p.n_lines :])
     call_native(p.closing, (p.inputs, q, v, a, along[0], along[1], along[2], along[3], p.dg))
     m = p.variants
@@ -100,7 +94,7 @@ def _accelerations(p: ClosedTangentParameters, t: float, q: Array, v: Array, a: 
 def _leapfrog_step(
     p: ClosedTangentParameters, leapfrog: Leapfrog, t: float, h: float, q: Array, v: Array, a: Array
 ) -> None:
-    _copy(q, p.q_now)
+    copy(q, p.q_now)
     for i in range(v.size):
         leapfrog.v_now[i] = v[i] + 0.5 * h * a[i]
     p.own.whole.fresh[0] = 1.0
@@ -120,7 +114,7 @@ def _leap(p: ClosedTangentParameters, v_now: Array, t: float, h: float, q: Array
     """Take a step with the motion alone, then with its tangents at the multipliers that have closed it."""
     n = p.n
     accelerations(p.own, t, q[: p.n_positions], v_now[:n], a[:n])
-    _copy(p.own.whole.multiplier, p.multiplier)
+    copy(p.own.whole.multiplier, p.multiplier)
     for i in range(n):
         v[i] += h * a[i]
         p.rates[i] = v[i]
@@ -142,7 +136,7 @@ def _leap_and_turn(p: ClosedTangentParameters, v_now: Array, t: float, h: float,
         v[i] += h * a[i]
         p.rates[i] = v[i]
     advance(p, q, v, h, 0, v.size)
-    _copy(q[: p.n_positions], p.q_ahead)
+    copy(q[: p.n_positions], p.q_ahead)
     _project_motion(p, t, h, q, v, a)
     pulled(p, p.q_now, v_now, p.multiplier, a, p.a_pulled)
     for i in range(p.n):
@@ -170,7 +164,7 @@ def _close(p: ClosedTangentParameters, q: Array, v: Array) -> None:
     """Bring the tangents of positions onto the constraints; ``rates`` has how far they have moved."""
     last = math.inf
     _clear(p.rates)
-    _copy(q, p.moved)
+    copy(q, p.moved)
     for _ in range(2 * PROJECTIONS):
         last = _find_push(p, q, v, p.dg, last)
         if last == 0.0:
@@ -178,7 +172,7 @@ def _close(p: ClosedTangentParameters, q: Array, v: Array) -> None:
         for i in range(p.n_lines, v.size):
             p.rates[i] += p.a_free[i]
         advance(p, q, p.a_free, 1.0, 0, v.size)
-    _copy(p.moved[: p.n_positions], q[: p.n_positions])
+    copy(p.moved[: p.n_positions], q[: p.n_positions])
 
 
 @inner
@@ -234,14 +228,14 @@ def _find_changes(p: ClosedTangentParameters, q: Array, v: Array, wanted: Array)
 def _project(p: ClosedTangentParameters, t: float, q: Array, v: Array) -> None:
     n, first, whole = p.n, p.n_lines, p.own.whole
     set_time(p, float(t))
-    _copy(q, p.q_now)
-    _copy(v, p.v_now)
+    copy(q, p.q_now)
+    copy(v, p.v_now)
     _clear(whole.total)
     project_positions(p.own, t, q[: p.n_positions], v[:n])
-    _copy(whole.total, p.multiplier)
+    copy(whole.total, p.multiplier)
     _clear(whole.total)
     project_rates(p.own, q[: p.n_positions], v[:n])
-    _copy(whole.total, p.other)
+    copy(whole.total, p.other)
     _move_by(p, p.multiplier)
     _advance_tangents(p, q, p.q_now, 1.0)
     _move_by(p, p.other)

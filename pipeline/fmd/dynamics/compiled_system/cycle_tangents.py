@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.compiled_system.parameters import FrozenCycle, TreeParameters
-from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, set_time, take_state
+from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy, set_time, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import fast_steps, freeze_slow, velocities
 from fmd.kernels.kernel import inner
@@ -64,19 +64,13 @@ class CycleTangents(Table):
     x: Array
 
 
-@inner
-def _copy(x: Array, out: Array) -> None:
-    for i in range(out.size):
-        out[i] = x[i]
-
-
 @freeze_slow.register(TangentParameters)
 def _freeze_slow(p: TangentParameters, t: float, q: Array, v: Array, a: Array, c: CycleTangents) -> None:
     freeze_slow(c.own, t, q[: c.along_q.shape[1]], v[: p.n], a[: p.n], c.frozen)
-    _copy(q, c.q)
-    _copy(v, c.v)
-    _copy(a, c.a)
-    _copy(p.inputs, c.inputs)
+    copy(q, c.q)
+    copy(v, c.v)
+    copy(a, c.a)
+    copy(p.inputs, c.inputs)
     for i in range(c.inputs.size):
         for lane in range(LANES):
             c.directions[i, lane] = p.directions[i, lane]
@@ -113,9 +107,9 @@ def _go_ahead(p: TangentParameters, t: float, c: CycleTangents) -> None:
     """Take the motion's own fast steps, and keep how far each has gone."""
     n, n_slow, h, q, v, a = p.n, c.frozen.n_slow, c.h, c.q_ahead, c.v_ahead, c.a_ahead
     offset = q.size - n
-    _copy(c.q, q)
-    _copy(c.behind, v)
-    _copy(c.a, a)
+    copy(c.q, q)
+    copy(c.behind, v)
+    copy(c.a, a)
     first = int(t / h + 0.5)
     for row in range(c.share.size):
         if row == 0:
@@ -207,7 +201,7 @@ def _fast_steps(
         t = (first + step) * h
         for i in range(v.size):
             c.middle[i] = v[i] + 0.5 * h * a[i]
-        _copy(q, c.q_ahead)
+        copy(q, c.q_ahead)
         fast_steps(c.own, c.frozen, first + step, h, 1, q[:n_positions], v[: p.n], a[: p.n])
         if c.frozen.driven.size:
             set_time(p, t)

@@ -11,7 +11,7 @@ from fmd.dynamics.compiled_system.kernels import quaternion_rate, take_leap
 from fmd.dynamics.compiled_system.parameters import Leapfrog
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, velocities
-from fmd.kernels.kernel import inlined
+from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.library import call_native
 from fmd.kernels.table import Table
 
@@ -62,6 +62,13 @@ class TangentParameters(Table):
     multiplier: Array  # (n_rows,): that act, or that have moved positions
     dr: Array  # (n, 8): what the residual changes by where more than inputs change
     variants: MechanismVariants
+
+
+@inner
+def copy(x: Array, out: Array) -> None:
+    """Fill an array with the first values of another."""
+    for i in range(out.size):
+        out[i] = x[i]
 
 
 @accelerations.register(TangentParameters)

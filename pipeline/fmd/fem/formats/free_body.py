@@ -17,12 +17,10 @@ from scipy.spatial import cKDTree
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.files import DENSEST, DEPENDENT_SHAPES, FASTEST_WAVE, RIGID_FORCE, SUPPORT_STIFFNESS
-from fmd.core.rotations import rigid_motions
+from fmd.core.rotations import RIGID_MOTIONS, rigid_motions
 
 if TYPE_CHECKING:
     from fmd.fem.model import FEModel
-
-_MOTIONS = ("moved along x", "moved along y", "moved along z", "turned about x", "turned about y", "turned about z")
 
 
 def require_free_body(path: Path, model: FEModel) -> None:
@@ -45,7 +43,7 @@ def require_free_body(path: Path, model: FEModel) -> None:
     defect = np.abs(model.K @ R).max(axis=0) / (abs(model.K) @ np.abs(R)).max(axis=0)
     if not defect.max() < RIGID_FORCE:
         raise AccuracyError(
-            f"{path}: the body isn't free: {_MOTIONS[int(defect.argmax())]} as a whole it answers with "
+            f"{path}: the body isn't free: {RIGID_MOTIONS[int(defect.argmax())]} as a whole it answers with "
             f"{defect.max():.1e} of its elements' forces (at most {RIGID_FORCE:.0e}); write the matrices without "
             "supports, and check units"
         )
@@ -59,7 +57,7 @@ def require_free_body(path: Path, model: FEModel) -> None:
     if not support < SUPPORT_STIFFNESS:
         worst = vectors[:, np.abs(of_rigid).argmax()] * np.sqrt((R.T @ (model.M @ R)).diagonal())
         raise AccuracyError(
-            f"{path}: the body isn't free: {_MOTIONS[int(np.abs(worst).argmax())]} as a whole it has "
+            f"{path}: the body isn't free: {RIGID_MOTIONS[int(np.abs(worst).argmax())]} as a whole it has "
             f"{100 * support:.2g} % of the stiffness of its softest even bending, and its frequencies are off by about "
             f"half of that (at most {100 * SUPPORT_STIFFNESS:g} %); write the matrices without supports "
             "and springs, and all digits"

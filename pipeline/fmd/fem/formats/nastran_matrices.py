@@ -83,7 +83,7 @@ def _read_binary(content: bytes, order: str) -> dict[str, sp.csr_array]:
             if len(data) < 4 * n_words:
                 raise ValueError(f"column {column} of matrix {name} is cut off")
             if row:
-                _add(entries, column, row, np.frombuffer(data[: 4 * n_words], number))
+                add_entries(entries, column, row, np.frombuffer(data[: 4 * n_words], number))
                 continue
             place = 0
             while place < 4 * n_words:
@@ -95,7 +95,7 @@ def _read_binary(content: bytes, order: str) -> dict[str, sp.csr_array]:
                     place += 4
                 if not 0 < length <= n_words:
                     raise ValueError(f"column {column} of matrix {name} has a string of {length} words")
-                _add(entries, column, row, np.frombuffer(data[place : place + 4 * length], number))
+                add_entries(entries, column, row, np.frombuffer(data[place : place + 4 * length], number))
                 place += 4 * length
         else:
             raise ValueError(f"matrix {name} is cut off")
@@ -129,7 +129,7 @@ def _string(word: int) -> tuple[int, int]:
     return length - 1, row
 
 
-def _add(entries: Entries, column: int, row: int, values: Array) -> None:
+def add_entries(entries: Entries, column: int, row: int, values: Array) -> None:
     """Add numbers of a column from a row on, both counted from 1."""
     entries[0].append(row - 1 + np.arange(len(values)))
     entries[1].append(np.full(len(values), column - 1))
@@ -170,7 +170,7 @@ def _text_matrix(lines: Iterator[str], size: tuple[int, int], words: int, width:
             next(lines, None)
             return entries
         if row:
-            _add(entries, column, row, _numbers(lines, n_words, width))
+            add_entries(entries, column, row, _numbers(lines, n_words, width))
             continue
         while n_words > 0:
             head = next(lines)
@@ -182,7 +182,7 @@ def _text_matrix(lines: Iterator[str], size: tuple[int, int], words: int, width:
                 n_words -= 1
             if not 0 < length <= n_words:
                 raise ValueError(f"column {column} has a string of {length} words")
-            _add(entries, column, row, _numbers(lines, length // words, width))
+            add_entries(entries, column, row, _numbers(lines, length // words, width))
             n_words -= length
 
 

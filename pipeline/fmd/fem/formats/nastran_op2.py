@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from fmd.fem.formats.nastran_matrices import Entries, fortran_records, matrix_of_entries
+from fmd.fem.formats.nastran_matrices import Entries, add_entries, fortran_records, matrix_of_entries
 from fmd.fem.formats.node_places import read_matrix_bytes
 
 _TRAILER = struct.Struct("7i")
@@ -55,7 +55,7 @@ def _data_block(records: _Records, name: str) -> dict[str, sp.csr_array]:
         raise ValueError(f"data block {name} has no trailer of seven words")
     _, n_columns, n_rows, _, kind, *_ = struct.unpack(f"{records.order}7i", trailer)
     entries: Entries = ([], [], [])
-    column, is_matrix = -1, False
+    column, is_matrix = 0, False
     key = records.key()
     while key is not None and key < 0:
         records.key()
@@ -65,11 +65,9 @@ def _data_block(records: _Records, name: str) -> dict[str, sp.csr_array]:
             record = records.record()
             if is_matrix and kind in _REAL:
                 if len(record) % _REAL[kind] != 4 % _REAL[kind] or len(record) < 4:
-                    raise ValueError(f"matrix {name} has a string of {len(record)} bytes in column {column + 1}")
-                own = np.frombuffer(record[4:], f"{records.order}f{_REAL[kind]}")
-                entries[0].append(struct.unpack_from(f"{records.order}i", record)[0] - 1 + np.arange(len(own)))
-                entries[1].append(np.full(len(own), column))
-                entries[2].append(own.astype(float))
+                    raise ValueError(f"matrix {name} has a string of {len(record)} bytes in column {column}")
+                (row,), number = struct.unpack_from(f"{records.order}i", record), f"{records.order}f{_REAL[kind]}"
+                add_entries(entries, column, row, np.frombuffer(record[4:], number))
     if key is None:
         raise ValueError(f"data block {name} is cut off")
     if not is_matrix or kind not in _REAL:
