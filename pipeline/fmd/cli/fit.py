@@ -11,7 +11,7 @@ from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, SceneName, Several, print_json
 from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_records, print_warnings
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.files import refusing
 from fmd.core.limits.fitting import SAME_CHI2
 from fmd.core.units import parse_percentage, parse_quantity
@@ -115,10 +115,8 @@ def _read_sigma(text: str) -> tuple[str, float]:
     try:
         value = float(given)
     except ValueError:
-        try:
+        with blaming("--sigma", name, given):
             value = parse_percentage(given) if name in RELATIVE else parse_quantity(given)[0]
-        except ValueError as error:
-            raise InputError("--sigma", name, given, str(error)) from None
     if not value > 0:
         raise InputError("--sigma", name, given, "must be above zero")
     return name, value

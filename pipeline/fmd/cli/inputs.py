@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.cli.options import Json, NoCache, Set
 from fmd.core.cache import Cache
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.progress import Bars
 from fmd.core.units import to_si
 from fmd.scene.magnitudes import find_unusual
@@ -94,10 +94,8 @@ def read_quantity(option: str, text: str, kind: str, *, above_zero: bool = False
     InputError
         The text is no quantity of this kind, or isn't above zero.
     """
-    try:
+    with blaming(option, "", text):
         value = to_si(text, kind)
-    except ValueError as error:
-        raise InputError(option, "", text, str(error)) from None
     if above_zero and not value > 0:
         raise InputError(option, "", text, "must be above zero")
     return value

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from fmd.core.limits.shown import MOST_FAULTS
 
@@ -43,6 +44,17 @@ class InputError(Exception):
         lines = [f"{place}{given}: {mend}", *map(str, others[: MOST_FAULTS - 1])]
         left_out = len(others) + 1 - len(lines)
         super().__init__("\n".join([*lines, f"and {left_out} more"] if left_out > 0 else lines))
+
+
+@contextmanager
+def blaming(
+    file: str, key: str = "", value: object = None, of: type[Exception] | tuple[type[Exception], ...] = ValueError
+) -> Iterator[None]:
+    """Raise errors of some kinds as faults of a file, of its key and the value there, with what they say."""
+    try:
+        yield
+    except of as error:
+        raise InputError(file, key, value, str(error)) from error
 
 
 class AccuracyError(Exception):

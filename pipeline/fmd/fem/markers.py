@@ -14,7 +14,7 @@ from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.mesh import OFF_FACE, ON_A_LINE
 from fmd.core.limits.rank import WORST_RESULTANTS
 from fmd.fem.elements import shape_functions
-from fmd.fem.mesh import rows_among
+from fmd.fem.mesh import rows_among, three_corners
 from fmd.fem.space import Discretisation
 
 _FACET_ORDER = {False: 2, True: 3}  # degree of N_i N_j over the displacement's; one more for a curved facet's area
@@ -180,14 +180,14 @@ def facets_on_face(space: Discretisation, face: IntArray) -> IntArray:
     on_face = np.zeros(len(elements), dtype=bool)
     points = np.zeros(len(space.x), dtype=bool)
     points[face.ravel()] = True
-    facets = np.sort(face, axis=1)[:, :3] if face.ndim == 2 else None
+    facets = three_corners(face) if face.ndim == 2 else None
     for k, facet in enumerate(space.kind.facet_corners):
         mine = local == k
         corners = space.element_nodes[elements[mine][:, None], facet]
         if facets is None:
             on_face[mine] = points[corners].all(axis=1)
         else:
-            on_face[mine] = rows_among(np.sort(corners, axis=1)[:, :3], facets)
+            on_face[mine] = rows_among(three_corners(corners), facets)
     return np.flatnonzero(on_face)
 
 

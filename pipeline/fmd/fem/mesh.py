@@ -116,6 +116,11 @@ class SolidMesh:
         return float(np.abs(determinants @ w).sum())
 
 
+def three_corners(corners: IntArray) -> IntArray:
+    """Return three corners of each facet, ascending, which identify one of four corners too."""
+    return np.asarray(np.sort(corners, axis=1)[:, :3])
+
+
 def rows_among(rows: IntArray, table: IntArray) -> NDArray[np.bool_]:
     """Return for each of the rows (n, k) whether it is a row of the table (m, k), shape (n,)."""
     _, number = np.unique(np.concatenate([table, rows]), axis=0, return_inverse=True)

@@ -18,6 +18,7 @@ from scipy.sparse.linalg import eigsh
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import CUT_WINDOW, DIFFUSION_SHIFT, DIVISIONS, FINEST_WEIGHT, FRAGMENT, UNBALANCED, WIDE_GAP
+from fmd.fem.mesh import three_corners
 from fmd.fem.space import Discretisation
 
 
@@ -34,7 +35,7 @@ def interior_facets(space: Discretisation) -> tuple[IntArray, IntArray]:
         Both elements of each facet, and its number in each.
     """
     facets = space.kind.facet_corners
-    keys = np.concatenate([np.sort(space.element_nodes[:, corners], axis=1)[:, :3] for corners in facets])
+    keys = np.concatenate([three_corners(space.element_nodes[:, corners]) for corners in facets])
     order = np.lexsort(keys.T)
     equal = np.flatnonzero((np.diff(keys[order], axis=0) == 0).all(axis=1))
     pairs = np.stack([order[equal], order[equal + 1]], axis=1)

@@ -15,7 +15,7 @@ from fmd.core.limits.mesh import FACE_IN_PLANE, NEAREST_ELEMENTS, NODES_ON_EDGE,
 from fmd.core.limits.newton import LOCATING_CORRECTIONS
 from fmd.fem.elements import shape_functions
 from fmd.fem.markers import face_marker
-from fmd.fem.mesh import rows_among
+from fmd.fem.mesh import rows_among, three_corners
 from fmd.fem.space import Discretisation
 
 _SHARP = np.cos(np.deg2rad(SHARP_ANGLE))
@@ -157,7 +157,7 @@ def interpolate_points(space: Discretisation, points: Array) -> tuple[IntArray, 
 def _keys(corners: IntArray) -> IntArray:
     """Return three corners of each facet, ascending: of a quadrilateral the lowest three."""
     triangle = corners[:, 2] == corners[:, 3]
-    keys = np.sort(corners, axis=1)[:, :3]
+    keys = three_corners(corners)
     keys[triangle] = np.sort(corners[triangle, :3], axis=1)
     return keys
 

@@ -14,7 +14,7 @@ from skfem.io.meshio import from_meshio
 
 from fmd.core.arrays import Array, IntArray, read_only
 from fmd.fem.elements import ElementKind, Formulation, inverse_and_determinant, jacobians, match_nodes, shape_functions
-from fmd.fem.mesh import SolidMesh
+from fmd.fem.mesh import SolidMesh, three_corners
 
 
 class BlockStructure:
@@ -134,7 +134,7 @@ class Discretisation:
         """Element and local number of each facet on the boundary, shapes (n_facets,) and (n_facets,)."""
         facets = self.kind.facet_corners
         # Three corners identify a facet, one of four corners too, since the mesh conforms.
-        keys = np.stack([np.sort(self.element_nodes[:, corners], axis=1)[:, :3] for corners in facets], axis=1)
+        keys = np.stack([three_corners(self.element_nodes[:, corners]) for corners in facets], axis=1)
         flat = keys.reshape(-1, 3)
         order = np.lexsort(flat.T)
         new = np.r_[True, (np.diff(flat[order], axis=0) != 0).any(axis=1), True]

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.limits.mesh import SHELL_FOLD
-from fmd.fem.mesh import SolidMesh
+from fmd.fem.mesh import SolidMesh, three_corners
 from fmd.fem.midsurface import Midsurface
 
 _LAYERS = {3: "wedge", 4: "hexahedron"}
@@ -83,18 +83,13 @@ def thicken(sheet: Sheet) -> SolidMesh:
     owners = np.tile(owner, 2)
     faces = {name: np.flatnonzero(np.isin(owners, nodes)) for name, nodes in sheet.faces.items()}
     faces |= {
-        name: np.concatenate([_facets(pairs[own]), _facets(pairs[own] + n_pairs)])
+        name: np.concatenate([three_corners(pairs[own]), three_corners(pairs[own] + n_pairs)])
         for name, own in sheet.patches.items()
     }
-    faces |= {name: _facets(pairs + k * n_pairs) for k, name in enumerate(sheet.sides) if name not in faces}
+    faces |= {name: three_corners(pairs + k * n_pairs) for k, name in enumerate(sheet.sides) if name not in faces}
     note = f"{turned.sum()} shell elements have their normals to the other side and were turned"
     notes = sheet.notes + ((note,) if turned.any() else ())
     return SolidMesh(points, layer, _LAYERS[n_local], sheet.parts, faces, notes=notes, midsurface=Midsurface(x, owners))
-
-
-def _facets(corners: IntArray) -> IntArray:
-    """Return three corners that identify each facet."""
-    return np.asarray(np.sort(corners, axis=1)[:, :3])
 
 
 def _sides(cells: IntArray) -> tuple[IntArray, IntArray, IntArray]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
-from fmd.core.errors import AccuracyError, InputError
+from fmd.core.errors import AccuracyError, InputError, blaming
 from fmd.core.limits.fitting import ENDLESS, MET, MOST_DESIGNS, OPTIMUM, STATIONARY
 from fmd.fitting.designs import Design, DesignSpace
 from fmd.fitting.varied import VariedNumber, read_number
@@ -185,10 +185,8 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit, ...]:
     require_results(run.scene, [name for name, _, _ in read], "--subject")
     for name, sense, given in read:
         channels = find_channels(run, name, "--subject")
-        try:
+        with blaming("--subject", name, given):
             bound, _ = read_number(given, channels[0].unit)
-        except ValueError as error:
-            raise InputError("--subject", name, given, str(error)) from None
         if not bound > 0.0:
             raise InputError("--subject", name, given, "must be above 0")
         found.append(Limit(name, 1 if sense == ">=" else -1, bound))

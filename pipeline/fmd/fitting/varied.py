@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.units import parse_percentage, parse_quantity
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.scene.reading import suggest_name
@@ -126,7 +126,7 @@ def read_shifts(texts: Sequence[str], channels: Sequence[str]) -> tuple[VariedNu
 def _read_bounds(key: str, given: str, unit: str, option: str = "--vary") -> tuple[float, float]:
     """Read bounds, ``10..200`` in the SI unit or ``10..200 N mm``."""
     low, dots, high = (part.strip() for part in given.partition(".."))
-    try:
+    with blaming(option, key, given):
         if not dots:
             raise ValueError("must be two bounds, e.g. 10..200")
         end, end_unit = read_number(high, unit)
@@ -135,8 +135,6 @@ def _read_bounds(key: str, given: str, unit: str, option: str = "--vary") -> tup
             begin, _ = read_number(low, unit)
         elif end_unit:
             begin, _ = read_number(f"{low} {end_unit}", unit)
-    except ValueError as error:
-        raise InputError(option, key, given, str(error)) from None
     return begin, end
 
 

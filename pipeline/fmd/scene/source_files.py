@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.files import digest_file
 from fmd.scene.any_body import Flexible
 from fmd.scene.controllers import FmuController
@@ -54,11 +54,9 @@ class SourceFiles:
         for key, name in given.items():
             if name is None:
                 continue
-            try:
+            with blaming(scene_file, f"body.{body}.{table}.{key}", name):
                 found = _expand(key, Path(scene_file).parent / str(name))
                 digests |= {own: digest_file(path) for own, path in found.items()}
-            except ValueError as error:
-                raise InputError(scene_file, f"body.{body}.{table}.{key}", name, str(error)) from None
             paths |= found
         return SourceFiles(paths, digests)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.limits.modes import RITZ_GENERATIONS
 from fmd.core.limits.rank import NEW_RESIDUAL_VECTOR, NEW_RESPONSE
 from fmd.fem.markers import Marker
@@ -108,7 +108,7 @@ def compute_modes(model: ConstrainedModel, settings: AnyModes) -> Modes:
         The mesh has fewer modes; the message says how many.
     """
     solver, count = model.solver, settings.count
-    try:
+    with blaming(model.file, f"body.{model.name}.modes.count", count, of=TooManyModesError):
         if settings.boundary == "interface":
             interface = [model.markers[name] for name in settings.interface or tuple(model.markers)]
             if settings.family == "any":
@@ -119,8 +119,6 @@ def compute_modes(model: ConstrainedModel, settings: AnyModes) -> Modes:
         if settings.family == "any":
             return lowest_modes(solver, count, reaction)
         return modes_of_family(solver, model.fe, count, settings.family, np.array(model.joint.axis), reaction)
-    except TooManyModesError as error:
-        raise InputError(model.file, f"body.{model.name}.modes.count", count, str(error)) from error
 
 
 def reduce_body(model: ConstrainedModel, modes: Modes, settings: AnyModes, frame: str) -> FlexibleBody:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
+from fmd.core.errors import blaming
 from fmd.dynamics.closures import Closure, Constraint, Coupler, Place, close_joint, fixed_place
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.steady import find_steady_state
@@ -58,7 +58,7 @@ def build_mechanism(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechani
     links = [*(_link(scene, places, functions, body) for body in places.order), *states]
     gravity, loads = np.array(scene.simulation.gravity), _point_loads(scene, places, functions)
     closures: list[Constraint] = [*(_closure(scene, places, name) for name in scene.closing), *_couplers(scene)]
-    try:
+    with blaming(scene.file, "drive"):
         mechanism = Mechanism(
             links,
             fast_joints,
@@ -68,8 +68,6 @@ def build_mechanism(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechani
             closures=closures,
             controllers=sampled,
         )
-    except ValueError as error:
-        raise InputError(scene.file, "drive", None, str(error)) from error
     mechanism = assemble(scene, mechanism) if closures else mechanism
     if mechanism.functions:
         require_values_at_start(scene, mechanism, place_joints(scene, mechanism)[0])

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from fmd.core.arrays import IntArray
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.limits.mesh import CONTACT, MOST_OF_PIECE, MOVES
 from fmd.fem.markers import facets_on_face
 from fmd.fem.mesh import SolidMesh
@@ -48,17 +48,13 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     markers |= {
         name: _elements_among(space, part.markers[name].nodes) for name in part.shape.marker if name not in faces
     }
-    try:
+    with blaming(part.file, f"{key}.pieces", count, of=PartitionError):
         labels = divide_mesh(space, count, list(markers.values()))
-    except PartitionError as error:
-        raise InputError(part.file, f"{key}.pieces", count, str(error)) from error
     labels = _keep_markers_whole(part, labels, markers, count)
     root = int(labels[markers[part.joint.marker][0]])
     elements, local = interior_facets(space)
-    try:
+    with blaming(part.file, f"{key}.pieces", count, of=PartitionError):
         number, cuts = join_pieces(space, labels, elements, local, root)
-    except PartitionError as error:
-        raise InputError(part.file, f"{key}.pieces", count, str(error)) from error
     labels = number[labels]
     _require_supports_on_first(part, labels)
     places = {name: int(labels[of[0]]) for name, of in markers.items()}

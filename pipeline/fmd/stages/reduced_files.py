@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.units import unit_ratio
 from fmd.fem.formats.node_places import read_places
 from fmd.reduction.formats.body_format import BodyFormat, body_format
@@ -80,10 +80,8 @@ def _read_superelement(
         listed = f"lists {len(given.unknowns)} unknowns by EXTRN, and {path} has {len(given.K)} rows"
         mend = f"{listed}; name the .pch of that run, which has EXTRN"
         raise InputError(where[0], f"{where[1]}.nodes", table.nodes, mend)
-    try:
+    with blaming(str(path)):
         to_file = given.to_file(length)
-    except ValueError as error:
-        raise InputError(str(path), "", None, str(error)) from None
     given = given.in_si(length, unit_ratio(table.stiffness_unit, "N/m"), unit_ratio(table.mass_unit, "kg"))
     recovery = None if table.recovery is None else _read_recovery(source, length, to_file)
     return superelement_data(path, given, table.mass, recovery)
@@ -144,10 +142,8 @@ def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> di
             if label not in model.data.nodes:
                 mend = f"no such node; {suggest_name(label, model.data.nodes, 'the nodes of the file')}"
                 raise InputError(file, key, label, mend)
-        try:
+        with blaming(file, key, marker.node):
             markers[name] = equivalent_marker(model, [model.data.nodes[label] for label in marker.labels])
-        except ValueError as error:
-            raise InputError(file, key, marker.node, str(error)) from None
     return markers
 
 
@@ -174,10 +170,8 @@ def reduce_file_body(
             mend = f"can't be told apart from inertia in {shape.body.file}, whose Gr has no first order; take 'auto'"
             raise InputError(model.file, "simulation.stiffening", stiffening, mend)
         fe = replace(fe, data=without_stiffening(fe.data))
-    try:
+    with blaming(model.file, f"body.{model.name}.body.file", shape.body.file):
         return finish_body(fe, body, labels)
-    except ValueError as error:
-        raise InputError(model.file, f"body.{model.name}.body.file", shape.body.file, str(error)) from None
 
 
 def _equivalent(fe: FEModel) -> EquivalentModel:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.formula import Formula
 from fmd.core.state_formula import StateFormula, parse_state_formula
 from fmd.dynamics.closures import Place
@@ -110,11 +110,9 @@ def read_observed(scene: Scene, text: str) -> tuple[FormulaVariables, StateFormu
         It isn't one, or names what the scene doesn't have.
     """
     table = FormulaVariables()
-    try:
+    with blaming(scene.file, "observe", text):
         parsed = table.parse(text)
         faults = CrossCheck(scene).find_unknown_parts(table, text)
-    except ValueError as error:
-        raise InputError(scene.file, "observe", text, str(error)) from None
     if faults:
         raise InputError(scene.file, "observe", text, str(faults[0]))
     return table, parsed

@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache, stage_key
-from fmd.core.errors import InputError
+from fmd.core.errors import blaming
 from fmd.core.files import digest_file
 from fmd.core.limits.patience import VISUAL_SECONDS
 from fmd.core.processes import ChildError, run_child
@@ -32,10 +32,8 @@ def find_visual_files(scene: Scene) -> dict[str, str]:
         for number, visual in enumerate(getattr(table, "visual", ())):
             if visual.type == "file":
                 key = f"body.{body}.visual.{number}.file"
-                try:
+                with blaming(scene.file, key, visual.file):
                     digests[key] = digest_file(Path(scene.file).parent / visual.file)
-                except ValueError as error:
-                    raise InputError(scene.file, key, visual.file, str(error)) from None
     return digests
 
 
@@ -58,19 +56,15 @@ def read_visual(scene: Scene, body: str, number: int, cache: Cache) -> tuple[Arr
     digest = find_visual_files(scene)[key]
     path = Path(scene.file).parent / visual.file
     if path.suffix.lower() == ".stl":
-        try:
+        with blaming(scene.file, key, visual.file):
             points, triangles = read_stl(path)
-        except ValueError as error:
-            raise InputError(scene.file, key, visual.file, str(error)) from None
         return points * unit_ratio(visual.unit, "m"), triangles
     sources = ("fmd/meshes/cad.py", "fmd/stages/visual_files.py")
     kept = stage_key("visual", {"content": digest, "kind": path.suffix.lower()}, sources, ("gmsh",))
     found = cache.load(kept, "tuple[Array, ...]")
     if found is None:
-        try:
+        with blaming(scene.file, key, visual.file):
             found = _triangulate(path)
-        except ValueError as error:
-            raise InputError(scene.file, key, visual.file, str(error)) from None
         cache.save(kept, found)
     points, triangles = found
     return points, triangles

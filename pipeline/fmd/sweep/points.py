@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fmd.core.cache import stage_key
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.limits.scene import MOST_POINTS
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.source_files import digest_files
@@ -110,10 +110,8 @@ def choose_values(
 
 
 def _parse_range(key: str, text: str) -> Range | None:
-    try:
+    with blaming(_VARY, key, text):
         return parse_range(text)
-    except ValueError as error:
-        raise InputError(_VARY, key, text, str(error)) from error
 
 
 def _expand(key: str, text: str) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.fem.cells.table import CELLS
 from fmd.fem.elements import match_nodes
+from fmd.fem.mesh import three_corners
 from fmd.fem.surface import SurfaceTopology, polygon_surface, turn_outwards
 
 
@@ -33,7 +34,7 @@ def deck_surface(x: Array, blocks: Sequence[tuple[str, IntArray]]) -> SurfaceTop
         inside = x[local[:, : cell.n_corners]].mean(axis=1)
         for around, corners in zip(kind.facet_polygons, kind.facet_corners, strict=True):
             polygons.append(turn_outwards(x, local[:, around], inside))
-            keys.append(np.sort(local[:, corners], axis=1)[:, :3])
+            keys.append(three_corners(local[:, corners]))
     if not polygons:
         return None
     _, number, count = np.unique(np.concatenate(keys), axis=0, return_inverse=True, return_counts=True)

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import AccuracyError, InputError
+from fmd.core.errors import AccuracyError, blaming
 from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell
 from fmd.fem.connections import Connections
@@ -18,9 +18,9 @@ from fmd.fem.formats import abaqus, nastran
 from fmd.fem.formats import repair as repairs
 from fmd.fem.formats.meshio_reader import read_by_meshio
 from fmd.fem.formats.mixed import split_mixed
-from fmd.fem.formats.named_sets import PLANE, corners_of, find_faces, find_parts, three_corners, tie_by_names
+from fmd.fem.formats.named_sets import PLANE, corners_of, find_faces, find_parts, tie_by_names
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
-from fmd.fem.mesh import SolidMesh, rows_among
+from fmd.fem.mesh import SolidMesh, rows_among, three_corners
 
 _TEXT_READERS = dict.fromkeys(abaqus.SUFFIXES, abaqus.read_abaqus) | dict.fromkeys(
     nastran.SUFFIXES, nastran.read_nastran
@@ -67,13 +67,11 @@ def read_mesh(
     InputError
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
-    try:
+    with blaming(str(path), of=MeshFileError):
         raw = read_raw(path)
         require_sound(raw)
         raw = split_mixed(raw)
         return solid_mesh(tie_by_names(raw, scale, ties) if ties else raw, scale, repair, mass_unit, force_unit)
-    except MeshFileError as error:
-        raise InputError(str(path), "", None, str(error)) from error
 
 
 def read_raw(path: Path) -> RawMesh:
@@ -117,15 +115,13 @@ def read_linked(
     InputError
         The file can't be read, or its elements can't be used; the message says what is wrong.
     """
-    try:
+    with blaming(str(path), of=(MeshFileError, ValueError, AccuracyError)):
         raw = read_raw(path)
         require_sound(raw)
         taken, place = take(raw)
         links = connections_in_si(raw.connections, raw.points * scale, place, scale, mass_unit, force_unit)
         mesh = finish(taken)
         return replace(mesh, connections=links, notes=mesh.notes + connection_notes(links))
-    except (MeshFileError, ValueError, AccuracyError) as error:
-        raise InputError(str(path), "", None, str(error)) from error
 
 
 def number_used(cells: IntArray, n_points: int) -> tuple[IntArray, IntArray]:
@@ -138,7 +134,7 @@ def number_used(cells: IntArray, n_points: int) -> tuple[IntArray, IntArray]:
 
 def require_one_piece(raw: RawMesh, cells: IntArray, what: str) -> None:
     """Raise ``MeshFileError`` for cells, such as ``shells``, that neither nodes nor links join."""
-    n_pieces = repairs.count_pieces(cells, len(raw.points), raw.connections.point_groups)
+    n_pieces = len(repairs.size_pieces(cells, len(raw.points), raw.connections.point_groups))
     if n_pieces > 1:
         raise MeshFileError(f"its {what} are in {n_pieces} unconnected pieces; join them at common nodes, or by links")
 
@@ -229,12 +225,9 @@ def require_sound(raw: RawMesh) -> None:
 
 def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     """Return the one type of solid cells in the file, and their points, block after block."""
-    count: dict[str, int] = {}
-    for kind, cells in raw.blocks:
-        if len(cells):
-            count[kind] = count.get(kind, 0) + len(cells)
+    read = replace(raw, others={})
+    count, listed = read.count_elements(), read.list_elements()
     solids = [kind for kind in count if is_solid(kind)]
-    listed = ", ".join(f"{n} {kind}" for kind, n in count.items()) or "none"
     if not solids:
         plane = any(kind in ("triangle", "quad") for kind in count)
         mend = "; mesh.shell = '2 mm' takes triangles and quadrilaterals as shells" if plane else ""
@@ -254,14 +247,13 @@ def _merge_coincident(
     Pieces that links join are one, and stay apart where they touch.
     """
     apart = np.arange(len(points))
-    if len(linked) and repairs.count_pieces(cells, len(points), linked) == 1:
+    if len(linked) and len(repairs.size_pieces(cells, len(points), linked)) == 1:
         return cells, apart
     first = repairs.find_coincident(points, cells, cell_type)
     n_merged = len(np.unique(cells)) - len(np.unique(first[cells]))
-    n_pieces = int(repairs.label_pieces(cells, len(points)).max()) + 1
-    n_joined = int(repairs.label_pieces(first[cells], len(points)).max()) + 1 if n_merged else n_pieces
+    n_pieces, sizes = len(repairs.size_pieces(cells, len(points))), repairs.size_pieces(first[cells], len(points))
+    n_joined = len(sizes)
     if n_joined > 1:
-        sizes = np.bincount(repairs.label_pieces(first[cells], len(points)))
         listed = ", ".join(str(size) for size in sizes[:5]) + (" …" if len(sizes) > 5 else "")
         findings.fatal.append(
             f"it is in {n_joined} unconnected pieces, of {listed} elements; join them, by mesh.tie where "

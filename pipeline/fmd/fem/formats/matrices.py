@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 
-from fmd.core.arrays import EPSILON, Array, IntArray
-from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, MOST_MATRIX_ROWS, SYMMETRIC
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import AccuracyError, InputError, blaming
+from fmd.core.limits.files import IN_LINE, ISOTROPIC, MOST_MATRIX_BYTES, SYMMETRIC
 from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.connections import Connections
 from fmd.fem.formats import abaqus
@@ -21,16 +22,17 @@ from fmd.fem.formats.free_body import require_free_body
 from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.formats.nastran import SUFFIXES as DECKS
 from fmd.fem.formats.nastran import read_grid_points
-from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4
+from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4, sum_entries
 from fmd.fem.formats.nastran_op2 import read_op2
 from fmd.fem.formats.node_places import read_matrix_text, read_node_table
 from fmd.fem.formats.raw_mesh import MeshFileError
 from fmd.fem.formats.six_unknowns import SixUnknownsModel, six_unknowns_model
 from fmd.fem.formats.tied_matrices import references, tie_matrices
-from fmd.fem.markers import Marker
+from fmd.fem.markers import Marker, weighted_marker
 
 _WHAT = {3: "displacements", 6: "displacements and rotations"}  # unknowns of a node
 _Line = tuple[int, list[str]]  # number and items of a line of text
+_OUTPUTS = {".op4": read_op4, ".op2": read_op2}
 
 
 def read_matrices(
@@ -113,19 +115,15 @@ def _tied(model: SixUnknownsModel, deck: Connections, path: Path) -> SixUnknowns
     """Return the model with what a deck's links join, which aren't in its matrices."""
     if not (deck.rigid or deck.mean or deck.equations):
         return model
-    try:
+    with blaming(str(path)):
         return tie_matrices(model, deck)
-    except ValueError as error:
-        raise InputError(str(path), "", None, str(error)) from error
 
 
 def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
     """Read node numbers (n_nodes,) and positions (n_nodes, 3) in the file's unit, and a deck's connections."""
     if path.suffix.lower() in DECKS:
-        try:
+        with blaming(str(path), of=MeshFileError):
             return read_grid_points(read_matrix_text(path))
-        except MeshFileError as error:
-            raise InputError(str(path), "", None, str(error)) from error
     if path.suffix.lower() in abaqus.SUFFIXES:
         return *_nodes_of_deck(path), Connections()
     labels, x = read_node_table(path)
@@ -136,10 +134,8 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
 
 def _nodes_of_deck(path: Path) -> tuple[IntArray, Array]:
     """Read the nodes of the elements of a deck of Abaqus or CalculiX, in ascending order, as CalculiX's rows are."""
-    try:
+    with blaming(str(path), of=MeshFileError):
         raw = abaqus.read_abaqus(read_matrix_text(path))
-    except MeshFileError as error:
-        raise InputError(str(path), "", None, str(error)) from error
     found = raw.connections
     if joined := [*found.rigid, *found.mean, *found.equations, *found.ties]:
         what = "gives unknowns by others, which the matrices leave out; write them without"
@@ -154,7 +150,7 @@ def _nodes_of_deck(path: Path) -> tuple[IntArray, Array]:
 def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
     """Read the stiffness or the mass of some unknowns a node, shape (unknowns n_nodes, unknowns n_nodes)."""
     n = unknowns * len(labels)
-    try:
+    with _told_of(path):
         match path.suffix.lower():
             case ".npz":
                 A = _read_npz(path)
@@ -164,10 +160,6 @@ def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.cs
                 A = _read_dmig(path, labels, unknowns, what)
             case _:
                 A = _read_text(path, labels, unknowns)
-    except InputError:
-        raise
-    except Exception as error:  # what NumPy, SciPy and zipfile raise on damaged bytes is of many kinds
-        raise InputError(str(path), "", None, f"can't be read as a matrix: {' '.join(str(error).split())}") from error
     if A.shape != (n, n):
         mend = f"has {A.shape[0]} rows and {A.shape[1]} columns; {len(labels)} nodes have {n} {_WHAT[unknowns]}"
         if A.shape[0] == 2 * n and unknowns == 3:
@@ -179,9 +171,20 @@ def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.cs
     return A
 
 
+@contextmanager
+def _told_of(path: Path) -> Iterator[None]:
+    """Raise whatever damaged bytes lead to as an ``InputError`` of their file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:  # those of NumPy, SciPy and zipfile are of many kinds
+        raise InputError(str(path), "", None, f"can't be read as a matrix: {' '.join(str(error).split())}") from error
+
+
 def _read_output(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
     """Read a matrix of OUTPUT4 or OUTPUT2, whose rows are of ascending node numbers."""
-    found = (read_op4 if path.suffix.lower() == ".op4" else read_op2)(path)
+    found = _OUTPUTS[path.suffix.lower()](path)
     A = sp.coo_array(found[choose_matrix(found, what)])
     if A.shape != 2 * (unknowns * len(labels),):
         return sp.csr_array(A)  # its size is refused where all are
@@ -212,10 +215,10 @@ def read_rows(path: Path) -> sp.csr_array:
     InputError
         It can't be read, or isn't of finite numbers.
     """
-    try:
+    with _told_of(path):
         match path.suffix.lower():
             case ".op4" | ".op2":
-                found = (read_op4 if path.suffix.lower() == ".op4" else read_op2)(path)
+                found = _OUTPUTS[path.suffix.lower()](path)
                 if not found:
                     raise ValueError("it holds no real matrix")
                 A = next(iter(found.values()))
@@ -225,10 +228,6 @@ def read_rows(path: Path) -> sp.csr_array:
                 A = _read_matrix_market(read_matrix_text(path))
         if not np.isfinite(A.data).all():
             raise ValueError("its entries aren't all finite")
-    except InputError:
-        raise
-    except Exception as error:  # as in `read_matrix`
-        raise InputError(str(path), "", None, f"can't be read as a matrix: {' '.join(str(error).split())}") from error
     return A
 
 
@@ -248,14 +247,10 @@ def _read_npz(path: Path) -> sp.csr_array:
 
 
 def _real_matrix(shape: tuple[int, ...], row: IntArray, column: IntArray, values: Array) -> sp.csr_array:
-    """Sum entries into a matrix; check indices first, since SciPy writes out of range otherwise."""
+    """Sum real entries into a matrix."""
     if np.iscomplexobj(values):
         raise ValueError("its entries are complex")
-    if max(shape) > MOST_MATRIX_ROWS:
-        raise ValueError(f"it has {shape[0]} rows and {shape[1]} columns, over {MOST_MATRIX_ROWS:.0e}")
-    if len(row) and not (row.min() >= 0 and row.max() < shape[0] and column.min() >= 0 and column.max() < shape[1]):
-        raise ValueError(f"it has entries outside of its {shape[0]} rows and {shape[1]} columns")
-    return sp.csr_array((np.asarray(values, dtype=float), (row, column)), shape=shape)
+    return sum_entries("it", shape, row, column, np.asarray(values, dtype=float))
 
 
 def _read_text(path: Path, labels: IntArray, unknowns: int) -> sp.csr_array:
@@ -405,11 +400,7 @@ def node_marker(model: MatrixModel, nodes: IntArray, rigid: bool = False) -> Mar
     second = r.T @ r
     if len(own) < 3 or np.linalg.eigvalsh(second)[1] <= IN_LINE * np.trace(second):
         raise ValueError("a marker takes three nodes at least that don't lie in a line")
-    inertia = np.trace(second) * np.eye(3) - second
-    moment = np.einsum("acb,ic->aib", EPSILON, r)
-    weights = np.full(len(own), 1 / len(own))
-    rotation = np.einsum("ad,dib->aib", np.linalg.inv(inertia), moment)
-    return Marker(model.x[own].mean(axis=0), own, weights, rotation, rigid)
+    return weighted_marker(own, model.x[own], np.ones(len(own)), rigid)
 
 
 def nodes_in_plane(model: MatrixModel, axis: int, place: float) -> IntArray:

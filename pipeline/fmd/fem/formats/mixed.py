@@ -34,10 +34,7 @@ def split_mixed(raw: RawMesh) -> RawMesh:
     MeshFileError
         Triangles of some cells lie on quadrilaterals of others, which are split the other way.
     """
-    count: dict[str, int] = {}
-    for kind, cells in raw.blocks:
-        if kind in CELLS and len(cells):
-            count[kind] = count.get(kind, 0) + len(cells)
+    count = {kind: n for kind, n in replace(raw, others={}).count_elements().items() if kind in CELLS}
     if len(count) < 2:
         return raw
     if wrong := _count_cracks(raw):

@@ -11,7 +11,7 @@ from fmd.core.arrays import IntArray
 from fmd.fem.cells.table import CELLS, is_solid
 from fmd.fem.connections import TiedFaces
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
-from fmd.fem.mesh import rows_among
+from fmd.fem.mesh import rows_among, three_corners
 
 PLANE = ("triangle", "quad", "polygon")
 _NONE = np.empty(0, dtype=np.int64)
@@ -70,11 +70,6 @@ def find_faces(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
     return {name: face for name, face in faces.items() if face.size}
 
 
-def three_corners(corners: IntArray) -> IntArray:
-    """Return three corners of each facet, which identify one of four corners too."""
-    return np.sort(corners, axis=1)[:, :3]
-
-
 def corners_of(kind: str) -> int:
     """Return the number of corners of a surface element of meshio's name."""
     return 3 if kind.startswith("triangle") else 4
@@ -88,14 +83,14 @@ def faces_of_points(raw: RawMesh, place: IntArray) -> dict[str, IntArray]:
 
 def nodes_of_facets(raw: RawMesh, facets: list[IntArray]) -> IntArray:
     """Return the nodes of facets that are given by their corners, those between the corners too."""
-    wanted = np.concatenate([np.sort(corners, axis=1)[:, :3] for corners in facets])
+    wanted = np.concatenate([three_corners(corners) for corners in facets])
     found = [np.concatenate([corners.ravel() for corners in facets])]
     for kind, block in raw.blocks:
         if kind not in CELLS:
             continue
         x = CELLS[kind].nodes
         for corners in map(list, CELLS[kind].shape.faces):
-            mine = rows_among(np.sort(block[:, corners], axis=1)[:, :3], wanted)
+            mine = rows_among(three_corners(block[:, corners]), wanted)
             a, b = x[corners[1]] - x[corners[0]], x[corners[2]] - x[corners[0]]
             on = np.abs((x - x[corners[0]]) @ np.cross(a, b)) < 1e-9
             found.append(block[mine][:, on].ravel())

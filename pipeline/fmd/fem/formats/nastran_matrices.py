@@ -57,12 +57,16 @@ def _type_words(name: str, kind: int) -> int:
 def matrix_of_entries(name: str, shape: tuple[int, int], entries: Entries) -> sp.csr_array:
     """Return the matrix of columns of entries, or raise ``ValueError`` if they don't lie in its shape."""
     rows, columns, values = (np.concatenate([np.zeros(0), *each]) for each in entries)
+    return sum_entries(f"matrix {name}", shape, rows.astype(np.int64), columns.astype(np.int64), values)
+
+
+def sum_entries(what: str, shape: tuple[int, ...], row: IntArray, column: IntArray, values: Array) -> sp.csr_array:
+    """Sum entries into a matrix; check indices first, since SciPy writes out of range otherwise."""
     if max(shape) > MOST_MATRIX_ROWS:
-        raise ValueError(f"matrix {name} has {shape[0]} rows and {shape[1]} columns, over {MOST_MATRIX_ROWS:.0e}")
-    inside = len(rows) == 0 or (min(rows.min(), columns.min()) >= 0 and rows.max() < shape[0])
-    if not (inside and columns.max(initial=-1) < shape[1]):
-        raise ValueError(f"matrix {name} has entries outside of its {shape[0]} rows and {shape[1]} columns")
-    return sp.csr_array((values, (rows.astype(np.int64), columns.astype(np.int64))), shape=shape)
+        raise ValueError(f"{what} has {shape[0]} rows and {shape[1]} columns, over {MOST_MATRIX_ROWS:.0e}")
+    if len(row) and not (row.min() >= 0 and row.max() < shape[0] and column.min() >= 0 and column.max() < shape[1]):
+        raise ValueError(f"{what} has entries outside of its {shape[0]} rows and {shape[1]} columns")
+    return sp.csr_array((values, (row, column)), shape=shape)
 
 
 def _read_binary(content: bytes, order: str) -> dict[str, sp.csr_array]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.files import read_text
 from fmd.core.limits.files import MOST_MATRIX_BYTES
 from fmd.fem.formats import abaqus
@@ -46,14 +46,12 @@ def read_places(path: Path) -> Places:
     InputError
         The file can't be read, or a node is in a coordinate system that isn't read.
     """
-    try:
+    with blaming(str(path), of=MeshFileError):
         if path.suffix.lower() in (*SUFFIXES, ".pch", ".asm"):
             return nastran_places(read_matrix_text(path))
         if path.suffix.lower() in abaqus.SUFFIXES:
             raw = abaqus.read_abaqus(read_matrix_text(path))
             return Places(dict(zip(raw.numbers.tolist(), raw.points, strict=True)))
-    except MeshFileError as error:
-        raise InputError(str(path), "", None, str(error)) from error
     labels, x = read_node_table(path)
     return Places(dict(zip(labels.tolist(), x, strict=True)))
 

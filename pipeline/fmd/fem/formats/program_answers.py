@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import IntArray
-from fmd.core.errors import AccuracyError, InputError
+from fmd.core.errors import AccuracyError, InputError, blaming
 from fmd.core.limits.files import NOT_SCALAR
 from fmd.fem.formats import abaqus
 from fmd.fem.formats.deck_surface import deck_surface
@@ -42,10 +42,8 @@ def read_stress(model: MatrixModel, path: Path, nodes: Path, units: tuple[float,
     """
     if path.suffix.lower() not in _READERS:
         raise InputError(str(path), "", None, f"stress is read from {' and '.join(_READERS)}")
-    try:
+    with blaming(str(path)):
         found = _READERS[path.suffix.lower()](read_matrix_text(path))
-    except ValueError as error:
-        raise InputError(str(path), "", None, str(error)) from error
     place = {int(label): k for k, label in enumerate(model.labels)}
     if other := [int(label) for label in found.labels if int(label) not in place]:
         mend = f"has node {other[0]} (and {len(other) - 1} more), which isn't among the nodes"

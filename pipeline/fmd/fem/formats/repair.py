@@ -49,22 +49,8 @@ def find_coincident(points: Array, cells: IntArray, cell_type: str) -> IntArray:
         first = first[first]
 
 
-def label_pieces(cells: IntArray, n_points: int) -> IntArray:
-    """Return the number of each cell's connected piece, the largest being 0, shape (n_cells,)."""
-    n_cells = len(cells)
-    rows = np.repeat(np.arange(n_cells), cells.shape[1])
-    graph = sp.coo_array(
-        (np.ones(cells.size, dtype=np.int8), (rows, n_cells + cells.ravel())), 2 * [n_cells + n_points]
-    )
-    _, label = connected_components(graph, directed=False)
-    _, piece, sizes = np.unique(label[:n_cells], return_inverse=True, return_counts=True)
-    rank = np.empty(len(sizes), dtype=np.int64)
-    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
-    return rank[piece]
-
-
-def count_pieces(cells: IntArray, n_points: int, linked: Sequence[IntArray]) -> int:
-    """Count the connected pieces of cells, where points of each linked group belong together."""
+def size_pieces(cells: IntArray, n_points: int, linked: Sequence[IntArray] = ()) -> IntArray:
+    """Return the number of cells in each connected piece, the largest first; points of a linked group are joined."""
     n_cells = len(cells)
     rows = [np.repeat(np.arange(n_cells), cells.shape[1])]
     rows += [np.full(len(points), n_cells + k) for k, points in enumerate(linked)]
@@ -72,7 +58,8 @@ def count_pieces(cells: IntArray, n_points: int, linked: Sequence[IntArray]) -> 
     n_groups = n_cells + len(linked)
     place = np.concatenate(rows), n_groups + columns
     graph = sp.coo_array((np.ones(columns.size, dtype=np.int8), place), 2 * [n_groups + n_points])
-    return len(np.unique(connected_components(graph, directed=False)[1][:n_cells]))
+    sizes = np.bincount(connected_components(graph, directed=False)[1][:n_cells])
+    return -np.sort(-sizes[sizes > 0])
 
 
 def handedness(points: Array, cells: IntArray, cell_type: str) -> IntArray:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.files import read_text, write_text
 from fmd.core.limits.files import MOST_ENTRIES
 from fmd.reduction.body import MarkerShapes
@@ -110,10 +110,8 @@ def read_sid(path: Path) -> ModalData:
     n = terms["Ke"].M0.shape[0]
     for name, term in terms.items():
         reader.require_shape(name, term, n)
-    try:
+    with blaming(str(path)):
         return modal_data_of(mass, terms, nodes)
-    except ValueError as error:
-        raise InputError(str(path), "", None, str(error)) from None
 
 
 class _Reader:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import IntArray
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.units import unit_ratio
 from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
@@ -72,10 +72,8 @@ def _complete(mesh: SolidMesh, table: SectorMesh, source: SourceFiles) -> SolidM
         return mesh
     file = str(source.path)
     low, high = (find_name(mesh.faces, name, file, "mesh.cuts") for name in table.cuts)
-    try:
+    with blaming(file, "mesh.cuts", [low, high]):
         return repeat_sector(mesh, table.cyclic, (low, high))
-    except ValueError as error:
-        raise InputError(file, "mesh.cuts", [low, high], str(error)) from error
 
 
 def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:

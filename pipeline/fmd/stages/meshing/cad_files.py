@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
 from fmd.core.limits.mesh import CAD_DIGITS, CAD_ELEMENTS
 from fmd.core.limits.patience import CAD_SECONDS, CAD_SECONDS_PER_ELEMENT, READING_BYTES, READING_SECONDS
 from fmd.core.limits.scene import LONGEST_NAME
@@ -156,10 +156,8 @@ def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, s
     cell_type = {1: "tetra", 2: "tetra10"}[order]
     raw = RawMesh(mesh.points, [(cell_type, mesh.cells)], {name: [cells] for name, cells in mesh.parts.items()})
     raw.facet_sets = {name: [corners] for name, corners in mesh.faces.items()}
-    try:
+    with blaming(str(path), of=MeshFileError):
         return replace(solid_mesh(raw, 1.0, repair=True), centres=mesh.centres)
-    except MeshFileError as error:
-        raise InputError(str(path), "", None, str(error)) from error
 
 
 def mesh_cad_sheet(path: Path, size: float, thickness: float) -> SolidMesh:
