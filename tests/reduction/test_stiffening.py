@@ -223,6 +223,9 @@ def test_only_loads_that_the_motion_has_are_solved_for(
 # Markers -------------------------------------------------------------------------------------------------------
 
 
+BESIDE = np.array([0.02, -0.01, 0.015])  # of the tip's middle, where a marker that turns with it is
+
+
 @pytest.fixture(scope="module")
 def loaded_beam() -> tuple[FlexibleBody, FlexibleBody]:
     """A clamped beam that moves by its static responses to a force and a torque each way at its tip, and stiffened."""
@@ -232,7 +235,8 @@ def loaded_beam() -> tuple[FlexibleBody, FlexibleBody]:
     markers = {
         name: face_marker(fe.discretisation, mesh.faces[f"x{side}"]) for name, side in (("root", "-"), ("tip", "+"))
     }
-    clamp, loads = (at.columns(len(fe.x), np.eye(3)) for at in markers.values())
+    markers["beside"] = face_marker(fe.discretisation, mesh.faces["x+"], centre=markers["tip"].position + BESIDE)
+    clamp, loads = (markers[name].columns(len(fe.x), np.eye(3)) for name in ("root", "tip"))
     loads = loads[:, :, [1, 5, 2, 4, 3]].reshape(-1, 5)
     held = clamp.reshape(len(loads), -1)
     loads = loads - held @ np.linalg.lstsq(fe.rigid_modes.T @ held, fe.rigid_modes.T @ loads, rcond=None)[0]
@@ -287,6 +291,23 @@ def test_a_bent_and_twisted_beam_draws_in_its_tip_as_a_rod_of_directors(
     for k in range(6):
         assert np.abs(found[k] - exact[k]).max() < 2e-3 * np.abs(exact[k]).max()
     assert not stiff.markers["root"].displacement2.size  # it doesn't move in the frame
+
+
+def test_a_marker_beside_the_middle_of_its_face_goes_round_with_it(
+    loaded_beam: tuple[FlexibleBody, FlexibleBody],
+) -> None:
+    """Independent path: a rigid triad, whose point at c has the second-order displacement d₂ + θ₂ × c + ½ θ × (θ × c).
+
+    With θ × (θ × c) = θ (θ·c) − c θ².
+    """
+    markers = loaded_beam[1].markers
+    tip, turn = markers["tip"].displacement2, markers["tip"].rotation
+    along = np.einsum("aj,l->ajl", turn, BESIDE @ turn)
+    rolled = 0.5 * (along + along.swapaxes(1, 2)) - np.einsum("a,jl->ajl", BESIDE, turn.T @ turn)
+    exact = tip[:3] + np.einsum("abc,bjl,c->ajl", EPSILON, tip[3:], BESIDE) + rolled
+    found = markers["beside"].displacement2
+    assert np.abs(found[:3] - exact).max() < 1e-9 * np.abs(rolled).max()
+    assert np.abs(found[3:] - tip[3:]).max() < 1e-9 * np.abs(tip[3:]).max()
 
 
 # What it does to a turning body --------------------------------------------------------------------------------

@@ -74,6 +74,17 @@ def test_jacobians_give_rates(arm: Result) -> None:
         )
 
 
+def test_the_rate_of_a_prescribed_motion_is_no_part_of_a_jacobian() -> None:
+    """The slider's velocity by its own rate is the rod's direction, however fast the rod is turned."""
+    turned = '{motor={type="motion", joint="hinge", angle={formula="0.5 + 3*t", unit="rad"}}}'
+    system = load("rod-slider", "output=[]", f"drive={turned}").system
+    t, q = 0.3, np.array([0.15])
+    assert system.names == ("slide.position",)
+    direction = np.array([np.cos(0.5 + 3 * t), np.sin(0.5 + 3 * t), 0.0])
+    assert system.marker_jacobian("slider.centre", q, t)[:, 0] == pytest.approx(direction, abs=1e-12)
+    assert system.joint_jacobian("slide", q, t) == pytest.approx([1.0], abs=1e-12)
+
+
 def test_loops_stay_closed_under_a_load_of_ones_own() -> None:
     """The change of the accelerations is that of Lagrange's equations of the first kind, M v̇ + Jᵀ λ = f, J v̇ = 0."""
     run = four_bar()

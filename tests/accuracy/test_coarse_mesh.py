@@ -1,0 +1,49 @@
+"""Excess of frequencies by a coarser mesh, against a much finer one."""
+
+from pathlib import Path
+
+import numpy as np
+
+from fmd import Pipeline, load_scene
+from fmd.accuracy.coarse_mesh import make_coarse_pair
+
+BAR = """
+title = "Free bar"
+[body.bar]
+shape = "bar"
+length = "300 mm"
+depth = "40 mm"
+width = "25 mm"
+E = "70 GPa"
+nu = 0.3
+rho = "2700 kg/m^3"
+mesh = { order = ORDER, divisions = DIVISIONS }
+modes = { count = 3 }
+marker = { root = { face = "x-" }, tip = { face = "x+" } }
+[joint.none]
+type = "free"
+parent = "ground"
+child = "bar.root"
+[simulation]
+duration = "1 ms"
+output_step = "1 ms"
+tip = "bar.tip"
+run = [{ integrator = "auto" }]
+"""
+
+
+def free_bar(folder: Path, order: int, divisions: list[int]) -> Pipeline:
+    file = folder / "bar.toml"
+    file.write_text(BAR.replace("ORDER", str(order)).replace("DIVISIONS", str(divisions)))
+    return Pipeline(load_scene(file))
+
+
+def test_a_coarser_mesh_tells_the_excess_of_squared_frequencies_where_nothing_is_held(tmp_path: Path) -> None:
+    """Without an edge at which stress has no limit, two meshes converge by the elements' own order."""
+    run, exact = free_bar(tmp_path, 1, [24, 4, 4]), free_bar(tmp_path, 2, [16, 3, 3])
+    pair = make_coarse_pair(run)
+    assert not isinstance(pair, str)
+    excess, alike = pair.excess_of_modes("bar")
+    assert alike.all()
+    true = (run.part.modes.omega / exact.part.modes.omega) ** 2 - 1
+    np.testing.assert_allclose(excess, true, rtol=0.1)
