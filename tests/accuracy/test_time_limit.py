@@ -26,7 +26,7 @@ BEAM = [
 def test_what_would_take_longer_than_is_left_is_refused() -> None:
     limit = TimeLimit(10.0, started=time_limit.clock())
     limit.require(5.0)
-    with pytest.raises(LeftOutError, match=r"it would take about 20 s, and 10 s of 10 s are left"):
+    with pytest.raises(LeftOutError, match="it would take longer than the time limit of 10 s"):
         limit.require(20.0)
     TimeLimit().require(1e9)
 
@@ -44,7 +44,7 @@ def test_a_march_that_will_not_end_in_time_is_stopped_by_its_progress(monkeypatc
     now[0] = 1.0
     advance(0.5)  # one more second
     now[0] = 2.0
-    with pytest.raises(LeftOutError, match="it would take about 38 s, and 8 s of 10 s are left"):
+    with pytest.raises(LeftOutError, match="it would take longer than the time limit of 10 s"):
         advance(0.05)
 
 

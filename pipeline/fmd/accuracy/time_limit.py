@@ -15,8 +15,8 @@ from fmd.core.limits.patience import JUDGED_AFTER
 FAULTS = (AccuracyError, InputError, np.linalg.LinAlgError)
 """Errors of a variant of a run that leave an estimate out; the run itself has its results."""
 clock = time.perf_counter  # a benchmark on a machine that others use may count processor seconds instead
-TIME_IS_SHORT = "it would take about"
-"""Words of an estimate that the time limit left out."""
+TIME_IS_SHORT = "it would take longer than the time limit of"
+"""Words of an estimate that the time limit left out; without figures of its own, so that a reason is said once."""
 
 
 def _read_clock() -> float:
@@ -51,10 +51,7 @@ class TimeLimit:
         """Raise ``LeftOutError`` if a computation would take more seconds than are left."""
         left = self.seconds - self.spent
         if seconds > left or left <= 0:
-            raise LeftOutError(
-                f"not estimated: {TIME_IS_SHORT} {max(seconds, 0.1):.2g} s, and {max(left, 0.0):.2g} s of "
-                f"{self.seconds:.2g} s are left"
-            )
+            raise LeftOutError(f"not estimated: {TIME_IS_SHORT} {self.seconds:.2g} s")
 
     def watch(self) -> Callable[[float], None]:
         """Return a march's progress, which raises ``LeftOutError`` as soon as it won't end in time.

@@ -291,7 +291,10 @@ def _budget_warnings(run: Pipeline, budget: Budget, seconds: float) -> list[dict
     """Warnings about estimates that were left out, and about a wanted accuracy that the model itself doesn't reach."""
     warnings = []
     if budget.left_out:
-        text = f"the error budget isn't whole: {'; '.join(budget.left_out)}"
+        sources: dict[str, list[str]] = {}
+        for source, _, why in (each.partition(": ") for each in budget.left_out):
+            sources.setdefault(why, []).append(source)
+        text = "the error budget isn't whole: " + "; ".join(f"{', '.join(of)}: {why}" for why, of in sources.items())
         if any(TIME_IS_SHORT in why for why in budget.left_out):
             allowed = seconds if math.isfinite(seconds) else budget.seconds
             text += f"; with --budget-seconds {math.ceil(MORE_TIME * max(allowed, 1.0))} more of it is estimated"
