@@ -1,42 +1,100 @@
-"""Errors of contacts' figures by time integration, from a march of the same run with another step.
+"""Errors of contacts' figures, source by source: the step, the mesh, the modes and the near field's grid.
 
 After a contact two motions part whatever their errors, since a vibration's phase decides what comes next. Impulse,
-largest force, pressure and heat of contacts converge with the step, to order 2, and with damping to order 1.
+largest force, pressure, times and heat of contacts converge, so that they are compared with those of variants of a run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmd.accuracy.error_estimates import NO_PART, Quantity, refinement_gain
+from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from fmd.core.errors import AccuracyError, StabilityError
-from fmd.core.limits.contact import LARGEST_STEP
+from fmd.core.limits.contact import CHOSEN_STEP, FEWER_POINTS, LARGEST_STEP, MORE_MODES
 from fmd.core.limits.errors import SAFETY
+from fmd.scene.variants import change_modes, coarsen_meshes, compare_element_sizes
+from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
     from fmd.contact.histories import ContactHistory
+    from fmd.core.arrays import Array
+    from fmd.scene.scene import Scene
     from fmd.stages.pipeline import Pipeline
 
-BY_STEP = "contact errors"
+    _Variant = tuple[Scene, Callable[[Pipeline], float]]
+
+CONTACT_ERRORS = "contact errors"
 _OF_ITSELF = {"energy_error_j": "it is an error itself"}
+_HISTORIES: Mapping[str, Callable[[ContactHistory], Array]] = {
+    "largest_force_n": lambda own: own.force,
+    "largest_pressure_pa": lambda own: own.peak_pressure,
+    "largest_area_m2": lambda own: own.area,
+}
+"""What figures are the largest of: two marches may have the same by chance, and peaks near it tell them apart."""
+_OTHERS = ("mesh", "modes", "near field")
+Differences = Mapping[str, Mapping[str, float | str]]
+"""Errors of figures by contact and figure, or why there is none."""
 
 
-def step_errors(run: Pipeline) -> Mapping[str, Mapping[str, float | str]]:
-    """Return the errors of the first run's contacts by its step, by contact and figure, or why there is none.
+@dataclass(frozen=True)
+class ContactError:
+    """Errors of a contact's figure in its unit, by source, or in words why one isn't known."""
 
-    A march with twice the step differs by 2^p − 1 times the error of ours, of order p, or, where contact doesn't allow
-    that, one with half the step by 1 − 2^-p of it. Times are known to a step. They are found once.
+    value: Any
+    parts: Mapping[str, float | str]
+
+    @property
+    def total(self) -> float:
+        """Stated error: `SAFETY` times the root of the sum of the estimates' squares, as of other results."""
+        return SAFETY * math.hypot(*(own for own in self.parts.values() if isinstance(own, float)))
+
+    @property
+    def why(self) -> str:
+        """Why the error isn't stated: the estimates that are missing; empty if it is."""
+        return "; ".join(dict.fromkeys(x for x in self.parts.values() if isinstance(x, str) and x != NO_PART))
+
+    def summary(self) -> dict[str, Any]:
+        """Return the errors by source, and what is stated with its interval, or why nothing is."""
+        if self.why:
+            return {**self.parts, "total": None, "interval": None, "why": self.why}
+        value = float(np.linalg.norm(self.value))
+        return {**self.parts, "total": self.total, "interval": [max(0.0, value - self.total), value + self.total]}
+
+
+def contact_errors(run: Pipeline, seconds: float = math.inf) -> Mapping[str, Mapping[str, ContactError]]:
+    """Return the errors of the first run's contacts by contact and figure, within a time limit [s]; once found, kept.
+
+    An interval is of a vector's size.
     """
-    if BY_STEP not in run.results:
-        run.results[BY_STEP] = _compare(run)
-    found: Mapping[str, Mapping[str, float | str]] = run.results[BY_STEP]
+    if CONTACT_ERRORS not in run.results:
+        run.results[CONTACT_ERRORS] = _find_errors(run, TimeLimit(seconds))
+    found: Mapping[str, Mapping[str, ContactError]] = run.results[CONTACT_ERRORS]
     return found
 
 
-def _compare(run: Pipeline) -> dict[str, dict[str, float | str]]:
+def _find_errors(run: Pipeline, limit: TimeLimit) -> dict[str, dict[str, ContactError]]:
+    sources = {"step": step_differences(run)} | {source: _differences_by(run, source, limit) for source in _OTHERS}
+    return {
+        name: {
+            key: ContactError(value, {source: found[name][key] for source, found in sources.items()})
+            for key, value in own.figures.items()
+        }
+        for name, own in run.motion.contacts.items()
+    }
+
+
+def step_differences(run: Pipeline) -> Differences:
+    """Return the errors of the first run's contacts by its step, by contact and figure, or why there is none.
+
+    A march with twice the step differs by 2^p − 1 times the error of ours, of order p, or, where contact doesn't allow
+    that, one with half the step by 1 − 2^-p of it. Times are known to a step.
+    """
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
     longer = 2.0 * method.step <= LARGEST_STEP * min(method.largest_step(plan.system), plan.system.largest_step)
@@ -44,11 +102,85 @@ def _compare(run: Pipeline) -> dict[str, dict[str, float | str]]:
     try:
         histories = run.motion_by(other, other.march(run.output_times)).contacts
     except (StabilityError, AccuracyError) as error:
-        why = f"the march with {'twice' if longer else 'half'} the step failed: {error}"
-        return {name: {**dict.fromkeys(own.figures, why), **_OF_ITSELF} for name, own in run.motion.contacts.items()}
+        return _all(run, f"the march with {'twice' if longer else 'half'} the step failed: {error}")
     change = 2.0 if any(body.loses_energy for body in plan.mechanism.contacts) else 4.0
-    share, step = SAFETY / (change - 1.0) * (1.0 if longer else change), method.step
+    share, step = 1.0 / (change - 1.0) * (1.0 if longer else change), method.step
     return {name: _differences(own, histories[name], share, step) for name, own in run.motion.contacts.items()}
+
+
+def _differences_by(run: Pipeline, source: str, limit: TimeLimit) -> Differences:
+    """Return the errors by a source, from a variant of the run; rigid surfaces have none of these sources."""
+    with_part = {name for name, _, _ in run.scene.touching_faces}
+    if source == "near field":
+        with_part &= _gridded(run)
+    found = _compare(run, source, limit) if with_part else _all(run, NO_PART)
+    return {name: own if name in with_part else dict.fromkeys(own, NO_PART) for name, own in found.items()}
+
+
+def _compare(run: Pipeline, source: str, limit: TimeLimit) -> Differences:
+    try:
+        variant = _VARIANTS[source](run)
+        if isinstance(variant, str):
+            return _all(run, variant)
+        limit.require(run.motion.trajectory.seconds)
+        scene, gain = variant
+        other = run.variant(scene, run.store.monitor)
+        plan = plan_like(next(iter(run.plans.values())), other)
+        method: Any = plan.integrator
+        longest = min(method.largest_step(plan.system), plan.system.largest_step)
+        plan = replace(plan, integrator=replace(method, step=min(method.step, CHOSEN_STEP * longest)))
+        histories = other.motion_by(plan, plan.march(run.output_times, limit.watch())).contacts
+        share = 1.0 / gain(other)
+    except LeftOutError as left:
+        return _all(run, str(left))
+    except FAULTS as fault:
+        return _all(run, f"not estimated: by another {source}, {fault}")
+    return {name: _differences(own, histories[name], share, 0.0) for name, own in run.motion.contacts.items()}
+
+
+def _on_coarser_meshes(run: Pipeline) -> _Variant | str:
+    scene = coarsen_meshes(run.scene)
+    if scene is None:
+        return "not estimated: there is no coarser mesh"
+
+    def gain(other: Pipeline) -> float:
+        pairs = [(own, other.parts[name]) for name, own in run.parts.items()]
+        ratio = min(compare_element_sizes(own.shape, len(own.mesh.cells), len(its.mesh.cells)) for own, its in pairs)
+        order = min(own.order for own in run.parts.values())
+        return refinement_gain(ratio, order, order, "stress")  # pressure is one, and forces converge no slower
+
+    gridded = _gridded(run)
+    return _with_contacts(scene, lambda name: {"near_field": "half-space" if name in gridded else "mesh"}), gain
+
+
+def _with_more_modes(run: Pipeline) -> _Variant:
+    """Return the scene with more modes; what those left out take from an impulse falls as their number grows."""
+    more = change_modes(run.scene, lambda body: {"count": math.ceil(MORE_MODES * body.modes.count)})
+    return more, lambda _: 1.0 - 1.0 / MORE_MODES
+
+
+def _on_coarser_grids(run: Pipeline) -> _Variant:
+    scene = _with_contacts(run.scene, lambda name: {"points": int(FEWER_POINTS * run.scene.contact[name].points)})
+    return scene, lambda _: FEWER_POINTS**-0.5 - 1.0
+
+
+def _with_contacts(scene: Scene, change: Callable[[str], dict[str, Any]]) -> Scene:
+    changed = {name: own.model_copy(update=change(name)) for name, own in scene.contact.items()}
+    return scene.model_copy(update={"contact": changed})
+
+
+def _gridded(run: Pipeline) -> set[str]:
+    """Return the contacts whose near field is that of a grid."""
+    bodies = run.motion.mechanism.contacts
+    return {plane.name for body in bodies for plane in body.planes if plane.face in body.points.grids}
+
+
+_VARIANTS: Mapping[str, Callable[[Pipeline], _Variant | str]] = {
+    "mesh": _on_coarser_meshes,
+    "modes": _with_more_modes,
+    "near field": _on_coarser_grids,
+}
+"""Variants of a run by what they lack or have more of, with how many times of our error they differ from us."""
 
 
 def _differences(own: ContactHistory, other: ContactHistory, share: float, step: float) -> dict[str, float | str]:
@@ -57,8 +189,17 @@ def _differences(own: ContactHistory, other: ContactHistory, share: float, step:
         if key in _OF_ITSELF:
             continue
         if value is None or theirs[key] is None:
-            found[key] = "nothing touches" if value is None else "by the other step nothing touches"
+            found[key] = "nothing touches" if value is None else "in the other march nothing touches"
             continue
-        change = share * float(np.linalg.norm(np.subtract(value, theirs[key])))
+        change = float(np.linalg.norm(np.subtract(value, theirs[key])))
+        if key in _HISTORIES:
+            mine, its = (Quantity(key, "", _HISTORIES[key](at), largest=True) for at in (own, other))
+            change = max(change, mine.change(its) * max(mine.scale, its.scale))
+        change *= share
         found[key] = change + (step if key in ("begin_s", "end_s") else 0.0)
     return found
+
+
+def _all(run: Pipeline, text: str) -> Differences:
+    """Return the same text for each figure of each contact."""
+    return {name: {**dict.fromkeys(own.figures, text), **_OF_ITSELF} for name, own in run.motion.contacts.items()}

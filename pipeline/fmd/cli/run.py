@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -199,6 +200,20 @@ def _print_rounds(accuracy: dict[str, Any]) -> None:
     print_table(f"Accuracy: {percent(accuracy['wanted'])} % requested, {met}", columns, rows, wide=1)
 
 
+def _describe_contact(own: dict[str, Any], errors: dict[str, Any]) -> str:
+    """Write when a contact's bodies touch, its largest force and its impulse, with what is stated of their errors."""
+    if own["begin_s"] is None:
+        return "nothing touches"
+    force, impulse = (
+        with_plain_error(value, errors.get(key, {}).get("total"), unit)
+        for key, value, unit in (
+            ("largest_force_n", own["largest_force_n"], "N"),
+            ("impulse_n_s", math.hypot(*own["impulse_n_s"]), "N s"),
+        )
+    )
+    return f"{own['begin_s']:.6g} to {own['end_s']:.6g} s, largest force {force}, impulse {impulse}"
+
+
 def _answers(summary: dict[str, Any]) -> list[str]:
     """Write what a run has found, a line each: stress, deflection, joints, responses, lives."""
     lines = []
@@ -219,6 +234,8 @@ def _answers(summary: dict[str, Any]) -> list[str]:
             f"RMS of {row['output']}: {with_plain_error(row['rms'], row['error'], row['unit'])}"
             for row in response.get("random", ())
         ]
+    for name, own in summary.get("contacts", {}).items():
+        lines.append(f"contact {name}: {_describe_contact(own, summary.get('contact_errors', {}).get(name, {}))}")
     for file, life in summary.get("fatigue", {}).items():
         repeats, place = life["repeats_to_failure"], f"node {life['node']} of {life['body']}"
         lasts = "nothing is damaged" if repeats is None else f"{place} lasts {repeats:.3g} repeats of the motion"

@@ -20,6 +20,10 @@ def contact_figures(run: Pipeline) -> dict[str, Any]:
     near_fields = {own.name: own.near_field for body in touching for own in body.contacts}
     figures = {name: {"near_field": near_fields[name], **own.figures} for name, own in histories.items()}
     for body in touching:
+        for name in () if body.points.is_rigid else body.names:
+            spacing = float(np.sqrt(body.points.areas[body.face_of(name)].mean()))
+            radius = float(np.sqrt(histories[name].largest[1] / np.pi))
+            figures[name]["radius_over_spacing"] = radius / spacing
         for plane in body.planes:
             own = run.contact_deformation(body.body, run.motion)
             if own is not None and plane.face in body.points.grids:

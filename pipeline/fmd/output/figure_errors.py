@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from fmd.accuracy.contact_errors import BY_STEP
+from fmd.accuracy.contact_errors import CONTACT_ERRORS, ContactError
 from fmd.accuracy.requested_stress import EXTREMES
 from fmd.output.error_table import NOT_STATED
 from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
 
 _OF_RANGE = NOT_STATED + "it tells whether the model holds, and the error budget doesn't compare it"
+_OF_OTHERS = NOT_STATED + "it follows from the contact's largest pressure and area, whose errors are stated"
 _PLACES = ("time_s", "position_m")  # of the largest stress
 _OF_PLACE = NOT_STATED + "errors are those of the value, not of its place and time"
 
@@ -24,10 +25,14 @@ def figure_errors(run: Pipeline, summary: Mapping[str, Any]) -> dict[str, float 
     """
     stated = VariableErrors(run)
     found = {place: stated.of_quantity(name) for place, name in _quantities(run, summary)}
-    by_step: Mapping[str, Mapping[str, float | str]] = run.results.get(BY_STEP, {})
-    for name, own in by_step.items():
+    of_contacts: Mapping[str, Mapping[str, ContactError]] = run.results.get(CONTACT_ERRORS, {})
+    for name, own in of_contacts.items():
         for key, x in own.items():
-            found[f"contacts.{name}.{key}"] = NOT_STATED + x if isinstance(x, str) else x
+            found[f"contacts.{name}.{key}"] = NOT_STATED + x.why if x.why else x.total
+        found |= {
+            f"contacts.{name}.{key}": _OF_OTHERS
+            for key in summary["contacts"][name].keys() - own.keys() - {"near_field"}
+        }
     for body, figures in summary.get("bodies", {}).items():
         for key in (key for key, x in figures.items() if isinstance(x, float) or key == "frequencies_in_frame_hz"):
             found.setdefault(f"bodies.{body}.{key}", _OF_RANGE)

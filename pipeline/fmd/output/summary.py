@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.accuracy.contact_errors import step_errors
+from fmd.accuracy.contact_errors import contact_errors
 from fmd.accuracy.deflection import deflection_warnings, stretching_warnings
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget, state_errors
 from fmd.accuracy.solved_scene import SolvedScene
@@ -116,7 +116,9 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         summary["warnings"] += output_time_warnings(run, {name: node for name, (_, node, _) in found.items()})
     stated = state_errors(run, budget_seconds) if budget and ERROR_BUDGET.applies(run) else None
     if budget and run.scene.contact:
-        step_errors(run)
+        of_contacts = contact_errors(run, budget_seconds)
+        rows = {name: {key: error.summary() for key, error in own.items()} for name, own in of_contacts.items()}
+        summary["contact_errors"] = rows
     for output in run.scene.output:
         if summarise_output := kind_of(output).summarise:
             for key, values in summarise_output(run, output).items():

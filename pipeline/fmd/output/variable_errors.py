@@ -10,7 +10,7 @@ from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import STRESS_COMPONENTS
 from fmd.stages.pipeline import Pipeline
 
-_CONTACT = "after a contact two runs part, whatever their error; figures of contacts have that of their step"
+_CONTACT = "after a contact two runs part, whatever their error; figures of contacts have theirs"
 _OF_MESH = "contact has no part in it; the budget of the scene without its contacts states it"
 _OF_JOINTS = ("force", "moment", "position", "rate", "orientation", "angular_velocity", "displacement", "velocity")
 _COMPARED = (*_OF_JOINTS, "origin", "deflection", "acceleration", *STRESS_COMPONENTS)

@@ -23,7 +23,7 @@ Place = tuple[str | int, ...]
 
 # Of a summary: equal at all points, names of files, and figures that the first run repeats.
 _LEFT_OUT = {"scene", "version", "files", "stages_run", "stages_cached", "stages_skipped", "reference_hz"}
-_LEFT_OUT |= {"mode_numbers", "final", "tip", "stated_errors", "error_budget", "results", "times_s"}
+_LEFT_OUT |= {"mode_numbers", "final", "tip", "stated_errors", "error_budget", "contact_errors", "results", "times_s"}
 _ERROR = "error"  # last step of the place of a figure's error
 _NAMES = {"integrations": "run"}  # as in the scene: simulation.run.0
 _DIMENSIONS = {

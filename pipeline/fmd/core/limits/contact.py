@@ -27,6 +27,10 @@ HALVED_STEPS = 4  # times that a step left to the program is halved where contac
 CYCLES_ABOVE = 4.0  # of sub-cycling: with gaps that frames don't close in as many, nothing touches in the next one
 STEPS_ABOVE = 4.0  # steps for which a body's points stay above a plane, from which on they aren't placed
 
+# Errors.
+MORE_MODES = 2.0  # times the modes: of the run that tells what is left out of a contact's figures
+FEWER_POINTS = 0.5  # of a grid's points: of the run that tells the grid's error
+
 # Results.
 DEEP_START = 1e-6  # of the body's size: how deep it may be in the ground at the start
 LOST_ENERGY = 0.01  # of kinetic energy, contact's or its heat: more that contact's steps make or lose is warned of
