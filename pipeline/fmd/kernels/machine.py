@@ -68,7 +68,8 @@ def compile_object(source: str, level: int = 0, triple: str = "", effort: int = 
     Parameters
     ----------
     level : int
-        Effort of LLVM's passes. By default its code generator alone runs: what the passes look for, common
+        Effort of LLVM's passes. They make no vectors: that takes longer than all else, and loops over coordinates and
+        output times run no faster. By default the code generator alone runs: what the passes look for, common
         subexpressions and constants, a graph doesn't have, and they cost a third of the time for no speed (pairing
         like scalars into vectors costs four times as much).
     triple : str
@@ -83,7 +84,7 @@ def compile_object(source: str, level: int = 0, triple: str = "", effort: int = 
     module.verify()
     if level:
         options = llvm.create_pipeline_tuning_options(speed_level=level)
-        options.loop_vectorization = options.slp_vectorization = True
+        options.loop_vectorization = False
         builder = llvm.create_pass_builder(target, options)
         builder.getModulePassManager().run(module, builder)
     return bytes(target.emit_object(module))

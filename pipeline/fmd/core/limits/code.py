@@ -31,4 +31,4 @@ MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer 
 BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long
 
 # Kernels.
-KERNEL_LEVEL = 2  # effort of LLVM's passes, 0 … 3
+KERNEL_LEVEL = 1  # effort of LLVM's passes, 0 … 3: 2 and 3 compile for longer, and marches take as long
