@@ -121,7 +121,7 @@ def bearing(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> boo
 
 
 def stop(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> bool:
-    """Stop a hinge or a slide softly."""
+    """Stop a hinge or a slide softly, to both sides of where it starts."""
     names = _undriven(table, "revolute", "prismatic")
     if not names:
         return False
@@ -129,9 +129,14 @@ def stop(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> bool:
     turns = joint["type"] == "revolute"
     unit, high = ("rad", 0.05) if turns else ("m", 0.02)
     stiff = write(float(rng.uniform(20, 200)) / _seconds(table) ** 2, "N m/rad" if turns else "N/m")
-    ends = {"low": write(-high, unit), "high": write(high, unit), "width": write(0.1 * high, unit)}
-    joint["stop"] = ends | {"stiffness": stiff}
+    joint["stop"] = {"width": write(0.1 * high, unit), "stiffness": stiff} | _ends_about(joint, high, unit)
     return True
+
+
+def _ends_about(joint: Table, high: float, unit: str) -> Table:
+    """Return the ends of a stop to both sides of where a joint starts."""
+    start = float(joint.get("angle", joint.get("position", "0")).split()[0])
+    return {"low": write(start - high, unit), "high": write(start + high, unit)}
 
 
 def friction(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> bool:
@@ -166,9 +171,10 @@ def start(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> bool:
         return False
     joint = table["joint"][_some(rng, names)]
     turns = joint["type"] == "revolute"
-    joint["angle" if turns else "position"] = write(
-        float(rng.normal()) * (0.5 if turns else 0.05), "rad" if turns else "m"
-    )
+    unit = "rad" if turns else "m"
+    joint["angle" if turns else "position"] = write(float(rng.normal()) * (0.5 if turns else 0.05), unit)
+    if "stop" in joint:
+        joint["stop"] |= _ends_about(joint, float(joint["stop"]["high"].split()[0]), unit)
     return True
 
 

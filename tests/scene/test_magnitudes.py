@@ -75,3 +75,18 @@ def test_masses_and_speeds_of_rigid_mechanisms_are_weighed_too() -> None:
         "body.slider.mass is 5e+09 kg",
         "joint.slide.rate is 1.2e+04 m/s",
     ]
+
+
+@pytest.mark.parametrize(
+    ("stop", "said"),
+    [
+        ("low='10 cm', high='14 cm'", ["joint.slide starts 0.01 m beyond its stop.high"]),
+        ("low='0.5 m'", ["joint.slide starts 0.35 m beyond its stop.low"]),
+        ("low='10 cm', high='20 cm'", []),
+        ("low='15.05 cm'", []),  # pressed at the start by less than ten widths
+    ],
+)
+def test_a_start_far_beyond_a_stop_is_named_with_what_the_stop_holds(stop: str, said: list[str]) -> None:
+    found = [*find_unusual(load_scene("rod-slider", [f"joint.slide.stop={{{stop}, stiffness='1 MN/m'}}"]))]
+    assert [text.partition(",")[0] for text in found] == said
+    assert all("the stop holds" in text for text in found)

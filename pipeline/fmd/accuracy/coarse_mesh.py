@@ -15,6 +15,7 @@ from fmd.core.cache import Cache
 from fmd.core.limits.errors import ALIKE, ALIKE_MODES, MORE_COARSE_MODES
 from fmd.core.limits.round_off import SOLVED
 from fmd.reduction.body import FlexibleBody
+from fmd.scene.any_body import Flexible
 from fmd.scene.scene import Scene
 from fmd.scene.variants import (
     COARSENING_FACTORS,
@@ -123,9 +124,18 @@ def make_pair_across(run: Pipeline) -> Pair | None:
 
 
 def _matching_run(run: Pipeline, scene: Scene) -> Pipeline:
-    """Return the run of a scene on another mesh, whose modes are those most like a run's, in its order."""
+    """Return the run of a scene on another mesh, whose modes are those most like a run's, in its order.
+
+    They are looked for among more. Of fixed-interface modes and static responses it is their space that counts: more
+    modes turn all its shapes, and some of these span another one, which is stiffer.
+    """
     beyond = max(part.modes.n_completing for part in run.parts.values())
-    more = change_modes(scene, lambda body: {"count": int(MORE_COARSE_MODES * body.modes.count) + 1 + beyond})
+
+    def count(body: Flexible) -> int:
+        spanned = body.modes.boundary == "interface" or getattr(body, "pieces", 1) != 1
+        return body.modes.count + beyond if spanned else int(MORE_COARSE_MODES * body.modes.count) + 1 + beyond
+
+    more = change_modes(scene, lambda body: {"count": count(body)})
     base, parts = Pipeline(more, Cache(None)), {}
     for name, own in run.parts.items():
         other = base.parts[name]

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import Annotated, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
 
-from fmd.core.limits.scene import USUAL_OF_BODIES, USUAL_OF_MOTION
+import numpy as np
+
+from fmd.core.limits.scene import PRESSED, USUAL_OF_BODIES, USUAL_OF_MOTION
 from fmd.core.units import QuantityReader
 from fmd.scene.reading import SceneTable
+
+if TYPE_CHECKING:
+    from fmd.scene.joints.joint import JointTable
+    from fmd.scene.scene import Scene
 
 UNUSUAL = "unusual-value"  # code of the warning
 
 
-def find_unusual(scene: SceneTable) -> Iterator[str]:
+def find_unusual(scene: Scene) -> Iterator[str]:
     """Write a sentence for each value of a scene that is far from usual ones: its key, it, and what is usual."""
     for path, key, value, kinds in _walk(scene, (), ""):
         if (
@@ -28,6 +34,24 @@ def find_unusual(scene: SceneTable) -> Iterator[str]:
             most, unit, example = USUAL_OF_MOTION[kind]
             if abs(value) > most:
                 yield f"{'.'.join(path)} is {value:.4g} {unit}, which is unusual: {example}"
+    for name in scene.carrying.values():
+        yield from _find_pressed_stop(name, scene.joint[name])
+
+
+def _find_pressed_stop(name: str, joint: JointTable) -> Iterator[str]:
+    """Write a sentence about a joint that starts far beyond a stop of its own, which then throws what it carries."""
+    for along in joint.along[:1]:
+        if along.stop is None:
+            continue
+        unit, start = joint.kind.unit, joint.start(np.eye(3))[0][0]
+        for side, sign in (("low", -1.0), ("high", 1.0)):
+            at = getattr(along.stop, side)
+            beyond = 0.0 if at is None else sign * (start - at)
+            if beyond > PRESSED * along.stop.width:
+                yield (
+                    f"joint.{name} starts {beyond:.4g} {unit} beyond its stop.{side}, which is unusual: the stop holds "
+                    f"{0.5 * along.stop.stiffness * beyond**2:.2g} J there; its ends count from the joint's zero"
+                )
 
 
 def _walk(

@@ -74,5 +74,6 @@ USUAL_OF_MOTION = {
 }
 """Greatest usual rates by the kind of quantity: size, unit and example."""
 
+PRESSED = 10.0  # widths beyond a stop, from which on a start there is unusual
 POOR_QUALITY = 0.05  # least scaled Jacobian of a usable mesh: thinner elements are stiff and their stress is wrong
 LUMPING_COUNTS = 1e-3  # relative change of a frequency by lumped masses, from which on a run warns of it
