@@ -110,7 +110,7 @@ class Linearisation:
     def accelerations(self, state: OperatingPoint, motions: Motions | None = None) -> Array:
         """Return the accelerations of the coordinates at a state, shape (n,), in the mechanism's order."""
         q, v, given = self._released_state(state, motions)
-        a = self._equations.tangents(q, v, self._signals(state.time), given).a
+        a, _ = self._equations.accelerations(q, v, self._signals(state.time), given)
         _, rates = self._places()
         return np.asarray(a[rates])
 

@@ -73,6 +73,7 @@ class SteadyRotation:
         links = linearisation.mechanism.links
         self._modes = np.concatenate([linearisation.mechanism.modes_of(k) for k in range(len(links))])
         self._basis: tuple[Array, Array] | None = None
+        self._last: tuple[tuple[float, bytes], Array] | None = None  # state that was asked last: it is asked again
 
     def leave_out_bending(self, q: Array, across: IntArray) -> None:
         """Leave motions out of the search that move the axis at rest.
@@ -135,6 +136,12 @@ class SteadyRotation:
 
     def accelerations(self, rate: float, q: Array) -> Array:
         """Return the accelerations of all coordinates, as the turning axes see them, (n,)."""
+        state = rate, q.tobytes()
+        if self._last is None or self._last[0] != state:
+            self._last = state, self._accelerations(rate, q)
+        return self._last[1]
+
+    def _accelerations(self, rate: float, q: Array) -> Array:
         rotation = self.turning(rate, q)
         W, _, sliding = turning_axes(self.linearisation.mechanism, q, rotation.rates)
         a = self.linearisation.accelerations(OperatingPoint(0.0, q, rotation.rates), rotation.motions)

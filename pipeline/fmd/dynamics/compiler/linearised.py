@@ -64,8 +64,29 @@ class LinearisedMechanism:
         self.n_rows, self.signals = len(rows), inputs.signals
         self._numbers = np.array(list(inputs.numbers.values()))
         values, self._places = _trace(inputs, frames, acting, rows)
-        slopes = differentiate(inputs.graph, values, direction_inputs(inputs.graph, _ARGUMENTS))
-        self._values, self._slopes = evaluation_of(values), evaluation_of(slopes)
+        self._values = evaluation_of(values)
+        self._slopes, self._slopes_by_a = (
+            evaluation_of(differentiate(inputs.graph, values, direction_inputs(inputs.graph, names)))
+            for names in (_ARGUMENTS, ("a",))
+        )
+
+    def accelerations(
+        self, q: Array, v: Array, signals: Mapping[Signal, Sequence[float]], given: Array
+    ) -> tuple[Array, Array]:
+        """Return the accelerations of all rates (n,) at a state, and the multipliers of the constraints (n_rows,).
+
+        Parameters
+        ----------
+        q, v, signals, given
+            As of `tangents`.
+        """
+        n, m = self.mechanism.n, self.n_rows
+        a, f = np.zeros(n), np.zeros(m)
+        a[self.given] = given
+        state = (self._inputs(signals), q, v, a, f)
+        left = self._evaluate(self._values, dict(zip(_ARGUMENTS, state, strict=True)), ())
+        by_a = self._derivatives(self._slopes_by_a, ("a",), state)
+        return self._solve(by_a[:n], by_a[n + m :], left[:n], left[n + m :], a)
 
     def tangents(
         self, q: Array, v: Array, signals: Mapping[Signal, Sequence[float]], given: Array, frozen: Array | None = None
@@ -84,24 +105,17 @@ class LinearisedMechanism:
             Accelerations of all rates (n,), if forces that don't vary keep a mechanism without loops so.
         """
         n, m = self.mechanism.n, self.n_rows
-        values = [value for signal in self.signals for value in signals[signal]]
-        inputs = np.concatenate([np.array(values, dtype=float), self._numbers])
-        a, f = np.zeros(n), np.zeros(m)
-        a[self.given] = given
-        left = self._evaluate(self._values, {"inputs": inputs, "q": q, "v": v, "a": a, "f": f}, ())
-        by = self._derivatives(inputs, q, v, a, f)
-        if frozen is None or m:
-            a, f = self._solve(by["a"][:n], by["a"][n + m :], left[:n], left[n + m :], a)
-        else:
-            a = frozen
-        by = self._derivatives(inputs, q, v, a, f)
+        a, f = self.accelerations(q, v, signals, given) if frozen is None or m else (frozen, np.zeros(m))
+        state = (self._inputs(signals), q, v, a, f)
+        by_all = self._derivatives(self._slopes, _ARGUMENTS, state)
+        by = dict(zip(_ARGUMENTS, np.split(by_all, np.cumsum([len(x) for x in state])[:-1], axis=1), strict=True))
         r, rates, second = slice(0, n), slice(n, n + m), slice(n + m, n + 2 * m)
         return Tangents(
             a,
             by["a"][r],
             by["v"][r],
             by["q"][r],
-            by["inputs"][r, : len(values) : 3],
+            by["inputs"][r, : 3 * len(self.signals) : 3],
             by["a"][second],
             by["q"][rates],
             by["q"][second],
@@ -123,14 +137,18 @@ class LinearisedMechanism:
         out[free] = x[: len(free)] * scale
         return out, x[len(free) :] / sizes
 
-    def _derivatives(self, *state: Array) -> dict[str, Array]:
-        """Return the derivatives of all values by each argument."""
-        sizes = [len(x) for x in state]
+    def _inputs(self, signals: Mapping[Signal, Sequence[float]]) -> Array:
+        """Return what inputs of the equations read: values of signals with two derivatives each, and numbers."""
+        values = [value for signal in self.signals for value in signals[signal]]
+        return np.concatenate([np.array(values, dtype=float), self._numbers])
+
+    def _derivatives(self, slopes: Evaluation, names: Sequence[str], state: Sequence[Array]) -> Array:
+        """Return the derivatives of all values by the entries of some arguments at a state, one after the other."""
         arguments = dict(zip(_ARGUMENTS, state, strict=True))
+        sizes = [len(arguments[name]) for name in names]
         blocks = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
-        arguments |= {f"d{name}": block for name, block in zip(_ARGUMENTS, blocks, strict=True)}
-        by_all = self._evaluate(self._slopes, arguments, (sum(sizes),))
-        return dict(zip(_ARGUMENTS, np.split(by_all, np.cumsum(sizes)[:-1], axis=1), strict=True))
+        directions = {f"d{name}": block for name, block in zip(names, blocks, strict=True)}
+        return self._evaluate(slopes, arguments | directions, (sum(sizes),))
 
     def _evaluate(self, values: Evaluation, arguments: Mapping[str, Array], lanes: tuple[int, ...]) -> Array:
         """Return values in the order of rates, rates of residuals, accelerations of residuals."""
