@@ -19,11 +19,13 @@ sys.path.append(str(HERE))
 from accuracy_tables import (  # noqa: E402 - beside this file
     auto_choice,
     auto_error,
+    clamps,
     deflection,
     error_sources,
     meshes,
     stability,
     truth,
+    truth_pairs,
 )
 from table_format import Row, format_ratio, format_seconds, group_rows, listed, markdown, read_rows  # noqa: E402
 
@@ -246,7 +248,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "error-sources": error_sources,
     "deflection": deflection,
     **{f"elements-{part}": partial(as_written, f"elements-{part}") for part in ELEMENTS},
+    "clamps": clamps,
     "truth": truth,
+    "truth-pairs": truth_pairs,
     "loops": loops,
     "auto-choice": auto_choice,
     "auto-error": auto_error,
