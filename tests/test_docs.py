@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import runpy
+import shlex
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from pkgutil import resolve_name
@@ -12,6 +14,10 @@ from typing import Any
 import pytest
 
 from docs.json_reference import write_page
+from fmd.cli.app import app
+from fmd.cli.sensitivities import split_names
+from fmd.output.channels import require_results
+from fmd.scene.scene import load_scene
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -33,6 +39,30 @@ def test_the_page_of_answers_is_what_their_schemas_say() -> None:
     assert (DOCS / "json.md").read_text(encoding="utf-8") == write_page(), (
         "python -m docs.json_reference > docs/json.md"
     )
+
+
+@pytest.mark.parametrize("path", [*PAGES, *DOCS.glob("jobs/*.md")], ids=lambda path: path.name)
+def test_commands_of_a_page_have_their_options_and_results(path: Path) -> None:
+    """Commands on scenes of a reader's own are read; of the ready ones results must be there, too."""
+    blocks = re.findall(r"```bash\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL)
+    for words in chain.from_iterable(map(_commands, blocks)):
+        _, bound, _ = app.parse_args(words[1:], print_error=False, exit_on_error=False)
+        given = bound.arguments
+        if given.get("of") and words[1] in ("sweep", "sensitivities") and "." not in given["scene"]:
+            settings = given["options"].set_ if "options" in given else given.get("set_")
+            require_results(load_scene(given["scene"], settings or ()), split_names("--of", given["of"]))
+
+
+def _commands(block: str) -> Iterator[list[str]]:
+    """Yield the words of each `fmd` command; one whose quotes are open goes on in the next line."""
+    text = ""
+    for line in block.replace("\\\n", " ").splitlines():
+        text += line + "\n"
+        if text.startswith("fmd ") and text.count("'") % 2:
+            continue
+        if text.startswith("fmd "):
+            yield shlex.split(text, comments=True)
+        text = ""
 
 
 def test_the_readme_is_a_door() -> None:

@@ -27,6 +27,11 @@ def test_every_command_has_a_module_of_its_name():
         assert module == function
 
 
+def test_an_unknown_option_is_one_message_with_the_command_that_has_it(fmd, capsys):
+    assert fmd("sweep", "beam", "--vary", "simulation.step=1us,2us", "--minimise", "mass") == 2
+    assert capsys.readouterr().err == "fmd: Unknown option: --minimise. It is an option of `fmd optimise`.\n"
+
+
 @pytest.mark.parametrize(
     ("error", "status", "message"),
     [

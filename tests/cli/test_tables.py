@@ -2,7 +2,7 @@
 
 import pytest
 
-from fmd.cli.tables import new_table, open_console
+from fmd.cli.tables import new_table, open_console, tell_apart
 
 WORDS = ["a quantity with a rather long name", "another one that goes on for quite a while", "x" * 60, "y" * 60]
 
@@ -34,6 +34,12 @@ def test_names_in_brackets_are_no_markup(capsys: pytest.CaptureFixture[str]) -> 
     printed = capsys.readouterr().out
     for text in ("budget of [body.arm]", "mass [kg]", "[b]", "pieces = 3 of [body.arm] lowers this :+1:"):
         assert text in printed
+
+
+def test_ends_of_a_narrow_interval_are_told_apart() -> None:
+    assert tell_apart(11.0000002, 10.9999998, 11.0000006) == ["11.0000002", "10.9999998", "11.0000006"]
+    assert tell_apart(60.0, 30.0, 90.0) == ["60", "30", "90"]
+    assert tell_apart(0.0, 0.0, 0.0) == ["0", "0", "0"]
 
 
 def test_a_width_that_is_given_is_kept(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -160,6 +160,17 @@ def test_a_front_goes_from_the_best_of_one_aim_to_that_of_the_other() -> None:
     assert numbers_of(front[-1]) == pytest.approx(dict.fromkeys(numbers_of(front[-1]), 0.06), rel=1e-3)
 
 
+@pytest.mark.parametrize(("low", "high", "depth"), [(0.4, 0.8, 16.0), (0.7, 1.5, 10.0)])
+def test_a_frequency_is_kept_out_of_a_band_on_its_better_side(low: float, high: float, depth: float) -> None:
+    """It goes with the depth, 20 mm at the start: no bar is below the first band, the lightest is below the second."""
+    first = float(package.load(BAR).run.modes.frequencies_hz[0])
+    found = find(BAR, "mass", [f"frequency.1 outside {low * first!r}..{high * first!r} Hz"], BOUNDS[:1])
+    assert numbers_of(found)["body.bar.depth"] == pytest.approx(1e-3 * depth, rel=0.02)
+    assert not low < found.design.results[1] / first * (1.0 + 1e-9) < high
+    (row,) = found.summary()["results"][1:]
+    assert (row["must"], row["active"]) == ((">=", True) if depth > 10.0 else ("<=", False))
+
+
 def test_the_largest_of_a_result_is_found_too() -> None:
     found = find(BAR, "frequency.1", ["mass <= 3 kg"], ["body.bar.depth=10..60 mm", "body.bar.width=25..60 mm"], -1)
     depth, width = numbers_of(found).values()
@@ -177,6 +188,7 @@ def test_the_largest_of_a_result_is_found_too() -> None:
         ("mass", ["frequency.1 > 40"], BOUNDS, InputError, "must be a result and its bound"),
         ("mass", ["frequency.1 >= 40 kg"], BOUNDS, InputError, "must be in a unit of Hz"),
         ("mass", ["frequency.1 >= -40"], BOUNDS, InputError, "must be above 0"),
+        ("mass", ["frequency.1 outside 60..40 Hz"], BOUNDS, InputError, "must go from a value above 0 to a higher one"),
         ("mass", [], ["body.bar.depth"], InputError, "needs bounds of one sign"),
         ("mess", [], BOUNDS, InputError, "without it a scene has mesh and modes alone"),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import fmd as package
+from fmd.core import progress
 from fmd.core.errors import InputError
 from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.neighbours import march_in_parts
@@ -281,6 +283,17 @@ def test_a_mesh_whose_elements_change_is_refused(tmp_path: Path) -> None:
         package.jacobian(package.load(path), ["bar.frequency.1"], ["body.bar.length"])
     with pytest.raises(InputError, match="bar has the modes 1 to"):
         package.jacobian(package.load(path), ["bar.frequency.70"], ["body.bar.E"])
+
+
+def test_derivatives_say_how_far_they_are(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 0.01)
+    result = package.load(OSCILLATOR)
+    result.run.motion  # noqa: B018
+    capsys.readouterr()
+    package.jacobian(result, ["slide.position"], ["joint.slide.spring", "body.block.mass"])
+    assert re.search(r"s: derivatives, 50 %, about \d+ s left\n", capsys.readouterr().err)
+    package.ResultFunction(result, ["slide.position"], ["joint.slide.spring"]).jacobian(np.array([900.0]))
+    assert "s: derivatives\n" in capsys.readouterr().err
 
 
 def test_the_command_prints_rows_and_writes_table_chart_and_histories(

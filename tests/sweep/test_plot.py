@@ -49,7 +49,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[object, ...]]:
 def test_one_key_gives_lines_in_the_units_of_its_values(drawn, tmp_path):
     study = sweep(LENGTH)
     assert plot.draw_sweep(SweepTable(study), tmp_path, "Study") == ["sweep.png"]
-    axis, panels, _ = drawn["draw_sweep_lines"]
+    (axis,), panels, _ = drawn["draw_sweep_lines"]
     assert (axis.label, axis.numbers) == ("body.beam.length [mm]", (100.0, 200.0, 300.0))
     by_label = {panel.label: panel for panel in panels}
     frequency, stress = by_label["frequency [Hz]"], by_label["largest von Mises stress [MPa]"]
@@ -60,15 +60,20 @@ def test_one_key_gives_lines_in_the_units_of_its_values(drawn, tmp_path):
     assert {"hub at the end [rad]", "time of integration [ms]"} <= by_label.keys()
 
 
-def test_two_keys_give_maps_and_three_give_none(drawn, tmp_path):
+def test_two_keys_give_maps_and_three_give_points_over_each(drawn, tmp_path):
     study = sweep(LENGTH, METHOD)
     plot.draw_sweep(SweepTable(study), tmp_path, "Study")
     first, second, panels, _ = drawn["draw_sweep_maps"]
     assert (first.texts, second.texts, second.numbers) == (("100", "200", "300"), METHOD.values, None)
     (frequency,) = [panel for panel in panels if panel.label == "frequency of mode 1 [Hz]"]
     np.testing.assert_array_equal(frequency.values, [[100, 101], [102, 103], [104, np.nan]])
-    three = sweep(LENGTH, METHOD, Variation("simulation.step", ("1us", "2us")))
-    assert plot.draw_sweep(SweepTable(three), tmp_path, "Study") == []
+    three = sweep(LENGTH, METHOD, Variation("simulation.step", ("1us", "10us"), logarithmic=True))
+    plot.draw_sweep(SweepTable(three), tmp_path, "Study")
+    keys, panels, _ = drawn["draw_sweep_lines"]
+    assert [key.label for key in keys] == ["body.beam.length [mm]", METHOD.key, "simulation.step [us]"]
+    assert [key.logarithmic for key in keys] == [False, False, True]
+    assert keys[2].numbers == (1.0, 10.0) * 6  # the last key varies fastest
+    np.testing.assert_array_equal(panels[0].values[0], [*range(100, 111), np.nan])
 
 
 def test_a_sweep_without_a_figure_has_no_plot(tmp_path):
@@ -79,12 +84,15 @@ def test_a_sweep_without_a_figure_has_no_plot(tmp_path):
 def test_lines_and_maps_are_drawn_with_their_labels_and_missing_points(tmp_path: Path) -> None:
     x, y = SweepAxis("length [mm]", ("1", "2", "100"), (1.0, 2.0, 100.0)), SweepAxis("method", ("auto", "plain"))
     line = SweepPanel("stress [MPa]", np.array([[1.0, np.nan, 3.0], [2.0, 2.5, 4.0]]), ("mode 1", "mode 2"))
-    draw_sweep_lines(x, [line, line, line], tmp_path / "lines.svg", title="Study")
+    draw_sweep_lines([x], [line, line, line], tmp_path / "lines.svg", title="Study")
     text = (tmp_path / "lines.svg").read_text()
     assert all(f"<!-- {words} -->" in text for words in ("length [mm]", "stress [MPa]", "mode 2", "Study"))
     field = SweepPanel("stress [MPa]", np.array([[1.25, 2.0], [3.0, np.nan], [5.0, 6.0]]))
     draw_sweep_maps(x, y, [field], tmp_path / "map.svg", title="Study")
     text = (tmp_path / "map.svg").read_text()
     assert all(f"<!-- {words} -->" in text for words in ("1.25", "×", "auto", "method", "100"))
+    same = SweepPanel("peak [um/N]", 132.74432860 + np.array([[1e-10, 0.0, 2e-10]]))
+    draw_sweep_lines([x, y], [same], tmp_path / "same.svg", title="Study")
+    assert "+1.327" not in (tmp_path / "same.svg").read_text()  # no axis counts round-off from an offset
     draw_sweep_maps(x, y, [field, field], tmp_path / "map.png", title="Study")
     assert imread(tmp_path / "map.png")[..., :3].std() > 0.1

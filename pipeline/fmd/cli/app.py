@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from itertools import pairwise
 
-from cyclopts import App
+from cyclopts import App, CycloptsError, UnknownOptionError
 
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.memory import ALLOCATIONS
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = sys.argv[1:] if arguments is None else arguments
     try:
         try:
-            app(given)
+            app(given, print_error=False, exit_on_error=False)
         finally:
             sys.stdout.flush()
     except KeyboardInterrupt:
@@ -68,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:  # whoever reads the output, such as `head`, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(1) from None
+    except CycloptsError as error:
+        _fail(f"{error}{_find_elsewhere(error)}", 2)
     except OSError as error:  # a full disk, a folder that can't be written, a library that isn't there
         _fail(f"{error}; `fmd doctor` tells what this machine lacks", 2)
     except InputError as error:
@@ -80,6 +82,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if not any(kind.__name__ in _NUMERICAL for kind in type(error).__mro__):
             raise
         _fail(f"the numbers of this scene can't be computed with ({error}); check units and sizes", 3)
+
+
+def _find_elsewhere(error: CycloptsError) -> str:
+    """Name the commands that have an option which the called one lacks."""
+    if not isinstance(error, UnknownOptionError) or not error.token.keyword:
+        return ""
+    option = error.token.keyword.partition("=")[0]
+    commands = [place.partition(":")[0] for place in _COMMANDS]
+    having = [
+        name for name in commands if any(option in each.names for each in app[name].assemble_argument_collection())
+    ]
+    return f" It is an option of {', '.join(f'`fmd {name}`' for name in having)}." if having else ""
 
 
 def _overrides(arguments: Sequence[str]) -> list[str]:

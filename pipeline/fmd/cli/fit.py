@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, SceneName, Several, print_json
 from fmd.cli.sensitivities import split_names
-from fmd.cli.tables import open_console, print_files, print_records, print_warnings
+from fmd.cli.tables import open_console, print_files, print_records, print_warnings, tell_apart
 from fmd.core.errors import InputError, blaming
 from fmd.core.files import refusing
 from fmd.core.limits.fitting import SAME_CHI2
@@ -77,7 +77,7 @@ def fit(
     experiments = read_experiments(runs, sigmas)
     histories = [channel.name for each in experiments if each.in_time for channel in each.channels]
     varied += read_shifts(split_names("--shift", shift or table.shift), histories)
-    found = fit_scene(experiments, varied, starts or table.starts)
+    found = fit_scene(experiments, varied, starts or table.starts, run.store.monitor)
     folder = out or Path("out") / f"{run.scene.name}-fit"
     with refusing("--out", folder):
         written = write_fit(found, run.scene, folder, scene, [file for _, file in runs], options.set_ or ())
@@ -124,10 +124,10 @@ def _read_sigma(text: str) -> tuple[str, float]:
 
 def _print(found: Fit) -> None:
     summary = found.summary()
-    columns = {"number": "key", "first": "start:.5g", "fitted": "value:.6g", "95 % from": "low:.6g", "to": "high:.6g"}
+    columns = {"number": "key", "first": "start:.5g", "fitted": "fitted", "95 % from": "low", "to": "high"}
     rows = [
         row
-        | dict(zip(("low", "high"), row["interval"], strict=True))
+        | dict(zip(("fitted", "low", "high"), tell_apart(row["value"], *row["interval"]), strict=True))
         | {"at": "at its bound" if row["at_bound"] else ""}
         for row in summary["parameters"]
     ]

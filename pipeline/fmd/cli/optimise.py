@@ -38,7 +38,7 @@ def optimise(
     minimise, maximise
         A result: mass, BODY.mass, tip, BODY.stress, BODY.life or BODY.frequency.N; two of them for their Pareto front.
     subject
-        A limit, "life >= 1e7" or "frequency.1 >= 40 Hz".
+        A limit, "life >= 1e7", "frequency.1 >= 40 Hz" or "frequency.1 outside 40..60 Hz".
     points
         Number of designs of a front; 7 by default.
     """

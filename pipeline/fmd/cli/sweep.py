@@ -15,7 +15,7 @@ from fmd.cli.tables import open_console, print_files, print_table
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.html import scaled
-from fmd.core.limits.shown import SWEPT_JOINTS
+from fmd.core.limits.shown import SWEPT_JOINTS, SWEPT_ROWS
 from fmd.core.progress import Bars
 from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally, prepare_workers
@@ -138,9 +138,11 @@ def _print_points(table: SweepTable, rows: Sequence[dict[str, Any]]) -> None:
     columns = dict.fromkeys(("", *keys, "status", *(column for column, _ in figures.values())), "{}")
     cells = [
         (k, *point.values, row["status"], *(_write(row[name], unit) for name, (_, unit) in figures.items()))
-        for k, (point, row) in enumerate(zip(result.points, rows, strict=True), start=1)
+        for k, (point, row) in enumerate(zip(result.points[:SWEPT_ROWS], rows, strict=False), start=1)
     ]
     print_table("Points", columns, cells)
+    if (more := len(rows) - len(cells)) > 0:
+        open_console().print(f"and {more} more {'point' if more == 1 else 'points'}: sweep.csv")
 
 
 def _write(value: float | None, unit: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -71,6 +72,13 @@ def print_warnings(warnings: Sequence[Mapping[str, Any]], where: str = "--json")
         console.print(f"warning: {warning['text']}")
     if (more := len(warnings) - MOST_WARNINGS) > 0:
         console.print(f"and {more} more {'warning' if more == 1 else 'warnings'}: {where}")
+
+
+def tell_apart(*values: float) -> list[str]:
+    """Write numbers with as many digits as tell them apart, two of what they differ by and six at least."""
+    span, size = max(values) - min(values), max(map(abs, values))
+    digits = 6 if span <= 0.0 else max(6, math.ceil(math.log10(size / span)) + 2)
+    return [f"{value:.{min(digits, 15)}g}" for value in values]
 
 
 def open_console() -> Console:

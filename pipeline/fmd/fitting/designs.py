@@ -51,12 +51,15 @@ class Design:
         pairs = self.values.items()
         numbers = [each if each.is_factor else replace(each, value=value) for each, value in pairs]
         frozen, columns = FrozenRun(self.run), []
-        motion = frozen.at({}, moves, numbers)
-        for own in numbers:
-            both = frozen.beside(motion, own, moves=moves)
-            changes = [np.atleast_1d(change_of(channel, self.run, both.low, both.high))[0] for channel in self.channels]
-            with np.errstate(invalid="ignore"):
-                columns.append(own.value / (2.0 * both.step) * np.array(changes) / self.results)
+        with self.run.store.monitor("derivatives of a design") as advance:
+            motion = frozen.at({}, moves, numbers)
+            for own in numbers:
+                both = frozen.beside(motion, own, moves=moves)
+                pair = both.low, both.high
+                changes = [np.atleast_1d(change_of(channel, self.run, *pair))[0] for channel in self.channels]
+                with np.errstate(invalid="ignore"):
+                    columns.append(own.value / (2.0 * both.step) * np.array(changes) / self.results)
+                advance(len(columns) / len(numbers))
         return np.where(np.isfinite(self.results)[:, None], np.column_stack(columns), 0.0)
 
 
@@ -121,7 +124,7 @@ class DesignSpace:
         scene = self.run.scene
         if scene.moves:
             scene = change_simulation(scene, run=scene.simulation.run[:1])
-        run = self.run.variant(change_parameters(scene, values))
+        run = self.run.variant(change_parameters(scene, values), self.run.store.monitor)
         require_like_meshes(self.run, run, values)
         start = [channel for name in self.names for channel in find_channels(self.run, name)]
         channels = [

@@ -11,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import AT_BOUND, DETERMINED, FIT_TOLERANCE, MOST_EVALUATIONS, POOR_FIT, SAME_MODE, WHITE
+from fmd.core.progress import Monitor, silent
 from fmd.fitting.experiments import Experiment
 from fmd.fitting.fit_model import FitModel
 from fmd.fitting.information import Information, find_information, whiteness
@@ -184,7 +185,12 @@ class Fit:
         }
 
 
-def fit_scene(experiments: tuple[Experiment, ...], varied: tuple[VariedNumber, ...], starts: int = 1) -> Fit:
+def fit_scene(
+    experiments: tuple[Experiment, ...],
+    varied: tuple[VariedNumber, ...],
+    starts: int = 1,
+    monitor: Monitor = silent,
+) -> Fit:
     """Fit numbers of a scene to measurements by least squares of the residuals over their noise.
 
     What the data can tell is found first: a number whose 95 % interval would be wider than ±50 % is refused. Where both
@@ -198,6 +204,8 @@ def fit_scene(experiments: tuple[Experiment, ...], varied: tuple[VariedNumber, .
         Numbers to fit, which start from the scene's values.
     starts : int
         Number of searches: one from the scene's values, others from points of a Latin hypercube between the bounds.
+    monitor : Monitor, optional
+        Listener to progress.
 
     Raises
     ------
@@ -213,7 +221,7 @@ def fit_scene(experiments: tuple[Experiment, ...], varied: tuple[VariedNumber, .
     """
     for experiment in experiments:
         experiment.require_times([each for each in varied if each.parameter.clock])
-    model = FitModel(experiments, varied)
+    model = FitModel(experiments, varied, monitor)
     begins = _spread_starts(varied, starts)
     before = find_information(model.jacobian(begins[0]))
     require_determined(model, before)
@@ -247,7 +255,7 @@ def _start_by_modes(model: FitModel, start: Array) -> Array:
     modes = tuple(each for each in model.experiments if each.has_modes)
     if not modes or not any(each.has_responses for each in model.experiments):
         return start
-    alone = FitModel(modes, model.varied)
+    alone = FitModel(modes, model.varied, model.monitor)
     J = alone.jacobian(start)
     told = np.flatnonzero(find_information(J).half_widths <= DETERMINED)
     if not told.size:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError
+from fmd.core.progress import Monitor, silent
 from fmd.fitting.experiments import Experiment
 from fmd.fitting.measurements import MeasuredChannel
 from fmd.fitting.parameters import Parameter
@@ -25,10 +26,13 @@ class FitModel:
         What is measured, and the scene that it is measured on.
     varied : tuple of VariedNumber
         Numbers that vary; all else, method and steps too, is frozen.
+    monitor : Monitor, optional
+        Listener to progress.
     """
 
     experiments: tuple[Experiment, ...]
     varied: tuple[VariedNumber, ...]
+    monitor: Monitor = field(default=silent, repr=False)
 
     @property
     def channels(self) -> list[MeasuredChannel]:
@@ -43,7 +47,8 @@ class FitModel:
     def residuals(self, shares: Array) -> Array:
         """Return results less measurements over their noise, and priors over theirs, shape (n_residuals,)."""
         values = self._numbers(shares)
-        found = [result for each in self.experiments for result in self._try(each, values)]
+        with self.monitor("fit: results"):
+            found = [result for each in self.experiments for result in self._try(each, values)]
         pairs = zip(found, self.channels, strict=True)
         apart = [(result - channel.values) / channel.sigma for result, channel in pairs]
         return np.concatenate([*apart, np.asarray(shares)[self._with_prior] / self._priors])
@@ -52,10 +57,12 @@ class FitModel:
         """Return the residuals' derivatives by what a fit counts, (n_residuals, n_varied)."""
         values, columns = self._numbers(shares), []
         sigmas = [channel.sigma for channel in self.channels]
-        for varied in self.varied:
-            slopes = [slope for each in self.experiments for slope in each.slopes(values, varied.parameter)]
-            scale = varied.per_share(values[varied.parameter])
-            columns.append(np.concatenate([slope * scale / s for slope, s in zip(slopes, sigmas, strict=True)]))
+        with self.monitor("fit: derivatives") as advance:
+            for varied in self.varied:
+                slopes = [slope for each in self.experiments for slope in each.slopes(values, varied.parameter)]
+                scale = varied.per_share(values[varied.parameter])
+                columns.append(np.concatenate([slope * scale / s for slope, s in zip(slopes, sigmas, strict=True)]))
+                advance(len(columns) / len(self.varied))
         priors = np.diag(1.0 / np.array([each.prior for each in self.varied]))[self._with_prior]
         return np.concatenate([np.column_stack(columns), priors])
 

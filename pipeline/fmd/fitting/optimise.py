@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,16 @@ from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError, InputError, blaming
 from fmd.core.limits.fitting import ENDLESS, MET, MOST_DESIGNS, OPTIMUM, STATIONARY
 from fmd.fitting.designs import Design, DesignSpace
-from fmd.fitting.varied import VariedNumber, read_number
+from fmd.fitting.varied import VariedNumber, read_bounds, read_number
 from fmd.output.channels import find_channels, require_results
 from fmd.stages.pipeline import Pipeline
 
 _LIMIT = re.compile(r"\s*(\S+?)\s*(>=|<=)\s*(.+?)\s*")
+_BAND = re.compile(r"\s*(\S+)\s+outside\s+(.+?)\s*")
+
+
+class NoDesignError(AccuracyError):
+    """No design that a search came to meets the limits."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,25 @@ class Limit:
     def sense(self) -> str:
         """The sign between the result and its bound."""
         return ">=" if self.sign > 0 else "<="
+
+    @property
+    def sides(self) -> tuple[Limit, ...]:
+        """Limits of which one is to be met: this one."""
+        return (self,)
+
+
+@dataclass(frozen=True)
+class Band:
+    """Values between which a result of a design mustn't lie, above 0, in the SI unit."""
+
+    name: str
+    low: float
+    high: float
+
+    @property
+    def sides(self) -> tuple[Limit, ...]:
+        """Limits of which one is to be met."""
+        return Limit(self.name, -1, self.low), Limit(self.name, 1, self.high)
 
 
 @dataclass(frozen=True)
@@ -168,25 +193,34 @@ class Optimum:
         }
 
 
-def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit, ...]:
-    """Read limits, ``life >= 1e7``, ``frequency.1 >= 40 Hz``.
+def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | Band, ...]:
+    """Read limits, ``life >= 1e7``, ``frequency.1 >= 40 Hz``, ``frequency.1 outside 40..60 Hz``.
 
     Raises
     ------
     InputError
         A text isn't of this form, or names no result.
     """
-    read, found = [], []
+    read, found = list[tuple[str, str, str]](), list[Limit | Band]()
     for text in texts:
-        match = _LIMIT.fullmatch(text)
-        if match is None:
-            raise InputError("--subject", "", text, "must be a result and its bound, e.g. 'frequency.1 >= 40 Hz'")
-        read.append(match.groups())
+        if match := _LIMIT.fullmatch(text):
+            read.append((match[1], match[2], match[3]))
+        elif match := _BAND.fullmatch(text):
+            read.append((match[1], "outside", match[2]))
+        else:
+            mend = "must be a result and its bound, e.g. 'frequency.1 >= 40 Hz' or 'frequency.1 outside 40..60 Hz'"
+            raise InputError("--subject", "", text, mend)
     require_results(run.scene, [name for name, _, _ in read], "--subject")
     for name, sense, given in read:
-        channels = find_channels(run, name, "--subject")
+        unit = find_channels(run, name, "--subject")[0].unit
+        if sense == "outside":
+            low, high = read_bounds(name, given, unit, "--subject")
+            if not 0.0 < low < high:
+                raise InputError("--subject", name, given, "must go from a value above 0 to a higher one")
+            found.append(Band(name, low, high))
+            continue
         with blaming("--subject", name, given):
-            bound, _ = read_number(given, channels[0].unit)
+            bound, _ = read_number(given, unit)
         if not bound > 0.0:
             raise InputError("--subject", name, given, "must be above 0")
         found.append(Limit(name, 1 if sense == ">=" else -1, bound))
@@ -194,7 +228,7 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit, ...]:
 
 
 def optimise_scene(
-    run: Pipeline, aim: str, limits: tuple[Limit, ...], varied: tuple[VariedNumber, ...], sign: int = 1
+    run: Pipeline, aim: str, limits: tuple[Limit | Band, ...], varied: tuple[VariedNumber, ...], sign: int = 1
 ) -> Optimum:
     """Find the least, or the largest, of a result under limits on others, by sequential quadratic programming.
 
@@ -228,8 +262,24 @@ def optimise_scene(
     return search(space, limits, sign, np.zeros(len(varied)))
 
 
-def search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Array) -> Optimum:
-    """Search the best design from a start; parameters and errors are those of `optimise_scene`."""
+def search(space: DesignSpace, limits: tuple[Limit | Band, ...], sign: int, start: Array) -> Optimum:
+    """Search the best design from a start; parameters and errors are those of `optimise_scene`.
+
+    Where results mustn't lie in a band, the best of the designs on either side of it is found.
+    """
+    found, missed = [], list[AccuracyError]()
+    for sides in product(*(limit.sides for limit in limits)):
+        try:
+            found.append(_search(space, sides, sign, start))
+        except NoDesignError as error:
+            missed.append(error)
+    if not found:
+        raise missed[0]
+    return min(found, key=lambda optimum: sign * optimum.design.results[0])
+
+
+def _search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Array) -> Optimum:
+    """Search the best design within limits all of which must be met."""
     from scipy.optimize import minimize
 
     signs = np.array([limit.sign for limit in limits], dtype=float)[:, None]
@@ -255,7 +305,7 @@ def search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Arra
     for limit, margin, value in zip(limits, margins(design, limits), design.results[1:], strict=True):
         if margin < -MET:
             place = ", ".join(f"{parameter.key} = {x:.6g}" for parameter, x in design.values.items())
-            raise AccuracyError(
+            raise NoDesignError(
                 f"no design was found with {limit.name} {limit.sense} {limit.bound:.6g}: the search ended at {place}, "
                 f"where it is {value:.6g}; widen the bounds, or ask for less"
             )

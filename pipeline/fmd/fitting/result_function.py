@@ -77,7 +77,12 @@ class ResultFunction:
         """Return the derivatives of the results by the numbers, shape (n_results, n_numbers)."""
         motion, key = self._motion(x), np.asarray(x, dtype=float).tobytes()
         if key not in self._jacobians:
-            self._jacobians = {key: np.column_stack([self._column(motion, each) for each in self._parameters])}
+            columns = list[Array]()
+            with self.result.run.store.monitor("derivatives") as advance:
+                for each in self._parameters:
+                    columns.append(self._column(motion, each))
+                    advance(len(columns) / len(self._parameters))
+            self._jacobians = {key: np.column_stack(columns)}
         return self._jacobians[key]
 
     def jvp(self, x: Array, dx: Array) -> Array:

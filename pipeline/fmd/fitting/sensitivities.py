@@ -155,8 +155,12 @@ def jacobian(result: SolvedScene, of: Sequence[str], to: Sequence[str]) -> list[
     parameters = [find_parameter(run.scene, key) for key in dict.fromkeys(to)]
     channels = find_all_channels(run, of)
     frozen, moves = FrozenRun(run), any(channel.moves for channel in channels)
-    motion = frozen.at({}, moves, parameters)
-    by_parameter = [list(_differentiate(frozen, motion, channels, parameter)) for parameter in parameters]
+    by_parameter = []
+    with run.store.monitor("derivatives") as advance:
+        motion = frozen.at({}, moves, parameters)
+        for parameter in parameters:
+            by_parameter.append(list(_differentiate(frozen, motion, channels, parameter)))
+            advance(len(by_parameter) / len(parameters))
     return [row for rows in zip(*by_parameter, strict=True) for row in rows]
 
 

@@ -83,7 +83,7 @@ def read_varied(run: Pipeline, vary: Sequence[str], priors: Sequence[str] = ()) 
     for text in vary:
         key, equals, given = (part.strip() for part in text.partition("="))
         parameter = find_parameter(run.scene, key, "--vary")
-        low, high = _read_bounds(key, given, parameter.unit) if equals else (-np.inf, np.inf)
+        low, high = read_bounds(key, given, parameter.unit) if equals else (-np.inf, np.inf)
         if not low <= parameter.value <= high or not low < high:
             mend = f"must lie around the scene's value, {parameter.value:.6g} {parameter.unit}".rstrip()
             raise InputError("--vary", key, given, mend)
@@ -116,14 +116,14 @@ def read_shifts(texts: Sequence[str], channels: Sequence[str]) -> tuple[VariedNu
         if name not in ("time", *channels):
             mend = f"no such history; {suggest_name(name, ['time', *channels], 'measured are')}"
             raise InputError("--shift", name, None, mend)
-        low, high = _read_bounds(name, given, "s", "--shift")
+        low, high = read_bounds(name, given, "s", "--shift")
         if not low <= 0.0 <= high or not low < high or name in found:
             raise InputError("--shift", name, given, "must be given once, with two bounds around 0, e.g. -5 ms..5 ms")
         found[name] = VariedNumber(Parameter(f"shift of {name}", 0.0, "s", clock=name), low, high)
     return tuple(found.values())
 
 
-def _read_bounds(key: str, given: str, unit: str, option: str = "--vary") -> tuple[float, float]:
+def read_bounds(key: str, given: str, unit: str, option: str = "--vary") -> tuple[float, float]:
     """Read bounds, ``10..200`` in the SI unit or ``10..200 N mm``."""
     low, dots, high = (part.strip() for part in given.partition(".."))
     with blaming(option, key, given):

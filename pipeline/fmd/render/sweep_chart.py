@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fmd.core.arrays import Array
+from fmd.core.limits.shown import SAME_VALUE
 from fmd.render.charts import COLOURS, open_figure, style_axes
 
 _PANEL_INCHES = (6.4, 4.4)
@@ -31,11 +33,14 @@ class SweepAxis:
         The values as they were given.
     numbers : tuple of float, optional
         The values as numbers, if they all are.
+    logarithmic : bool
+        True if they were asked for with equal ratios.
     """
 
     label: str
     texts: tuple[str, ...]
     numbers: tuple[float, ...] | None = None
+    logarithmic: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,33 +65,31 @@ class SweepPanel:
     errors: Array | None = None
 
 
-def draw_sweep_lines(
-    axis: SweepAxis, panels: Sequence[SweepPanel], path: Path, *, title: str, joined: bool = True
-) -> None:
-    """Draw figures over one varied key, each in a frame of its own.
-
-    Parameters
-    ----------
-    joined : bool
-        True if lines join the points: not if other keys change beside this one.
-    """
-    with _open_panels(len(panels), path, title) as (figure, frames):
-        width = 1.8 if joined else 0.0
-        x = np.arange(len(axis.texts), dtype=float) if axis.numbers is None else np.array(axis.numbers)
-        order = np.argsort(x, kind="stable")
-        for panel, axes in zip(panels, frames, strict=True):
-            for number, line in enumerate(panel.values):
-                colour = COLOURS[number % len(COLOURS)]
-                name = panel.names[number] if panel.names else ""
-                axes.plot(x[order], line[order], marker="o", markersize=4.5, linewidth=width, color=colour, label=name)
-                if panel.errors is not None:
-                    ends = np.clip(panel.errors[number][order], 0.0, None)
-                    axes.errorbar(x[order], line[order], yerr=ends, fmt="none", ecolor=colour, capsize=3.0)
-            style_axes(axes, axis.label, panel.label)
-            _set_ticks(axes, axis, x)
-            if len(panel.names) > 1:
-                axes.legend(fontsize=10, frameon=False)
+def draw_sweep_lines(keys: Sequence[SweepAxis], panels: Sequence[SweepPanel], path: Path, *, title: str) -> None:
+    """Draw figures over varied keys, a frame for each figure and key; lines join the points of a single key."""
+    with _open_panels(len(panels) * len(keys), path, title, max(len(keys), 2)) as (figure, frames):
+        for (panel, axis), axes in zip(product(panels, keys), frames, strict=True):
+            _draw_lines(axes, axis, panel, width=1.8 if len(keys) == 1 else 0.0)
         figure.align_ylabels()
+
+
+def _draw_lines(axes: Axes, axis: SweepAxis, panel: SweepPanel, width: float) -> None:
+    x = np.arange(len(axis.texts), dtype=float) if axis.numbers is None else np.array(axis.numbers)
+    order = np.argsort(x, kind="stable")
+    for number, line in enumerate(panel.values):
+        colour = COLOURS[number % len(COLOURS)]
+        name = panel.names[number] if panel.names else ""
+        axes.plot(x[order], line[order], marker="o", markersize=4.5, linewidth=width, color=colour, label=name)
+        if panel.errors is not None:
+            ends = np.clip(panel.errors[number][order], 0.0, None)
+            axes.errorbar(x[order], line[order], yerr=ends, fmt="none", ecolor=colour, capsize=3.0)
+    style_axes(axes, axis.label, panel.label)
+    _set_ticks(axes, axis, x)
+    low, high = axes.get_ylim()
+    if high - low < SAME_VALUE * max(abs(low), abs(high)):  # a line, not its round-off
+        axes.set_ylim(low - 0.01 * abs(low), high + 0.01 * abs(high))
+    if len(panel.names) > 1:
+        axes.legend(fontsize=10, framealpha=0.85, edgecolor="none")
 
 
 def draw_sweep_maps(
@@ -121,9 +124,9 @@ def _write_numbers(axes: Axes, values: np.ma.MaskedArray) -> None:
 
 
 @contextmanager
-def _open_panels(count: int, path: Path, title: str) -> Iterator[tuple[Figure, list[Axes]]]:
-    """Open a figure with frames side by side, two in a row, that is saved at the end."""
-    columns = min(count, 2)
+def _open_panels(count: int, path: Path, title: str, in_a_row: int = 2) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Open a figure with frames side by side, two in a row by default, that is saved at the end."""
+    columns = min(count, in_a_row)
     rows = math.ceil(count / columns)
     size = (columns * _PANEL_INCHES[0], rows * _PANEL_INCHES[1] + 0.4)
     with open_figure(path, size, 120, padding=0.1) as figure:
@@ -135,5 +138,5 @@ def _set_ticks(axes: Axes, axis: SweepAxis, x: Array) -> None:
     """Set the ticks of the axis along which the points lie: at the values where there are few."""
     if axis.numbers is None:
         axes.set_xticks(x, axis.texts, rotation=20 if max(map(len, axis.texts)) > 12 else 0)
-    elif x.min() > 0 and x.max() > _WIDE * x.min():
+    elif axis.logarithmic or (x.min() > 0 and x.max() > _WIDE * x.min()):
         axes.set_xscale("log")

@@ -1,4 +1,4 @@
-"""Plot of a sweep: lines over one varied key, maps over two."""
+"""Plot of a sweep: lines over one varied key, maps over two, points over each of more."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.html import prefix_for
-from fmd.core.limits.shown import SWEPT_MODES, SWEPT_PANELS
+from fmd.core.limits.shown import ASKED_PANELS, SWEPT_KEYS, SWEPT_MODES, SWEPT_PANELS
 from fmd.sweep.points import Variation
 from fmd.sweep.table import SweepTable
 
@@ -31,12 +31,14 @@ _NUMBER = re.compile(r"\s*[\"']?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s
 
 
 def draw_sweep(table: SweepTable, folder: Path, title: str) -> list[str]:
-    """Draw a sweep's results, or else its main figures, over one or two keys, or of a design over its first key.
+    """Draw a sweep's results, or else its main figures: lines over one key, a map over two, points over each of more.
+
+    Points of a design are drawn over each of its keys, too.
 
     Returns
     -------
     list of str
-        The file's name; none with three keys or more but for a design, or if no point has a figure.
+        The file's name; none if no point has a figure.
 
     Raises
     ------
@@ -44,21 +46,24 @@ def draw_sweep(table: SweepTable, folder: Path, title: str) -> list[str]:
         The folder can't be written.
     """
     sweep, rows = table.sweep, table.rows
-    shown = sweep.variations if sweep.is_grid else sweep.variations[:1]
-    shape = tuple(len(variation.values) for variation in shown)
-    asked = [figure for name, own in table.results.items() for figure in _results(name, *own, apart=len(shape) == 2)]
-    figures = (asked or _figures(rows)) if len(shape) in (1, 2) else []
-    if not figures or max(shape) < 2:
+    varied = [k for k, variation in enumerate(sweep.variations) if len(variation.values) > 1]
+    is_map = sweep.is_grid and len(sweep.variations) == 2
+    shape = tuple(len(v.values) for v in sweep.variations) if is_map else (len(sweep.points),)
+    asked = [figure for name, own in table.results.items() for figure in _results(name, *own, apart=is_map)]
+    figures = asked or _figures(rows)[:SWEPT_PANELS]
+    if not figures or not varied:
         return []
     from fmd.render.sweep_chart import draw_sweep_lines, draw_sweep_maps
 
-    axes = [_axis(variation) for variation in shown]
-    panels = [_panel(rows, figure, shape) for figure in figures[:SWEPT_PANELS]]
-    path = folder / FILE
-    if len(axes) == 1:
-        draw_sweep_lines(axes[0], panels, path, title=title, joined=sweep.is_grid)
+    kept = range(2) if is_map else varied[:SWEPT_KEYS]
+    texts = [v.values if is_map else tuple(p.values[k] for p in sweep.points) for k, v in enumerate(sweep.variations)]
+    axes = [_axis(sweep.variations[k], texts[k]) for k in kept]
+    room = ASKED_PANELS // (1 if is_map else len(axes))
+    panels = [_panel(rows, figure, shape) for figure in figures[:room]]
+    if is_map:
+        draw_sweep_maps(axes[0], axes[1], panels, folder / FILE, title=title)
     else:
-        draw_sweep_maps(axes[0], axes[1], panels, path, title=title)
+        draw_sweep_lines(axes, panels, folder / FILE, title=title)
     return [FILE]
 
 
@@ -118,15 +123,15 @@ def _panel(rows: Sequence[dict[str, Any]], figure: _Figure, shape: tuple[int, ..
     return SweepPanel(named, values / factor, tuple(name for name in lines if name), errors / factor)
 
 
-def _axis(variation: Variation) -> SweepAxis:
-    """Make the axis of a key, in the unit of its values if they have one in common."""
+def _axis(variation: Variation, values: tuple[str, ...]) -> SweepAxis:
+    """Make the axis of a key with the values along it, in their unit if they have one in common."""
     from fmd.render.sweep_chart import SweepAxis
 
     key = variation.key
-    found = [_NUMBER.fullmatch(value) for value in variation.values]
+    found = [_NUMBER.fullmatch(value) for value in values]
     units = {match[2] for match in found if match is not None}
     if None in found or len(units) != 1:
-        return SweepAxis(key, variation.values)
+        return SweepAxis(key, values)
     (unit,) = units
     texts = tuple(match[1] for match in found if match is not None)
-    return SweepAxis(f"{key} [{unit}]" if unit else key, texts, tuple(map(float, texts)))
+    return SweepAxis(f"{key} [{unit}]" if unit else key, texts, tuple(map(float, texts)), variation.logarithmic)

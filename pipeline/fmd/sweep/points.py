@@ -21,10 +21,11 @@ _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
 
 @dataclass(frozen=True)
 class Variation:
-    """A key of the scene, dotted as for ``--set``, with its values as text."""
+    """A key of the scene, dotted as for ``--set``, with its values as text, of a logarithmic range or not."""
 
     key: str
     values: tuple[str, ...]
+    logarithmic: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,13 @@ def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
         parts = [part.strip() for part in split_at_commas(given)]
         if not key or not equals or not all(parts):
             raise InputError(_VARY, "", text, "must look like simulation.step=1us,2us,5us or simulation.step=1..5:9 us")
-        values = tuple(value for part in parts for value in _expand(key, part))
+        ranges = [(part, _parse_range(key, part)) for part in parts]
+        values = tuple(value for part, found in ranges for value in _expand(key, part, found))
         if len(set(values)) < len(values):
             raise InputError(_VARY, key, given, "has a value twice")
         if any(other.key == key for other in variations):
             raise InputError(_VARY, key, given, "is varied twice; give all its values in one list")
-        variations.append(Variation(key, values))
+        variations.append(Variation(key, values, any(found is not None and found.logarithmic for _, found in ranges)))
     if not variations:
         raise InputError(_VARY, "", None, "is missing: what to vary, e.g. --vary simulation.step=1us,2us,5us")
     return tuple(variations)
@@ -93,7 +95,8 @@ def sample_variations(texts: Sequence[str], design: Design, points: int, seed: i
             raise InputError(_VARY, "", text, "must be the only range of its key, like joint.hinge.spring=1..4 N m/rad")
         ranges[key] = found
     samples = sample_ranges([*ranges.values()], design, points, seed)
-    return tuple(Variation(key, values) for key, values in zip(ranges, samples, strict=True))
+    pairs = zip(ranges.items(), samples, strict=True)
+    return tuple(Variation(key, values, own.logarithmic) for (key, own), values in pairs)
 
 
 def choose_values(
@@ -114,9 +117,8 @@ def _parse_range(key: str, text: str) -> Range | None:
         return parse_range(text)
 
 
-def _expand(key: str, text: str) -> tuple[str, ...]:
-    """Return the values that a part of a list gives: itself, or those of a range."""
-    found = _parse_range(key, text)
+def _expand(key: str, text: str, found: Range | None) -> tuple[str, ...]:
+    """Return the values that a part of a list gives: itself, or those of the range that was found in it."""
     if found is not None and not found.count:
         raise InputError(
             _VARY, key, text, f"needs a number of values, like {found.low:g}..{found.high:g}:8, or --design"

@@ -17,7 +17,11 @@ COINCIDENT = 1e-6  # metres between markers that have one label
 
 # Charts.
 SWEPT_MODES = 6  # in the chart of a sweep
-SWEPT_PANELS = 6  # in the chart of a sweep
+SWEPT_PANELS = 6  # in the chart of a sweep that asks for no results
+ASKED_PANELS = 24  # frames in the chart of a sweep: results that are asked for, over each key
+SWEPT_KEYS = 6  # side by side in the chart of a sweep
+SWEPT_ROWS = 40  # in the table of a sweep in a terminal; its files have all
+SAME_VALUE = 1e-6  # of a value: what varies less over a sweep is drawn as a level line
 CHARTED_QUANTITIES = 24  # in the chart of a history
 SEEN_ERROR = 0.003  # of what a chart's curve spans: a narrower band of stated error is hidden by the line
 HARDLY_MOVES = 1e-3  # of the largest movement of a component: what moves less isn't drawn
