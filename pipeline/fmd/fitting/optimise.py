@@ -55,7 +55,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Band:
+class ExcludedBand:
     """Values between which a result of a design mustn't lie, above 0, in the SI unit."""
 
     name: str
@@ -193,7 +193,7 @@ class Optimum:
         }
 
 
-def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | Band, ...]:
+def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | ExcludedBand, ...]:
     """Read limits, ``life >= 1e7``, ``frequency.1 >= 40 Hz``, ``frequency.1 outside 40..60 Hz``.
 
     Raises
@@ -201,7 +201,7 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | Band, ...]
     InputError
         A text isn't of this form, or names no result.
     """
-    read, found = list[tuple[str, str, str]](), list[Limit | Band]()
+    read, found = list[tuple[str, str, str]](), list[Limit | ExcludedBand]()
     for text in texts:
         if match := _LIMIT.fullmatch(text):
             read.append((match[1], match[2], match[3]))
@@ -217,7 +217,7 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | Band, ...]
             low, high = read_bounds(name, given, unit, "--subject")
             if not 0.0 < low < high:
                 raise InputError("--subject", name, given, "must go from a value above 0 to a higher one")
-            found.append(Band(name, low, high))
+            found.append(ExcludedBand(name, low, high))
             continue
         with blaming("--subject", name, given):
             bound, _ = read_number(given, unit)
@@ -228,7 +228,7 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | Band, ...]
 
 
 def optimise_scene(
-    run: Pipeline, aim: str, limits: tuple[Limit | Band, ...], varied: tuple[VariedNumber, ...], sign: int = 1
+    run: Pipeline, aim: str, limits: tuple[Limit | ExcludedBand, ...], varied: tuple[VariedNumber, ...], sign: int = 1
 ) -> Optimum:
     """Find the least, or the largest, of a result under limits on others, by sequential quadratic programming.
 
@@ -262,7 +262,7 @@ def optimise_scene(
     return search(space, limits, sign, np.zeros(len(varied)))
 
 
-def search(space: DesignSpace, limits: tuple[Limit | Band, ...], sign: int, start: Array) -> Optimum:
+def search(space: DesignSpace, limits: tuple[Limit | ExcludedBand, ...], sign: int, start: Array) -> Optimum:
     """Search the best design from a start; parameters and errors are those of `optimise_scene`.
 
     Where results mustn't lie in a band, the best of the designs on either side of it is found.

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import SAME_AIM
-from fmd.fitting.optimise import Band, Limit, Optimum, optimise_scene, search
+from fmd.fitting.optimise import ExcludedBand, Limit, Optimum, optimise_scene, search
 from fmd.fitting.varied import VariedNumber
 from fmd.stages.pipeline import Pipeline
 
@@ -16,7 +16,7 @@ from fmd.stages.pipeline import Pipeline
 def find_front(
     run: Pipeline,
     aims: tuple[tuple[str, int], tuple[str, int]],
-    limits: tuple[Limit | Band, ...],
+    limits: tuple[Limit | ExcludedBand, ...],
     varied: tuple[VariedNumber, ...],
     count: int,
 ) -> list[Optimum]:
