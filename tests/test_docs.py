@@ -46,7 +46,8 @@ def test_commands_of_a_page_have_their_options_and_results(path: Path) -> None:
     """Commands on scenes of a reader's own are read; of the ready ones results must be there, too."""
     blocks = re.findall(r"```bash\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL)
     for words in chain.from_iterable(map(_commands, blocks)):
-        _, bound, _ = app.parse_args(words[1:], print_error=False, exit_on_error=False)
+        command, bound, _ = app.parse_args(words[1:], print_error=False, exit_on_error=False)
+        assert command.__module__ == f"fmd.cli.{words[1]}"
         given = bound.arguments
         if given.get("of") and words[1] in ("sweep", "sensitivities") and "." not in given["scene"]:
             settings = given["options"].set_ if "options" in given else given.get("set_")
