@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,26 +15,28 @@ from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import find_parameter
 from fmd.fitting.tangents import march_tangents
 from fmd.integrators import adjoint as march_adjoint
-from fmd.output.channels import find_channels
-from tests.fitting.test_tangents import OTHERS, SPRINGS, chain, spatial_chain
+from fmd.output.channels import find_all_channels
+from tests.fitting.test_tangents import (
+    OTHERS,
+    SPATIAL,
+    SPRINGS,
+    chain,
+    four_bar,
+    numbers_of_random,
+    spatial,
+    spatial_chain,
+)
+from tests.verification.test_random_mechanisms import SI, random_scene
 
 KEYS = [*SPRINGS, *OTHERS, "joint.drive.rate", "joint.pin.rest"]
-TURNING = [SPRINGS[0], *OTHERS, "joint.drive.rate"]
+TURNING = [SPRINGS[0], *OTHERS, "joint.drive.rate", "body.coupler.inertia.1"]
 MORE = ("joint.drive.rate=-0.3 rad/s", "joint.pin.rest=-50 deg")  # negative numbers, as well
+SHORT = "simulation.duration=0.06 s"
+SIZES = ["body.coupler.mass", "body.crank.marker.b.at.0"]
 
 
-@pytest.mark.parametrize(
-    ("make", "keys", "kept"), [(chain, KEYS, 2**20), (chain, KEYS, 750), (spatial_chain, TURNING, 750)]
-)
-def test_an_adjoint_is_the_transpose_of_the_tangents(
-    make: Any, keys: list[str], kept: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """By springs, a damper, a load and a start, of random weights on all output.
-
-    Also in sections of 250 steps and less, and where a body turns in space.
-    """
-    monkeypatch.setattr(march_adjoint, "MOST_STEPS_KEPT", kept)
-    frozen = FrozenRun(package.load(make("central-difference"), *MORE[: 1 + (make is chain)]).run)
+def differ(frozen: FrozenRun, keys: list[str]) -> tuple[Any, Any]:
+    """Return derivatives of a random weighted sum of all output by the adjoint, and by tangents of the same steps."""
     motion, times = frozen.at({}), frozen.times
     assert motion.plan is not None
     directions = [frozen.direction(motion, find_parameter(frozen.run.scene, key)) for key in keys]
@@ -45,12 +48,47 @@ def test_an_adjoint_is_the_transpose_of_the_tangents(
     method = motion.plan.integrator
     assert isinstance(method, march_adjoint.CentralDifference)
     found = march_adjoint.pull_back(method, system, q0, v0, times, by_q, by_v, known)
-    expected = [(by_q * each.q).sum() + (by_v * each.v).sum() for each in march_tangents(motion.plan, known, times)]
+    tangents = march_tangents(replace(motion.plan, excited=None), known, times)
+    return found, np.array([(by_q * each.q).sum() + (by_v * each.v).sum() for each in tangents])
+
+
+@pytest.mark.parametrize(
+    ("make", "keys", "kept", "more"),
+    [
+        (chain, [*KEYS, SIZES[0]], 2**20, MORE),
+        (chain, KEYS, 750, MORE),
+        (spatial_chain, TURNING, 750, MORE[:1]),
+        (four_bar, [SPRINGS[0], SIZES[1]], 5000, [SHORT]),
+        pytest.param(four_bar, [*SPRINGS, *OTHERS, *SIZES], 2**20, [SHORT], marks=pytest.mark.long),
+        (spatial, SPATIAL[1:3], 2**20, [SHORT]),
+        *(
+            pytest.param(partial(spatial, seed=seed), SPATIAL, 5000, [SHORT], marks=pytest.mark.long)
+            for seed in range(1, 7)
+        ),
+    ],
+)
+def test_an_adjoint_is_the_transpose_of_the_tangents(
+    make: Any, keys: list[str], kept: int, more: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By springs, dampers, loads, starts, masses and lengths.
+
+    In sections of some 250 steps, too, where bodies turn in space, and where loops close.
+    """
+    monkeypatch.setattr(march_adjoint, "MOST_STEPS_KEPT", kept)
+    found, expected = differ(FrozenRun(package.load(make("central-difference"), *more).run), keys)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", [3, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(24) if seed != 3)])
+def test_adjoints_of_random_mechanisms_are_the_transposes_of_their_tangents(seed: int) -> None:
+    """Of trees of rigid and flexible bodies on all kinds of joints, by numbers of all kinds."""
+    frozen = FrozenRun(package.load(random_scene(seed, SI)).run)
+    found, expected = differ(frozen, numbers_of_random(frozen.run.scene))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_a_gradient_by_many_numbers_is_that_of_the_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of places and of an energy that has the springs in it; by masses, which the adjoint leaves to tangents, too."""
+    """Of places and of an energy that has the springs in it; by a mass, too."""
     result = package.load(chain("central-difference"), *MORE)
     function = package.ResultFunction(
         result, of=["coupler.b.position.y", "potential_energy"], to=[*KEYS, "body.coupler.mass"]
@@ -60,23 +98,25 @@ def test_a_gradient_by_many_numbers_is_that_of_the_jacobian(monkeypatch: pytest.
     monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", len(KEYS))
     again = replace(function)
     found = again.vjp(again.start, weights)
-    assert again._frozen.marches == 3  # the motion, its adjoint, and the tangent by the mass
+    assert again._frozen.marches == 2  # the motion, and its adjoint
     np.testing.assert_allclose(found * again.start, expected * again.start, rtol=0, atol=1e-6 * np.abs(found).max())
 
 
-def test_few_numbers_and_results_of_no_time_or_several_take_tangents(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gradient_says_why_it_is_by_tangents(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With few numbers, results of no time or of several, and other methods."""
     frozen = FrozenRun(package.load(chain("central-difference"), *MORE).run)
     motion = frozen.at({})
     parameters = [find_parameter(frozen.run.scene, key) for key in SPRINGS]
-    (place,) = find_channels(frozen.run, "coupler.b.position.y")
-    weights = np.ones(len(frozen.times))
-    assert adjoint.find_gradient(frozen, motion, parameters, [place], weights) == {}
+    place, mass = find_all_channels(frozen.run, ["coupler.b.position.y", "mass"])
+    assert adjoint.lacks_adjoint(frozen, motion, parameters, [place]).startswith("2 numbers: tangents are as quick")
     monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 2)
-    (mass,) = find_channels(frozen.run, "mass")
-    assert adjoint.find_gradient(frozen, motion, parameters, [mass], np.ones(1)) == {}
+    assert adjoint.lacks_adjoint(frozen, motion, parameters, [place]) == ""
+    assert adjoint.lacks_adjoint(frozen, motion, parameters, [mass]) == "results that are no histories"
     accelerated = replace(place, read=lambda run: np.gradient(run.motion.trajectory.v[:, 0]))
-    assert adjoint.find_gradient(frozen, motion, parameters, [accelerated], weights) == {}
-    assert len(adjoint.find_gradient(frozen, motion, parameters, [place], weights)) == 2
+    assert adjoint.lacks_adjoint(frozen, motion, parameters, [accelerated]).endswith("several times at once")
+    function = package.ResultFunction(package.load(chain("generalized-alpha"), *MORE), of=[place.name], to=SPRINGS)
+    function.vjp(function.start, np.ones(len(frozen.times)))
+    assert function.lacking == "generalized-alpha: only steps of central-difference are taken back"
 
 
 def test_scenes_beside_one_are_kept_of_as_many_numbers_as_march_together(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from fmd.core.limits.fitting import FEWEST_BY_ADJOINT, LEAST_READ_DIFFERENCE, NE
 from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter
+from fmd.fitting.tangents import say_what_lacks_tangents
 from fmd.integrators.adjoint import pull_back
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Trajectory
@@ -57,7 +58,7 @@ class HistorySum:
 
     def by_number(self, parameter: Parameter) -> float:
         """Return the derivative by a number, times its size, where the motion stays as it is."""
-        both = self._frozen.hold_motion(self._motion, parameter, self._own)
+        both = self._frozen.hold_motion(self._motion, parameter)
         low, high = (self._histories(run) for run in (both.low, both.high))
         return float((self._weights * (high - low)).sum() / (2.0 * NEAR_DIFFERENCE))
 
@@ -76,40 +77,43 @@ def find_gradient(
     channels: Sequence[ResultChannel],
     weights: Array,
 ) -> dict[Parameter, float]:
-    """Find derivatives of a weighted sum of histories by those of many numbers that the adjoint of the march takes.
+    """Find derivatives of a weighted sum of histories by many numbers, by the adjoint of the march.
 
     Parameters
     ----------
     weights : ndarray, shape (n_channels · n_times,)
-        Of the histories' values, one after the other.
+        Of the histories' values, one after the other; nothing `lacks_adjoint`.
 
     Returns
     -------
     dict of Parameter to float
-        By the numbers [1/SI]; without those that change more than inputs of the equations, and none where tangents are
-        as quick: of a few numbers, of results that aren't histories, of other methods than central difference.
+        By the numbers [1/SI]; without those that turn a body's shapes into others.
     """
-    plan, times = motion.plan, frozen.times
-    if plan is None or len(parameters) < FEWEST_BY_ADJOINT or not isinstance(plan.integrator, CentralDifference):
-        return {}
-    mechanism, system = plan.mechanism, plan.marched[0]
-    if (
-        not system.has_adjoint
-        or mechanism.held
-        or mechanism.states
-        or any(channel.part or not channel.moves for channel in channels)
-    ):
-        return {}
-    if weights.size != len(channels) * len(times):
-        return {}
-    total = HistorySum(frozen, motion, channels, weights.reshape(len(channels), -1))
-    if not total.is_of_each_time():
-        return {}
-    directions = {each: frozen.direction(motion, each) for each in parameters}
-    served = {key: own for key, own in directions.items() if own is not None and not own.variants}
-    if len(served) < FEWEST_BY_ADJOINT:
-        return {}
-    return _add_up(frozen, motion, total, {key: (own, total.by_number(key)) for key, own in served.items()})
+    total, served = HistorySum(frozen, motion, channels, weights.reshape(len(channels), -1)), {}
+    for each in parameters:
+        direction = frozen.direction(motion, each)
+        if direction is not None:
+            served[each] = direction, total.by_number(each)
+    return _add_up(frozen, motion, total, served) if served else {}
+
+
+def lacks_adjoint(
+    frozen: FrozenRun, motion: FrozenMotion, parameters: Sequence[Parameter], channels: Sequence[ResultChannel]
+) -> str:
+    """Return why a gradient of histories by numbers is not by the adjoint of the march, but by tangents, or nothing."""
+    plan, count = motion.plan, len(parameters)
+    if plan is None or any(channel.part or not channel.moves for channel in channels):
+        return "results that are no histories"
+    if count < FEWEST_BY_ADJOINT:
+        return f"{count} numbers: tangents are as quick for less than {FEWEST_BY_ADJOINT}"
+    if not isinstance(plan.integrator, CentralDifference):
+        return f"{plan.integrator.name}: only steps of central-difference are taken back"
+    if not plan.marched[0].has_tangents:
+        return say_what_lacks_tangents(plan)
+    if plan.mechanism.held or plan.mechanism.states:
+        return "states of controllers and of filters"
+    own = HistorySum(frozen, motion, channels, np.zeros((len(channels), len(frozen.times))))
+    return "" if own.is_of_each_time() else "results that depend on several times at once"
 
 
 def _add_up(

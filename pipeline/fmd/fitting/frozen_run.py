@@ -248,11 +248,10 @@ class FrozenRun:
             self._set_motion(run, plan, trajectory)
         return found
 
-    def hold_motion(self, motion: FrozenMotion, parameter: Parameter, trajectory: Trajectory) -> Beside:
-        """Return the scene below and above a number that changes no shapes, each with a trajectory; keep neither."""
-        found = self._with_motions(self._variants(motion, parameter, NEAR_DIFFERENCE), [trajectory, trajectory])
-        del motion.variants[parameter, NEAR_DIFFERENCE]
-        return found
+    def hold_motion(self, motion: FrozenMotion, parameter: Parameter) -> Beside:
+        """Return the scene below and above a number, with its own motion at both."""
+        own = motion.run.motion.trajectory
+        return self._move_along(motion, parameter, Tangent(0.0 * own.q, 0.0 * own.v), 1.0)
 
     def with_motion(self, motion: FrozenMotion, trajectory: Trajectory) -> Pipeline:
         """Return the scene's stages at the numbers of a motion, by another trajectory of the same plan."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, require_finite, require_shape
-from fmd.fitting.adjoint import find_gradient
+from fmd.fitting.adjoint import find_gradient, lacks_adjoint
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import change_of
@@ -38,6 +38,8 @@ class ResultFunction:
     ----------
     names : dict of str to slice
         Where each result is in the function's value; histories take a place for each output time.
+    lacking : str
+        Why the last gradient, `vjp`, was by tangents in place of the adjoint; nothing where it was by the adjoint.
     start : ndarray, shape (n_numbers,)
         The scene's own numbers, in SI units; 1 for a load by a formula or a table, of which it is a factor.
 
@@ -59,6 +61,7 @@ class ResultFunction:
         self._channels = find_all_channels(run, self.of)
         self._moves = any(channel.moves for channel in self._channels)
         self._frozen = FrozenRun(run)
+        self.lacking = ""
         self.start = np.array([parameter.value for parameter in self._parameters])
 
     @cached_property
@@ -97,9 +100,10 @@ class ResultFunction:
         require_shape("weights", weights, (max(each.stop for each in self.names.values()),))
         if key in self._jacobians:
             return np.asarray(weights @ self._jacobians[key])
-        known = find_gradient(self._frozen, motion, self._parameters, self._channels, weights)
-        if not known:
+        self.lacking = lacks_adjoint(self._frozen, motion, self._parameters, self._channels)
+        if self.lacking:
             return np.asarray(weights @ self.jacobian(x))
+        known = find_gradient(self._frozen, motion, self._parameters, self._channels, weights)
         others = replace(motion, by=tuple(each for each in self._parameters if each not in known))
         found = (known[each] if each in known else weights @ self._column(others, each) for each in self._parameters)
         return np.array([*found])

@@ -62,7 +62,9 @@ def test_the_adjoint_of_the_accelerations_is_the_transpose_of_their_tangents(see
     by_q, by_v, M = compiled.tangents(inputs, q, v, a)
     slopes = (compiled.input_tangents(inputs, q, v, a), by_q, by_v)
     found = [np.zeros(slope.shape[1]) for slope in slopes]
-    compiled.call("acceleration_adjoint", inputs, q, v, a, f, *found)
+    x = np.zeros(len(v))
+    compiled.call("acceleration_adjoint", inputs, q, v, a, np.zeros(0), f, x, *found)
+    np.testing.assert_allclose(x, np.linalg.solve(M, f), rtol=0, atol=1e-10 * np.abs(x).max())
     for mine, slope in zip(found, slopes, strict=True):
         expected = -slope.T @ np.linalg.solve(M, f)
         assert np.abs(mine - expected).max(initial=0.0) < 1e-10 * max(np.abs(expected).max(initial=0.0), 1.0)

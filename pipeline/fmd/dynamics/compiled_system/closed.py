@@ -68,6 +68,14 @@ def _factor(m: Multipliers) -> None:
 
 
 @inner
+def factor_constraints(p: ClosedParameters, q: Array) -> None:
+    """Compute X and S at positions, and factor S with new pivots."""
+    p.whole.fresh[0] = 1.0
+    _spread(p, q, 0)
+    _factor(p.whole)
+
+
+@inner
 def push(m: Multipliers, w: Array) -> None:
     """Solve ``S λ = −w`` for the independent constraints, the others' λ being 0, and ``push = X λ``."""
     rank, S, order, y = m.rank[0], m.S, m.order, m.room
@@ -145,9 +153,7 @@ def project_positions(p: ClosedParameters, t: float, q: Array, v: Array) -> None
         call_native(p.residuals, (p.inputs, q, v, p.g, p.rates))
         widest = _widest(p.g)
         if k == 0 or widest > RELINEARISED:
-            p.whole.fresh[0] = 1.0
-            _spread(p, q, 0)
-            _factor(p.whole)
+            factor_constraints(p, q)
         if _settles(widest, last, PROJECTED, NOT_PROJECTED):
             break
         if k == PROJECTIONS or not widest < math.inf:
@@ -190,9 +196,8 @@ def _project_onto_constraints(p: ClosedParameters, t: float, h: float, q: Array,
         if _settles(widest, last, PROJECTED, NOT_PROJECTED):
             return
         if not anew and (k == PROJECTIONS or widest > last):  # at a singular position, or in a long step
-            anew, p.whole.fresh[0] = True, 1.0
-            _spread(p, q, 0)
-            _factor(p.whole)
+            anew = True
+            factor_constraints(p, q)
         last = widest
         push(p.whole, p.g)
         advance(p, q, p.whole.push, 1.0, 0, v.size)

@@ -276,11 +276,6 @@ class CompiledSystem(ReferenceState):
         return not (self.is_sampled or self.mechanism.contacts)
 
     @property
-    def has_adjoint(self) -> bool:
-        """True if a march can be taken back: its tangents march, and no loops close after its steps."""
-        return self.has_tangents and not self.has_loops
-
-    @property
     def takes_whole_cycles(self) -> bool:
         """True if a major cycle of sub-cycling is one function: no fast coordinates couple, and nothing settles."""
         return self._is_single and not self.settles

@@ -182,7 +182,7 @@ class TangentSystem:
             "quaternions": own.quaternions.copy(),
             "multiplier": np.zeros(max(len(compiled.rows), 1)),
             "dr": np.zeros((self._system.n, LANES)),
-            "variants": self._find_variants(own.inputs),
+            "variants": tabulate_variants(self._system, self._directions),
         }
         if not isinstance(own, ClosedParameters):
             return TangentParameters(**common)
@@ -246,27 +246,27 @@ class TangentSystem:
             a_ahead=np.zeros(n),
         )
 
-    def _find_variants(self, inputs: Array) -> MechanismVariants:
-        """Return the mechanisms beside the motion's own; tables without any hold no room for them."""
-        chosen = {
-            4 * lane + k: one for lane, each in enumerate(self._directions) for k, one in enumerate(each.variants)
-        }
-        count, n, n_rows = 4 * LANES if chosen else 0, self._system.n, len(self._system.compiled.rows)
-        names = ("residual", "residuals", "closing", "signals")
-        addresses: dict[str, Any] = {name: np.zeros(count, dtype=np.int64) for name in names}
-        sizes = {"weights": (), "inputs": inputs.shape, "signs_q": (self._system.n_positions,), "signs_v": (n,)}
-        arrays: dict[str, Any] = {name: np.zeros((count, *size)) for name, size in sizes.items()}
-        for k, one in chosen.items():
-            programs = {"residual": "pulled_residual"}
-            programs |= {"signals": "signals"} if one.compiled.signals else {}
-            programs |= {"residuals": "residuals", "closing": "closing"} if n_rows else {}
-            for name, program in programs.items():
-                addresses[name][k] = one.compiled.address(program)
-            arrays["weights"][k], arrays["signs_q"][k], arrays["signs_v"][k] = one.weight, one.signs_q, one.signs_v
-            arrays["inputs"][k, 3 * len(one.compiled.signals) :] = one.compiled.numbers
-        room = {"q": self._system.n_positions, "v": n, "a": n, "r": n, "g": n_rows, "rates": n_rows}
-        zeros: dict[str, Any] = {name: np.zeros(size) for name, size in room.items()}
-        return MechanismVariants(int(bool(chosen)), **addresses, **arrays, **zeros)
+
+def tabulate_variants(system: CompiledSystem, directions: Sequence[Direction]) -> MechanismVariants:
+    """Return the mechanisms beside a system's own, of up to eight directions; tables without any hold no room."""
+    chosen = {4 * lane + k: one for lane, each in enumerate(directions) for k, one in enumerate(each.variants)}
+    count, n, n_rows = 4 * LANES if chosen else 0, system.n, len(system.compiled.rows)
+    names = ("residual", "residuals", "closing", "signals")
+    addresses: dict[str, Any] = {name: np.zeros(count, dtype=np.int64) for name in names}
+    n_inputs = system.parameters.inputs.size
+    sizes = {"weights": (), "inputs": (n_inputs,), "signs_q": (system.n_positions,), "signs_v": (n,)}
+    arrays: dict[str, Any] = {name: np.zeros((count, *size)) for name, size in sizes.items()}
+    for k, one in chosen.items():
+        programs = {"residual": "pulled_residual"}
+        programs |= {"signals": "signals"} if one.compiled.signals else {}
+        programs |= {"residuals": "residuals", "closing": "closing"} if n_rows else {}
+        for name, program in programs.items():
+            addresses[name][k] = one.compiled.address(program)
+        arrays["weights"][k], arrays["signs_q"][k], arrays["signs_v"][k] = one.weight, one.signs_q, one.signs_v
+        arrays["inputs"][k, 3 * len(one.compiled.signals) :] = one.compiled.numbers
+    room = {"q": system.n_positions, "v": n, "a": n, "r": n, "g": n_rows, "rates": n_rows}
+    zeros: dict[str, Any] = {name: np.zeros(size) for name, size in room.items()}
+    return MechanismVariants(int(bool(chosen)), **addresses, **arrays, **zeros)
 
 
 def _lines(n: int) -> int:

@@ -15,8 +15,9 @@ are filled:
 - ``da`` (n, 8) as an output, of ``acceleration_tangents``: derivatives of the accelerations along eight directions at
   multipliers ``f`` (n_rows,), which ``pulled_residual`` has, too; of ``changed_tangents`` also by ``dr`` (n, 8), what
   the residual changes by beside;
-- ``inputs_adjoint``, ``q_adjoint`` and ``v_adjoint``, of the shapes of the state: derivatives of ``f · a`` of the
-  accelerations ``a`` at weights ``f`` (n,);
+- ``inputs_adjoint``, ``q_adjoint``, ``v_adjoint`` and ``a_adjoint``, of the shapes of the state: derivatives of
+  ``weights · a`` of the accelerations ``a`` at multipliers ``f``, with ``x`` (n,) for ``M̂⁻¹ weights``, or of weighted
+  constraints: of residuals with ``g`` (n_rows,) and their rates with ``rates``, or of their accelerations with ``w``;
 - ``along_inputs``, ``along_q``, ``along_v`` and ``along_a``, of the shapes of the state and of ``a``: one direction, by
   whose slope of the residual ``dr`` are the derivatives along eight others, and by ``dalong_q`` (n_positions, 8) and
   ``dalong_v`` (n, 8), how it changes along these itself;
@@ -86,6 +87,9 @@ Trace = Callable[..., list[Output]]
 """Traces a function's outputs for the frames of a mechanism, of a cycle also for a number of steps."""
 
 
+_STATE = ("inputs", "q", "v")
+
+
 class Definition(NamedTuple):
     """Arguments of a function, and the trace of what it fills."""
 
@@ -120,18 +124,48 @@ def _with_tangents(inputs: Coordinates, frames: list[MovingFrame], beside: list[
 
 
 def _acceleration_adjoint(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    """Derivatives of ``f · a`` of the accelerations: those of ``−(M̂⁻¹ f) · r`` of the residual, at their values."""
-    graph, n = inputs.graph, inputs.mechanism.n
-    resting = RestingCoordinates(graph, inputs.mechanism)
-    weights = trace_accelerations(trace_frames(resting), GivenForces(resting, "f", range(n)))
-    residual = flatten(trace_residual(inputs, frames))
-    found = differentiate_sum(graph, residual, [-weight for weight in flatten(weights)])
-    outputs = []
-    for number, value in found.items():
+    """Derivatives of ``weights · a`` of the accelerations: those of ``−x · r`` of the residual, ``x = M̂⁻¹ weights``."""
+    resting = RestingCoordinates(inputs.graph, inputs.mechanism)
+    forces = GivenForces(resting, "weights", range(inputs.mechanism.n))
+    x = trace_accelerations(trace_frames(resting), forces)
+    residual = flatten(trace_residual(inputs, frames, _acting(inputs, frames)))
+    found = _adjoint(inputs, residual, [-weight for weight in flatten(x)])
+    return [*_in_order_of_rates(inputs.mechanism, "x", x), *found]
+
+
+def _residuals_adjoint(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    """Derivatives of ``g · residuals + rates · their rates`` of the constraints."""
+    rows = trace_rows(inputs, frames)
+    both = [*(row.residual for row in rows), *(row.rate(inputs) for row in rows)]
+    return _adjoint(inputs, both, [inputs.graph.scalar_input(of, k) for of in _CLOSED for k in range(len(rows))])
+
+
+def _closing_adjoint(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    """Derivatives of ``w · accelerations`` of the constraints' residuals."""
+    accelerated = _row_accelerations(inputs, frames)
+    return _adjoint(
+        inputs, accelerated, [inputs.graph.scalar_input("w", k) for k in range(len(accelerated))], (*_STATE, "a")
+    )
+
+
+def _adjoint(
+    inputs: Coordinates,
+    values: Sequence[Scalar | Vector],
+    weights: Sequence[Scalar | Vector],
+    of: Sequence[str] = _STATE,
+) -> list[Output]:
+    """Derivatives of a weighted sum by all inputs of some arguments."""
+    graph, mechanism, outputs = inputs.graph, inputs.mechanism, list[Output]()
+    sizes = {"inputs": 3 * len(inputs.signals) + len(inputs.numbers), "q": mechanism.n_positions}
+    left = {name: dict.fromkeys(range(sizes.get(name, mechanism.n))) for name in of}
+    for number, value in differentiate_sum(graph, values, weights).items():
         name, places = graph.nodes[number].data  # type: ignore[misc]
-        if name in _STATE:
+        if name in of:
             outputs.append(Output(value, (f"{name}_adjoint", places)))
-    return outputs
+            for place in places:
+                del left[name][place]
+    zero = graph.number(0.0)
+    return outputs + [Output(zero, (f"{name}_adjoint", (place,))) for name in of for place in left[name]]
 
 
 def _pulled_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
@@ -315,7 +349,6 @@ def _in_row(argument: str, row: int, values: Sequence[Scalar | Vector]) -> list[
     return [Output(value, (argument, (len(values) * row + k,))) for k, value in enumerate(values)]
 
 
-_STATE = ("inputs", "q", "v")
 _PUSH = ("push", "modal")
 _MOTION = ("a", "moved", "drift", "by_inputs")
 _REACTION = ("D", "K", "Ky")
@@ -326,6 +359,7 @@ _ALONG = _DIRECTIONS[:3]
 _BESIDE = (*_ALONG, "dr")
 _ADJOINT = tuple(f"{name}_adjoint" for name in _STATE)
 _CHANGES = ("dg", "drates")
+_CLOSED = ("g", "rates")
 _FURTHER = (*_DIRECTIONS[:4], "dalong_q", "dalong_v", "dr")
 _PULLED = (*_DIRECTIONS[:4], "dw")
 
@@ -334,7 +368,9 @@ DEFINITIONS = {
     "acceleration_tangents": Definition(
         (*_STATE, "f", *_ALONG, "a", "da"), partial(_with_tangents, beside=[]), _DIRECTIONS[:4]
     ),
-    "acceleration_adjoint": Definition((*_STATE, "a", "f", *_ADJOINT), _acceleration_adjoint),
+    "acceleration_adjoint": Definition((*_STATE, "a", "f", "weights", "x", *_ADJOINT), _acceleration_adjoint),
+    "residuals_adjoint": Definition((*_STATE, *_CLOSED, *_ADJOINT), _residuals_adjoint),
+    "closing_adjoint": Definition((*_STATE, "a", "w", *_ADJOINT, "a_adjoint"), _closing_adjoint),
     "changed_tangents": Definition((*_STATE, "f", *_BESIDE, "a", "da"), _changed_tangents, (*_BESIDE, "da")),
     "pushed": Definition((*_STATE, *_PUSH, "a"), partial(_accelerations, forces=PushedForces)),
     "leap": Definition(("inputs", "step", *_STATE[1:], "a"), lambda inputs, _: trace_leap(inputs), in_place=True),
