@@ -65,6 +65,25 @@ def test_a_state_of_equilibrium_moves_with_the_numbers_as_its_closed_form() -> N
         np.testing.assert_allclose(each.slope * each.parameter.value, power * each.value, rtol=1e-6)
 
 
+def test_a_periodic_motion_has_the_derivatives_of_its_closed_form() -> None:
+    """Of a driven mass on a spring with a damper, ``X = F/(k − m Ω² + i c Ω)``: the start follows the numbers, too."""
+    stiffness, mass, damper, force, rate = 800.0, 2.0, 8.0, 3.0, 2.0 * np.pi / 0.25
+    slide = OSCILLATOR["joint"]["slide"] | {"position": "0 m", "damper": f"{damper} N s/m"}
+    push = {"type": "force", "joint": "slide", "force": {"formula": "3*cos(2*pi*t/0.25)", "unit": "N"}}
+    steady = {"start": "periodic", "period": "0.25 s", "duration": "0.25 s", "step": "0.1 ms", "error": 1e-6}
+    simulation = OSCILLATOR["simulation"] | steady
+    tables = OSCILLATOR | {"joint": {"slide": slide}, "drive": {"push": push}, "simulation": simulation}
+    keys = ["joint.slide.spring", "body.block.mass", "joint.slide.damper", "drive.push.force"]
+    found = package.jacobian(package.load(tables), ["slide.position"], keys)
+    X = force / (stiffness - mass * rate**2 + 1j * damper * rate)
+    slopes = -(X**2) / force * np.array([stiffness, -mass * rate**2, 1j * damper * rate])
+    times = package.load(tables).run.output_times
+    for each, slope in zip(found, [*slopes, X], strict=True):
+        expected = (slope * np.exp(1j * rate * times)).real
+        size = np.abs(expected).max()
+        np.testing.assert_allclose(each.slope * each.parameter.value, expected, rtol=0, atol=1e-4 * size)
+
+
 def rotor(folder: Path) -> str:
     (folder / "rotor.toml").write_text(RIGID.replace(f"{DAMPER} N s/m", "0 N s/m"))
     return str(folder / "rotor.toml")
