@@ -14,6 +14,7 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.integrators.central_difference import CentralDifference
 from fmd.scene.joints.revolute import REVOLUTE
+from tests.dynamics.compiler.comparison import interpreted
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
 TIMES = np.linspace(0.0, 0.1, 11)
@@ -85,3 +86,14 @@ def test_joint_loads_of_mechanisms_that_share_what_they_are_traced_from_are_thei
     alone = compile_mechanism(strong).joint_loads(*given)[1]
     np.testing.assert_array_equal(second, alone)
     assert np.abs(first - second).max() > 1e-3
+
+
+def test_functions_that_are_traced_after_code_was_taken_are_those_of_the_mechanism() -> None:
+    """Of one that has been traced in part: what follows belongs to its graph."""
+    made = random_mechanism(2)
+    q, v = made.state(1)
+    first, other, alone = (compile_mechanism(replace(made.mechanism, horizon=1.0)) for _ in range(3))
+    first.program("accelerations")
+    other.take_code_of(first)
+    found, expected = (interpreted(each, "residual", v.shape, q=q, v=v, a=v) for each in (other, alone))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())

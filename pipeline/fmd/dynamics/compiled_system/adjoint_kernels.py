@@ -187,18 +187,28 @@ def sum_variants(m: MechanismVariants, known: Evaluations, clock: Array, sums: A
 @inlined
 def _evaluate(m: MechanismVariants, known: Evaluations, e: int, k: int) -> float:
     take_state(m, k, known.q[e], known.v[e], known.a[e])
-    call_native(m.residual[k], (m.inputs[k], m.q, m.v, known.f[e], m.a, m.r))
     found = 0.0
-    for i in range(m.r.size):
-        found -= m.signs_v[k, i] * m.r[i] * known.x[e, i]
-    if m.residuals[k] != 0:
+    if _counts(known.x[e]):
+        call_native(m.residual[k], (m.inputs[k], m.q, m.v, known.f[e], m.a, m.r))
+        for i in range(m.r.size):
+            found -= m.signs_v[k, i] * m.r[i] * known.x[e, i]
+    if _counts(known.g[e]) or _counts(known.rates[e]):
         call_native(m.residuals[k], (m.inputs[k], m.q, m.v, m.g, m.rates))
         for row in range(m.g.size):
             found += m.g[row] * known.g[e, row] + m.rates[row] * known.rates[e, row]
+    if _counts(known.w[e]):
         call_native(m.closing[k], (m.inputs[k], m.q, m.v, m.a, m.g))
         for row in range(m.g.size):
             found += m.g[row] * known.w[e, row]
     return found
+
+
+@inlined
+def _counts(weights: Array) -> bool:
+    largest = 0.0
+    for i in range(weights.size):
+        largest = max(largest, abs(weights[i]))
+    return largest > 0.0
 
 
 @inlined

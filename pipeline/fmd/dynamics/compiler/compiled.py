@@ -80,6 +80,7 @@ class CompiledMechanism:
     def take_code_of(self, other: CompiledMechanism) -> None:
         """Take the functions of a mechanism that differs in `numbers` alone, traced and loaded, in place of its own."""
         self._programs, self._loaded, self._loading = other._programs, other._loaded, other._loading
+        self._inputs.graph = other._inputs.graph  # of which the frames are, and programs that are still to be traced
         traced = ("_frames", "rows", "_signal_values", "_signal_values_ahead")
         vars(self).update({name: value for name, value in vars(other).items() if name in traced})
 
