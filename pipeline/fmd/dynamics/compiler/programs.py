@@ -59,6 +59,7 @@ from functools import partial
 from typing import NamedTuple
 
 from fmd.dynamics.compiler.acceleration_tangents import trace_acceleration_tangents
+from fmd.dynamics.compiler.adjoints import trace_acceleration_adjoint, trace_rows_adjoint
 from fmd.dynamics.compiler.algebra import times
 from fmd.dynamics.compiler.closures import ConstrainedForces, MultiplierForces, trace_reactions, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
@@ -79,7 +80,6 @@ from fmd.dynamics.compiler.quantities import (
 from fmd.dynamics.compiler.reaction import trace_reaction
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from fmd.dynamics.compiler.residual import trace_motion, trace_residual
-from fmd.dynamics.compiler.reverse import differentiate_sum
 from fmd.dynamics.compiler.tangents import direction_inputs, flatten, trace_tangents, unflatten
 from fmd.dynamics.mechanism import Mechanism
 
@@ -124,48 +124,18 @@ def _with_tangents(inputs: Coordinates, frames: list[MovingFrame], beside: list[
 
 
 def _acceleration_adjoint(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    """Derivatives of ``weights · a`` of the accelerations: those of ``−x · r`` of the residual, ``x = M̂⁻¹ weights``."""
-    resting = RestingCoordinates(inputs.graph, inputs.mechanism)
-    forces = GivenForces(resting, "weights", range(inputs.mechanism.n))
-    x = trace_accelerations(trace_frames(resting), forces)
-    residual = flatten(trace_residual(inputs, frames, _acting(inputs, frames)))
-    found = _adjoint(inputs, residual, [-weight for weight in flatten(x)])
+    x, found = trace_acceleration_adjoint(inputs, frames, _acting(inputs, frames))
     return [*_in_order_of_rates(inputs.mechanism, "x", x), *found]
 
 
 def _residuals_adjoint(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    """Derivatives of ``g · residuals + rates · their rates`` of the constraints."""
     rows = trace_rows(inputs, frames)
-    both = [*(row.residual for row in rows), *(row.rate(inputs) for row in rows)]
-    return _adjoint(inputs, both, [inputs.graph.scalar_input(of, k) for of in _CLOSED for k in range(len(rows))])
+    both = {"g": [row.residual for row in rows], "rates": [row.rate(inputs) for row in rows]}
+    return trace_rows_adjoint(inputs, both, _STATE)
 
 
 def _closing_adjoint(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    """Derivatives of ``w · accelerations`` of the constraints' residuals."""
-    accelerated = _row_accelerations(inputs, frames)
-    return _adjoint(
-        inputs, accelerated, [inputs.graph.scalar_input("w", k) for k in range(len(accelerated))], (*_STATE, "a")
-    )
-
-
-def _adjoint(
-    inputs: Coordinates,
-    values: Sequence[Scalar | Vector],
-    weights: Sequence[Scalar | Vector],
-    of: Sequence[str] = _STATE,
-) -> list[Output]:
-    """Derivatives of a weighted sum by all inputs of some arguments."""
-    graph, mechanism, outputs = inputs.graph, inputs.mechanism, list[Output]()
-    sizes = {"inputs": 3 * len(inputs.signals) + len(inputs.numbers), "q": mechanism.n_positions}
-    left = {name: dict.fromkeys(range(sizes.get(name, mechanism.n))) for name in of}
-    for number, value in differentiate_sum(graph, values, weights).items():
-        name, places = graph.nodes[number].data  # type: ignore[misc]
-        if name in of:
-            outputs.append(Output(value, (f"{name}_adjoint", places)))
-            for place in places:
-                del left[name][place]
-    zero = graph.number(0.0)
-    return outputs + [Output(zero, (f"{name}_adjoint", (place,))) for name in of for place in left[name]]
+    return trace_rows_adjoint(inputs, {"w": _row_accelerations(inputs, frames)}, (*_STATE, "a"))
 
 
 def _pulled_residual(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
