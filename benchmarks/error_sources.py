@@ -14,9 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from table_format import write_rows
+from true_errors import true_errors
 
 from fmd import Pipeline, load_scene
-from fmd.accuracy.error_budget import state_errors, true_errors
+from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.error_estimates import Row
 from fmd.core.cache import Cache
 from fmd.core.limits.errors import SAFETY

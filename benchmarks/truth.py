@@ -30,6 +30,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from table_format import write_rows
+from true_errors import true_errors
 from truth_features import pairwise_coverage
 from truth_finer import finer_run
 from truth_references import elastica_reference
@@ -37,7 +38,7 @@ from truth_scenes import MIXED, Case, random_case
 
 from fmd import Pipeline, load_scene, solve
 from fmd.accuracy import time_limit
-from fmd.accuracy.error_budget import state_errors, true_errors
+from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.error_estimates import Quantity
 from fmd.accuracy.quantities import motion_quantities
 from fmd.core.cache import Cache

@@ -9,6 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, require_shape
 from fmd.dynamics.system import (
+    PlainSystem,
     accelerations,
     advance,
     fast_steps,
@@ -68,7 +69,7 @@ class MiddleLinear(Table):
 
 
 @dataclass(frozen=True)
-class LinearSystem:
+class LinearSystem(PlainSystem):
     """Mass, stiffness and rate coefficients of a linear system, its slow coordinates first.
 
     Parameters

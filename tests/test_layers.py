@@ -299,6 +299,14 @@ def unexplained_numbers(sources: Sources) -> Iterator[str]:
                 yield f"{module}:{node.lineno} has no comment with its meaning"
 
 
+def guessed_abilities(sources: Sources) -> Iterator[str]:
+    """What a system can do it answers itself: integrators don't look for its attributes."""
+    for module, source in sources.items():
+        for node in ast.walk(parse(source)) if inside(module, "fmd.integrators") else []:
+            if isinstance(node, ast.Call) and _name_of(node.func) in ("getattr", "hasattr"):
+                yield f"{module}:{node.lineno} looks for an attribute; PlainSystem has the answer of most systems"
+
+
 def _is_main_guard(node: ast.stmt) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) == "__name__ == '__main__'"
 
@@ -344,6 +352,7 @@ RULES: list[Callable[[Sources], Iterator[str]]] = [
     prints,
     loose_numbers,
     unexplained_numbers,
+    guessed_abilities,
 ]
 
 
@@ -389,6 +398,7 @@ def test_every_test_asserts() -> None:
         (loose_numbers, {"fmd.fem.a": "most: float = -(1 << 4)"}, "decides by most"),
         (loose_numbers, {"fmd.fem.a": "_SHARP = np.cos(np.deg2rad(40.0))"}, "decides by _SHARP"),
         (unexplained_numbers, {"fmd.core.limits.a": "# Of all.\n\nMOST = 3"}, "3 has no comment"),
+        (guessed_abilities, {"fmd.integrators.a": "loops = hasattr(s, 'loops')"}, "a:1 looks for an attribute"),
         (assertionless_tests, {"tests.test_a": "def test_f(): g()\ndef g(): pass"}, "test_f asserts nothing"),
     ],
 )

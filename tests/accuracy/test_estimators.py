@@ -10,7 +10,8 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.comparison import change_fineness
 from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.accuracy.error_estimates import NO_PART
-from fmd.accuracy.estimators import Estimates, _with_diagonal, root_mean_square
+from fmd.accuracy.estimators import Estimates
+from fmd.accuracy.mesh_excess import _with_diagonal, root_mean_square
 from fmd.accuracy.quantities import motion_quantities
 from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError

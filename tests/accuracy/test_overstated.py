@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.true_errors import true_errors
 from fmd import Pipeline, load_scene
 from fmd.accuracy.details import detail_quantities
-from fmd.accuracy.error_budget import state_errors, true_errors
+from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.quantities import motion_quantities
 from fmd.core.cache import Cache
 

@@ -7,9 +7,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from benchmarks.true_errors import true_errors
 from fmd import Pipeline, load_scene
 from fmd.accuracy import refinement as accuracy
-from fmd.accuracy.error_budget import ERROR_BUDGET, Budget, true_errors
+from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
 from fmd.accuracy.error_estimates import NO_PART, SOURCES, Row
 from fmd.accuracy.refinement import meet_accuracy
 from fmd.cli.app import main

@@ -7,7 +7,7 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.accuracy.coarse_mesh import make_coarse_pair
 from fmd.accuracy.error_budget import state_errors
-from fmd.accuracy.estimators import combine_excess, energy_excess
+from fmd.accuracy.mesh_excess import combine_excess, energy_excess
 from fmd.core.cache import Cache
 
 pytestmark = pytest.mark.slow

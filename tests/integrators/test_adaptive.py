@@ -15,7 +15,7 @@ from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
-from fmd.dynamics.system import accelerations, advance, velocities
+from fmd.dynamics.system import PlainSystem, accelerations, advance, velocities
 from fmd.integrators.rosenbrock import ExponentialRosenbrock
 from fmd.integrators.runge_kutta import DAMPED, RungeKutta
 from fmd.integrators.scipy_ivp import ScipyIvp
@@ -67,7 +67,7 @@ def _advance(p: Linear, q: Array, v: Array, h: float, first: int, last: int) -> 
 
 
 @dataclass
-class LinearSystem:
+class LinearSystem(PlainSystem):
     K: Array
     C: Array | None = None
     f: Array | None = None

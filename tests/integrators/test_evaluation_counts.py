@@ -9,6 +9,7 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.dynamics.system import (
+    PlainSystem,
     accelerations,
     advance,
     fast_steps,
@@ -86,7 +87,7 @@ def _slow_response(p: Counted, middle: Array, first: int, h: float, count: int, 
 
 
 @dataclass(frozen=True)
-class Oscillators:
+class Oscillators(PlainSystem):
     parameters: Counted
 
     n = 2

@@ -19,7 +19,7 @@ from fmd.core.errors import AccuracyError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
-from fmd.dynamics.system import accelerations
+from fmd.dynamics.system import PlainSystem, accelerations
 from fmd.integrators.exponential import Exponential, _functions
 from fmd.integrators.protocol import State
 from fmd.integrators.scipy_ivp import ScipyIvp
@@ -60,7 +60,7 @@ def _accelerations(p: Pushed, t: float, q: Array, v: Array, a: Array) -> None:
 
 
 @dataclass(frozen=True)
-class PushedOscillators:
+class PushedOscillators(PlainSystem):
     stiffness: Array
     force: Array
     growth: float = 0.0

@@ -16,7 +16,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.signals.signal import half_sine
-from fmd.dynamics.system import accelerations, velocities
+from fmd.dynamics.system import PlainSystem, accelerations, velocities
 from fmd.integrators import scipy_ivp
 from fmd.integrators.exponential import Exponential
 from fmd.integrators.protocol import Trajectory
@@ -63,7 +63,7 @@ def _velocities(p: Hit, q: Array, v: Array, dq: Array) -> None:
 
 
 @dataclass
-class HitOscillators:
+class HitOscillators(PlainSystem):
     stiffness: float = 4.0
     pulse: Pulse = Pulse(0.0, 1.0, 0.0)
     until: float = np.inf

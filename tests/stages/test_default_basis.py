@@ -7,7 +7,6 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
-from fmd.scene.modes import ModeSettings
 
 L, B, H, E = 0.3, 0.01, 0.02, 70e9
 BAR: dict[str, Any] = {
@@ -48,12 +47,14 @@ def test_few_modes_deflect_as_a_beam_without_a_word_about_static_responses(bound
 
 
 def test_an_interface_has_its_own_static_responses_and_a_choice_is_kept() -> None:
-    default = ModeSettings(count=2)
-    assert default.enrichment == "inertia"
-    piece = default.model_copy(update={"boundary": "interface"})
-    assert piece.enrichment == "none"
-    assert piece.model_copy(update={"enrich": "ritz"}).enrichment == "ritz"
-    assert ModeSettings(count=2, enrich="none").enrichment == "none"
+    def chosen(*settings: str) -> str | None:
+        scene = load_scene(BAR, [f"body.bar.modes.{setting}" for setting in settings])
+        return scene.with_its_basis("bar").modes.enrich
+
+    assert chosen() == "inertia"
+    assert chosen("boundary=interface") == "none"
+    assert chosen("boundary=interface", "enrich=ritz") == "ritz"
+    assert chosen("enrich=none") == "none"
 
 
 def test_free_modes_on_joints_with_others_stand_alone_unless_the_scene_says_otherwise() -> None:
@@ -61,8 +62,6 @@ def test_free_modes_on_joints_with_others_stand_alone_unless_the_scene_says_othe
     scene["body"]["far"] = scene["body"]["bar"]
     scene["joint"]["hinge"] = {"type": "revolute", "parent": "bar.tip", "child": "far.root", "axis": [0, 0, 1]}
     parts = Pipeline(load_scene(scene), Cache(None)).parts
-    assert [part.shape.modes.enrichment for part in parts.values()] == ["none", "none"]
+    assert [part.shape.modes.enrich for part in parts.values()] == ["none", "none"]
     for choice in ("boundary=joint", "enrich=inertia"):
-        assert (
-            Pipeline(load_scene(scene, [f"body.bar.modes.{choice}"])).parts["bar"].shape.modes.enrichment == "inertia"
-        )
+        assert Pipeline(load_scene(scene, [f"body.bar.modes.{choice}"])).parts["bar"].shape.modes.enrich == "inertia"

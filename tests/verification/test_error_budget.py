@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.true_errors import true_errors
 from fmd import Pipeline, load_scene
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair
-from fmd.accuracy.error_budget import ERROR_BUDGET, true_errors
+from fmd.accuracy.error_budget import ERROR_BUDGET
 from fmd.core.cache import Cache
 from fmd.output.summary import summarise
 

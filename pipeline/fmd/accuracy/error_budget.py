@@ -6,13 +6,9 @@ import math
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from fmd.accuracy.corner_stress import CornerStress
-from fmd.accuracy.details import detail_quantities
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_LIMIT, NO_PART, SOURCES, Row
 from fmd.accuracy.model_errors import ModelError
-from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
 from fmd.accuracy.requested_stress import EXTREMES, request_key
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
@@ -79,25 +75,6 @@ class Budget:
             "seconds": self.seconds,
             "integration": self.integration,
         }
-
-
-def true_errors(run: Pipeline, finer: Pipeline, details: bool = False) -> dict[str, float]:
-    """Return the relative errors of a run's quantities against those of a much finer run of the same scene.
-
-    Frequencies are matched by their modes' shapes, element stress by place. ``details`` adds joints and markers.
-    """
-    from fmd.accuracy.estimators import Estimates
-
-    estimates, motion = Estimates(run), finer.motion
-    places = {name: part.element_places for name, part in run.parts.items() if part.elements}
-    exact = mesh_quantities(finer, run) | motion_quantities(finer, motion, finer.fine_motion)
-    if run.parts:
-        exact |= stress_quantities(finer, motion, np.arange(len(motion.times)), places=places)
-    if details:
-        exact |= detail_quantities(finer.scene, motion)
-    left_out = {*estimates.details} - ({*exact} if details else set())
-    quantities = {name: own for name, own in estimates.quantities.items() if name not in left_out}
-    return {name: own.error(exact[name]) for name, own in quantities.items()}
 
 
 def state_errors(run: Pipeline, seconds: float = math.inf) -> Budget:

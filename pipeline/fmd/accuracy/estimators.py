@@ -19,6 +19,7 @@ from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.comparison import Comparison, change_fineness
 from fmd.accuracy.corner_stress import CornerStress, find_corner_stress
 from fmd.accuracy.error_estimates import NO_PART, NO_VIBRATION, OTHER_LOOPS, shifted_frequencies, soften_body
+from fmd.accuracy.mesh_excess import find_excess
 from fmd.accuracy.model_errors import ModelErrors
 from fmd.accuracy.quantities import find_counterparts, mesh_quantities
 from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
@@ -42,7 +43,6 @@ from fmd.scene.variants import change_modes, enrich_bases
 from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
-    from fmd.reduction.body import FlexibleBody
     from fmd.stages.part import FlexiblePart
     from fmd.stages.pipeline import Pipeline
 
@@ -196,7 +196,7 @@ class Estimates(Comparison):
         pair = self.pair
         errors: dict[str, float | str] = dict.fromkeys(self.quantities, pair if isinstance(pair, str) else NO_PART)
         for name in self.run.parts:
-            of_modes, self._excess[name] = self._excess_of(name)
+            of_modes, self._excess[name] = find_excess(self.run.parts[name], self.run.bodies[name], pair, self._across)
             for k, share in enumerate(1 - shifted_frequencies(np.ones(len(of_modes)), of_modes, 1.0)):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(share))
                 self.correct(f"{name}, frequency {k + 1}", -float(share) * self.run.parts[name].modes.frequencies_hz[k])
@@ -213,31 +213,6 @@ class Estimates(Comparison):
                 self.correct(name, (quantity.scale - masses[name].scale) / pair.gains["geometry"])
         self._within_limit("discretisation, shapes", lambda: self._otherwise_coarse(pair, recovery))
         return errors
-
-    def _excess_of(self, name: str) -> tuple[Array, Array]:
-        """Return the excess of a body's squared frequencies (n,) and of products of its shapes' stiffness (n', n')."""
-        of_modes, excess = self._excess_along(name)
-        if self._across is None or not self._across.divides(name):
-            return of_modes, excess
-        changed, alike = self._across.excess_of_shapes(name)
-        required = np.diag(excess) + np.where(alike, changed, 0.0)
-        return add_across(of_modes, self._across, name), _with_diagonal(excess, required)
-
-    def _excess_along(self, name: str) -> tuple[Array, Array]:
-        """Return the excess of a body by stress that is recovered, and by a coarser mesh, which give it along the body.
-
-        Of what few elements from side to side lack both know nothing.
-        """
-        part, body, pair = self.run.parts[name], self.run.bodies[name], self.pair
-        of_modes, excess = energy_excess(part, body)
-        if isinstance(pair, str):
-            return of_modes, excess
-        changed, alike = pair.excess_of_shapes(name)
-        recovered = np.diag(excess)
-        static = body.omega > part.modes.omega.max()
-        most = np.where(static, MOST_OF_CHANGE * np.abs(changed), np.inf)
-        required = np.where(alike, combine_excess(part, np.minimum(recovered, most), changed), recovered)
-        return combine_modes(part, of_modes, pair), _with_diagonal(excess, required)
 
     def _coarse_pair(self) -> Pair | str:
         """Return the run and its scene on a coarser mesh, or the reason why there is none."""
@@ -359,62 +334,3 @@ def _is_next_to_rigid_face(part: FlexiblePart, node: int) -> bool:
         return False
     around = part.space.element_nodes[(part.space.element_nodes == node).any(axis=1)]
     return bool(np.isin(around, np.concatenate(rigid)).any())
-
-
-def energy_excess(part: FlexiblePart, body: FlexibleBody) -> tuple[Array, Array]:
-    """Return the excess of a part's squared mode frequencies and of its body's eigenvalues by recovered stress."""
-    from fmd.recovery.patch_stress import energy_errors
-
-    errors = energy_errors(part.space, part.material, body.shapes)
-    # The modes are combinations of the body's shapes and rigid motions.
-    flat, modes = body.shapes.reshape(part.fe.K.shape[0], -1), part.modes
-    weights = (flat.T @ (part.fe.K @ modes.shapes.reshape(len(flat), -1))) / body.omega[:, None] ** 2
-    of_modes = np.einsum("jk,jl,lk->k", weights, errors, weights) / modes.omega**2
-    return np.asarray(of_modes), np.asarray(errors / np.outer(body.omega, body.omega))
-
-
-def _with_diagonal(excess: Array, required: Array) -> Array:
-    """Scale products of shapes to another diagonal; entries that aren't positive there stand alone."""
-    given = np.diag(excess)
-    both = (given > 0.0) & (required > 0.0)
-    scale = np.sqrt(np.where(both, required, 0.0) / np.where(both, given, 1.0))
-    scaled = excess * np.outer(scale, scale)
-    np.fill_diagonal(scaled, required)
-    return np.asarray(scaled)
-
-
-def combine_excess(part: FlexiblePart, recovered: Array, changed: Array) -> Array:
-    """Return the excess of a part's eigenvalues by the estimates of recovered stress and of a coarser mesh, (n,).
-
-    Behind a rigid face stress has no limit at its edge, of which two meshes show little: bars with one had up to 60
-    times the excess that a coarser mesh tells. There the larger one counts, and elsewhere their root mean square.
-    """
-    rigid = any(marker.rigid for marker in part.markers.values())
-    if rigid or any(link.type == "rigid" for link in part.shape.link.values()):
-        return _larger(recovered, changed)
-    return root_mean_square(recovered, changed)
-
-
-def combine_modes(part: FlexiblePart, recovered: Array, pair: Pair) -> Array:
-    """Return the excess of a part's squared frequencies by recovered stress and, of modes it has, a coarser mesh."""
-    changed, alike = pair.excess_of_modes(part.name)
-    return np.where(alike, combine_excess(part, recovered, changed), recovered)
-
-
-def add_across(of_modes: Array, across: Pair, name: str) -> Array:
-    """Add what more elements from side to side take off the squares of a part's frequencies to their excess."""
-    changed, alike = across.excess_of_modes(name)
-    return of_modes + np.where(alike, changed, 0.0)
-
-
-def root_mean_square(recovered: Array, changed: Array) -> Array:
-    """Return the root mean square of the estimates by recovered stress and by a coarser mesh, signed as the larger.
-
-    Neither is a bound: recovered stress states too much where stress jumps, a coarser mesh too little where corners
-    slow convergence, or where it has as few elements as the run's.
-    """
-    return np.asarray(np.copysign(np.sqrt((recovered**2 + changed**2) / 2), _larger(recovered, changed)))
-
-
-def _larger(one: Array, other: Array) -> Array:
-    return np.where(np.abs(one) > np.abs(other), one, other)

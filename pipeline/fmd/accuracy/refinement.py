@@ -180,7 +180,7 @@ def meet_accuracy(run: Pipeline) -> Refinement:
 def _start(scene: Scene, required: float) -> Scene:
     error = max(TIME_SHARE * required, LEAST_ERROR)
     scene = change_simulation(scene, run=(AutoRun(integrator="auto"),), error=error)
-    scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrichment == "ritz" else "inertia"})
+    scene = change_modes(scene, lambda body: {"enrich": "ritz" if body.modes.enrich == "ritz" else "inertia"})
     return replace_order(coarsen_meshes(scene) or scene, 2)
 
 
@@ -211,7 +211,7 @@ def _refined(scene: Scene, shares: dict[str, float], required: float) -> Scene:
             scene,
             lambda body: (
                 {"enrich": "ritz"}
-                if body.modes.enrichment == "inertia"
+                if body.modes.enrich == "inertia"
                 else {"count": int(MORE_MODES * body.modes.count) + 1}
             ),
         )
@@ -226,7 +226,7 @@ def _settings(scene: Scene) -> dict[str, Any]:
         name: {
             "mesh": None if isinstance(body, meshless) else body.mesh.model_dump(mode="json", exclude_none=True),
             "modes": body.modes.count,
-            "enrich": body.modes.enrichment,
+            "enrich": body.modes.enrich,
         }
         for name, body in scene.flexible.items()
     }

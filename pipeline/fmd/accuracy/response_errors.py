@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
-from fmd.accuracy.estimators import add_across, combine_modes, energy_excess
+from fmd.accuracy.mesh_excess import add_across, combine_modes, energy_excess
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import SAFETY

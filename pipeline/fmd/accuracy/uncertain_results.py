@@ -45,7 +45,7 @@ def _source(source: str, scene: Scene) -> str:
     quadratic = replace_order(scene, 2).body
     coarse = [name for name, body in scene.flexible.items() if quadratic[name] != body]
     bodies = {name: scene.with_its_basis(name) for name in scene.flexible}
-    bare = [name for name, body in bodies.items() if body.shape != "reduced" and body.modes.enrichment == "none"]
+    bare = [name for name, body in bodies.items() if body.shape != "reduced" and body.modes.enrich == "none"]
     finer = f"order = 2 of [body.{coarse[0]}.mesh]" if coarse else "a finer mesh"
     more = f'enrich = "inertia" of [body.{bare[0]}.modes]' if bare else "a larger modes.count"
     said = {

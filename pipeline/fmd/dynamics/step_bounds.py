@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -189,8 +188,3 @@ def record_step_start_of(w: StepBounds, t: float, q: Array, v: Array) -> None:
 def allowed_part_of(w: StepBounds, t: float, h: float, q: Array, v: Array) -> float:
     """Return the part of a step to be tried next, for a loop in Python."""
     return allowed_part(w, t, h, q, v)
-
-
-def step_bounds_of(system: Any) -> StepBounds:
-    """Return the step bounds by a system's force laws, with room of their own; those by no law if it has none."""
-    return getattr(system, "step_bounds", None) or no_bounds()

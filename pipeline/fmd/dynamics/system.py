@@ -6,10 +6,14 @@ what each does is registered for a type of parameters, so that one integrator ke
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import singledispatch
 from typing import Any, Protocol
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import StabilityError
+from fmd.core.limits.stepping import COST_OF_COORDINATE
+from fmd.dynamics.step_bounds import StepBounds, no_bounds
 
 
 @singledispatch
@@ -148,17 +152,79 @@ def velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
     raise NotImplementedError
 
 
-class System(Protocol):
-    """A mechanism ready to be integrated; its first ``n_slow`` rates are the slow ones.
+class PlainSystem(Protocol):
+    """What a system answers that has no loops, contacts, controllers, force laws, groups or tangents beside it."""
 
-    It may have ``groups``, two integer arrays of shapes (n_positions,) and (n,): coordinates of like kind, such as all
-    modes of a body, have the same number, positions and the rates that move them too. Adaptive methods take an error
-    relative to the largest value in its group; without groups each coordinate is one. A group's number modulo 3 is its
-    kind: rotations, translations, modes. It may have ``settles``, true if the end of a step is changed after it, by
-    loops or by quaternions that become unit ones, and ``evaluation_cost``, the operations of an evaluation of its
-    accelerations, by which methods are weighed. Its ``cycle(h, count)`` is fresh storage for `cross_cycle` over so many
-    fast steps h, or none where `freeze_slow` and `fast_steps` serve.
-    """
+    @property
+    def has_loops(self) -> bool:
+        """True if constraints close loops."""
+        return False
+
+    @property
+    def is_sampled(self) -> bool:
+        """True if controllers sample."""
+        return False
+
+    def sampling(self) -> Any:
+        """Return the sampling of a march's controllers, or none."""
+        return None
+
+    @property
+    def n_contact_values(self) -> int:
+        """How many values `note_contacts` fills; 0 if nothing touches."""
+        return 0
+
+    @property
+    def settles(self: Any) -> bool:
+        """True if a step's end is changed after it, by loops or by quaternions that become unit ones."""
+        return bool(self.n_positions != self.n)
+
+    @property
+    def groups(self) -> tuple[IntArray, IntArray] | None:
+        """Group of each position, (n_positions,), and of each rate, (n,), or none where each coordinate is one.
+
+        Those of like kind, such as all modes of a body, are one group, whose largest value errors are relative to. A
+        group's number modulo 3 is its kind: rotations, translations, modes.
+        """
+        return None
+
+    @property
+    def evaluation_cost(self: Any) -> float:
+        """Operations of an evaluation of the accelerations, by which methods are weighed."""
+        return float(COST_OF_COORDINATE * self.n)
+
+    @property
+    def piecewise_laws(self) -> Sequence[Any]:
+        """Force laws with short pieces."""
+        return ()
+
+    @property
+    def step_bounds(self) -> StepBounds:
+        """Bounds of steps by these laws, with room of their own."""
+        return no_bounds()
+
+    @property
+    def stiffest_matrices(self: Any) -> tuple[Array, Array, Array]:
+        """Mass, stiffness and damping with all end stops closed, (n, n) each."""
+        M, K, C = self.linear_matrices
+        return M, K, C
+
+    @property
+    def motion(self) -> Any:
+        """The system of the motion beside which tangents are marched: this one itself without any."""
+        return self
+
+    def cycle(self, h: float, count: int) -> Any:
+        """Return fresh storage for `cross_cycle` over so many fast steps h, or none where `freeze_slow` serves."""
+        return None
+
+    def explain_failure(self, failure: StabilityError) -> None:
+        """Raise why a march failed, where that is known."""
+        return
+
+
+class System(PlainSystem, Protocol):
+    """A mechanism ready to be integrated; its first ``n_slow`` rates are the slow ones."""
 
     @property
     def n(self) -> int:

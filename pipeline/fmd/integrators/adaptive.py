@@ -35,7 +35,7 @@ from fmd.core.limits.stepping import (
     TIME_JITTER,
 )
 from fmd.dynamics.compiled_system.sampling import Sampling
-from fmd.dynamics.step_bounds import StepBounds, allowed_part, predicted_part, record_step_start, step_bounds_of
+from fmd.dynamics.step_bounds import StepBounds, allowed_part, predicted_part, record_step_start
 from fmd.dynamics.system import System, advance, project
 from fmd.integrators.endless import StepsLeft
 from fmd.integrators.protocol import (
@@ -259,7 +259,7 @@ def begin_sampling(system: Any, start: State) -> Sampling | None:
     ValueError
         The march goes on from another one, whose controllers' memory isn't in its state.
     """
-    sampling: Sampling | None = system.sampling() if hasattr(system, "sampling") else None
+    sampling: Sampling | None = system.sampling()
     if sampling is not None and start.time > 0.0:
         raise ValueError("a march with sampled controllers begins at time 0")
     return sampling
@@ -347,7 +347,6 @@ class AdaptiveIntegrator(ResumableIntegrator):
         first, end, seconds = int(cursor[0]), float(times[-1]), 0.0
         m, p, chunk = self.room(system), system.parameters, FIRST_CHUNK
         sampling, unreported = begin_sampling(system, state), 0.0
-        explain = getattr(system, "explain_failure", None)
         left = StepsLeft(self.name, end, MOST_ADAPTIVE_STEPS, ADAPTIVE_WINDOW, state.step, state.time)
         march_steps(m, p, march, math.inf, 0)  # compiles, or reads the kernel: not part of the run time
         while cursor[0] < times.size:
@@ -359,8 +358,10 @@ class AdaptiveIntegrator(ResumableIntegrator):
             chunk = max(1, min(CHUNK, int(chunk * CHUNK_SECONDS / max(spent, 1e-9))))
             state = replace(state, step=state.step + abs(done), time=float(clock[0]), next_step=float(clock[1]))
             require_steps(self.name, march, done)
-            if spent > LONG_SECONDS and clock[1] * system.highest_frequency < CRAWL and explain is not None:
-                explain(StabilityError(f"{self.name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q))
+            if spent > LONG_SECONDS and clock[1] * system.highest_frequency < CRAWL:
+                system.explain_failure(
+                    StabilityError(f"{self.name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q)
+                )
             left.require_end(state.step, state.time)
             if progress and (sampling is None or unreported > CHUNK_SECONDS or cursor[0] >= times.size):
                 progress(min(1.0, clock[0] / end) if end else 1.0)
@@ -381,7 +382,7 @@ class AdaptiveIntegrator(ResumableIntegrator):
             tolerance=self.tolerance,
             order=self.order(system),
             longest=self.longest_step(system),
-            settles=bool(getattr(system, "settles", system.n_positions != system.n)),
+            settles=system.settles,
             q=state.q,
             v=state.v,
             a=state.a,
@@ -402,5 +403,5 @@ class AdaptiveIntegrator(ResumableIntegrator):
             evaluations=np.zeros(1),
             fresh=np.zeros(1),
             spare=np.full(1, SPARE_STEPS),
-            bounds=step_bounds_of(system),
+            bounds=system.step_bounds,
         )

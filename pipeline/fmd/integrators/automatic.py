@@ -159,7 +159,7 @@ class Automatic(Integrator):
                     agreed = report.agrees(outcome, _gain(report.before or outcome, system))
                     continue
                 if isinstance(outcome, StabilityError):
-                    getattr(system, "explain_failure", _explain_nothing)(outcome)
+                    system.explain_failure(outcome)
                 report.add_failure(outcome)
             last = found[-1]
             if agreed and isinstance(last, Trajectory):
@@ -188,7 +188,7 @@ class Automatic(Integrator):
         progress: Progress | None,
     ) -> Iterator[_Marches]:
         """Yield one or two methods, each finer than that before, with the operations of the last one."""
-        stiff, sampled = self._stiff(system), bool(getattr(system, "is_sampled", False))
+        stiff, sampled = self._stiff(system), system.is_sampled
         # The exponential method has no quaternions, and steps that couplings of stiff systems bound.
         if (
             not sampled
@@ -340,7 +340,3 @@ def _gain(coarse: Trajectory, system: System) -> Gain:
     if coarse.integrator == RungeKutta.name and system.highest_frequency * coarse.step > RESOLVED:
         return Gain(UNRESOLVED_ORDER, UNRESOLVED_LEAST, UNRESOLVED_MOST)
     return _GAINS[coarse.integrator]
-
-
-def _explain_nothing(failure: StabilityError) -> None:
-    """Have nothing to say of why a march failed."""

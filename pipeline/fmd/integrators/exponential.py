@@ -63,8 +63,7 @@ class Exponential(ResumableIntegrator):
         limit, weak coupling a far longer step.
         """
         M, K, _ = system.linear_matrices
-        stiffest = getattr(system, "stiffest_matrices", (M, K))[1]
-        coupling = np.linalg.solve(M, stiffest) - np.diag(K.diagonal() / M.diagonal())
+        coupling = np.linalg.solve(M, system.stiffest_matrices[1]) - np.diag(K.diagonal() / M.diagonal())
         squared = float(np.abs(np.linalg.eigvals(coupling)).max(initial=0.0))
         return 2.0 / math.sqrt(squared) if squared > SOLVED * system.highest_frequency**2 else np.inf
 
@@ -121,10 +120,10 @@ class Exponential(ResumableIntegrator):
             _functions(squared, h, full[j])
             _functions(squared, 0.5 * h, half[j])
 
-        def make(state: State) -> ExponentialSteps:
+        def make(state: State) -> _ExponentialSteps:
             begin = (state.q, state.v, state.a)
             oscillators = (np.ascontiguousarray(stiffness), full, half)
-            return ExponentialSteps(origin, h, *oscillators, *begin, np.empty(8), *aligned(*10 * [n]))
+            return _ExponentialSteps(origin, h, *oscillators, *begin, np.empty(8), *aligned(*10 * [n]))
 
         end, q, v, seconds = FixedMarch(self.name, make, system, 0, h, origin=origin).run(start, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, 4 * (end.step - start.step), 0, seconds, end)
@@ -224,60 +223,40 @@ def _functions(stiffness: float, h: float, out: Array) -> None:
 
 
 @dataclass(frozen=True)
-class ExponentialSteps(SingleSteps):
-    """State of a march by the exponential method, and room to work in.
+class _ExponentialSteps(SingleSteps):
+    """State of a march by the exponential method, and room to work in."""
 
-    Attributes
-    ----------
-    origin, h : float
-        Time of step number 0, and the step [s].
-    stiffness : ndarray, shape (n,)
-        Of the oscillators [1/s²].
-    full, half : ndarray, shape (n, 8)
-        `_functions` of each oscillator over a step and over half of it.
-    q, v, a : ndarray, shape (n,)
-        The state.
-    phi : ndarray, shape (8,)
-        `_functions` up to a sample.
-    qa, va, qb, vb : ndarray, shape (n,)
-        Positions and rates of the stages.
-    N0, Na, Nb, Nc : ndarray, shape (n,)
-        Accelerations without the oscillators' own, at the begin and at the stages.
-    q_now, v_now : ndarray, shape (n,)
-        The state at the step's begin.
-    """
-
-    origin: float
+    origin: float  # time of step number 0, and the step [s]
     h: float
-    stiffness: Array
-    full: Array
+    stiffness: Array  # (n,): of the oscillators [1/s²]
+    full: Array  # (n, 8): `_functions` of each oscillator over a step, and over half of it
     half: Array
     q: Array
     v: Array
     a: Array
-    phi: Array
-    qa: Array
+    phi: Array  # (8,): `_functions` up to a sample
+    qa: Array  # positions and rates of the stages
     va: Array
     qb: Array
     vb: Array
-    N0: Array
+    N0: Array  # accelerations without the oscillators' own, at the begin and at the stages
     Na: Array
     Nb: Array
     Nc: Array
-    q_now: Array
+    q_now: Array  # the state at the step's begin
     v_now: Array
 
 
 @inner
-def _rest(m: ExponentialSteps, p: Any, t: float, q: Array, v: Array, N: Array) -> None:
+def _rest(m: _ExponentialSteps, p: Any, t: float, q: Array, v: Array, N: Array) -> None:
     """Evaluate the accelerations without the oscillators' own part ``−ω² q``, into N."""
     accelerations(p, t, q, v, N)
     for i in range(v.size):
         N[i] += m.stiffness[i] * q[i]
 
 
-@take_steps.register(ExponentialSteps)
-def _take_steps(m: ExponentialSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
+@take_steps.register(_ExponentialSteps)
+def _take_steps(m: _ExponentialSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     for k in range(count):
         _take_step(m, p, m.origin + (first + done + k) * m.h)
         if runs_away(m.v):
@@ -286,7 +265,7 @@ def _take_steps(m: ExponentialSteps, p: Any, frozen: Any, first: int, done: int,
 
 
 @inner
-def _take_step(m: ExponentialSteps, p: Any, t: float) -> None:
+def _take_step(m: _ExponentialSteps, p: Any, t: float) -> None:
     h, half, full, stiffness = m.h, m.half, m.full, m.stiffness
     N0, Na, Nb, Nc = m.N0, m.Na, m.Nb, m.Nc
     _rest(m, p, t, m.q, m.v, N0)
@@ -314,7 +293,7 @@ def _take_step(m: ExponentialSteps, p: Any, t: float) -> None:
 
 
 @inner
-def _flow(m: ExponentialSteps, i: int, s: float, x: float, phi: Array) -> tuple[float, float]:
+def _flow(m: _ExponentialSteps, i: int, s: float, x: float, phi: Array) -> tuple[float, float]:
     """Move an oscillator by a time s, a part x of the step: its own motion exactly, N by the parabola of its stages.
 
     At x = 1 the weights are ``(φ₁ − 3 φ₂ + 4 φ₃) N₀ + 2 (φ₂ − 2 φ₃)(N_a + N_b) + (4 φ₃ − φ₂) N_c``.
@@ -328,8 +307,8 @@ def _flow(m: ExponentialSteps, i: int, s: float, x: float, phi: Array) -> tuple[
     )
 
 
-@sample_within.register(ExponentialSteps)
-def _sample_within(m: ExponentialSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+@sample_within.register(_ExponentialSteps)
+def _sample_within(m: _ExponentialSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     for i in range(v.size):
         _functions(m.stiffness[i], s, m.phi)
         q[i], v[i] = _flow(m, i, s, s / m.h, m.phi)

@@ -252,7 +252,7 @@ class FixedMarch:
         samples = Samples(asked, sample_step, sample_offset, q, v, noted, cursor)
         last = -(-(int(sample_step[-1]) + 1 - state.step) // substeps) * substeps + state.step
         p, check = self.system.parameters, WorkCheck(self.system, self.origin, self.step, substeps)
-        touching = getattr(p, "contact", None)
+        touching = p.contact if self.system.n_contact_values else None
         if touching is not None and state.memory.size > self.own_memory:
             touching.recall(state.memory[self.own_memory :])
         check.begin(state.step, state.q, state.v)
@@ -299,7 +299,7 @@ class FixedStepIntegrator(ResumableIntegrator):
 
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN."""
-        contacts = np.full((times.size, getattr(system, "n_contact_values", 0)), np.nan)
+        contacts = np.full((times.size, system.n_contact_values), np.nan)
         end, q, v, seconds = self.fixed_march(system).run(start, times, progress, contacts)
         return replace(self.describe(times, q, v, end, end.step - start.step, seconds), contacts=contacts)
 
@@ -325,7 +325,7 @@ class FixedStepIntegrator(ResumableIntegrator):
         """
         march = self.fixed_march(system)
         check = WorkCheck(system, 0.0, march.step, march.substeps)
-        remembers = check.follows_laws or getattr(system, "has_loops", False) or hasattr(system, "n_contact_values")
+        remembers = check.follows_laws or system.has_loops or system.n_contact_values
         if remembers:  # what is each march's own
             return super().ends(system, start, values, first, n_cycles)
         found, _, _, done, _ = self._march_each(system, start, values, first, n_cycles, np.zeros(0))

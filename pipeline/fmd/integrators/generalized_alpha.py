@@ -39,7 +39,6 @@ from fmd.integrators.protocol import (
     State,
     Trajectory,
     balanced_accelerations,
-    motion_of,
     require_step,
     start_state,
 )
@@ -94,7 +93,7 @@ class GeneralizedAlpha(ResumableIntegrator):
 
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0 with both accelerations, and memory for a tangent."""
-        start, own = start_state(system, q0, v0, np.zeros(system.n)), motion_of(system)
+        start, own = start_state(system, q0, v0, np.zeros(system.n)), system.motion
         memory = np.zeros(own.n * own.n + 2)
         alone = replace(start, q=start.q[: own.n_positions], v=start.v[: own.n], a=start.a[: own.n])
         memory[-1] = balanced_accelerations(own, alone).max(initial=0.0)
@@ -113,17 +112,17 @@ class GeneralizedAlpha(ResumableIntegrator):
         AccuracyError
             Newton's iteration did not converge; the message has the time.
         """
-        h, n, own = self.step, system.n, motion_of(system).n
+        h, n, own = self.step, system.n, system.motion.n
         counts = np.array([0.0, np.nan])
 
-        def make(state: State) -> NewmarkSteps:
+        def make(state: State) -> _NewmarkSteps:
             tangent, marks = state.memory[: own * own].reshape(own, own), state.memory[own * own : own * own + 2]
             alpha_m, alpha_f, beta, gamma = self.weights.tolist()
             room = aligned(n, n, n, n, n, n, system.n_positions)
             begin = (state.q, state.v, state.a, tangent, marks, counts)
-            return NewmarkSteps(h, alpha_m, alpha_f, beta, gamma, *begin, *room)
+            return _NewmarkSteps(h, alpha_m, alpha_f, beta, gamma, *begin, *room)
 
-        contacts = np.full((times.size, getattr(system, "n_contact_values", 0)), np.nan)
+        contacts = np.full((times.size, system.n_contact_values), np.nan)
         try:
             march = FixedMarch(self.name, make, system, 0, h, own_memory=own * own + 2)
             end, q, v, seconds = march.run(start, times, progress, contacts)
@@ -137,49 +136,27 @@ class GeneralizedAlpha(ResumableIntegrator):
 
 
 @dataclass(frozen=True)
-class NewmarkSteps(Table):
-    """State of a march by the generalised-α method, and room for Newton's iteration.
+class _NewmarkSteps(Table):
+    """State of a march by the generalised-α method, and room for Newton's iteration."""
 
-    Attributes
-    ----------
-    h : float
-        Step [s].
-    q, v : ndarray
-        Positions and rates.
-    a : ndarray, shape (2 n,)
-        Auxiliary and true accelerations.
-    tangent : ndarray, shape (n_own, n_own)
-        Factors of Newton's tangent, of the motion itself: those of tangents that are marched with it are the same.
-    marks : ndarray, shape (2,)
-        1 while the tangent is valid, and the largest acceleration so far.
-    counts : ndarray, shape (2,)
-        Evaluations, and the time at which Newton's iteration failed, or NaN [s].
-    new, found, shifted, base : ndarray, shape (n,)
-        Trial accelerations, those that the equations of motion give for them, and room for the tangent.
-    v_new, mean : ndarray, shape (n,)
-        Rates at the step's end, and those that move the positions there.
-    q_new : ndarray
-        Positions at the step's end.
-    """
-
-    h: float
+    h: float  # [s]
     alpha_m: float
     alpha_f: float
     beta: float
     gamma: float
     q: Array
     v: Array
-    a: Array
-    tangent: Array
-    marks: Array
-    counts: Array
-    new: Array
+    a: Array  # (2 n,): auxiliary and true accelerations
+    tangent: Array  # (n_own, n_own): factors of Newton's tangent, of the motion alone
+    marks: Array  # (2,): 1 while the tangent is valid, and the largest acceleration so far
+    counts: Array  # (2,): evaluations, and the time at which Newton's iteration failed, or NaN [s]
+    new: Array  # (n,): trial accelerations, those that the equations of motion give for them, and room for the tangent
     found: Array
     shifted: Array
     base: Array
-    v_new: Array
+    v_new: Array  # rates at the step's end, and those that move the positions there
     mean: Array
-    q_new: Array
+    q_new: Array  # positions at the step's end
 
 
 @inner
@@ -215,7 +192,7 @@ def _solve_part(A: Array, x: Array, first: int, apart: int) -> None:
 
 
 @inner
-def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
+def _evaluate_end(m: _NewmarkSteps, p: Any, end: float, found: Array) -> None:
     """Evaluate the accelerations at a step's ``end`` [s] for the trial ones."""
     n = m.v.size
     for i in range(n):
@@ -230,7 +207,7 @@ def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
 
 
 @inner
-def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
+def _find_end(m: _NewmarkSteps, p: Any, end: float) -> bool:
     """Find the accelerations at a step's ``end`` [s] by Newton's method; false if it does not converge."""
     n = m.v.size
     for i in range(n):
@@ -248,7 +225,7 @@ def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
 
 
 @inner
-def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
+def _renew_tangent(m: _NewmarkSteps, p: Any, end: float) -> None:
     """Factor the tangent at the trial accelerations, by differences; ``found`` are the accelerations there."""
     n, size = m.tangent.shape[0], VANISHED
     for i in range(m.v.size):
@@ -270,7 +247,7 @@ def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
 
 
 @inner
-def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
+def _converges(m: _NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
     """Iterate from the trial accelerations until they converge; if ``wary``, only while corrections shrink.
 
     Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
@@ -306,7 +283,7 @@ def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
 
 
 @inner
-def _correct(m: NewmarkSteps) -> None:
+def _correct(m: _NewmarkSteps) -> None:
     """Correct the trial accelerations by those that the equations of motion give for them."""
     for i in range(m.v.size):
         m.found[i] -= m.new[i]
@@ -316,7 +293,7 @@ def _correct(m: NewmarkSteps) -> None:
 
 
 @inner
-def _carry_tangents(m: NewmarkSteps, p: Any, end: float) -> bool:
+def _carry_tangents(m: _NewmarkSteps, p: Any, end: float) -> bool:
     """Find the tangents' accelerations where the motion's have been found, until round-off is left; or return false."""
     n, before, size = m.tangent.shape[0], math.inf, VANISHED
     for _ in range(STEP_ITERATIONS):
@@ -338,14 +315,14 @@ def _carry_tangents(m: NewmarkSteps, p: Any, end: float) -> bool:
     return False
 
 
-@begin_cycle.register(NewmarkSteps)
-def _begin_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
+@begin_cycle.register(_NewmarkSteps)
+def _begin_cycle(m: _NewmarkSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     if first == 0:
         remember_contacts(p, 0.0, m.q, m.v)
 
 
-@take_steps.register(NewmarkSteps)
-def _take_steps(m: NewmarkSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
+@take_steps.register(_NewmarkSteps)
+def _take_steps(m: _NewmarkSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     """Find the step's end; the state moves there when the samples are taken."""
     if _find_end(m, p, first * m.h + m.h):
         return 0 if runs_away(m.v_new) else 1
@@ -353,8 +330,8 @@ def _take_steps(m: NewmarkSteps, p: Any, frozen: Any, first: int, done: int, cou
     return 0
 
 
-@sample_within.register(NewmarkSteps)
-def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+@sample_within.register(_NewmarkSteps)
+def _sample_within(m: _NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     """Interpolate the state: cubic in time, along the mean rates."""
     n, x = v.size, s / m.h
     for i in range(n):
@@ -365,8 +342,8 @@ def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Ar
     advance(p, q, m.mean, s, 0, n)
 
 
-@end_cycle.register(NewmarkSteps)
-def _end_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
+@end_cycle.register(_NewmarkSteps)
+def _end_cycle(m: _NewmarkSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Move the state to the step's end."""
     n = m.v.size
     for i in range(n):

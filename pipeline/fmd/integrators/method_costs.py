@@ -7,7 +7,6 @@ import numpy as np
 from fmd.core.limits.stepping import (
     ACCURATE_EVALUATIONS,
     ACCURATE_STABLE_STEP,
-    COST_OF_COORDINATE,
     COST_OF_PIECE,
     COST_OF_SAMPLE,
     OVERHEAD,
@@ -16,36 +15,31 @@ from fmd.dynamics.system import System
 from fmd.integrators.runge_kutta import DAMPED
 
 
-def evaluation_cost(system: System) -> float:
-    """Operations of an evaluation of the accelerations."""
-    return float(getattr(system, "evaluation_cost", COST_OF_COORDINATE * system.n))
-
-
 def explicit_cost(system: System) -> float:
     """Cost of a step of the Runge–Kutta method: 12 evaluations, and sums of 12 slopes for each."""
-    return 12 * (evaluation_cost(system) + 12 * system.n)
+    return 12 * (system.evaluation_cost + 12 * system.n)
 
 
 def leapfrog_cost(system: System) -> float:
     """Cost of a step of central difference."""
-    return evaluation_cost(system) + 6 * system.n
+    return system.evaluation_cost + 6 * system.n
 
 
 def rosenbrock_cost(system: System, step: float) -> float:
     """Cost of a step [s] of the Rosenbrock method: as many evaluations as coordinates, and products of matrices."""
     n = system.n + system.n_positions
     doublings = max(0.0, np.log2(system.highest_frequency * step))
-    return float(n * evaluation_cost(system) + 2 * (14 + 15 * doublings) * n**3)
+    return float(n * system.evaluation_cost + 2 * (14 + 15 * doublings) * n**3)
 
 
 def implicit_cost(system: System) -> float:
     """Cost of an evaluation of generalised-α, with a solution by a kept factor or its share of a new one."""
-    return evaluation_cost(system) + 4 * system.n**2 + OVERHEAD
+    return system.evaluation_cost + 4 * system.n**2 + OVERHEAD
 
 
 def exponential_cost(system: System, steps: int, n_outputs: int) -> float:
     """Cost of a march of the exponential method by so many steps; each breakpoint begins a march of its own."""
-    of_steps = 4 * steps * (evaluation_cost(system) + 20 * system.n)
+    of_steps = 4 * steps * (system.evaluation_cost + 20 * system.n)
     return of_steps + COST_OF_SAMPLE * n_outputs * system.n + COST_OF_PIECE * len(system.breakpoints)
 
 

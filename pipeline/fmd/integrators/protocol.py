@@ -273,12 +273,6 @@ class ResumableIntegrator(Integrator):
         return found
 
 
-def motion_of(system: System) -> System:
-    """Return the system of a motion, beside which tangents may be marched."""
-    own: System = getattr(system, "motion", system)
-    return own
-
-
 def require_step(step: float) -> None:
     """Raise ``ValueError`` unless a step is a finite time above 0."""
     if not 0.0 < step < np.inf:

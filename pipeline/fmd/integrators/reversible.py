@@ -105,10 +105,10 @@ class ReversibleSubcycling(FixedStepIntegrator):
         """Return what a system is marched with."""
         h, m, n, n_slow = self.step, self.substeps, system.n, system.n_slow
 
-        def make(state: State) -> ReactingSteps:
+        def make(state: State) -> _ReactingSteps:
             move, D = state.memory[:n], state.memory[n:].reshape(n, n_slow)
             room = aligned(system.n_positions, n, n, n)
-            return ReactingSteps(h, m, n_slow, state.q, state.v, state.a, move, D, *room)
+            return _ReactingSteps(h, m, n_slow, state.q, state.v, state.a, move, D, *room)
 
         return FixedMarch(self.name, make, system, system.middle(m * h), h, m)
 
@@ -119,40 +119,25 @@ def _freeze(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None
 
 
 @dataclass(frozen=True)
-class ReactingSteps(Table):
-    """State of a reversible sub-cycled march, and room to work in.
+class _ReactingSteps(Table):
+    """State of a march; fast coordinates are scalars, number i at position ``i + q.size - v.size``."""
 
-    Attributes
-    ----------
-    h, substeps, n_slow : float, int, int
-        Fast step [s], steps to a cycle, number of slow rates. Fast coordinates are scalars: number i is position
-        ``i + q.size - v.size``.
-    move : ndarray, shape (n,)
-        Change of the fast positions over the last cycle.
-    D : ndarray, shape (n, n_slow)
-        How the slow coordinates follow the fast ones, as `freeze_middle` gives it.
-    q_now, v_now, shift : ndarray
-        Room: the middle's state or a sample's begin, and changes of the slow positions.
-    before : ndarray, shape (n,)
-        Rates of ``y = q_L + D q_S`` and fast positions at the cycle's begin.
-    """
-
-    h: float
+    h: float  # fast step [s]
     substeps: int
     n_slow: int
     q: Array
     v: Array
     a: Array
-    move: Array
-    D: Array
-    q_now: Array
+    move: Array  # (n,): change of the fast positions over the last cycle
+    D: Array  # (n, n_slow): how the slow coordinates follow the fast ones, as `freeze_middle` gives it
+    q_now: Array  # room: the middle's state or a sample's begin, and changes of the slow positions
     v_now: Array
     shift: Array
-    before: Array
+    before: Array  # (n,): rates of ``y = q_L + D q_S`` and fast positions at the cycle's begin
 
 
-@begin_cycle.register(ReactingSteps)
-def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: bool) -> None:
+@begin_cycle.register(_ReactingSteps)
+def _begin_cycle(m: _ReactingSteps, p: Any, middle: Any, first: int, sampled: bool) -> None:
     """Freeze the equations in the middle, predicted with the D of the last cycle, and y from here on."""
     n, n_slow, H, offset = m.v.size, m.n_slow, m.substeps * m.h, m.q.size - m.v.size
     for i in range(m.q.size):
@@ -177,8 +162,8 @@ def _begin_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, sampled: boo
         m.q[j + offset] += 0.5 * m.h * m.v[j]
 
 
-@take_steps.register(ReactingSteps)
-def _take_steps(m: ReactingSteps, p: Any, middle: Any, first: int, done: int, count: int, sampled: bool) -> int:
+@take_steps.register(_ReactingSteps)
+def _take_steps(m: _ReactingSteps, p: Any, middle: Any, first: int, done: int, count: int, sampled: bool) -> int:
     if sampled:
         offset = m.q.size - m.v.size
         for j in range(m.n_slow, m.v.size):
@@ -188,8 +173,8 @@ def _take_steps(m: ReactingSteps, p: Any, middle: Any, first: int, done: int, co
     return 0 if runs_away(m.v) else count
 
 
-@sample_within.register(ReactingSteps)
-def _sample_within(m: ReactingSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+@sample_within.register(_ReactingSteps)
+def _sample_within(m: _ReactingSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     """Evaluate the fast coordinates; the slow ones are known at the cycle's end."""
     offset = q.size - v.size
     for j in range(m.n_slow, v.size):  # Taylor's polynomial, which the next step continues
@@ -197,8 +182,8 @@ def _sample_within(m: ReactingSteps, p: Any, done: int, s: float, q: Array, v: A
         q[j + offset] = m.q_now[j + offset] + s * (m.v_now[j] + 0.5 * s * m.a[j])
 
 
-@end_cycle.register(ReactingSteps)
-def _end_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, samples: Samples, first_sample: int) -> None:
+@end_cycle.register(_ReactingSteps)
+def _end_cycle(m: _ReactingSteps, p: Any, middle: Any, first: int, samples: Samples, first_sample: int) -> None:
     """Take the slow step."""
     n, n_slow, H, offset = m.v.size, m.n_slow, m.substeps * m.h, m.q.size - m.v.size
     for j in range(n_slow, n):
@@ -219,7 +204,7 @@ def _end_cycle(m: ReactingSteps, p: Any, middle: Any, first: int, samples: Sampl
 
 
 @inner
-def _sample_slow(m: ReactingSteps, p: Any, s: float, q: Array, v: Array) -> None:
+def _sample_slow(m: _ReactingSteps, p: Any, s: float, q: Array, v: Array) -> None:
     """Evaluate the slow coordinates a time s after the cycle's begin, where the fast ones are known."""
     n, n_slow, offset = v.size, m.n_slow, q.size - v.size
     for i in range(n_slow):

@@ -58,62 +58,38 @@ class ExponentialRosenbrock(AdaptiveIntegrator):
         """Yield the method with nine tolerances."""
         yield [cls(10.0**-k) for k in range(2, 11)]
 
-    def room(self, system: System) -> RosenbrockSteps:
+    def room(self, system: System) -> _RosenbrockSteps:
         """Make room for a step of a system."""
         return make_room(system.n_positions + system.n)
 
 
 @dataclass(frozen=True)
-class RosenbrockSteps(Table):
-    """Room for a step of the method.
+class _RosenbrockSteps(Table):
+    """Room for a step of the method."""
 
-    Attributes
-    ----------
-    levels : ndarray, shape (MOST_HALVED_STEPS, 5, n, n)
-        φ₀ … φ₄ of the scaled matrix, for half of the step in the end and for half of that below.
-    matrices : ndarray, shape (5, n, n)
-        Room for powers.
-    J, A : ndarray, shape (n, n)
-        The derivatives of F, and the same balanced.
-    c : ndarray, shape (4, n)
-        Source of the linear equation, by powers of the time.
-    marks : ndarray, shape (2,)
-        Largest rate of all coordinates so far, and largest acceleration: round-off is relative to them.
-    top : ndarray of int, shape (1,)
-        Number of the level for half of the step.
-    F, dt : ndarray, shape (n,)
-        Time derivatives at the step's begin, and their derivative by time.
-    D2, D3 : ndarray, shape (n,)
-        The remainder at the stages, and then its coefficients over the step.
-    w, error, scale : ndarray, shape (n,)
-        Scaled change, error, and the scales.
-    room, none : ndarray, shape (n,)
-        Room, and zeros.
-    """
-
-    levels: Array
-    matrices: Array
-    J: Array
+    levels: Array  # (MOST_HALVED_STEPS, 5, n, n): φ₀ … φ₄ of A, for half of the step in the end, and half of that below
+    matrices: Array  # (5, n, n): room for powers
+    J: Array  # (n, n): derivatives of F, and the same balanced
     A: Array
-    c: Array
-    marks: Array
-    top: IntArray
-    F: Array
+    c: Array  # (4, n): source of the linear equation, by powers of the time
+    marks: Array  # (2,): largest rate and acceleration of all coordinates so far, which round-off is relative to
+    top: IntArray  # (1,): number of the level for half of the step
+    F: Array  # (n,): time derivatives at the step's begin, and their derivative by time
     dt: Array
-    D2: Array
+    D2: Array  # the remainder at the stages, and then its coefficients over the step
     D3: Array
-    w: Array
+    w: Array  # scaled change and error, and the scales
     error: Array
     scale: Array
     room: Array
-    none: Array
+    none: Array  # zeros
 
 
-def make_room(n: int) -> RosenbrockSteps:
+def make_room(n: int) -> _RosenbrockSteps:
     """Make room for a step with n positions and rates together."""
     levels, c, matrices = np.empty((MOST_HALVED_STEPS, 5, n, n)), np.zeros((4, n)), np.empty((5, n, n))
     J, A, marks, top = np.empty((n, n)), np.empty((n, n)), np.zeros(2), np.zeros(1, dtype=np.int64)
-    return RosenbrockSteps(levels, matrices, J, A, c, marks, top, *aligned(*9 * [n]))
+    return _RosenbrockSteps(levels, matrices, J, A, c, marks, top, *aligned(*9 * [n]))
 
 
 @inner
@@ -124,7 +100,7 @@ def _slope(p: Any, t: float, u: Array, n_positions: int, F: Array) -> None:
 
 
 @inner
-def _linearise(m: RosenbrockSteps, p: Any, t: float, dt: float, u: Array, n_positions: int) -> None:
+def _linearise(m: _RosenbrockSteps, p: Any, t: float, dt: float, u: Array, n_positions: int) -> None:
     """Differentiate F by u and by t, by finite differences.
 
     Entries that may be round-off alone are set to 0: a coordinate at rest would take them for errors of its own.
@@ -193,7 +169,7 @@ def _taylor_flow(A: Array, tau: float, w: Array, c: Array, rate: Array, new: Arr
 
 
 @inner
-def _flow_to(m: RosenbrockSteps, half: float, ahead: float) -> None:
+def _flow_to(m: _RosenbrockSteps, half: float, ahead: float) -> None:
     """Advance w from 0 by any time below twice ``half``: by the levels' times, and the rest by Taylor's series."""
     for i in range(m.w.size):
         m.w[i] = 0.0
@@ -207,7 +183,7 @@ def _flow_to(m: RosenbrockSteps, half: float, ahead: float) -> None:
 
 
 @inner
-def _flow_over(m: RosenbrockSteps, phi: Array, half: float, w: Array) -> None:
+def _flow_over(m: _RosenbrockSteps, phi: Array, half: float, w: Array) -> None:
     """Advance w from 0 at the begin of a step to its end."""
     for i in range(w.size):
         w[i] = 0.0
@@ -216,7 +192,7 @@ def _flow_over(m: RosenbrockSteps, phi: Array, half: float, w: Array) -> None:
 
 
 @inner
-def _set_source(m: RosenbrockSteps, first: Array, v: Array, A: Array, B: Array, h: float) -> None:
+def _set_source(m: _RosenbrockSteps, first: Array, v: Array, A: Array, B: Array, h: float) -> None:
     """Set the source of `_flow` to ``first + v t + A (t/h)² + B (t/h)³``, scaled."""
     c, scale = m.c, m.scale
     for i in range(scale.size):
@@ -225,7 +201,7 @@ def _set_source(m: RosenbrockSteps, first: Array, v: Array, A: Array, B: Array, 
 
 
 @inner
-def _remainder(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, dt: float, out: Array) -> None:
+def _remainder(m: _RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, dt: float, out: Array) -> None:
     """Evaluate ``g(t, u + w) − g(t − dt, u)`` into out for the scaled change w; the system is solved once."""
     n = out.size
     for i in range(n):
@@ -240,7 +216,7 @@ def _remainder(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, dt: float
 
 
 @inner
-def _balance(m: RosenbrockSteps, n_positions: int, floor: float) -> None:
+def _balance(m: _RosenbrockSteps, n_positions: int, floor: float) -> None:
     """Balance J by ``A = S J S⁻¹``, positions scaled so that an oscillator's 1 and ω² both become ω."""
     n, scale = m.scale.size, m.scale
     for i in range(n):
@@ -253,8 +229,8 @@ def _balance(m: RosenbrockSteps, n_positions: int, floor: float) -> None:
             m.A[i, j] = scale[i] * m.J[i, j] / scale[j]
 
 
-@begin_step.register(RosenbrockSteps)
-def _begin_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+@begin_step.register(_RosenbrockSteps)
+def _begin_step(m: _RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Linearise the equations of motion."""
     n, n_positions, start = s.begin.size, s.q.size, just_after(t)
     _slope(p, start, s.begin, n_positions, m.F)
@@ -271,8 +247,8 @@ def _begin_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float
     s.evaluations[0] += n + 2
 
 
-@try_step.register(RosenbrockSteps)
-def _try_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
+@try_step.register(_RosenbrockSteps)
+def _try_step(m: _RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
     n, n_positions, change, second = s.begin.size, s.q.size, m.marks[0], m.marks[1]
     top = fill_phi_functions(m.A, 0.5 * h, m.levels, m.matrices)
     if top < 0:
@@ -303,13 +279,13 @@ def _try_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
     return scaled_error(s.groups, s.trial, s.balance, m.error, n_positions, h)
 
 
-@prepare_samples.register(RosenbrockSteps)
-def _prepare_samples(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+@prepare_samples.register(_RosenbrockSteps)
+def _prepare_samples(m: _RosenbrockSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     pass
 
 
-@sample_step.register(RosenbrockSteps)
-def _sample_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
+@sample_step.register(_RosenbrockSteps)
+def _sample_step(m: _RosenbrockSteps, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
     """Solve the linearised equations, with the remainder's polynomial, up to a time within the step."""
     _set_source(m, m.F, m.dt, m.D2, m.D3, h)
     _flow_to(m, 0.5 * h, ahead)
@@ -317,8 +293,8 @@ def _sample_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch, ahead: float, h: 
         s.out[i] = s.begin[i] + m.w[i] / m.scale[i]
 
 
-@end_step.register(RosenbrockSteps)
-def _end_step(m: RosenbrockSteps, p: Any, s: AdaptiveMarch) -> None:
+@end_step.register(_RosenbrockSteps)
+def _end_step(m: _RosenbrockSteps, p: Any, s: AdaptiveMarch) -> None:
     for i in range(s.a.size):
         s.a[i] = m.F[s.q.size + i]
     for k in range(2):

@@ -38,43 +38,22 @@ _E3, _E5, _D = 16, 17, 18  # rows of the weights after those of the stages
 
 
 @dataclass(frozen=True)
-class RungeKuttaSteps(Table):
-    """Coefficients of the method, and room for a step.
+class _RungeKuttaSteps(Table):
+    """Coefficients, a row for each stage, two errors and four of the dense output; and room for a step."""
 
-    Attributes
-    ----------
-    C : ndarray, shape (16,)
-        Times of the stages in a step.
-    slope : ndarray of int, shape (22, 16)
-        Numbers of the slopes that are summed for each stage, each of the two errors, and four coefficients of the
-        dense output, but for the slope just before in this order; filled up with 0.
-    weight : ndarray, shape (22, 16)
-        Their weights, and 0.
-    length : ndarray of int, shape (22,)
-        How many they are, rounded up to four.
-    latest : ndarray, shape (22,)
-        Weight of the slope just before.
-    K : ndarray, shape (16, n_positions + n)
-        Slopes at the stages.
-    dense : ndarray, shape (7, n_positions + n)
-        Coefficients of the dense output.
-    error, none : ndarray, shape (n_positions + n,)
-        Room for an error, and zeros.
-    """
-
-    C: Array
-    slope: IntArray
-    weight: Array
-    length: IntArray
-    latest: Array
-    K: Array
-    dense: Array
-    error: Array
+    C: Array  # (16,): times of the stages in a step
+    slope: IntArray  # (22, 16): numbers of the slopes that are summed, but for the one just before; filled up with 0
+    weight: Array  # (22, 16): their weights, and 0
+    length: IntArray  # (22,): how many they are, rounded up to four
+    latest: Array  # (22,): weight of the slope just before
+    K: Array  # (16, n_positions + n): slopes at the stages
+    dense: Array  # (7, n_positions + n)
+    error: Array  # (n_positions + n,): room for an error, and zeros
     none: Array
 
 
 def _coefficients() -> tuple[Array, IntArray, Array, IntArray, Array]:
-    """Return the members C, slope, weight, length and latest of `RungeKuttaSteps`."""
+    """Return the members C, slope, weight, length and latest of `_RungeKuttaSteps`."""
     slope, weight, length = np.zeros((22, 16), dtype=np.int64), np.zeros((22, 16)), np.zeros(22, dtype=np.int64)
     latest = np.zeros(22)
     for k, row in enumerate(dop853.ROWS):
@@ -86,9 +65,9 @@ def _coefficients() -> tuple[Array, IntArray, Array, IntArray, Array]:
 
 
 @lru_cache(maxsize=16)
-def _steps(n_all: int) -> RungeKuttaSteps:
+def _steps(n_all: int) -> _RungeKuttaSteps:
     """Return a table for so many positions and rates, to be renewed for each march."""
-    return RungeKuttaSteps(*_coefficients(), np.zeros((16, n_all)), np.zeros((7, n_all)), *np.zeros((2, n_all)))
+    return _RungeKuttaSteps(*_coefficients(), np.zeros((16, n_all)), np.zeros((7, n_all)), *np.zeros((2, n_all)))
 
 
 @dataclass(frozen=True)
@@ -120,33 +99,33 @@ class RungeKutta(AdaptiveIntegrator):
         """Return the step with so many radians of the highest frequency as ``reach`` says [s]."""
         return self.reach / max(system.highest_frequency, 1e-150) if system.n else math.inf
 
-    def room(self, system: System) -> RungeKuttaSteps:
+    def room(self, system: System) -> _RungeKuttaSteps:
         """Return the coefficients and room for a step of a system."""
         return _steps(system.n_positions + system.n).renewed()
 
 
 @inner
-def _add_slopes(m: RungeKuttaSteps, row: int, h: float, base: Array, out: Array) -> None:
+def _add_slopes(m: _RungeKuttaSteps, row: int, h: float, base: Array, out: Array) -> None:
     """Add a row's weighted sum of the slopes times h to a state, into ``out``."""
     add_weighted_rows(base, m.K, m.slope[row], m.weight[row], m.length[row], max(row - 1, 0), m.latest[row], h, out)
 
 
 @inlined
-def _slope(m: RungeKuttaSteps, p: Any, k: int, t: float, u: Array, n_positions: int) -> None:
+def _slope(m: _RungeKuttaSteps, p: Any, k: int, t: float, u: Array, n_positions: int) -> None:
     """Evaluate slope number k at a time t and positions and rates u."""
     velocities(p, u[:n_positions], u[n_positions:], m.K[k, :n_positions])
     accelerations(p, t, u[:n_positions], u[n_positions:], m.K[k, n_positions:])
 
 
 @inner
-def _stage(m: RungeKuttaSteps, p: Any, k: int, t: float, h: float, s: AdaptiveMarch, u: Array) -> None:
+def _stage(m: _RungeKuttaSteps, p: Any, k: int, t: float, h: float, s: AdaptiveMarch, u: Array) -> None:
     """Evaluate slope number k of a step, at ``t + C_k h``; u is the stage's state."""
     _add_slopes(m, k, h, s.begin, u)
     _slope(m, p, k, just_before(t + h) if m.C[k] == 1.0 else t + m.C[k] * h, u, s.q.size)
 
 
-@begin_step.register(RungeKuttaSteps)
-def _begin_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+@begin_step.register(_RungeKuttaSteps)
+def _begin_step(m: _RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Evaluate the first slope; unless loads jump here, the last one of the step before has its accelerations."""
     if s.fresh[0] != 0.0:
         _slope(m, p, 0, just_after(t), s.begin, s.q.size)
@@ -157,8 +136,8 @@ def _begin_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float
         m.K[0, s.q.size + i] = s.a[i]
 
 
-@try_step.register(RungeKuttaSteps)
-def _try_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
+@try_step.register(_RungeKuttaSteps)
+def _try_step(m: _RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, reached: float) -> float:
     """Take all stages; their error is that of orders 5 and 3 together: ``|e₅|² / √(|e₅|² + 0.01 |e₃|²)``."""
     for k in range(1, 13):
         _stage(m, p, k, t, h, s, s.new)  # the last one is at the step's end, and new with it
@@ -170,13 +149,13 @@ def _try_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float, 
 
 
 @inner
-def _error(m: RungeKuttaSteps, row: int, h: float, s: AdaptiveMarch) -> float:
+def _error(m: _RungeKuttaSteps, row: int, h: float, s: AdaptiveMarch) -> float:
     _add_slopes(m, row, h, m.none, m.error)
     return scaled_error(s.groups, s.trial, s.balance, m.error, s.q.size, h)
 
 
-@prepare_samples.register(RungeKuttaSteps)
-def _prepare_samples(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
+@prepare_samples.register(_RungeKuttaSteps)
+def _prepare_samples(m: _RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: float) -> None:
     """Compute the coefficients of the dense output, with three more stages."""
     for k in range(13, 16):
         _stage(m, p, k, t, h, s, s.out)
@@ -190,8 +169,8 @@ def _prepare_samples(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, t: float, h: 
         _add_slopes(m, _D + row, h, m.none, m.dense[3 + row])
 
 
-@sample_step.register(RungeKuttaSteps)
-def _sample_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
+@sample_step.register(_RungeKuttaSteps)
+def _sample_step(m: _RungeKuttaSteps, p: Any, s: AdaptiveMarch, ahead: float, h: float) -> None:
     """Evaluate ``u + x (f₁ + (1 − x)(f₂ + x (f₃ + …)))`` with seven coefficients at a part x of the step."""
     x = ahead / h
     for i in range(s.out.size):
@@ -201,7 +180,7 @@ def _sample_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch, ahead: float, h: 
         s.out[i] = s.begin[i] + total
 
 
-@end_step.register(RungeKuttaSteps)
-def _end_step(m: RungeKuttaSteps, p: Any, s: AdaptiveMarch) -> None:
+@end_step.register(_RungeKuttaSteps)
+def _end_step(m: _RungeKuttaSteps, p: Any, s: AdaptiveMarch) -> None:
     for i in range(s.a.size):
         s.a[i] = m.K[12, s.q.size + i]

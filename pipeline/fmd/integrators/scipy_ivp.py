@@ -13,7 +13,7 @@ from scipy.integrate import DOP853, LSODA, Radau
 from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import FAR_OFF, MOST_SCIPY_STEPS, SCIPY_WINDOW, SHORTEST_STEP
-from fmd.dynamics.step_bounds import StepBounds, allowed_part_of, record_step_start_of, step_bounds_of
+from fmd.dynamics.step_bounds import StepBounds, allowed_part_of, record_step_start_of
 from fmd.dynamics.system import System
 from fmd.integrators.endless import StepsLeft
 from fmd.integrators.protocol import (
@@ -92,7 +92,7 @@ class ScipyIvp(Integrator):
         samples = np.full((len(times), n_positions + n), np.nan)
         y, now, end, n_steps = np.concatenate([q0, v0]).astype(float), 0.0, float(times[-1]), 0
         samples[times == now] = y
-        bounds = step_bounds_of(system)
+        bounds = system.step_bounds
         stops = [point for point in system.breakpoints if point > now]
         left = StepsLeft(self.name, end, MOST_SCIPY_STEPS, SCIPY_WINDOW)
         slope = rates(now, y)  # compiles, or reads kernels: not part of the run time

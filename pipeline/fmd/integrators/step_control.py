@@ -17,8 +17,7 @@ def groups_of(system: System) -> IntArray:
 
     Each coordinate is one if the system has no groups.
     """
-    groups = getattr(system, "groups", None)
-    positions, rates = (np.arange(system.n_positions), np.arange(system.n)) if groups is None else groups
+    positions, rates = system.groups or (np.arange(system.n_positions), np.arange(system.n))
     if not positions.size:
         return rates
     return np.concatenate((positions, np.where(rates < 0, -1, rates + (positions.max() + 1))))
@@ -26,10 +25,7 @@ def groups_of(system: System) -> IntArray:
 
 def kinds_of(system: System) -> tuple[IntArray, int]:
     """Return the kind of each group of `groups_of`, (n_groups,), and their number; 0 if none has two groups."""
-    both = getattr(system, "groups", None)
-    if both is None:
-        return np.zeros(0, dtype=np.int64), 0
-    in_positions, in_rates = (set(groups[groups >= 0].tolist()) for groups in both)
+    in_positions, in_rates = (set(groups[groups >= 0].tolist()) for groups in system.groups or 2 * [np.zeros(0, int)])
     if all(len({group % 3 for group in used}) == len(used) for used in (in_positions, in_rates)):
         return np.zeros(0, dtype=np.int64), 0
     numbers = [range(max(used, default=-1) + 1) for used in (in_positions, in_rates)]

@@ -47,7 +47,6 @@ from fmd.integrators.protocol import (
     Progress,
     State,
     Trajectory,
-    motion_of,
     require_ratio,
     start_state,
 )
@@ -82,7 +81,7 @@ class Subcycling(FixedStepIntegrator):
 
     def suits(self, system: System) -> bool:
         """Tell whether forces can go on as wanted: those of loops answer each fast step, so they need tangents."""
-        return self.forces == "tangents" or not getattr(system, "has_loops", False)
+        return self.forces == "tangents" or not system.has_loops
 
     @property
     def remembered(self) -> bool:
@@ -115,16 +114,16 @@ class Subcycling(FixedStepIntegrator):
 
     def _own_memory(self, system: System) -> int:
         """Return how many values a state remembers: of kinds of cycles where surfaces touch, and of carried forces."""
-        touching = 2 if self.substeps > 1 and hasattr(system, "n_contact_values") else 0
+        touching = 2 if self.substeps > 1 and system.n_contact_values else 0
         return touching + (2 * system.n + 1 if self.remembered else 0)
 
     def carries_tangent(self, system: System, others: Sequence[System]) -> bool:
         """Tell whether tangents can be marched: where forces follow theirs, of a mechanism without loops."""
-        return self.substeps == 1 or (self.forces == "tangents" and not getattr(system, "has_loops", False))
+        return self.substeps == 1 or (self.forces == "tangents" and not system.has_loops)
 
     def lag(self, system: System) -> Array:
         """Return half a step, for slow coordinates half a cycle."""
-        own = motion_of(system)
+        own = system.motion
         lag = np.full(own.n, 0.5 * self.step)
         lag[: own.n_slow] *= self.substeps
         with_tangents: Any = system
@@ -135,7 +134,7 @@ class Subcycling(FixedStepIntegrator):
         if self.substeps == 1:
             return replace(CentralDifference(self.step).resume(system, start, times, progress), integrator=self.name)
         march = super().resume(system, start, times, progress)
-        if not hasattr(system, "n_contact_values"):
+        if not system.n_contact_values:
             return march
         single = (self.substeps - 1) * int(march.end.memory[1] - start.memory[1])
         fast = max(0, march.fast_evaluations - single)
@@ -149,14 +148,14 @@ class Subcycling(FixedStepIntegrator):
 
     def fixed_march(self, system: System) -> FixedMarch:
         """Return what a system is marched with."""
-        if motion_of(system) is not system:
+        if system.motion is not system:
             return self._march_with_tangents(system)
         h, m, n_slow, n = self.step, self.substeps, system.n_slow, system.n
         if m == 1:
             return replace(CentralDifference(h).fixed_march(system), name=self.name)
-        if hasattr(system, "n_contact_values"):
+        if system.n_contact_values:
             return self._touching_march(system)
-        whole = system.cycle(h, m) if hasattr(system, "cycle") and not self.remembered else None
+        whole = None if self.remembered else system.cycle(h, m)
 
         def make(state: State) -> FrozenSteps | WholeSteps | CarriedSteps:
             if self.remembered:

@@ -25,7 +25,7 @@ from fmd.core.limits.stepping import (
     WORST_STEPS,
 )
 from fmd.dynamics.law_pieces import PiecewiseLaw
-from fmd.dynamics.step_bounds import StepBounds, no_bounds, record_step_start, record_step_start_of, step_bounds_of
+from fmd.dynamics.step_bounds import StepBounds, no_bounds, record_step_start, record_step_start_of
 from fmd.kernels.kernel import inlined
 from fmd.kernels.table import Table
 
@@ -85,11 +85,11 @@ class WorkCheck:
     """
 
     def __init__(self, system: Any, origin: float, step: float, cycle: int) -> None:
-        bounds = step_bounds_of(system)
+        bounds = system.step_bounds
         self._step, self._cycle = step, cycle
         self.most_steps = CYCLES_BETWEEN_CHECKS * cycle if bounds.n_laws else np.iinfo(np.int64).max
         self.log = _log(bounds, origin, step, CYCLES_BETWEEN_CHECKS) if bounds.n_laws else _no_log()
-        self._passes = [_Passes(law) for law in getattr(system, "piecewise_laws", ())]
+        self._passes = [_Passes(law) for law in system.piecewise_laws]
 
     @property
     def follows_laws(self) -> bool:

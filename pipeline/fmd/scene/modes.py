@@ -144,11 +144,6 @@ class ModeSettings(SceneTable):
     solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
     ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
 
-    @property
-    def enrichment(self) -> Enrichment:
-        """Shapes that are added to the modes: those that the scene chooses, or that suit the boundary."""
-        return self.enrich or ("none" if self.boundary == "interface" else "inertia")
-
     @model_validator(mode="after")
     def _ranks_of_slepc(self) -> ModeSettings:
         if self.ranks is not None and self.solver != "slepc":
@@ -184,7 +179,7 @@ class ReducedModes(SceneTable):
     family: ClassVar[str] = "any"
     boundary: ClassVar[str] = "free"
     interface: ClassVar[tuple[str, ...]] = ()
-    enrichment: ClassVar[Enrichment] = "none"
+    enrich: ClassVar[Enrichment] = "none"
     solver: ClassVar[Literal["auto"]] = "auto"
     ranks: ClassVar[None] = None
 

@@ -14,8 +14,7 @@ from fmd.scene.controllers import AnyController
 from fmd.scene.fit import FitTable
 from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
 from fmd.scene.joints.any_joint import Joint, closing_joints
-from fmd.scene.loads import Drive
-from fmd.scene.modes import ModeSettings
+from fmd.scene.loads import Drive, MarkerLoad
 from fmd.scene.outputs import Output, with_only_body
 from fmd.scene.places import GroundPlace
 from fmd.scene.reading import SceneTable
@@ -54,6 +53,13 @@ class SceneTables(SceneTable):
         return {"spring": dict(self.spring), "bushing": dict(self.bushing), "bearing": dict(self.bearing)}
 
     @property
+    def loaded_places(self) -> set[str]:
+        """The places, ``"body.marker"`` or on the ground, at which joints, loads and force elements act."""
+        places = {end for joint in self.joint.values() for end in (joint.parent, joint.child)}
+        places |= {load.marker for load in self.drive.values() if isinstance(load, MarkerLoad)}
+        return places | {end for table in self.elements.values() for one in table.values() for end in one.between}
+
+    @property
     def touching_faces(self) -> tuple[tuple[str, str, str], ...]:
         """Contact, body and marker of each face of a flexible body that may touch something."""
         both = ((name, *end.partition(".")[::2]) for name, own in self.contact.items() for end in own.between)
@@ -79,16 +85,17 @@ class SceneTables(SceneTable):
     def with_its_basis(self, name: str) -> Flexible:
         """Return a flexible body with the basis that it has where the scene leaves that open.
 
-        Free modes of a body on joints with others stand alone: the static responses to their forces have very high
-        frequencies, which couple through the joints, so that next to no step would do.
+        Fixed-interface modes have static responses already. Free modes of a body on joints with others stand alone: the
+        static responses to their forces have very high frequencies, which couple through the joints, so that next to no
+        step would do.
         """
         body = self.flexible[name]
-        pairs = [{end.partition(".")[0] for end in (joint.parent, joint.child)} for joint in self.joint.values()]
-        is_alone = not any(name in pair and "ground" not in pair for pair in pairs)
-        modes = body.modes
-        if is_alone or not isinstance(modes, ModeSettings) or modes.boundary != "free" or modes.enrich:
+        if (modes := body.modes).enrich:
             return body
-        return body.model_copy(update={"modes": modes.model_copy(update={"enrich": "none"})})
+        pairs = [{end.partition(".")[0] for end in (joint.parent, joint.child)} for joint in self.joint.values()]
+        joined = any(name in pair and "ground" not in pair for pair in pairs)
+        bare = modes.boundary == "interface" or (joined and modes.boundary == "free")
+        return body.model_copy(update={"modes": modes.model_copy(update={"enrich": "none" if bare else "inertia"})})
 
     @property
     def pieces(self) -> dict[str, int | Literal["auto"]]:

@@ -38,7 +38,7 @@ def enrich_bases(scene: Scene) -> Scene:
     """Return the scene with load-dependent vectors added to each body's modes; a body that has them gets more modes."""
 
     def change(body: Flexible) -> dict[str, Any]:
-        has_them = body.modes.enrichment == "ritz"
+        has_them = body.modes.enrich == "ritz"
         return {"enrich": "ritz", "count": body.modes.count + has_them * (body.modes.count // 2 + 1)}
 
     return change_modes(scene, change)

@@ -144,7 +144,7 @@ def _on_its_joint(model: ConstrainedModel, modes: Modes, settings: AnyModes, fra
     """Reduce a body to first order, with the frame that its joint asks for."""
     fe, markers, joint, fixed = model.fe, model.markers, model.joint, model.fixed
     omega, shapes = modes.omega, modes.shapes
-    if settings.enrichment != "none":
+    if settings.enrich != "none":
         omega, shapes = _enriched_shapes(model, modes, settings)
     common = (fe, omega, shapes, markers, joint.marker)
     if fixed is not None:
@@ -174,9 +174,9 @@ def _enriched_shapes(model: ConstrainedModel, modes: Modes, settings: AnyModes) 
     if model.fixed is not None:
         own = acceleration_loads(fe, markers[joint.marker].position, joint.plane)
         loads = np.concatenate([loads, own], axis=2)
-    generations = RITZ_GENERATIONS if settings.enrichment == "ritz" else 1
+    generations = RITZ_GENERATIONS if settings.enrich == "ritz" else 1
     reaction = model.reaction_if_fixed(settings)
-    least = NEW_RESIDUAL_VECTOR if settings.enrichment == "residual" else NEW_RESPONSE
+    least = NEW_RESIDUAL_VECTOR if settings.enrich == "residual" else NEW_RESPONSE
     omega, shapes = enrich_modes(modes, fe, model.solver, loads, reaction, generations, least)
     if settings.boundary == "interface":  # no eigenvectors: the new shapes mix with them
         omega, shapes = rayleigh_ritz(fe, shapes.reshape(fe.K.shape[0], -1))

@@ -5,7 +5,7 @@ The names of the user's scene stay: its joints, drives and force elements act on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -21,7 +21,6 @@ from fmd.scene.any_body import Flexible
 from fmd.scene.bodies import Solid
 from fmd.scene.joints.any_joint import Joint
 from fmd.scene.joints.fixed import Fixed
-from fmd.scene.loads import MarkerLoad
 from fmd.scene.places import MARKER_WAYS, MarkerPlace, NamedElement
 from fmd.scene.scene import Scene
 from fmd.stages.part import FlexiblePart
@@ -64,7 +63,7 @@ def divide_scene(scene: Scene, cuts: Mapping[str, CutPart], elements: Mapping[st
     elements : mapping of str to mapping
         Numbers of the named elements in the mesh of each of them.
     """
-    loaded = loaded_places(scene)
+    loaded = scene.loaded_places
     bodies: dict[str, Any] = {}
     for name, body in scene.body.items():
         if name not in cuts:
@@ -101,23 +100,6 @@ def divide_scene(scene: Scene, cuts: Mapping[str, CutPart], elements: Mapping[st
 def _moved(table: Any, cuts: Mapping[str, CutPart], *keys: str) -> Any:
     """Return a table with the places under some of its keys on the pieces that hold them."""
     return table.model_copy(update={key: find_place(getattr(table, key), cuts) for key in keys})
-
-
-def loaded_places(scene: Scene) -> set[str]:
-    """Return the places, ``"body.marker"``, at which joints, loads and force elements act."""
-    return set(_iterate_loaded(scene))
-
-
-def _iterate_loaded(scene: Scene) -> Iterator[str]:
-    for joint in scene.joint.values():
-        yield joint.parent
-        yield joint.child
-    for drive in scene.drive.values():
-        if isinstance(drive, MarkerLoad):
-            yield drive.marker
-    for table in scene.elements.values():
-        for element in table.values():
-            yield from element.between
 
 
 def _piece(body: Flexible, name: str, k: int, cut: CutPart, elements: Mapping[str, int], loaded: set[str]) -> Flexible:
@@ -308,7 +290,7 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
         if count == "auto":
             problem = "is still open here; `fmd run` finds the number, and then names it"
             raise InputError(scene.file, f"body.{name}.pieces", count, problem)
-    loaded = loaded_places(scene)
+    loaded = scene.loaded_places
     cuts, ports = {}, {}
     for name, count in scene.pieces.items():
         whole = wholes[name]

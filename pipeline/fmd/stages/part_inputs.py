@@ -96,7 +96,7 @@ def body_inputs(part: KeyedPart) -> Any:
     """Return what the reduced body depends on."""
     return {
         "modes": part.key("modes"),
-        "enrich": part.shape.modes.enrichment,
+        "enrich": part.shape.modes.enrich,
         "markers": part.shape.model_dump(mode="json", include={"marker"}),
         "joint": repr(part.joint),
         "frame": part.frame,

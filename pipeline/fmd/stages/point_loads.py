@@ -12,7 +12,6 @@ import numpy as np
 
 from fmd.core.arrays import BoolArray
 from fmd.core.limits.recovery import BESIDE_POINT
-from fmd.scene.loads import MarkerLoad
 from fmd.scene.places import MarkerPlace
 
 if TYPE_CHECKING:
@@ -22,9 +21,7 @@ if TYPE_CHECKING:
 
 def loaded_points(scene: Scene, part: FlexiblePart) -> tuple[str, ...]:
     """Return the names of a part's markers at points and on edges that joints, loads or force elements act on."""
-    places = {end for joint in scene.joint.values() for end in (joint.parent, joint.child)}
-    places |= {end for table in scene.elements.values() for element in table.values() for end in element.between}
-    places |= {drive.marker for drive in scene.drive.values() if isinstance(drive, MarkerLoad)}
+    places = scene.loaded_places
     return tuple(
         name
         for name, place in part.shape.marker.items()

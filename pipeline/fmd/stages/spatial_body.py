@@ -14,7 +14,7 @@ from fmd.recovery.stress import modal_stress
 from fmd.reduction.craig_bampton import Superelement, make_superelement
 from fmd.reduction.modes import TooManyModesError
 from fmd.scene.modes import damping_ratios
-from fmd.stages.basis import reduce_body
+from fmd.stages.basis import reduce_body, stiffen_reduced
 from fmd.stages.part import FlexiblePart
 from fmd.stages.reduced_files import reduce_file_body
 
@@ -52,12 +52,8 @@ def _reduce(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
     elements = part.can_be_stiffened and stiffened
     if not elements and model.fe.arms is None:
         return body
-    from fmd.reduction.stiffening import stiffen_body
-
-    joint = model.joint
-    reaction = None if joint.floating or model.fixed is not None else model.reaction
-    free = joint.free_directions if model.fixed is not None else None
-    return stiffen_body(body, model.fe, model.solver, reaction, None, True, model.markers, free, elements)
+    by_any_motion = replace(model.joint, in_plane=False, accelerated=True)
+    return stiffen_reduced(replace(model, joint=by_any_motion), body, elements)
 
 
 def surface_stress(part: FlexiblePart, body: FlexibleBody) -> Array | None:

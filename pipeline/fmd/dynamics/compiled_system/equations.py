@@ -12,14 +12,14 @@ from fmd.dynamics.compiled_system.parameters import CompiledParameters
 from fmd.dynamics.compiler.compiled import CompiledMechanism
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
-from fmd.dynamics.system import velocities
+from fmd.dynamics.system import PlainSystem, velocities
 from fmd.kernels.kernel import kernel
 
 OwnLoad = Callable[[float, Array, Array], Array]
 """Generalised forces (n,) of a time t [s], positions q (n_positions,) and rates v (n,)."""
 
 
-class Equations:
+class Equations(PlainSystem):
     """Equations ``M(q) v̇ = Q(t, q, v) − J(q)ᵀ λ``, ``J(q) v = …`` of a mechanism, compiled when first called.
 
     Positions q are joint coordinates [rad, m], unit quaternions and modal coordinates; rates v are as many, but for

@@ -40,7 +40,7 @@ from fmd.dynamics.law_pieces import PiecewiseLaw, find_piecewise_laws
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.resolution import shortest_missed
 from fmd.dynamics.signals.signal import quiet_times
-from fmd.dynamics.step_bounds import StepBounds, make_step_bounds
+from fmd.dynamics.step_bounds import StepBounds, make_step_bounds, no_bounds
 from fmd.kernels.table import aligned
 
 
@@ -173,11 +173,11 @@ class CompiledSystem(ReferenceState):
         return scale_rows(self.mechanism, self.compiled.rows)
 
     @property
-    def step_bounds(self) -> StepBounds | None:
-        """Bounds of a step by force laws with short pieces, with room of its own; none if there are no such laws."""
+    def step_bounds(self) -> StepBounds:
+        """Bounds of a step by force laws with short pieces, with room of their own."""
         laws, n_signals = self.piecewise_laws, len(self.compiled.signals)
         if not laws:
-            return None
+            return no_bounds()
         rests = [law.holder.rest if isinstance(law.holder, PointSpring) else np.nan for law in laws]
         return make_step_bounds(
             self.compiled.address("elongations"),

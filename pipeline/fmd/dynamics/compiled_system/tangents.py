@@ -25,8 +25,10 @@ from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, Tang
 from fmd.dynamics.compiler.compiled import CompiledMechanism
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import load_signals
+from fmd.dynamics.law_pieces import PiecewiseLaw
 from fmd.dynamics.signals.signal import Signal
 from fmd.dynamics.step_bounds import StepBounds
+from fmd.dynamics.system import PlainSystem
 from fmd.kernels.table import aligned
 
 
@@ -73,7 +75,7 @@ class Direction:
     variants: Sequence[Variant] = ()
 
 
-class TangentSystem:
+class TangentSystem(PlainSystem):
     """A mechanism with up to eight tangents of its motion.
 
     Parameters
@@ -84,12 +86,21 @@ class TangentSystem:
 
     def __init__(self, system: CompiledSystem, directions: Sequence[Direction]) -> None:
         self._system, self._directions = system, directions
-        self.breakpoints, self.settles = system.breakpoints, system.settles
-        self.piecewise_laws, self.highest_frequency = system.piecewise_laws, system.highest_frequency
+        self.breakpoints, self.highest_frequency = system.breakpoints, system.highest_frequency
         self.n, self.n_positions = (_lines(n) + n * LANES for n in (system.n, system.n_positions))
 
     @property
-    def step_bounds(self) -> StepBounds | None:
+    def settles(self) -> bool:
+        """True if the motion does."""
+        return self._system.settles
+
+    @property
+    def piecewise_laws(self) -> tuple[PiecewiseLaw, ...]:
+        """The motion's force laws with short pieces."""
+        return self._system.piecewise_laws
+
+    @property
+    def step_bounds(self) -> StepBounds:
         """Bounds of a step by the motion's force laws with short pieces: what a step's begin has of it comes first."""
         return self._system.step_bounds
 

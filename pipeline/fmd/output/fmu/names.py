@@ -45,18 +45,11 @@ class Names:
         positions, rates = [Entry("", "", "")] * mechanism.n_positions, [Entry("", "", "")] * mechanism.n
         shift = mechanism.position_shift
         for body, link in enumerate(mechanism.links):
-            joint, first, at = (
-                self._joints[body],
-                int(mechanism.layout.position[body]),
-                int(mechanism.layout.rate[body]),
-            )
+            joint, first, at = self._joints[body], mechanism.layout.position[body], mechanism.layout.rate[body]
             for k in range(link.n_positions):
                 unit = "m" if k < link.n_slides else "rad" if k < link.n_scalars else ""
-                what = (
-                    f"coordinate of joint {link.joint_name}"
-                    if k < link.n_scalars
-                    else "part of a quaternion, the scalar last"
-                )
+                scalar = k < link.n_scalars
+                what = f"coordinate of joint {link.joint_name}" if scalar else "part of a quaternion, the scalar last"
                 positions[first + k] = Entry(f"states.{joint}.coordinate[{k + 1}]", unit, what)
             for k in range(link.n_rates):
                 unit = "m/s" if k < link.n_slides else "rad/s"
@@ -64,10 +57,8 @@ class Names:
                 rates[at + k] = Entry(f"states.{joint}.rate[{k + 1}]", unit, what)
             for k, mode in enumerate(mechanism.modes_of(body)):
                 hertz = link.omega[k] / (2 * np.pi)
-                own, what = (
-                    f"states.{self._bodies[body]}",
-                    f"mode {k + 1} of {link.name}, {hertz:.6g} Hz, unit modal mass",
-                )
+                own = f"states.{self._bodies[body]}"
+                what = f"mode {k + 1} of {link.name}, {hertz:.6g} Hz, unit modal mass"
                 positions[mode + shift] = Entry(f"{own}.mode[{k + 1}]", "", f"{what} [kg^1/2 m]")
                 rates[mode] = Entry(f"{own}.mode_rate[{k + 1}]", "", f"rate of {what}")
         return [*positions, *rates]
@@ -82,9 +73,8 @@ class Names:
                 name, unit = ("torque", "N.m") if link.unit == "rad" else ("force", "N")
                 found.append((Entry(f"{joint}.{name}", unit, f"{name} along joint {link.joint_name}, {added}"), 3 * k))
                 continue
-            for order, (name, per) in enumerate(
-                (("motion", ""), ("motion_rate", "/s"), ("motion_acceleration", "/s2"))
-            ):
+            orders = {"motion": "", "motion_rate": "/s", "motion_acceleration": "/s2"}
+            for order, (name, per) in enumerate(orders.items()):
                 what = f"{name.replace('_', ' of ')} prescribed at joint {link.joint_name}, {added}"
                 found.append((Entry(f"{joint}.{name}", link.unit + per, what), 3 * k + order))
         first = len(self._external.driven_links)

@@ -37,11 +37,11 @@ class FmuVariable(NamedTuple):
     name: str
     reference: int
     causality: str
-    variability: str
-    initial: str
-    start: float | None
-    unit: str
-    description: str
+    variability: str = "continuous"
+    initial: str = ""
+    start: float | None = None
+    unit: str = ""
+    description: str = ""
     state: int | None = None
     depends: tuple[int, ...] | None = None
     nominal: float = 1.0
@@ -102,7 +102,7 @@ def make_interface(
     states = _name_states(names.states(), np.concatenate([q0, v0]), nominal)
     first_input = 1 + 2 * len(states)
     entered = [
-        FmuVariable(entry.name, first_input + k, "input", "continuous", "", 0.0, entry.unit, entry.description)
+        FmuVariable(entry.name, first_input + k, "input", start=0.0, unit=entry.unit, description=entry.description)
         for k, (entry, _) in enumerate(inputs)
     ]
     first_parameter = first_input + len(inputs)
@@ -121,32 +121,19 @@ def make_interface(
 
 def _name_states(entries: Sequence[Entry], starts: Array, nominal: Array) -> list[FmuVariable]:
     return [
-        FmuVariable(
-            entry.name,
-            k,
-            "local",
-            "continuous",
-            "exact",
-            float(start),
-            entry.unit,
-            entry.description,
-            nominal=float(size),
-        )
-        for k, (entry, start, size) in enumerate(zip(entries, starts, nominal, strict=True), start=1)
+        FmuVariable(entry.name, k, "local", "continuous", "exact", start, entry.unit, entry.description, nominal=size)
+        for k, (entry, start, size) in enumerate(zip(entries, starts.tolist(), nominal.tolist(), strict=True), start=1)
     ]
 
 
 def _name_derivatives(states: Sequence[FmuVariable]) -> list[FmuVariable]:
     return [
         FmuVariable(
-            name=f"der({state.name})",
-            reference=len(states) + state.reference,
-            causality="local",
-            variability="continuous",
+            f"der({state.name})",
+            len(states) + state.reference,
+            "local",
             initial="calculated",
-            start=None,
             unit={"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}.get(state.unit, ""),
-            description="",
             state=state.reference,
         )
         for state in states
@@ -160,17 +147,8 @@ def _name_outputs(
     for k, quantity in enumerate(external.quantities):
         entry = names.quantity(quantity)
         used = sorted(references[place] for place in external.dependencies(quantity.value) if place in references)
-        yield FmuVariable(
-            name=entry.name,
-            reference=first + k,
-            causality="output",
-            variability="continuous",
-            initial="calculated",
-            start=None,
-            unit=entry.unit,
-            description=entry.description,
-            depends=tuple(used),
-        )
+        named = FmuVariable(entry.name, first + k, "output", unit=entry.unit, description=entry.description)
+        yield named._replace(initial="calculated", depends=tuple(used))
 
 
 def units_of(variables: tuple[FmuVariable, ...]) -> Iterator[tuple[str, dict[str, int]]]:

@@ -1,0 +1,27 @@
+"""Errors of a run's results against those of a much finer run of the same scene, for tables and tests."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmd import Pipeline
+from fmd.accuracy.details import detail_quantities
+from fmd.accuracy.estimators import Estimates
+from fmd.accuracy.quantities import mesh_quantities, motion_quantities, stress_quantities
+
+
+def true_errors(run: Pipeline, finer: Pipeline, details: bool = False) -> dict[str, float]:
+    """Return the relative errors of a run's quantities.
+
+    Frequencies are matched by their modes' shapes, element stress by place. ``details`` adds joints and markers.
+    """
+    estimates, motion = Estimates(run), finer.motion
+    places = {name: part.element_places for name, part in run.parts.items() if part.elements}
+    exact = mesh_quantities(finer, run) | motion_quantities(finer, motion, finer.fine_motion)
+    if run.parts:
+        exact |= stress_quantities(finer, motion, np.arange(len(motion.times)), places=places)
+    if details:
+        exact |= detail_quantities(finer.scene, motion)
+    left_out = {*estimates.details} - ({*exact} if details else set())
+    quantities = {name: own for name, own in estimates.quantities.items() if name not in left_out}
+    return {name: own.error(exact[name]) for name, own in quantities.items()}
