@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array, IntArray
-from fmd.core.limits.mesh import OFF_EDGE, OUTSIDE, STRAIGHT_EDGE
+from fmd.core.limits.mesh import OUTSIDE, STRAIGHT_EDGE
+from fmd.core.limits.round_off import SOLVED
 from fmd.fem.elements import shape_functions
 from fmd.fem.markers import Marker, weighted_marker
 from fmd.fem.selection import locate_points, points_of_nodes
@@ -116,7 +117,7 @@ def _find_edges(space: Discretisation, nodes: IntArray) -> tuple[IntArray, IntAr
     for ends in sorted(pairs):
         start, end = space.kind.element.doflocs[list(ends)]
         N, _ = shape_functions(space.kind.element, np.stack([start + 0.3 * (end - start)], axis=1))
-        local = np.flatnonzero(np.abs(N[:, 0]) > OFF_EDGE)
+        local = np.flatnonzero(np.abs(N[:, 0]) > SOLVED)
         mine = np.flatnonzero(wanted[space.element_nodes[:, local]].all(axis=1))
         elements.append(mine)
         found.append(np.tile(ends, (len(mine), 1)))

@@ -11,8 +11,9 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad, RefTri
 
 from fmd.core.arrays import EPSILON, Array, IntArray
-from fmd.core.limits.mesh import OFF_FACE, ON_A_LINE
+from fmd.core.limits.mesh import ON_A_LINE
 from fmd.core.limits.rank import WORST_RESULTANTS
+from fmd.core.limits.round_off import SUMMED
 from fmd.fem.elements import shape_functions
 from fmd.fem.mesh import rows_among, three_corners
 from fmd.fem.space import Discretisation
@@ -209,7 +210,7 @@ def _integrate_products(space: Discretisation, elements: IntArray, local: IntArr
     pairs = np.repeat(place, n_local, axis=1).ravel(), np.tile(place, (1, n_local)).ravel()
     A = sp.csr_array(sp.coo_array((entries.ravel(), pairs), shape=(len(nodes), len(nodes))))
     share = A.diagonal()
-    on_face = np.flatnonzero(share > OFF_FACE * share.max())
+    on_face = np.flatnonzero(share > SUMMED * share.max())
     return nodes[on_face], A[on_face][:, on_face]
 
 

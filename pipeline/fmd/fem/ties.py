@@ -9,7 +9,8 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.mesh import RIGID_RESIDUAL, TIE_GAP
+from fmd.core.limits.mesh import RIGID_RESIDUAL
+from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import rigid_motions
 from fmd.fem.connections import TiedFaces
 from fmd.fem.markers import facets_on_face, weighted_marker
@@ -68,7 +69,7 @@ def tie_faces(space: Discretisation, given: TiedFaces) -> Tie:
     weights = sp.csr_array(sp.kron(found.weights, sp.eye_array(3)))
     arms = x[found.nodes] - found.weights @ x[found.others]
     extent = float(np.ptp(x, axis=0).max())
-    far = np.flatnonzero(np.linalg.norm(arms, axis=1) > TIE_GAP * extent)
+    far = np.flatnonzero(np.linalg.norm(arms, axis=1) > SOLVED * extent)
     if len(far):
         weights = sp.csr_array(weights + _turned(found.weights, x[found.others], arms, far))
     left = weights @ rigid_motions(x[found.others]).reshape(-1, 6) - rigid_motions(x[found.nodes]).reshape(-1, 6)

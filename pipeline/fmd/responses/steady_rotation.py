@@ -26,7 +26,7 @@ from fmd.responses.moving_axes import position_map, turning_axes, with_unit_quat
 from fmd.responses.state_space import StateSpace
 from fmd.stability.tangent import OperatingPoint
 
-_TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.TURNING, absolute=limits.TURNING_ROUND_OFF)
+_TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.TURNING, absolute=SUMMED)
 
 
 @dataclass(frozen=True)

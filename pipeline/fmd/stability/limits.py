@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.stability import BELOW_CRITICAL, BEYOND_LIMIT, BISECTIONS, STABLE
+from fmd.core.limits.round_off import SOLVED
+from fmd.core.limits.stability import BELOW_CRITICAL, BEYOND_LIMIT, BISECTIONS
 from fmd.dynamics.system import System
 from fmd.dynamics.vibration import highest_frequency, inertial_coupling
 from fmd.integrators.central_difference import CentralDifference
@@ -168,11 +169,11 @@ def find_sudden_step(M: Array, K: Array, n_slow: int, substeps: int) -> tuple[fl
     low, high = 0.0, upper
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        allowed = 1 + STABLE + 4 * weak * (middle / upper) ** 2
+        allowed = 1 + SOLVED + 4 * weak * (middle / upper) ** 2
         if cycle_growth(M, K, n_slow, middle, substeps) <= allowed:
             low = middle
         else:
             high = middle
     radius = cycle_growth(M, K, n_slow, 0.5 * low, substeps) if low else 1.0
-    rate = np.log(radius) / (substeps * 0.5 * low) if radius > 1 + STABLE else 0.0
+    rate = np.log(radius) / (substeps * 0.5 * low) if radius > 1 + SOLVED else 0.0
     return low, float(rate)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.round_off import EXACT
-from fmd.core.limits.stability import HIGHEST_COURANT, SLOWNESS, STABLE
+from fmd.core.limits.round_off import EXACT, SOLVED
+from fmd.core.limits.stability import HIGHEST_COURANT, SLOWNESS
 
 # What the law of the weak instability is fitted to: values of β and of Ω_S in all pairs, and ω_L over ω_S.
 _COUPLINGS = np.array([0.01, 0.03, 0.1, 0.3, 0.77])
@@ -45,7 +45,7 @@ class StabilityMap:
     @property
     def unstable(self) -> Array:
         """Map of 1 where the spectral radius exceeds 1 and 0 elsewhere, shape (n, n)."""
-        return (self.rho > 1 + STABLE).astype(float)
+        return (self.rho > 1 + SOLVED).astype(float)
 
 
 def stability_map(substeps: int, coupling: float, resolution: int, scheme: str = "sub-cycling") -> StabilityMap:

@@ -12,6 +12,7 @@ import numpy as np
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.errors import AccuracyError, InertiaError
 from fmd.core.limits import newton as limits
+from fmd.core.limits.round_off import EXACT
 from fmd.core.newton import Tolerance, Trial, largest, solve
 from fmd.dynamics.compiled_system.positive_mass import TOO_LIGHT
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -231,7 +232,7 @@ def _require_stable(slopes: Array) -> None:
         )
 
 
-_TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.LOOPS_STEADY, absolute=limits.LOOPS_ROUND_OFF)
+_TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.LOOPS_STEADY, absolute=EXACT)
 
 
 def find_closed_steady_state(
@@ -273,7 +274,7 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray) -> tu
     forces_of = np.empty(n)  # what deflects a mode, or moves a joint about as much, by 1
     forces_of[modes] = stiffness
     forces_of[joints] = softest * system.mass_matrix(q).diagonal()[joints]
-    pull = 1 / np.maximum(np.abs(_constraints(system, q)[0] / forces_of).max(axis=1), limits.LOOPS_ROUND_OFF)
+    pull = 1 / np.maximum(np.abs(_constraints(system, q)[0] / forces_of).max(axis=1), EXACT)
 
     State = tuple[Array, Array]  # positions; accelerations of joints and multipliers
 

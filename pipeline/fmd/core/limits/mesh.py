@@ -14,8 +14,6 @@ STRAIGHTENING_ROUNDS = 5  # rounds in which bent edges of inverted elements are 
 # Markers.
 OUTSIDE = 1e-3  # of the body's extent: CAD's curved faces and a mesh's differ by less
 STRAIGHT_EDGE = 1e-6  # smallest over largest second moment of an edge that has no width
-OFF_EDGE = 1e-9  # of shape functions of nodes off the edge
-OFF_FACE = 1e-12  # integrals over a face of the shape functions of nodes off it, over the largest: round-off
 
 # Extent of a clamped face over the body's reach from it, from which on it is rigid by default. Averaged, bars of less
 # are off by up to 1.1 % in frequency, stubs by 3.6 % and plates by 48 %; rigid, all by less than 1.6 %, the mesh's part
@@ -57,7 +55,6 @@ TIE_WITHIN = 0.1  # how far apart two facets may be, of the square root of one's
 TIE_COVERED = 0.05  # share of a facet that has others before it, from which on its nodes follow these
 TIE_FACING = 0.5  # cosine of the angle between two facets' normals from which on they face each other
 TIE_SHARE = 3 / 8  # of a mid-edge node's function that each corner beside it takes: no function is below zero then
-TIE_GAP = 1e-9  # distance of a node from its place on the other face, of the body's extent: round-off
 TIE_PAIRS_AT_ONCE = 1000  # pairs of facets
 
 # Shells.

@@ -40,7 +40,6 @@ UNSTABLE = 1e-6  # of the fastest motion: an eigenvalue above is a motion that g
 STEADY = 1e-10  # last correction, beside the largest modal coordinate
 STEADY_CORRECTIONS = 30  # also of steady rotations
 LOOPS_STEADY = 1e-7  # last correction of modes and joints, beside the largest modal coordinate: slopes are differences
-LOOPS_ROUND_OFF = 1e-14  # a correction that is none [SI units]
 LOOPS_AT_REST = 1e-6  # forces left, over what would deflect a mode by 1, beside the largest modal coordinate
 LOOPS_NO_FORCE = 1e-12  # forces left that are none, over what would deflect a mode by 1
 LOOPS_DEPENDENT = 1e-10  # of the largest singular value of the slopes
@@ -52,7 +51,6 @@ SETTLING_CORRECTIONS = 20  # a point that isn't near by rests where it is
 
 # Steady rotation of a mechanism as a whole.
 TURNING = 1e-9  # last correction, beside the largest one
-TURNING_ROUND_OFF = 1e-12  # a correction that is none [SI units]
 SOFT = 1.0  # stiffness over mass by which a coordinate counts at least [1/s²]
 LOOSE = 1e-10  # of the largest singular value: nothing holds such a motion
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 # Steps.
-STABLE = 1e-9  # a spectral radius that exceeds 1 by less is round-off
 BISECTIONS = 30  # of the longest safe step: it is then known to the last digits
 BEYOND_LIMIT = 1.02  # times the limit, where the worst operating point shows
 BELOW_CRITICAL = 0.8  # of the critical step: the longest one to recommend
