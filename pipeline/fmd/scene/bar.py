@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import model_validator
-
 from fmd.core.units import PositiveLength
 from fmd.scene.bodies import DividedMesh, Solid, scale_count
 from fmd.scene.reading import FaultError
@@ -40,8 +38,7 @@ class BarMesh(DividedMesh):
     divisions: tuple[Count, Count, Count] | None = None
     size: PositiveLength | None = None
 
-    @model_validator(mode="after")
-    def _divided_one_way(self) -> BarMesh:
+    def _check(self) -> None:
         if self.element == "hexahedron":
             if self.size is not None:
                 raise FaultError("belongs to tetrahedra; hexahedra take divisions, e.g. [48, 4, 2]", "size")
@@ -52,7 +49,6 @@ class BarMesh(DividedMesh):
                 raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
             if self.size is None:
                 raise FaultError("is missing: the edge length of a tetrahedron, e.g. '5 mm'", "size")
-        return self
 
 
 class Bar(Solid):

@@ -109,11 +109,9 @@ class ShaftSegment(SceneTable):
     diameter: PositiveLength
     bore: PositiveLength | None = None
 
-    @model_validator(mode="after")
-    def _with_a_wall(self) -> ShaftSegment:
+    def _check(self) -> None:
         if self.bore is not None and not self.bore < self.diameter:
             raise FaultError("must be below the diameter", "bore")
-        return self
 
 
 class Shaft(MeshedBeam):
@@ -214,11 +212,9 @@ class Box(SceneTable):
     height: PositiveLength
     wall: PositiveLength
 
-    @model_validator(mode="after")
-    def _hollow(self) -> Box:
+    def _check(self) -> None:
         if not 2 * self.wall < min(self.width, self.height):
             raise FaultError("must be below half of width and height", "wall")
-        return self
 
 
 class ISection(SceneTable):
@@ -251,13 +247,11 @@ class ISection(SceneTable):
     web: PositiveLength
     flange: PositiveLength
 
-    @model_validator(mode="after")
-    def _with_flanges(self) -> ISection:
+    def _check(self) -> None:
         if not self.web < self.width:
             raise FaultError("must be below the width", "web")
         if not 2 * self.flange < self.height:
             raise FaultError("must be below half of the height", "flange")
-        return self
 
 
 class Profile(MeshedBeam):

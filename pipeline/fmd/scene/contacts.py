@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from fmd.core.limits.contact import LEAST_RESTITUTION
 from fmd.core.units import Length, NonNegativeTime, PositiveLength
@@ -76,15 +76,13 @@ class Contact(SceneTable):
             raise ValueError("must be two surfaces; each two of more take a contact of their own")
         return given
 
-    @model_validator(mode="after")
-    def _plane_has_a_normal(self) -> Contact:
+    def _check(self) -> None:
         if self.on_ground and self.normal is None:
             raise FaultError("is missing: the direction out of the ground, such as [0, 0, 1]", "normal")
         if not self.on_ground and self.normal is not None:
             raise FaultError("belongs to a plane of the ground; faces of bodies have normals of their own", "normal")
         if not self.on_ground and self.near_field == "half-space":
             raise FaultError("is for planes of the ground; 'mesh' works between bodies", "near_field")
-        return self
 
     @property
     def on_ground(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.units import PositiveTime
 from fmd.scene.kinds import KindBy
@@ -34,8 +34,7 @@ class Controller(FormulaVariables):
         given = ((key, getattr(self, key)) for key in self.inputs)
         return {key: text for key, text in given if text is not None}
 
-    @model_validator(mode="after")
-    def _has_formulas(self) -> Controller:
+    def _check(self) -> None:
         parsed = []
         for key, text in self.formulas.items():
             try:
@@ -44,7 +43,6 @@ class Controller(FormulaVariables):
                 raise FaultError(str(error), key) from None
         for name in self.find_unused(parsed):
             raise FaultError("isn't in a formula of this controller", "variables", name)
-        return self
 
 
 class PidController(Controller):
@@ -110,8 +108,7 @@ class PidController(Controller):
     tracking_time: PositiveTime | None = None
     sample_time: PositiveTime | None = None
 
-    @model_validator(mode="after")
-    def _is_whole(self) -> PidController:
+    def _check(self) -> None:
         if not (self.proportional or self.integral or self.derivative):
             raise FaultError("is missing: a controller without any gain does nothing", "proportional")
         if not self.derivative:
@@ -128,7 +125,6 @@ class PidController(Controller):
             raise FaultError("has no effect without limits and an integral", "tracking_time")
         if self.has_limits and self.integral and self.tracking is None:
             raise FaultError("is missing: limits need it where gains have other signs, e.g. '0.1 s'", "tracking_time")
-        return self
 
     @property
     def has_states(self) -> bool:  # type: ignore[override]

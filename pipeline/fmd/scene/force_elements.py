@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.units import (
     Angle,
@@ -80,10 +80,8 @@ class LengthStop(SceneTable):
     damper: Damping = 0.0
     width: PositiveLength = 1e-4
 
-    @model_validator(mode="after")
-    def _somewhere(self) -> LengthStop:
+    def _check(self) -> None:
         require_a_side(self.low, self.high)
-        return self
 
 
 class AngleStop(SceneTable):
@@ -116,10 +114,8 @@ class AngleStop(SceneTable):
     damper: TurningDamping = 0.0
     width: Annotated[Angle, Positive] = 1e-3
 
-    @model_validator(mode="after")
-    def _somewhere(self) -> AngleStop:
+    def _check(self) -> None:
         require_a_side(self.low, self.high)
-        return self
 
 
 class Spring(SceneTable):
@@ -167,13 +163,11 @@ class Spring(SceneTable):
     friction: Annotated[Force, NonNegative] = 0.0
     friction_rate: Annotated[Velocity, Positive] = 1e-3
 
-    @model_validator(mode="after")
-    def _does_something(self) -> Spring:
+    def _check(self) -> None:
         if self.force is not None and self.stiffness:
             raise FaultError("can't stand beside stiffness: give one of the two", "force")
         if not (self.force or self.stiffness or self.damper or self.stop or self.friction):
             raise FaultError("is missing: a spring needs this, or a force, damper, stop or friction", "stiffness")
-        return self
 
 
 class Bushing(SceneTable):
@@ -221,14 +215,12 @@ class Bushing(SceneTable):
     position: Point | Literal["start"] = "start"
     turn: Turn | Literal["start"] = "start"
 
-    @model_validator(mode="after")
-    def _given_one_way(self) -> Bushing:
+    def _check(self) -> None:
         for plain, full in (("stiffness", "stiffness_matrix"), ("damper", "damper_matrix")):
             if getattr(self, plain) is not None and getattr(self, full) is not None:
                 raise FaultError(f"can't stand beside {plain}: give one of the two", full)
         if all(getattr(self, key) is None for key in ("stiffness", "stiffness_matrix", "damper", "damper_matrix")):
             raise FaultError("is missing: a bushing needs this, a damper, or the matrix of either", "stiffness")
-        return self
 
 
 class Bearing(SceneTable):

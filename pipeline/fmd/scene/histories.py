@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from fmd.scene.pictures import Component
 from fmd.scene.reading import FaultError, SceneTable
@@ -72,8 +72,7 @@ class Quantities(SceneTable):
     components: Annotated[tuple[Component, ...], Field(min_length=1)] = ("von Mises",)
     axes: Literal["space", "body"] = "space"
 
-    @model_validator(mode="after")
-    def _named_where_needed(self) -> Quantities:
+    def _check(self) -> None:
         for key, start in _BELONGS.items():
             if getattr(self, key) and not any(quantity.startswith(start) for quantity in self.quantities):
                 names = [quantity for quantity in HISTORY_QUANTITIES if quantity.startswith(start)]
@@ -86,7 +85,6 @@ class Quantities(SceneTable):
             names = getattr(self, key)
             if len(set(names)) < len(names):
                 raise FaultError("holds a name twice", key)
-        return self
 
 
 class History(Quantities):

@@ -71,8 +71,7 @@ class MeshFile(DividedMesh, SectorMesh):
     beam: Literal["deck"] | None = None
     tie: tuple[TiedFace, ...] = ()
 
-    @model_validator(mode="after")
-    def _shells_are_linear(self) -> MeshFile:
+    def _check(self) -> None:
         if self.shell is not None and self.beam is not None:
             raise FaultError("can't stand beside shell: a body is of one kind of elements", "beam")
         if (self.shell is not None or self.beam is not None) and self.order == 2:
@@ -81,7 +80,6 @@ class MeshFile(DividedMesh, SectorMesh):
             raise FaultError("is of solids; link joins shells and beams", "tie")
         if (self.shell is not None or self.beam is not None) and self.cyclic is not None:
             raise FaultError("is of solids, not of shells or beams", "cyclic")
-        return self
 
 
 class CadFile(SectorMesh):
@@ -117,13 +115,11 @@ class CadFile(SectorMesh):
     def _linear_if_shell(cls, table: Any) -> Any:
         return {"order": 1} | table if isinstance(table, dict) and table.get("shell") is not None else table
 
-    @model_validator(mode="after")
-    def _shells_are_linear(self) -> CadFile:
+    def _check(self) -> None:
         if self.shell is not None and self.order == 2:
             raise FaultError("is of solids: shells have four nodes", "order")
         if self.shell is not None and self.cyclic is not None:
             raise FaultError("is of solids, not of shells", "cyclic")
-        return self
 
 
 class Substance(SceneTable):
@@ -300,12 +296,10 @@ class MatrixPart(Meshless):
         """True if a file tells its stress."""
         return self.matrices.stress is not None
 
-    @model_validator(mode="after")
-    def _on_nodes(self) -> MatrixPart:
+    def _check(self) -> None:
         for name, marker in self.marker.items():
             if marker.nodes is None and marker.plane is None:
                 wrong = next(iter(marker.where))
                 message = "needs a mesh; give nodes, their numbers, or plane, e.g. 'x = 0'"
                 raise FaultError(message, "marker", name, wrong)
         require_interface(self)
-        return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.units import PositiveLength, PositiveMass
 from fmd.scene.reading import FaultError, SceneTable
@@ -51,14 +51,12 @@ class FaceLink(SceneTable):
         """Names of its faces; empty if another key says where it is."""
         return (self.face,) if isinstance(self.face, str) else self.face or ()
 
-    @model_validator(mode="after")
-    def _on_one_face(self) -> FaceLink:
+    def _check(self) -> None:
         given = [key for key in ("face", "near", "plane") if getattr(self, key) is not None]
         if not given:
             raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
         if len(given) > 1:
             raise FaultError(f"can't stand beside {given[0]}: a link's face is given in one way", given[1])
-        return self
 
 
 class MassOnLink(SceneTable):
@@ -88,10 +86,8 @@ class MassOnLink(SceneTable):
     centre: Point | None = None
     inertia: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
 
-    @model_validator(mode="after")
-    def _inertia_of_a_body(self) -> MassOnLink:
+    def _check(self) -> None:
         require_possible_moments(self.inertia)
-        return self
 
 
 class TiedFace(SceneTable):

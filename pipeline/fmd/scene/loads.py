@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import model_validator
-
 from fmd.core.units import AngularRate, NonNegativeTime, PositiveTime, Torque
 from fmd.scene.curves import AngleOverTime, PositionOverTime, TimeFunction
 from fmd.scene.kinds import KindBy
@@ -80,13 +78,11 @@ class PulseDrive(JointDrive):
     speed: AngularRate | None = None
     torque: Torque | None = None
 
-    @model_validator(mode="after")
-    def _sized_one_way(self) -> PulseDrive:
+    def _check(self) -> None:
         if self.speed is None and self.torque is None:
             raise FaultError("is missing: give it, e.g. '20 rad/s', or a torque, e.g. '1.5 N m'", "speed")
         if self.speed is not None and self.torque is not None:
             raise FaultError("can't stand beside speed: give one of the two", "torque")
-        return self
 
     def pulse(self, inertia: float) -> tuple[float, float, float]:
         """Return begin, duration [s] and peak [N m] of its half sine, which gives an inertia [kg m²] its speed."""

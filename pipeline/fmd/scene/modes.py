@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, WithJsonSchema
 
 from fmd.core.units import NonNegative, Time, is_si_number, to_si
 from fmd.scene.reading import FaultError, SceneTable
@@ -52,11 +52,9 @@ class RayleighDamping(SceneTable):
     alpha: Rate = 0.0
     beta: Annotated[Time, NonNegative] = 0.0
 
-    @model_validator(mode="after")
-    def _damps(self) -> RayleighDamping:
+    def _check(self) -> None:
         if not (self.alpha or self.beta):
             raise FaultError("is missing: give alpha, e.g. '12 1/s', or beta, e.g. '2 us', or both", "alpha")
-        return self
 
 
 Ratio = Annotated[Number, Field(ge=0.0, lt=1.0)]
@@ -144,19 +142,13 @@ class ModeSettings(SceneTable):
     solver: Literal["auto", "cholesky", "superlu", "slepc"] = "auto"
     ranks: Annotated[int, Field(strict=True, ge=1, le=100_000)] | None = None
 
-    @model_validator(mode="after")
-    def _ranks_of_slepc(self) -> ModeSettings:
+    def _check(self) -> None:
         if self.ranks is not None and self.solver != "slepc":
             raise FaultError("belongs to solver = 'slepc'; the others are one process", "ranks")
-        return self
-
-    @model_validator(mode="after")
-    def _of_an_interface(self) -> ModeSettings:
         if self.boundary != "interface" and self.interface:
             raise FaultError('belongs to boundary = "interface"', "interface")
         if self.boundary == "interface" and self.family != "any":
             raise FaultError("can't be chosen: deflections by an interface are of every kind", "family")
-        return self
 
 
 class ReducedModes(SceneTable):

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Self
 
 import numpy as np
-from pydantic import model_validator
 
 from fmd.core.arrays import Array
 from fmd.core.limits.round_off import EXACT
@@ -45,8 +43,7 @@ class AxisDirections(SceneTable):
             name: (x / size, y / size, z / size) for name, (x, y, z) in found.items() for size in [math.hypot(x, y, z)]
         }
 
-    @model_validator(mode="after")
-    def _two_across(self) -> AxisDirections:
+    def _check(self) -> None:
         given = self.given
         if len(given) != 2:
             missing = next((name for name in "xyz" if name not in given), "z")
@@ -56,7 +53,6 @@ class AxisDirections(SceneTable):
         if abs(cosine := sum(a * b for a, b in zip(first, second, strict=True))) > SQUARE:
             angle = math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
             raise FaultError(f"must be perpendicular to the other axis; the angle is {angle:.4g}°", name)
-        return self
 
 
 class Orientation(SceneTable):
@@ -73,11 +69,9 @@ class Orientation(SceneTable):
     rotate: Turn = (0.0, 0.0, 0.0)
     axes: AxisDirections | None = None
 
-    @model_validator(mode="after")
-    def _turned_one_way(self) -> Self:
+    def _check(self) -> None:
         if self.axes is not None and any(self.rotate):
             raise FaultError("can't stand beside rotate: give one of the two", "axes")
-        return self
 
     @property
     def is_turned(self) -> bool:

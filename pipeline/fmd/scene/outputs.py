@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from fmd.core.units import Frequency, NonNegative, NonNegativeTime, PositiveFrequency, Stress, unit_ratio
 from fmd.scene.histories import ExtremesTable, History
@@ -147,8 +147,7 @@ class Chart(SceneTable):
     band: tuple[Stress, Stress] | None = None
     band_title: str = ""
 
-    @model_validator(mode="after")
-    def _joint_where_needed(self) -> Chart:
+    def _check(self) -> None:
         if self.quantity != "modal_coordinates" and self.body is not None:
             raise FaultError("belongs to the quantity 'modal_coordinates'", "body")
         if (self.marker is None) == (self.quantity == "marker_position"):
@@ -168,7 +167,6 @@ class Chart(SceneTable):
                 raise FaultError(str(error), "unit") from None
         if self.band is not None and (self.element is None or not self.band[0] < self.band[1]):
             raise FaultError("must be two stresses, the smaller first, on a chart of 'element_stress'", "band")
-        return self
 
 
 class Orbit(SceneTable):
@@ -268,13 +266,11 @@ class FrequencyResponseChart(SceneTable):
         """Names of the outputs."""
         return (self.output,) if isinstance(self.output, str) else self.output
 
-    @model_validator(mode="after")
-    def _range(self) -> FrequencyResponseChart:
+    def _check(self) -> None:
         if self.from_ is not None and not self.from_ < self.to:
             raise FaultError(f"must be below the highest frequency, {self.to:g} Hz", "from")
         if self.file.startswith("motion."):
             raise FaultError("would write its table over the motion's file; 'frf.png' works", "file")
-        return self
 
 
 class Export(SceneTable):
@@ -311,8 +307,7 @@ class Export(SceneTable):
     body: BodyName | None = None
     frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 21
 
-    @model_validator(mode="after")
-    def _format_and_file_agree(self) -> Export:
+    def _check(self) -> None:
         suffixes = _SUFFIXES if self.format is None else EXPORT_FORMATS[self.format]
         if not self.file.endswith(suffixes):
             what = "without a format" if self.format is None else f"of format {self.format!r}"
@@ -321,7 +316,6 @@ class Export(SceneTable):
             raise FaultError(f"belongs to other formats: {self.format!r} holds the whole mechanism", "body")
         if self.format not in MECHANISM_FORMATS and self.body is None:
             raise FaultError("is missing: the flexible body that the file holds", "body")
-        return self
 
 
 Output = Annotated[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, Field, WithJsonSchema
 
 from fmd.core.units import Angle, NonNegative, NonNegativeTime, Positive, PositiveLength
 from fmd.scene.reading import FaultError, SceneTable
@@ -166,11 +166,9 @@ class MechanismView(PictureSettings):
     scale: Scale = 1.0
     alone: bool = False
 
-    @model_validator(mode="after")
-    def _one_body_alone(self) -> MechanismView:
+    def _check(self) -> None:
         if self.alone and self.body is None:
             raise FaultError("is missing: the body that is drawn alone", "body")
-        return self
 
 
 class StressPicture(MechanismView):

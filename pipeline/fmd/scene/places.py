@@ -99,8 +99,7 @@ class MarkerPlace(Orientation):
         """The one key that says where the marker is, with its value, for hashing."""
         return self.model_dump(mode="json", include=set(MARKER_WAYS), exclude_none=True)
 
-    @model_validator(mode="after")
-    def _given_one_way(self) -> MarkerPlace:
+    def _check(self) -> None:
         ways = [way for way in MARKER_WAYS if getattr(self, way) is not None]
         if not ways:
             raise FaultError("is missing: a face's name; or give near, a point, or plane, e.g. 'x = 0'", "face")
@@ -108,7 +107,6 @@ class MarkerPlace(Orientation):
             raise FaultError(f"can't stand beside {ways[0]}: a marker's place is told in one way", ways[1])
         if ways[0] in ("edge", "at", "node", "link") and self.attachment == "rigid":
             raise FaultError("needs a face; a marker at a point, on an edge or on a link is averaged", "attachment")
-        return self
 
     @property
     def edge_faces(self) -> tuple[str, ...]:
@@ -155,8 +153,7 @@ class Support(SceneTable):
         """Names of its faces, one or several; empty if another key says where it is."""
         return (self.face,) if isinstance(self.face, str) else self.face
 
-    @model_validator(mode="after")
-    def _somewhere(self) -> Support:
+    def _check(self) -> None:
         given = [key for key in ("face", "edge", "point") if getattr(self, key)]
         if not given:
             raise FaultError("is missing: a face, e.g. 'x-', or an edge or a point", "face")
@@ -164,7 +161,6 @@ class Support(SceneTable):
             raise FaultError(f"can't stand beside {given[0]}: give one of them", given[1])
         if self.edge is not None and self.edge[0] == self.edge[1]:
             raise FaultError("has no length; a single place is a point", "edge")
-        return self
 
 
 class NamedElement(SceneTable):

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, ValidationError, model_validator
 from pydantic.fields import FieldInfo
@@ -189,6 +189,14 @@ class SceneTable(BaseModel):
             ]
             faults += [_detail(FaultError(f"is missing{mend}", *at)) for at, mend in missing.items() if at not in meant]
             raise ValidationError.from_exception_data(cls.__name__, faults) from None
+
+    @model_validator(mode="after")
+    def _check_all(self) -> Self:
+        """Let each class of the table, bases first, check values that are right by themselves by its ``_check``."""
+        for kind in reversed(type(self).__mro__):
+            if check := vars(kind).get("_check"):
+                check(self)
+        return self
 
 
 def _example_of(field: FieldInfo | None) -> str:

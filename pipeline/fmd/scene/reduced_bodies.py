@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.units import PositiveMass
 from fmd.scene.imported_bodies import Meshless
@@ -59,12 +59,10 @@ class BodyFile(SceneTable):
     recovery: SourceFile | None = None
     recovery_nodes: SourceFile | None = None
 
-    @model_validator(mode="after")
-    def _recovered_at_nodes(self) -> BodyFile:
+    def _check(self) -> None:
         if (self.recovery is None) != (self.recovery_nodes is None):
             missing = "recovery" if self.recovery is None else "recovery_nodes"
             raise FaultError("is missing: recovery and recovery_nodes belong together", missing)
-        return self
 
 
 class FileNode(Orientation):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.units import MomentOfInertia, NonNegative, PositiveLength, PositiveMass
@@ -64,12 +64,10 @@ class Undeformable(SceneTable):
     visual: Visuals = ()
     surface: dict[Name, RigidSurface] = Field(default_factory=dict)
 
-    @model_validator(mode="after")
-    def _surfaces_have_names_of_their_own(self) -> Self:
+    def _check(self) -> None:
         for name in self.surface:
             if name in self.marker:
                 raise FaultError("is the name of a marker; another one works", "surface", name)
-        return self
 
 
 class Rod(Undeformable):
@@ -137,7 +135,5 @@ class RigidBody(Undeformable):
     centre: Point = (0.0, 0.0, 0.0)
     inertia: tuple[Moment, Moment, Moment]
 
-    @model_validator(mode="after")
-    def _inertia_of_a_body(self) -> RigidBody:
+    def _check(self) -> None:
         require_possible_moments(self.inertia)
-        return self

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.limits.contact import USUAL_ROUNDING
 from fmd.core.units import PositiveLength, PositiveStress
@@ -90,11 +90,9 @@ class BoxSurface(ElasticSurface):
         """Radius of its edges and corners [m]."""
         return USUAL_ROUNDING * min(self.size) if self.rounding is None else self.rounding
 
-    @model_validator(mode="after")
-    def _has_faces(self) -> Self:
+    def _check(self) -> None:
         if 2.0 * self.edge_radius > min(self.size):
             raise FaultError(f"is more than half of the least extent, {min(self.size):g} m", "rounding")
-        return self
 
 
 class AxialSurface(ElasticSurface):
@@ -112,11 +110,9 @@ class AxialSurface(ElasticSurface):
     end: Point
     radius: PositiveLength
 
-    @model_validator(mode="after")
-    def _has_a_length(self) -> Self:
+    def _check(self) -> None:
         if self.start == self.end:
             raise FaultError("is the start: a pin or a bore needs a length", "end")
-        return self
 
 
 class PinSurface(AxialSurface):

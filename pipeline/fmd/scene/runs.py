@@ -76,11 +76,9 @@ class SubCyclingRun(SubCycledRun):
     split: Literal["joints", "auto"] | PositiveFrequency = "joints"
     forces: Literal["auto", "tangents", "carried", "frozen"] = "auto"
 
-    @model_validator(mode="after")
-    def _both_or_none(self) -> SubCyclingRun:
+    def _check(self) -> None:
         if (self.substeps == "auto") != (self.split == "auto"):
             raise FaultError("is chosen together with the split: give both 'auto' or none", "substeps")
-        return self
 
     def _settings(self, step: float, error: float, duration: float) -> tuple[Any, ...]:
         return step, self.substeps, "tangents" if self.forces == "auto" else self.forces

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.limits.scene import MOST_SECTORS
 from fmd.scene.reading import FaultError, SceneTable
@@ -25,8 +25,6 @@ class SectorMesh(SceneTable):
     cyclic: Annotated[int, Field(strict=True, ge=3, le=MOST_SECTORS)] | None = None
     cuts: tuple[Text, Text] | None = None
 
-    @model_validator(mode="after")
-    def _both_or_none(self) -> Self:
+    def _check(self) -> None:
         if (self.cyclic is None) != (self.cuts is None):
             raise FaultError("belong together: cyclic = 6, cuts = ['low', 'high']", "cyclic")
-        return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.units import Acceleration, PositiveTime
 from fmd.scene.reading import FaultError, SceneTable
@@ -77,8 +77,7 @@ class Simulation(SceneTable):
     fast: tuple[JointName, ...] = ()
     run: Annotated[tuple[Run, ...], Field(min_length=1)]
 
-    @model_validator(mode="after")
-    def _steps_fit(self) -> Simulation:
+    def _check(self) -> None:
         steps: dict[KeyPath, float | str | None] = {("step",): self.step, ("output_step",): self.output_step}
         steps |= {("run", number, "step"): run.step for number, run in enumerate(self.run)}
         for path, step in steps.items():
@@ -96,4 +95,3 @@ class Simulation(SceneTable):
                 if not run.chooses_steps and run.step is None:
                     message = f"is missing: {run.integrator} needs a step, here or in the run, e.g. '10 us'"
                     raise FaultError(message, "step")
-        return self

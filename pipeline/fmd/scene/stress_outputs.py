@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.units import Positive, PositiveStress
 from fmd.scene.pictures import BodyPicture, PictureSettings
@@ -30,14 +30,12 @@ class SurfaceField(BodyPicture):
     file: FieldFile
     count: Count = 20
 
-    @model_validator(mode="after")
-    def _drawn_where_needed(self) -> SurfaceField:
+    def _check(self) -> None:
         for key in {*BodyPicture.model_fields} - {"file", "body"}:
             if key in self.model_fields_set and not self.file.endswith(".png"):
                 raise FaultError("has no effect: it belongs to a .png file", key)
         if "count" in self.model_fields_set and not self.file.endswith(".csv"):
             raise FaultError("has no effect: it belongs to a .csv file", "count")
-        return self
 
 
 class Envelope(SurfaceField):
@@ -115,11 +113,9 @@ class MeanStress(SceneTable):
     goodman: PositiveStress | None = None
     fkm: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
 
-    @model_validator(mode="after")
-    def _one_of_both(self) -> MeanStress:
+    def _check(self) -> None:
         if (self.goodman is None) == (self.fkm is None):
             raise FaultError("needs one of goodman = '520 MPa' and fkm = 0.3")
-        return self
 
 
 class Fatigue(SurfaceField):
@@ -160,8 +156,7 @@ class Fatigue(SurfaceField):
     planes: Annotated[int, Field(strict=True, ge=2, le=180)] = 18
     mean_stress: MeanStress | None = None
 
-    @model_validator(mode="after")
-    def _keys_of_the_stress(self) -> Fatigue:
+    def _check(self) -> None:
         if "planes" in self.model_fields_set and self.stress == "signed von Mises":
             raise FaultError("has no effect: it belongs to stress = 'findley' and 'critical plane'", "planes")
         if "findley" in self.model_fields_set and self.stress != "findley":
@@ -171,7 +166,6 @@ class Fatigue(SurfaceField):
                 "can't be: stress = 'findley' has the mean stress in it, by its findley; leave it out, or take another"
             )
             raise FaultError(why, "mean_stress")
-        return self
 
 
 class ContactPressure(PictureSettings):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.units import PositiveLength
@@ -108,11 +108,9 @@ class CylinderVisual(VisualSettings):
     end: Point
     radius: PositiveLength
 
-    @model_validator(mode="after")
-    def _has_a_length(self) -> CylinderVisual:
+    def _check(self) -> None:
         if self.start == self.end:
             raise FaultError("is the start: a cylinder needs a length", "end")
-        return self
 
 
 class RodVisual(VisualSettings):

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pydantic import model_validator
-
 from fmd.core.joint_kinds import AXIS, OTHER, SPACE, ElementaryMotion, JointKind
 from fmd.core.limits.round_off import SOLVED
 from fmd.scene.joints.angles import TwoAngleJoint
@@ -55,9 +53,7 @@ class Universal(TwoAngleJoint):
     axis: Axis
     child_axis: Axis
 
-    @model_validator(mode="after")
-    def _axes_cross(self) -> Universal:
+    def _check(self) -> None:
         sizes = math.hypot(*self.axis) * math.hypot(*self.child_axis)
         if abs(sum(a * b for a, b in zip(self.axis, self.child_axis, strict=True))) > SOLVED * sizes:
             raise FaultError("must be perpendicular to axis", "child_axis")
-        return self
