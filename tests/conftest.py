@@ -78,17 +78,21 @@ def with_own_cache() -> Callable[[Path], dict[str, str]]:
     return _with_own_cache
 
 
-QUICKLY_COMPILED = ("dynamics", "integrators")
+QUICKLY_COMPILED = {"dynamics", "fitting", "integrators", "responses"}
+"""Rooms whose marches are short."""
+FULLY_COMPILED = {"test_machine_code"}
+"""Files of theirs that compile as users do."""
 
 
 @pytest.fixture(scope="module", autouse=True)
 def least_effort(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Compile what these rooms march a few hundred steps with LLVM's least effort, beside what users march.
+    """Compile what some rooms march a few hundred steps with LLVM's least effort, beside what users march.
 
-    It takes a tenth of the time, which is most of all that there is. Other rooms, processes of their own, `load_code`
-    and the tests of machine code compile as users do.
+    It takes a tenth of the time, which is half of all that there is. All else, processes of their own and
+    `load_code` compile as users do.
     """
-    if not {*request.path.parts} & {*QUICKLY_COMPILED} or request.path.stem == "test_machine_code":
+    names = {*request.path.parts, request.path.stem}
+    if not names & QUICKLY_COMPILED or names & FULLY_COMPILED:
         yield
         return
     entered: list[kernel.Kernel] = []
