@@ -131,6 +131,7 @@ def judge(case: Case, folder: Path, told: Callable[[Row], None] = lambda row: No
     if run is None or row.outcome != "compared":
         return row
     budget = state_errors(run)
+    row.said = "; ".join(budget.left_out)
     rows = (*budget.rows, *budget.details)
     stated = {each.name: each.total if case.kind == "planar" else each.numerical for each in rows}
     open_ = {each.name for each in rows if any(is_open(part) for part in each.parts.values())}

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.protocol import Progress, State, Trajectory
 from fmd.integrators.side_by_side import March, march_at_once, march_in_turn, time_by_turns
 from fmd.output.stated_errors import run_time
+from fmd.output.summary import summarise
 
 NOTHING = np.zeros((1, 0))
 FOUND = Trajectory("", 1.0, 1, np.zeros(1), NOTHING, NOTHING, 0, 0, 2.0, State(0, *NOTHING, *NOTHING, *NOTHING))
@@ -98,3 +100,11 @@ def test_no_ratio_within_the_spread_is_shown() -> None:
     assert run_time(row) == ("1.23 ms", "0.90")
     assert run_time(row | {"spread": 0.2}) == ("1.23 ms (median +20 %)", "–")
     assert run_time(row | {"ratio_to_plain": 1.0, "spread": 0.2})[1] == "1.00"
+
+
+def test_a_march_too_short_for_the_clock_has_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Pipeline(load_scene("rod-slider", ["simulation.duration=10 ms", "output=[]"]), Cache(None))
+    monkeypatch.setattr(time, "perf_counter", lambda: 1.0)
+    rows = summarise(run, [], budget=False)["integrations"]
+    assert [row["seconds"] for row in rows] == [0.0, 0.0, 0.0]
+    assert [run_time(row)[1] for row in rows] == ["–", "–", "–"]

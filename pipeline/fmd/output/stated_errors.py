@@ -53,7 +53,8 @@ def run_time(row: Mapping[str, Any]) -> tuple[str, str]:
     """Write a run's time, with its spread where that matters, and its ratio to the first run's unless it is within."""
     spread, ratio = row.get("spread", 0.0), row["ratio_to_plain"]
     time = scaled(row["seconds"], "s", 3) + (f" (median +{100 * spread:.0f} %)" if spread > SHOWN_SPREAD else "")
-    return time, f"{ratio:.2f}" if ratio == 1.0 or abs(ratio - 1.0) > spread else "–"
+    shown = ratio is not None and (ratio == 1.0 or abs(ratio - 1.0) > spread)
+    return time, f"{ratio:.2f}" if shown else "–"
 
 
 ERROR_COLUMNS = ("mesh", "modes", "time", "stress", "model", "stated", "better", "from", "to")

@@ -179,6 +179,7 @@ def _worst_stress(run: Pipeline, body: str, time: float, node: int, value: float
 def _integrations(run: Pipeline) -> list[dict[str, Any]]:
     """Figures of each of the scene's runs: method, step, work, stability, differences from the first, and its end."""
     first = run.motion
+    compared = run.stands_alone and first.trajectory.seconds > 0.0  # a clock may not tell how long a short march took
     limits = [plan.integrator.largest_step(plan.system) for plan in run.plans.values()]
     return [
         {
@@ -188,7 +189,7 @@ def _integrations(run: Pipeline) -> list[dict[str, Any]]:
             "forces": getattr(run.plans[label].integrator, "forces", None),
             "seconds": motion.trajectory.seconds,
             "spread": motion.trajectory.spread,
-            "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds if run.stands_alone else None,
+            "ratio_to_plain": motion.trajectory.seconds / first.trajectory.seconds if compared else None,
             "evaluations": motion.trajectory.evaluations,
             "fast_evaluations": motion.trajectory.fast_evaluations,
             "error": motion.trajectory.error,
