@@ -111,7 +111,6 @@ def test_a_tubes_bending_frequency_is_that_of_a_beam() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"pieces": 3}, "shells and beams aren't cut yet"),
         ({"marker": {"root": {"face": "top"}}}, "face"),
         ({"thickness": "-1 mm"}, "thickness"),
     ],

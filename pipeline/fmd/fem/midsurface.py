@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_shape
 from fmd.core.limits.mesh import ALIKE_DIRECTORS
 from fmd.fem.cells.cell import SolidCell
@@ -42,6 +44,11 @@ class Midsurface:
         require_finite("nodes", self.nodes)
         read_only(self.nodes)
         read_only(self.owner)
+
+    def of_points(self, points: IntArray) -> Midsurface:
+        """Return that of some points of the mesh, numbered as they are given, with the nodes that these hang on."""
+        held, owner = np.unique(self.owner[points], return_inverse=True)
+        return Midsurface(self.nodes[held], owner)
 
     def cell(self, name: str) -> SolidCell:
         """Return the type of the layer's cells by meshio's name."""

@@ -34,13 +34,20 @@ def interior_facets(space: Discretisation) -> tuple[IntArray, IntArray]:
     elements, local : ndarray, shapes (n_facets, 2)
         Both elements of each facet, and its number in each.
     """
-    facets = space.kind.facet_corners
-    keys = np.concatenate([three_corners(space.element_nodes[:, corners]) for corners in facets])
+    facets, nodes = space.kind.facet_corners, joined_nodes(space)
+    keys = np.concatenate([three_corners(nodes[:, corners]) for corners in facets])
     order = np.lexsort(keys.T)
     equal = np.flatnonzero((np.diff(keys[order], axis=0) == 0).all(axis=1))
     pairs = np.stack([order[equal], order[equal + 1]], axis=1)
     local, elements = np.divmod(pairs, len(space.element_nodes))
-    return elements, local
+    between = elements[:, 0] != elements[:, 1]  # the two sides of a shell hang on the same nodes
+    return elements[between], local[between]
+
+
+def joined_nodes(space: Discretisation) -> IntArray:
+    """Return the nodes of each element (n_elements, n_local), of a shell those that its points hang on."""
+    midsurface = space.mesh.midsurface
+    return space.element_nodes if midsurface is None else np.asarray(midsurface.owner[space.element_nodes])
 
 
 def facet_areas(space: Discretisation, elements: IntArray, local: IntArray) -> Array:

@@ -240,8 +240,8 @@ def _division_warnings(run: Pipeline) -> list[dict[str, str]]:
             "body": name,
             "text": f"{name}: the {what} of its {len(divided.pieces)} pieces together differ by up to "
             f"{100 * error:.2g} % from those of the part in one piece; a larger modes.count than "
-            f"{run.scene.flexible[name].modes.count} helps where fast motions matter, another number of pieces where a "
-            "cut runs through a thick joint or a thin-walled open section",
+            f"{run.scene.flexible[name].modes.count} helps where fast motions matter, sections = 'warping' "
+            "where walls are thin, another number of pieces where a cut runs through a thick joint",
         }
         for name, divided in run.division.divided.items()
         for what, error in divided.errors.items()

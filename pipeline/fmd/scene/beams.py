@@ -55,7 +55,7 @@ class MeshedBeam(Solid):
         raise NotImplementedError
 
     @property
-    def is_shell(self) -> bool:
+    def is_beam(self) -> bool:
         """A line of beams."""
         return True
 

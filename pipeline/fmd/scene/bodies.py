@@ -96,9 +96,9 @@ class Solid(Deformable):
         pieces are small enough for the scene's accuracy, or 1 % without one.
     sections : str
         How pieces are welded at a cut: by the motion on which the tractions of the part's own static deflections do
-        work (``"tractions"``), which leaves its flexibility as it is, by the section's mean motion (``"averaged"``),
-        too soft in torsion and shear, or as a rigid section (``"rigid"``), which also holds its contraction and
-        warping.
+        work (``"tractions"``), which leaves its flexibility as it is, by six motions more, on which tractions of its
+        lowest modes do work (``"warping"``), where walls are thin, by the section's mean motion (``"averaged"``), too
+        soft in torsion and shear, or as a rigid section (``"rigid"``), which also holds its contraction and warping.
     """
 
     deck_may_have_links: ClassVar[bool] = False
@@ -113,11 +113,11 @@ class Solid(Deformable):
     link: dict[Name, FaceLink] = Field(default_factory=dict)
     mass: dict[Name, MassOnLink] = Field(default_factory=dict)
     pieces: Pieces = 1
-    sections: Literal["tractions", "averaged", "rigid"] = "tractions"
+    sections: Literal["tractions", "warping", "averaged", "rigid"] = "tractions"
 
     @property
-    def is_shell(self) -> bool:
-        """True if it is a midsurface with a thickness, or a line of beams."""
+    def is_beam(self) -> bool:
+        """True if it is a line of beams."""
         return False
 
     @property
@@ -168,10 +168,10 @@ class Solid(Deformable):
         return self
 
     @model_validator(mode="after")
-    def _of_shells(self) -> Solid:
-        if self.is_shell and self.pieces != 1:
+    def _whole_beams(self) -> Solid:
+        if self.is_beam and self.pieces != 1:
             raise FaultError(
-                "is of solids: shells and beams aren't cut yet; join several bodies by fixed joints", "pieces"
+                "is of solids and shells: beams aren't cut yet; join several bodies by fixed joints", "pieces"
             )
         return self
 
@@ -181,6 +181,8 @@ class Solid(Deformable):
             if "sections" in self.model_fields_set:
                 raise FaultError("belongs to a body in pieces, e.g. pieces = 6", "sections")
             return self
+        if self.sections == "warping" and self.modes.family != "any":
+            raise FaultError('"warping" is of modes of every family, which modes.family = "any" has', "sections")
         if self.modes.boundary == "joint":
             raise FaultError("is that of a body in one piece; pieces are fixed at their cuts", "modes", "boundary")
         damping = self.modes.damping

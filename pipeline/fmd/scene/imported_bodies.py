@@ -201,9 +201,9 @@ class MeshedPart(Imported):
     mesh: MeshFile
 
     @property
-    def is_shell(self) -> bool:
-        """True if the file's surface elements are shells, or its lines beams."""
-        return self.mesh.shell is not None or self.mesh.beam is not None
+    def is_beam(self) -> bool:
+        """True if the file's lines are beams."""
+        return self.mesh.beam is not None
 
 
 class CadPart(Imported):
@@ -237,14 +237,9 @@ class CadPart(Imported):
     shape: Literal["cad"]
     mesh: CadFile
 
-    @property
-    def is_shell(self) -> bool:
-        """True if the file's surfaces are shells."""
-        return self.mesh.shell is not None
-
     def of_order(self, order: int) -> dict[str, Any]:
         """Return the changes for elements of another order."""
-        return {} if self.is_shell else {"mesh": self.mesh.model_copy(update={"order": order})}
+        return {} if self.mesh.shell is not None else {"mesh": self.mesh.model_copy(update={"order": order})}
 
     def resized(self, factor: float) -> dict[str, Any]:
         """Return the changes for a mesh with about ``factor`` times the elements each way."""

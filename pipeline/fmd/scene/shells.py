@@ -55,11 +55,6 @@ class MeshedShell(Solid):
     mesh: ShellMesh
 
     @property
-    def is_shell(self) -> bool:
-        """A midsurface with a thickness."""
-        return True
-
-    @property
     def parts(self) -> tuple[str, ...]:
         """Name of the one part that the mesh has."""
         return (self.shape,)  # type: ignore[attr-defined]

@@ -5,12 +5,17 @@ the motion on which these forces do work is common to both sides of the cut. So 
 cut has the flexibility of the whole under loads at its ends: the section warps in torsion and shear as it wants to,
 which uniform tractions (RBE3) allow only in part. Between, tractions differ from these by what dies away from the loads
 (Saint-Venant), and enter the energy with the square of the difference.
+
+In a thin-walled part it dies away slowly: its sections warp and change their shape as they vibrate. Six coordinates
+more, the motions on which the tractions of the part's lowest modes do work, hold pieces together in that. They are
+those of a second marker, whose mean motion has them added, so that a second weld of the cut makes them common.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import stage_key
-from fmd.core.limits.mesh import SAME_WEIGHT
+from fmd.core.limits.mesh import NEW_TRACTION, SAME_WEIGHT, TRACTION_MODES
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import move_loads, rigid_motions
 from fmd.fem.assembly import assemble
@@ -38,8 +43,8 @@ if TYPE_CHECKING:
 _SOURCES = ("fmd/fem", "fmd/reduction", "fmd/stages/cut_sections.py", "fmd/stages/pieces.py")
 
 
-def weigh_cuts(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> tuple[Marker | None, ...]:
-    """Return for each cut a marker on the whole part's nodes, weighted by the tractions there.
+def weigh_cuts(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> tuple[tuple[Marker, ...], ...]:
+    """Return for each cut the markers on the whole part's nodes, weighted by tractions there, a weld for each.
 
     Parameters
     ----------
@@ -48,21 +53,24 @@ def weigh_cuts(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> tup
 
     Returns
     -------
-    tuple of Marker, optional
-        ``None`` for a cut whose nodes are also on a rigid face, or whose forces have dependent resultants.
+    tuple of tuple of Marker
+        That of static deflections, and that of modes if they are wanted; none for a cut whose nodes are also on a rigid
+        face, or whose forces have dependent resultants.
     """
+    assert isinstance(part.shape, Solid)
     inputs = {
         "part": part.key("body"),
         "pieces": [(piece.digest, piece.offset.tolist()) for piece in cut.pieces],
         "cuts": repr(cut.cuts),
         "loaded": sorted(loaded),
+        "sections": part.shape.sections,
     }
     key = stage_key("sections", inputs, _SOURCES, ("numpy", "scipy", "scikit-fem"))
-    kind = "tuple[Marker | None, ...]"
+    kind = "tuple[tuple[Marker, ...], ...]"
     return part.store.read_or_compute("sections", key, lambda: _compute(part, cut, sorted(loaded)), kind=kind)
 
 
-def _compute(part: FlexiblePart, cut: CutPart, loaded: Sequence[str]) -> tuple[Marker | None, ...]:
+def _compute(part: FlexiblePart, cut: CutPart, loaded: Sequence[str]) -> tuple[tuple[Marker, ...], ...]:
     responses = _Responses(part, cut, loaded)
     found = [responses.section(each) for each in cut.cuts]
     known: list[Marker] = []
@@ -72,7 +80,10 @@ def _compute(part: FlexiblePart, cut: CutPart, loaded: Sequence[str]) -> tuple[M
         if own is not None:
             found[k] = like = _like_a_known(own, known, part.space.x)
             known += [like] if like is own else []
-    return tuple(found)
+    pairs = zip(cut.cuts, found, strict=True)
+    if part.shape.sections == "tractions":  # type: ignore[union-attr]
+        return tuple(() if own is None else (own,) for _, own in pairs)
+    return tuple(() if own is None else (own, *responses.warping(each, own)) for each, own in pairs)
 
 
 class _Responses:
@@ -110,6 +121,33 @@ class _Responses:
             return traction_marker(centre, nodes, space.x[nodes], forces)
         except ValueError:
             return None
+
+    def warping(self, cut: Cut, section: Marker) -> list[Marker]:
+        """Return the marker with the motions on which tractions of the lowest modes do work; none if they depend."""
+        space, nodes = self._part.space, section.nodes
+        touching = np.isin(space.element_nodes, nodes).any(axis=1)
+        forces = self._nodal_forces(np.flatnonzero(touching & (self._labels == cut.second)), nodes, self._modes)
+        forces = (forces * self._share(cut, nodes)[:, None, None]).transpose(2, 0, 1)
+        moments = np.cross(space.x[nodes] - section.position, forces).sum(axis=1)
+        unit = np.concatenate([section.translation_weights, section.rotation_weights])
+        forces -= np.tensordot(np.concatenate([forces.sum(axis=1), moments], axis=1), unit, axes=1)
+        largest = np.linalg.norm(forces.reshape(len(forces), -1), axis=1).max()
+        found: list[Array] = []
+        for force in forces.reshape(len(forces), -1) / largest:
+            left = force
+            for _ in range(2):  # Gram and Schmidt twice: once leaves round-off
+                left = left - sum(((own @ left) * own for own in found), start=np.zeros_like(left))
+            if (size := float(np.linalg.norm(left))) > NEW_TRACTION and len(found) < len(unit):
+                found.append(left / size)
+        if len(found) < len(unit):
+            return []
+        more = np.reshape(found, unit.shape) * np.linalg.norm(unit, axis=(1, 2))[:, None, None]
+        return [Marker(section.position, nodes, (unit + more)[:3], (unit + more)[3:])]
+
+    @cached_property
+    def _modes(self) -> Array:
+        """Shapes of the part's lowest modes, more than a cut takes, since some load it alike."""
+        return self._solver.modes(min(TRACTION_MODES, self._solver.most_modes())).shapes
 
     def _share(self, cut: Cut, nodes: IntArray) -> Array:
         """Share of a cut in the forces on its second piece at nodes (n,): less than 1 where that has cuts to others."""
@@ -175,13 +213,17 @@ class _Responses:
         """Return the nodal forces that deform elements, at some of their nodes, shape (n, 3, k)."""
         part, mesh = self._part, self._part.mesh
         used, cells = np.unique(mesh.cells[elements], return_inverse=True)
-        own = SolidMesh(mesh.points[used], cells.reshape(-1, mesh.cells.shape[1]), mesh.cell_type, {}, {})
+        midsurface = mesh.midsurface and mesh.midsurface.of_points(used)
+        own = SolidMesh(
+            mesh.points[used], cells.reshape(-1, mesh.cells.shape[1]), mesh.cell_type, {}, {}, midsurface=midsurface
+        )
         material = part.material
         if not isinstance(material, Material):
             material = MaterialOfElements(material.materials, material.numbers[elements])
         fe = assemble(own, part.order, material, part.formulation)
-        place = cKDTree(part.space.x).query(fe.x)[1]
-        forces = (fe.K @ u[place].reshape(fe.K.shape[0], -1)).reshape(len(place), 3, -1)
+        place = cKDTree(part.space.x).query(fe.discretisation.x)[1]
+        n = 3 * len(place)
+        forces = (fe.K[:n, :n] @ u[place].reshape(n, -1)).reshape(len(place), 3, -1)
         order = np.argsort(place)
         return np.asarray(forces[order[np.searchsorted(place[order], nodes)]])
 
@@ -233,10 +275,11 @@ def mark_pieces(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> Cu
     assert isinstance(shape, Solid)
     for k, piece in enumerate(cut.pieces):
         given[k] |= {name: part.markers[name] for name in piece.own_markers if not shape.marker[name].is_face}
-    if shape.sections == "tractions":
-        for each, marker in zip(cut.cuts, weigh_cuts(part, cut, loaded), strict=True):
-            if marker is not None:
-                given[each.first][each.of_first] = given[each.second][each.of_second] = marker
+    if shape.sections in ("tractions", "warping"):
+        for each, found in zip(cut.cuts, weigh_cuts(part, cut, loaded), strict=True):
+            for again, marker in enumerate(found):
+                cut, weld = cut.weld_again(each) if again else (cut, each)
+                given[weld.first][weld.of_first] = given[weld.second][weld.of_second] = marker
     tree, extent = cKDTree(part.space.x), float(np.ptp(part.mesh.points, axis=0).max())
     pieces = []
     for piece, markers in zip(cut.pieces, given, strict=True):

@@ -79,7 +79,7 @@ def divide_scene(scene: Scene, cuts: Mapping[str, CutPart], elements: Mapping[st
                     continue
                 first, second = piece_name(name, cut.first), piece_name(name, cut.second)
                 weld = Fixed(type="fixed", parent=f"{first}.{cut.of_first}", child=f"{second}.{cut.of_second}")
-                joints[f"{first}-{second}:{cut.of_first[-1]}" if closes else second] = weld
+                joints[f"{first}-{second}:{cut.of_first.rpartition('-')[2]}" if closes else second] = weld
         if not closes:  # welds of the tree come before the user's joints, which close loops if they hold a piece too
             joints |= {name: _moved(joint, cuts, "parent", "child") for name, joint in scene.joint.items()}
     changes: dict[str, Any] = {"body": bodies, "joint": joints}
@@ -198,7 +198,8 @@ class DividedPart:
             body, q = bodies[part.name], motion.modal(part.name)
             count[nodes] += 1
             for row, k in enumerate(frames):
-                placed = motion.placed(part.name, body.x + body.shapes @ q[k], int(k))
+                moved = body.x[: len(nodes)] + body.shapes[: len(nodes)] @ q[k]
+                placed = motion.placed(part.name, moved, int(k))
                 total[row, nodes] += motion.seen_from(first, placed, int(k)) + origin - x[nodes]
         return np.asarray(total / count[:, None])
 

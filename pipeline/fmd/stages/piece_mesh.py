@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -82,6 +82,9 @@ class PieceMesh:
             for name, array in table.items():
                 h.update(f"{name}:{array.shape}".encode())
                 h.update(np.ascontiguousarray(array).tobytes())
+        if self.mesh.midsurface is not None:
+            h.update(np.ascontiguousarray(self.mesh.midsurface.nodes).tobytes())
+            h.update(np.ascontiguousarray(self.mesh.midsurface.owner).tobytes())
         for name, marker in self.given.items():
             h.update(f"{name}:{len(marker.nodes)}".encode())
             for array in (marker.position, marker.nodes, marker.translation_weights, marker.rotation_weights):
@@ -108,6 +111,19 @@ class CutPart:
         """Return the number of the piece that a marker of the whole is on."""
         return next(k for k, piece in enumerate(self.pieces) if marker in piece.own_markers)
 
+    def weld_again(self, cut: Cut) -> tuple[CutPart, Cut]:
+        """Return the part with one more weld at one of its cuts, and that weld, which closes a ring."""
+        pieces, names = list(self.pieces), []
+        for number, marker in ((cut.first, cut.of_first), (cut.second, cut.of_second)):
+            piece = pieces[number]
+            name = CLOSING + str(1 + sum(known.startswith(CLOSING) for known in piece.cut_markers))
+            faces = {**piece.mesh.faces, face_of(name): piece.mesh.faces[face_of(marker)]}
+            markers = (*piece.cut_markers, name)
+            pieces[number] = replace(piece, mesh=replace(piece.mesh, faces=faces), cut_markers=markers)
+            names.append(name)
+        weld = replace(cut, of_first=names[0], of_second=names[1], closes=True)
+        return CutPart(tuple(pieces), (*self.cuts, weld)), weld
+
 
 def face_of(marker: str) -> str:
     """Return the name of the face that a piece's mesh has for a marker."""
@@ -120,3 +136,4 @@ def round_to_grid(x: Array, extent: float) -> Array:
 
 
 ROOT_CUT = "cut:inboard"  # no marker of a scene has a colon in its name
+CLOSING = "cut:closing-"

@@ -7,21 +7,23 @@ make up its interface (Craig & Bampton); rotations between pieces may be of any 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError, blaming
-from fmd.core.limits.mesh import CONTACT, MOST_OF_PIECE, MOVES
+from fmd.core.limits.mesh import CONTACT, MOST_OF_PIECE, MOVES, SAME_PLACE
 from fmd.fem.markers import facets_on_face
 from fmd.fem.mesh import SolidMesh
-from fmd.fem.partition import PartitionError, divide_mesh, facet_areas, interior_facets, join_fragments
+from fmd.fem.partition import PartitionError, divide_mesh, facet_areas, interior_facets, join_fragments, joined_nodes
 from fmd.fem.space import Discretisation
 from fmd.stages.markers import find_marker_facets, fixed_unknowns
-from fmd.stages.piece_mesh import ROOT_CUT, Cut, CutPart, PieceMesh, face_of, round_to_grid
+from fmd.stages.piece_mesh import CLOSING, ROOT_CUT, Cut, CutPart, PieceMesh, face_of, round_to_grid
 
 if TYPE_CHECKING:
     from fmd.stages.part import FlexiblePart
@@ -54,6 +56,7 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     root = int(labels[markers[part.joint.marker][0]])
     elements, local = interior_facets(space)
     with blaming(part.file, f"{key}.pieces", count, of=PartitionError):
+        _require_common_points(space, labels, elements, local)
         number, cuts = join_pieces(space, labels, elements, local, root)
     labels = number[labels]
     _require_supports_on_first(part, labels)
@@ -87,6 +90,20 @@ def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[s
         labels = joined
     problem = "faces of markers lie across the cuts; another number of pieces has its cuts elsewhere"
     raise InputError(part.file, f"body.{part.name}.pieces", count, problem)
+
+
+def _require_common_points(space: Discretisation, labels: IntArray, elements: IntArray, local: IntArray) -> None:
+    """Raise ``PartitionError`` where shells on both sides of a cut have common nodes and points of their own."""
+    across = labels[elements[:, 0]] != labels[elements[:, 1]]
+    corners = space.kind.facet_corners
+    for pair, facets in zip(elements[across], local[across], strict=True):
+        one, other = (set(space.element_nodes[e, corners[k]].tolist()) for e, k in zip(pair, facets, strict=True))
+        if one != other:
+            raise PartitionError("a cut would run along a fold or a jump of the shell's thickness; take another number")
+    if space.mesh.midsurface is not None and cKDTree(space.x).query_pairs(
+        SAME_PLACE * float(np.ptp(space.x, axis=0).max())
+    ):
+        raise PartitionError("points of shells coincide at a fold, where offset brings them together")
 
 
 def _require_supports_on_first(part: FlexiblePart, labels: IntArray) -> None:
@@ -152,7 +169,10 @@ def _piece(
     numbers[mine[cell_order]] = np.arange(len(mine))
     parts = {name: np.sort(numbers[of[labels[of] == k]]) for name, of in mesh.parts.items()}
     faces = {name: _corners(space, new, *facets) for name, facets in found.items()}
-    piece = SolidMesh(points, cells[cell_order], mesh.cell_type, parts, faces)
+    midsurface = mesh.midsurface and mesh.midsurface.of_points(used[order])
+    if midsurface is not None:
+        midsurface = replace(midsurface, nodes=round_to_grid(midsurface.nodes - offset, extent))
+    piece = SolidMesh(points, cells[cell_order], mesh.cell_type, parts, faces, midsurface=midsurface)
     return PieceMesh(mine[cell_order], piece, offset, tuple(at_cuts), tuple(own))
 
 
@@ -234,9 +254,10 @@ def _find_patches(
     pairs = np.sort(labels[elements], axis=1)
     across = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
     n_corners = np.array([len(set(corners)) for corners in space.kind.facet_corners])[local[across, 0]]
+    nodes = joined_nodes(space)
     corners = np.concatenate(
         [
-            space.element_nodes[elements[k, 0], space.kind.facet_corners[local[k, 0]]]
+            nodes[elements[k, 0], space.kind.facet_corners[local[k, 0]]]
             + len(space.x) * (pairs[k, 0] * (int(labels.max()) + 1) + pairs[k, 1])
             for k in across
         ]
@@ -261,7 +282,7 @@ def _name_cuts(found: Sequence[tuple[int, int, IntArray, bool]]) -> list[Cut]:
             names = []
             for piece in (first, second):
                 closing[piece] = closing.get(piece, 0) + 1
-                names.append(f"cut:closing-{closing[piece]}")
+                names.append(f"{CLOSING}{closing[piece]}")
             cuts.append(Cut(first, second, names[0], names[1], True, facets))
             continue
         outboard[first] = outboard.get(first, 0) + 1

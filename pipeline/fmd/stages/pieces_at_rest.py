@@ -129,7 +129,7 @@ def _measure(part: FlexiblePart, ports: Sequence[str]) -> PartAtRest:
     solver = replace(part.model).solver  # a copy: its factor is let go with it
     count = COMPARED_FREQUENCIES * (1 if part.shape.modes.family == "any" else FAMILIES)
     found = {}
-    columns = {name: part.markers[name].columns(len(part.space.x), np.eye(3)) for name in ports}
+    columns = {name: part.markers[name].columns(len(part.fe.x), np.eye(3)) for name in ports}
     for name, f in balance(part, ports, columns).items():
         u = solver.static_response(f)
         found[name] = np.asarray(np.tensordot(f, u, axes=([0, 1], [0, 1])))

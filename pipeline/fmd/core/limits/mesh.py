@@ -67,6 +67,8 @@ ROUND_CORNERS = 24  # of the polygon of its area that a circle is drawn as, a mu
 
 # Cuts.
 SAME_WEIGHT = 1e-2  # of the largest: sections whose weights differ by less, by distant loads, have equal ones
+TRACTION_MODES = 12  # of a part whose tractions weight the warping of its cuts, by six motions each
+NEW_TRACTION = 1e-4  # what others don't have of a mode's tractions, over the largest mode's: less isn't independent
 CONTACT = 0.01  # of the largest cut's area: pieces that touch in less aren't welded
 GRID = 0.7312e-12  # of the extent: places of nodes are rounded to this, so that equal pieces are equal to the bit
 MOVES = 5  # rounds in which a marker's elements, and those that come loose, move to another piece
