@@ -192,7 +192,7 @@ def test_files_that_are_not_a_bodys_matrices_are_refused_by_name(tmp_path: Path,
     [
         ("GRID,90,,0.,0.,0.,3", "grid point 90 moves in coordinate system 3, its CD"),
         ("SPOINT,90", "SPOINT 90 has rows without a grid point"),
-        ("GRID,90,4,0.,0.,0.", "grid point 90 is in coordinate system 4"),
+        ("GRID,90,4,0.,0.,0.", "grid point 90: coordinate system 4 isn't there"),
     ],
 )
 def test_decks_whose_matrices_are_of_other_unknowns_are_refused_by_card(

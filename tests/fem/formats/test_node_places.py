@@ -27,3 +27,8 @@ def test_grdset_gives_the_systems_of_points_that_leave_theirs_blank():
 def test_a_system_of_three_points_on_a_line_is_refused(points: str):
     with pytest.raises(MeshFileError, match="line 3: GRID 3: coordinate system 5: its three points lie on a line"):
         nastran_places(f"CORD2R,5,,{points}\nGRID,3,5,1.,2.,3.")
+
+
+def test_points_that_move_along_circles_are_refused():
+    with pytest.raises(MeshFileError, match="line 3: GRID 3: moves in coordinate system 5, which is no CORD2R"):
+        nastran_places("CORD2C,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nGRID,3,,1.,2.,3.,5")

@@ -122,7 +122,7 @@ class NastranBeams:
         towards = np.array([self._real(each) for each in vector]) if any(vector) else np.zeros(0)
         self.deck.elements.append(BeamElement(label, fields[1], towards, np.reshape(offsets, (2, 3))))
 
-    def finished(self, points: Mapping[int, list[float]]) -> DeckBeams:
+    def finished(self, points: Mapping[int, Array]) -> DeckBeams:
         """Return the beams, with vectors towards points."""
         for k, (end, point) in self._towards_point.items():
             if end in points and point in points:

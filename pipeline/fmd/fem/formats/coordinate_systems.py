@@ -1,4 +1,4 @@
-"""Rectangular coordinate systems of Nastran decks, CORD2R, each given in another or in the basic one."""
+"""Coordinate systems of Nastran decks, CORD2R, CORD2C and CORD2S, each given in another or in the basic one."""
 
 from __future__ import annotations
 
@@ -12,15 +12,39 @@ from fmd.core.limits.files import SAME_LINE
 from fmd.fem.formats.raw_mesh import MeshFileError
 
 
+def _as_given(x: Array) -> Array:
+    return x
+
+
+def _of_cylinder(x: Array) -> Array:
+    """Return the rectangular coordinates of a radius, an angle [degrees] and a height."""
+    return np.array([x[0] * np.cos(np.radians(x[1])), x[0] * np.sin(np.radians(x[1])), x[2]])
+
+
+def _of_sphere(x: Array) -> Array:
+    """Return the rectangular coordinates of a radius, an angle from the pole and one around it [degrees]."""
+    polar = np.radians(x[1])
+    return _of_cylinder(np.array([x[0] * np.sin(polar), x[2], x[0] * np.cos(polar)]))
+
+
+_KINDS = {"CORD2R": _as_given, "CORD2C": _of_cylinder, "CORD2S": _of_sphere}
+
+
 class Axes(NamedTuple):
     """Origin (3,), in the file's unit, and axes (3, 3) of a system, its axes the columns, in the basic one."""
 
     origin: Array
     axes: Array
+    rectangular: Callable[[Array], Array] = _as_given
+
+    @property
+    def is_straight(self) -> bool:
+        """True if its directions are the same everywhere."""
+        return self.rectangular is _as_given
 
     def place(self, x: Array) -> Array:
         """Return the basic coordinates of a point (3,)."""
-        return np.asarray(self.origin + self.axes @ x)
+        return np.asarray(self.origin + self.axes @ self.rectangular(x))
 
 
 BASIC = Axes(np.zeros(3), np.eye(3))
@@ -43,13 +67,13 @@ class CoordinateSystems:
         self._known = {"": BASIC, "0": BASIC}
 
     def find(self, number: str) -> Axes:
-        """Return a system; raises ``MeshFileError`` if it isn't there or isn't rectangular by three points."""
+        """Return a system; raises ``MeshFileError`` if it isn't there or isn't by three points."""
         if number in self._known:
             return self._known[number]
         name, fields = self._cards.pop(number, ("", []))  # popped: a system within itself isn't found again
-        if name != "CORD2R":
+        if name not in _KINDS:
             what = f"is a {name}" if name else "isn't there, or hangs on itself"
-            raise MeshFileError(f"coordinate system {number} {what}; CORD2R are read, and the basic one")
+            raise MeshFileError(f"coordinate system {number} {what}; {', '.join(_KINDS)} are read, and the basic one")
         numbers = [self._real(field) for field in fields[2:11]]
         within = self.find(fields[1])
         a, b, c = (within.place(x) for x in np.array(numbers).reshape(3, 3))
@@ -58,5 +82,5 @@ class CoordinateSystems:
         if not across > SAME_LINE * np.linalg.norm(z) * np.linalg.norm(c - a):
             raise MeshFileError(f"coordinate system {number}: its three points lie on a line")
         z, y = z / np.linalg.norm(z), y / across
-        self._known[number] = Axes(a, np.stack([np.cross(y, z), y, z], axis=1))
+        self._known[number] = Axes(a, np.stack([np.cross(y, z), y, z], axis=1), _KINDS[name])
         return self._known[number]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.fem.cells.table import CELLS
 from fmd.fem.connections import Connections
 from fmd.fem.formats.beam_sections import NastranBeams
+from fmd.fem.formats.coordinate_systems import CoordinateSystems
 from fmd.fem.formats.nastran_links import NastranLinks
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.formats.shell_sections import NastranShells
@@ -47,17 +48,21 @@ def read_nastran(text: str) -> RawMesh:
     MeshFileError
         The text is damaged, or has a form that isn't read; the message gives the line.
     """
-    points: dict[int, list[float]] = {}
+    points: dict[int, tuple[str, list[float]]] = {}
+    systems: list[tuple[str, list[str]]] = []
+    cards = list(read_cards(text))
+    default = next((fields for _, name, fields in cards if name == "GRDSET"), [])
     cells: dict[str, list[list[int]]] = defaultdict(list)
     properties: dict[str, list[str]] = defaultdict(list)
     others: dict[str, int] = defaultdict(int)
     seen: set[int] = set()
     links, shells, beams = NastranLinks(read_real), NastranShells(read_real), NastranBeams(read_real)
-    for line, name, fields in read_cards(text):
+    for line, name, fields in cards:
         try:
             if name == "GRID":
-                _take_point(fields, points)
-                if fields[5:6] not in ([], [""], ["0"]):
+                given, moves = grid_systems(fields, default)
+                _take_point(fields, given, points)
+                if moves not in ("", "0"):
                     links.turned.add(int(fields[0]))
             elif name in _SOLIDS or name in _PLANES or name in _LINES:
                 kind, nodes = _cell(name, fields)
@@ -75,8 +80,8 @@ def read_nastran(text: str) -> RawMesh:
                 pass
             elif name in _OTHERS or _OTHER.fullmatch(name):
                 others[name] += 1
-            elif name == "GRDSET" and {*fields[1:2], *fields[5:6]} - {"", "0"}:
-                raise MeshFileError("GRDSET sets a coordinate system; write the grid points in the basic one")
+            elif name.startswith("CORD"):
+                systems.append((name, fields))
             elif name == "INCLUDE":
                 raise MeshFileError("INCLUDE isn't followed; put all into one file")
         except MeshFileError as error:
@@ -85,14 +90,15 @@ def read_nastran(text: str) -> RawMesh:
             raise MeshFileError(f"line {line}: {name} has fields that aren't the numbers they should be") from None
     if not points:
         raise MeshFileError("there are no grid points: no GRID lines")
+    x = _basic_places(points, CoordinateSystems(systems, read_real))
     place = {number: k for k, number in enumerate(points)}
     begin = _begin_bulk(text)
     try:
         connections = links.connections(text[:begin], begin > 0, place)
     except ValueError as error:
         raise MeshFileError(str(error)) from None
-    raw = RawMesh(np.array(list(points.values())), others=dict(others), connections=connections)
-    raw.beams = beams.finished(points)
+    raw = RawMesh(np.array(list(x.values())), others=dict(others), connections=connections)
+    raw.beams = beams.finished(x)
     raw.shells, raw.shell_faults = shells.of_blocks({kind: properties[kind] for kind in cells}), shells.faults
     for kind, rows in cells.items():
         try:
@@ -115,14 +121,17 @@ def read_grid_points(text: str) -> tuple[IntArray, Array, Connections]:
     Raises
     ------
     MeshFileError
-        A grid point is in a coordinate system of its own, or moves in one, or a link isn't one of those that are read.
+        A grid point moves in a coordinate system of its own, or a link isn't one of those that are read.
     """
     numbers: dict[int, None] = {}
-    for line, name, fields in read_cards(text):
+    cards = list(read_cards(text))
+    default = next((fields for _, name, fields in cards if name == "GRDSET"), [])
+    for line, name, fields in cards:
         if name == "GRID":
-            if fields[5:6] not in ([], [""], ["0"]):
+            moves = grid_systems(fields, default)[1]
+            if moves not in ("", "0"):
                 raise MeshFileError(
-                    f"line {line}: grid point {fields[0]} moves in coordinate system {fields[5]}, its CD, by which its "
+                    f"line {line}: grid point {fields[0]} moves in coordinate system {moves}, its CD, by which its "
                     "rows are turned; write the deck with CD = 0"
                 )
             numbers[int(fields[0]) if fields[0].isdigit() else 0] = None
@@ -136,14 +145,29 @@ def read_grid_points(text: str) -> tuple[IntArray, Array, Connections]:
     return np.array(list(numbers), dtype=np.int64)[order], raw.points[order], raw.connections.numbered(place)
 
 
-def _take_point(fields: list[str], points: dict[int, list[float]]) -> None:
+def _basic_places(points: Mapping[int, tuple[str, list[float]]], systems: CoordinateSystems) -> dict[int, Array]:
+    """Return the places of grid points in the basic system."""
+    found = {}
+    for number, (given, x) in points.items():
+        try:
+            found[number] = systems.find(given).place(np.array(x))
+        except MeshFileError as error:
+            raise MeshFileError(f"grid point {number}: {error}") from None
+    return found
+
+
+def grid_systems(fields: Sequence[str], default: Sequence[str]) -> tuple[str, str]:
+    """Return the systems that a grid point lies in (CP) and moves in (CD), of GRDSET where its own fields are blank."""
+    given, moves = (next(filter(None, (*fields[k : k + 1], *default[k : k + 1])), "") for k in (1, 5))
+    return given, moves
+
+
+def _take_point(fields: list[str], system: str, points: dict[int, tuple[str, list[float]]]) -> None:
     """Add a grid point."""
-    number, system = int(fields[0]), fields[1] if len(fields) > 1 else ""
-    if system not in ("", "0"):
-        raise MeshFileError(f"grid point {number} is in coordinate system {system}; write all in the basic one, 0")
+    number = int(fields[0])
     x = [read_real(field) for field in fields[2:5]]
     x += [0.0] * (3 - len(x))
-    if points.setdefault(number, x) != x:
+    if points.setdefault(number, (system, x)) != (system, x):
         raise MeshFileError(f"grid point {number} is given twice, at two places")
 
 

@@ -15,7 +15,7 @@ from fmd.core.files import read_text
 from fmd.core.limits.files import MOST_MATRIX_BYTES
 from fmd.fem.formats import abaqus
 from fmd.fem.formats.coordinate_systems import BASIC, CoordinateSystems
-from fmd.fem.formats.nastran import SUFFIXES, read_cards, read_real
+from fmd.fem.formats.nastran import SUFFIXES, grid_systems, read_cards, read_real
 from fmd.fem.formats.raw_mesh import MeshFileError
 
 
@@ -67,15 +67,17 @@ def nastran_places(text: str) -> Places:
     cards = list(read_cards(text))
     systems = CoordinateSystems(((name, fields) for _, name, fields in cards), read_real)
     places, axes, unknowns = dict[int, Array](), dict[int, Array](), list[tuple[int, int]]()
-    default = next((fields for _, name, fields in cards if name == "GRDSET"), [])  # CP and CD of fields left blank
+    default = next((fields for _, name, fields in cards if name == "GRDSET"), [])
     for line, name, fields in cards:
         try:
             if name == "GRID":
                 number = int(fields[0])
-                given, moves = (next(filter(None, (*fields[k : k + 1], *default[k : k + 1])), "") for k in (1, 5))
+                given, moves = grid_systems(fields, default)
                 x = [read_real(item) for item in (*fields[2:5], "", "", "")[:3]]
                 places[number] = systems.find(given).place(np.array(x))
                 if (turned := systems.find(moves)) is not BASIC:
+                    if not turned.is_straight:
+                        raise MeshFileError(f"moves in coordinate system {moves}, which is no CORD2R")
                     axes[number] = turned.axes
             elif name == "EXTRN":
                 for node, components in zip(fields[::2], fields[1::2], strict=False):
