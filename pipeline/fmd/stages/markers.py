@@ -74,11 +74,11 @@ def place_markers(
 def clamp_broad(marker: Marker, space: Discretisation, others: Mapping[str, Marker]) -> Marker:
     """Return the marker of a clamped face, rigid if the face is broad beside the body's reach from it.
 
-    Averaged, a broad face warps and bends, which no clamp allows. Of shells, and where nodes of another rigid face are
-    on it, it stays averaged.
+    Averaged, a broad face warps and bends, which no clamp allows. Where nodes of another rigid face are on it, it stays
+    averaged.
     """
     nodes = [other.nodes for other in others.values() if other.rigid]
-    if space.mesh.midsurface is not None or (nodes and np.isin(marker.nodes, np.concatenate(nodes)).any()):
+    if nodes and np.isin(marker.nodes, np.concatenate(nodes)).any():
         return marker
     away = np.linalg.norm(space.x - marker.position, axis=1)
     broad = 2 * away[marker.nodes].max() > BROAD_CLAMP * away.max()
