@@ -155,7 +155,9 @@ def _striker(rng: np.random.Generator) -> dict[str, Any]:
         keys |= {"start": [-radius, 0, 0], "end": [radius, 0, 0]}
         low = radius + radius * abs(float(rotation(turn)[1, 0]))
     body = rigid(kind, keys, 0.3, [0.4 * 0.3 * radius**2] * 3, MATERIALS[1][0])
-    place = [rng.uniform(0.1, 0.9) * bar["length"], 0.5 * bar["depth"] + low + GAP, 0.0]
+    (along, _, across) = bar["mesh"]["divisions"]  # nodes alone touch: one is below
+    x, z = bar["length"] * rng.integers(1, along) / along, bar["width"] * (rng.integers(0, across + 1) / across - 0.5)
+    place = [x, 0.5 * bar["depth"] + low + GAP, z]
     joints = {"flight": _free("two.middle", place, [0, speed, 0], **pose), "rest": _free("one.end", [0, 0, 0])}
     contact = {"between": ["one.above", "two.skin"]}
     return {"body": {"one": bar, "two": body}, "joint": joints, "contact": contact, "duration": 1e-3}

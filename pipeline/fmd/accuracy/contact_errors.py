@@ -93,7 +93,8 @@ def step_differences(run: Pipeline) -> Differences:
     """Return the errors of the first run's contacts by its step, by contact and figure, or why there is none.
 
     A march with twice the step differs by 2^p − 1 times the error of ours, of order p, or, where contact doesn't allow
-    that, one with half the step by 1 − 2^-p of it. Times are known to a step.
+    that, one with half the step by 1 − 2^-p of it. The order is 2, and 1 of the largest values, which the steps just
+    meet, with friction, whose slip is counted by steps, and with damping. Times are known to a step.
     """
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
@@ -103,8 +104,12 @@ def step_differences(run: Pipeline) -> Differences:
         histories = run.motion_by(other, other.march(run.output_times)).contacts
     except (StabilityError, AccuracyError) as error:
         return _all(run, f"the march with {'twice' if longer else 'half'} the step failed: {error}")
-    change = 2.0 if any(body.loses_energy for body in plan.mechanism.contacts) else 4.0
-    share, step = 1.0 / (change - 1.0) * (1.0 if longer else change), method.step
+    order, step = 1.0 if any(body.is_lossy for body in plan.mechanism.contacts) else 2.0, method.step
+    ratio = 2.0 if longer else 0.5
+
+    def share(key: str) -> float:
+        return 1.0 / abs(ratio ** (1.0 if key in _HISTORIES else order) - 1.0)
+
     return {name: _differences(own, histories[name], share, step) for name, own in run.motion.contacts.items()}
 
 
@@ -135,7 +140,7 @@ def _compare(run: Pipeline, source: str, limit: TimeLimit) -> Differences:
         return _all(run, str(left))
     except FAULTS as fault:
         return _all(run, f"not estimated: by another {source}, {fault}")
-    return {name: _differences(own, histories[name], share, 0.0) for name, own in run.motion.contacts.items()}
+    return {name: _differences(own, histories[name], lambda _: share, 0.0) for name, own in run.motion.contacts.items()}
 
 
 def _on_coarser_meshes(run: Pipeline) -> _Variant | str:
@@ -183,7 +188,9 @@ _VARIANTS: Mapping[str, Callable[[Pipeline], _Variant | str]] = {
 """Variants of a run by what they lack or have more of, with how many times of our error they differ from us."""
 
 
-def _differences(own: ContactHistory, other: ContactHistory, share: float, step: float) -> dict[str, float | str]:
+def _differences(
+    own: ContactHistory, other: ContactHistory, share: Callable[[str], float], step: float
+) -> dict[str, float | str]:
     found, theirs = dict[str, float | str](_OF_ITSELF), other.figures
     for key, value in own.figures.items():
         if key in _OF_ITSELF:
@@ -195,8 +202,7 @@ def _differences(own: ContactHistory, other: ContactHistory, share: float, step:
         if key in _HISTORIES:
             mine, its = (Quantity(key, "", _HISTORIES[key](at), largest=True) for at in (own, other))
             change = max(change, mine.change(its) * max(mine.scale, its.scale))
-        change *= share
-        found[key] = change + (step if key in ("begin_s", "end_s") else 0.0)
+        found[key] = share(key) * change + (step if key in ("begin_s", "end_s") else 0.0)
     return found
 
 

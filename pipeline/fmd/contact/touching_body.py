@@ -266,9 +266,9 @@ class TouchingBody:
         return max((own.damping for own in self.contacts), default=0.0)
 
     @property
-    def loses_energy(self) -> bool:
-        """True if its contacts are damped, or lose energy in a shock."""
-        return self.damping > 0.0 or any(own.law is not None and own.law.loss > 0.0 for own in self.contacts)
+    def is_lossy(self) -> bool:
+        """True if its contacts rub, are damped, or lose energy in a shock."""
+        return self.damping > 0.0 or any(own.friction > 0.0 or (own.law and own.law.loss) for own in self.contacts)
 
     @property
     def digest(self) -> str:

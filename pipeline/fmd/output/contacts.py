@@ -9,6 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import FEW_ON_MESH, FEW_POINTS, LOST_ENERGY, UNSEEN_DEPTH
+from fmd.output.between_nodes import describe_depths
 from fmd.recovery.motion import Motion
 from fmd.stages.pipeline import Pipeline
 
@@ -48,6 +49,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
         found += [{"code": "contact-grid", "text": text} for text in _grid_faults(motion)]
         found += [{"code": "contact-wide", "text": text} for text in _pin_faults(motion)]
         found += [{"code": "contact-coarse", "text": text} for text in _coarse_faults(motion)]
+        found += [{"code": "contact-unseen", "text": text} for text in describe_depths(run, motion).values()]
     for name, body, face in run.scene.touching_faces:
         if raised := run.parts[body].contact_points.raised:
             text = (

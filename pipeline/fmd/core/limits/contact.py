@@ -38,6 +38,8 @@ ASLANT = 0.5  # [rad]: how far a picture of a face's pressure is taken beside it
 FEW_ON_MESH = 12  # points of a curved face that are pressed: fewer tell the force to less than 2 %
 FEW_POINTS = 32  # of a grid that are pressed: fewer tell the largest pressure to less than 2 %
 UNSEEN_DEPTH = 0.01  # of the largest extent of the points: how much deeper nodes may go that carry no pressure
+BETWEEN_NODES = 0.2  # of a radius: elements between whose nodes a ball goes deeper by as much of its radius as that
+DEPTH_FRAMES = 120  # output times at which depths between nodes are looked for
 
 # Contact of two bodies.
 SHARP_EDGE = 30.0  # [degrees]: corners of triangles whose normals differ by more are looked for on the other face
