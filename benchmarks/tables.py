@@ -242,6 +242,18 @@ TABLES: dict[str, Callable[[], str]] = {
             "processor time": "{seconds} s",
         },
     ),
+    "contact-peers": partial(
+        listed,
+        "contact_peers",
+        {
+            "shock": "{case}",
+            "program": "{tool}",
+            "steps in it": "{steps}",
+            "error of the speed after": "{speed_error}",
+            "of the largest force": "{force_error}",
+            "time": "{seconds:t}",
+        },
+    ),
     "derivatives": derivatives,
     "eigen": eigen,
     "assembly": assembly,

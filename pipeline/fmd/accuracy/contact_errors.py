@@ -37,6 +37,11 @@ _HISTORIES: Mapping[str, Callable[[ContactHistory], Array]] = {
     "largest_area_m2": lambda own: own.area,
 }
 """What figures are the largest of: two marches may have the same by chance, and peaks near it tell them apart."""
+_SUMS: Mapping[str, Callable[[ContactHistory], Array]] = {
+    "friction_work_j": lambda own: own.friction_work,
+    "damping_work_j": lambda own: own.damping_work,
+}
+"""What figures are the end of; there, too, two marches may meet by chance."""
 _OTHERS = ("mesh", "modes", "near field")
 Differences = Mapping[str, Mapping[str, float | str]]
 """Errors of figures by contact and figure, or why there is none."""
@@ -94,7 +99,7 @@ def step_differences(run: Pipeline) -> Differences:
 
     A march with twice the step differs by 2^p − 1 times the error of ours, of order p, or, where contact doesn't allow
     that, one with half the step by 1 − 2^-p of it. The order is 2, and 1 of the largest values, which the steps just
-    meet, with friction, whose slip is counted by steps, and with damping. Times are known to a step.
+    meet, with friction, whose slip is counted by steps, and with damping. Times are known to a step, areas to a point.
     """
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
@@ -110,7 +115,17 @@ def step_differences(run: Pipeline) -> Differences:
     def share(key: str) -> float:
         return 1.0 / abs(ratio ** (1.0 if key in _HISTORIES else order) - 1.0)
 
-    return {name: _differences(own, histories[name], share, step) for name, own in run.motion.contacts.items()}
+    times, points = dict.fromkeys(("begin_s", "end_s"), step), _areas_of_points(run)
+    return {
+        name: _differences(own, histories[name], share, times | {"largest_area_m2": points.get(name, 0.0)})
+        for name, own in run.motion.contacts.items()
+    }
+
+
+def _areas_of_points(run: Pipeline) -> dict[str, float]:
+    """Return the area of a point of each contact of a flexible face, of which it presses whole ones [m²]."""
+    bodies = [body for body in run.motion.mechanism.contacts if not body.points.is_rigid]
+    return {name: float(body.points.areas[body.face_of(name)].mean()) for body in bodies for name in body.names}
 
 
 def _differences_by(run: Pipeline, source: str, limit: TimeLimit) -> Differences:
@@ -140,7 +155,7 @@ def _compare(run: Pipeline, source: str, limit: TimeLimit) -> Differences:
         return _all(run, str(left))
     except FAULTS as fault:
         return _all(run, f"not estimated: by another {source}, {fault}")
-    return {name: _differences(own, histories[name], lambda _: share, 0.0) for name, own in run.motion.contacts.items()}
+    return {name: _differences(own, histories[name], lambda _: share, {}) for name, own in run.motion.contacts.items()}
 
 
 def _on_coarser_meshes(run: Pipeline) -> _Variant | str:
@@ -189,7 +204,7 @@ _VARIANTS: Mapping[str, Callable[[Pipeline], _Variant | str]] = {
 
 
 def _differences(
-    own: ContactHistory, other: ContactHistory, share: Callable[[str], float], step: float
+    own: ContactHistory, other: ContactHistory, share: Callable[[str], float], known_to: Mapping[str, float]
 ) -> dict[str, float | str]:
     found, theirs = dict[str, float | str](_OF_ITSELF), other.figures
     for key, value in own.figures.items():
@@ -199,10 +214,12 @@ def _differences(
             found[key] = "nothing touches" if value is None else "in the other march nothing touches"
             continue
         change = float(np.linalg.norm(np.subtract(value, theirs[key])))
+        if key in _SUMS:
+            change = max(change, 0.5 * float(np.abs(_SUMS[key](own) - _SUMS[key](other)).max()))
         if key in _HISTORIES:
             mine, its = (Quantity(key, "", _HISTORIES[key](at), largest=True) for at in (own, other))
             change = max(change, mine.change(its) * max(mine.scale, its.scale))
-        found[key] = share(key) * change + (step if key in ("begin_s", "end_s") else 0.0)
+        found[key] = share(key) * change + known_to.get(key, 0.0)
     return found
 
 
