@@ -113,7 +113,7 @@ def step_differences(run: Pipeline) -> Differences:
     ratio = 2.0 if longer else 0.5
 
     def share(key: str) -> float:
-        return 1.0 / abs(ratio ** (1.0 if key in _HISTORIES else order) - 1.0)
+        return float(1.0 / abs(ratio ** (1.0 if key in _HISTORIES else order) - 1.0))
 
     times, points = dict.fromkeys(("begin_s", "end_s"), step), _areas_of_points(run)
     return {
