@@ -6,6 +6,8 @@ stay over their triangles and bodies keep their attitude to each other; those of
 
 from __future__ import annotations
 
+import math
+
 from fmd.contact.tables import ContactTable
 from fmd.core.limits.code import DOUBLES_IN_LINE
 from fmd.core.limits.contact import TURNED_BLOCKS, TURNED_NORMALS, WIDER_BAND
@@ -15,8 +17,13 @@ from fmd.kernels.library import fill_vector, read_vector, write_vector
 
 @inner
 def choose_points(c: ContactTable, g: int) -> None:
-    """Choose the points of a group that may close, and bring the flexibilities between them up to date."""
-    first, last, band, changed = c.group[g], c.group[g + 1], c.band[g], False
+    """Choose the points of a group that may close, and bring the flexibilities between them up to date.
+
+    All points of a damped group are chosen: one that comes to touch has to begin with the displacement by what presses
+    others, or energy would come out of nothing.
+    """
+    first, last, changed = c.group[g], c.group[g + 1], False
+    band = math.inf if c.damping[g] > 0.0 else c.band[g]
     for i in range(first, last):
         if c.seen[i, 0] == 0:
             changed = changed or c.slot[i] >= 0
