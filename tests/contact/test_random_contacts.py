@@ -1,0 +1,40 @@
+"""Twenty random scenes that touch, against finer marches and a model of their own; `benchmarks/contact.py` has more."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+SEEDS = {
+    "drop": (12, 72),
+    "hinge": (16, 64),
+    "slide": (6, 18, 30, 54, 66),
+    "pin": (57, 93),
+    "bore": (11, 23, 47, 95),
+    "boxes": (19, 31),
+    "ball": (1,),
+    "balls": (3,),
+    "box": (5,),
+}
+
+
+@pytest.fixture
+def judge(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    monkeypatch.setattr(importlib.import_module("contact_reference"), "STEPS", 500)
+    return importlib.import_module("contact").judge
+
+
+@pytest.mark.parametrize("kind", SEEDS)
+def test_no_figure_of_a_random_contact_is_beyond_three_times_what_is_stated(judge: Any, kind: str) -> None:
+    """Energy with friction's and damping's heat grows by 1 % of the largest kinetic energy at most."""
+    for seed in SEEDS[kind]:
+        row = judge(seed)
+        assert (row.kind, row.outcome, row.contacts) == (kind, "compared", 1), row
+        assert row.figures == 8, row
+        assert row.wrong == 0, row
+        assert row.growth < 0.01, row
