@@ -78,15 +78,18 @@ def with_own_cache() -> Callable[[Path], dict[str, str]]:
     return _with_own_cache
 
 
-QUICKLY_COMPILED = {"dynamics", "fitting", "integrators", "responses"}
-"""Rooms whose marches are short."""
+QUICKLY_COMPILED = {
+    *("dynamics", "fitting", "integrators", "responses"),
+    *("test_large_deflection", "test_stretched_bars"),  # a function of its own for each scene, which is hardly marched
+}
+"""Rooms and files whose marches are short; in stages longer ones cost more than compiling."""
 FULLY_COMPILED = {"test_machine_code"}
 """Files of theirs that compile as users do."""
 
 
 @pytest.fixture(scope="module", autouse=True)
 def least_effort(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Compile what some rooms march a few hundred steps with LLVM's least effort, beside what users march.
+    """Compile what some rooms and files march a few hundred steps with LLVM's least effort, beside what users march.
 
     It takes a tenth of the time, which is half of all that there is. All else, processes of their own and
     `load_code` compile as users do.

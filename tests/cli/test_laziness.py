@@ -21,7 +21,7 @@ except SystemExit as stop:
 print("\\n" + json.dumps(sorted({name.partition(".")[0] for name in sys.modules} | {
     ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith(("fmd.", "scipy."))})))
 """
-QUICK = ["--set", "body.beam.mesh.divisions=[24, 2, 1]", "--set", "simulation.duration=50 ms"]
+QUICK = ["--set", "body.beam.mesh.divisions=[12, 1, 1]", "--set", "simulation.duration=50 ms"]
 FILM = ["--set", "output.5.frames=2", "--set", "output.5.size=[320, 180]", "--set", "output.4.size=[320, 180]"]
 
 
