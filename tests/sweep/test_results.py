@@ -104,8 +104,9 @@ def test_results_by_name_are_columns_charts_and_histories_that_a_sweep_keeps(sce
 def test_a_sweep_computes_anew_what_lacks_a_result_and_nothing_else(scene: Path, tmp_path: Path) -> None:
     assert study(scene, tmp_path, Wanted(results=OF[:1]))[1] == 2
     assert study(scene, tmp_path, Wanted(results=OF[:1]))[1] == 0
-    assert study(scene, tmp_path, Wanted())[1] == 0
+    assert study(scene, tmp_path, Wanted())[1] == 2  # results by name have no summary
     assert study(scene, tmp_path, Wanted(results=OF[:1], histories=True))[1] == 2
+    assert study(scene, tmp_path, Wanted())[1] == 0  # the summary from before is kept beside them
     assert study(scene, tmp_path, Wanted(results=("mass",)))[1] == 2
 
 

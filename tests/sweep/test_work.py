@@ -9,7 +9,9 @@ from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.cache import Cache
 from fmd.output.summary import summarise_solved
 from fmd.scene.scene import load_scene
-from fmd.sweep.points import point_key
+from fmd.sweep import work
+from fmd.sweep.points import make_points, parse_variations, point_key
+from fmd.sweep.record import Wanted
 from fmd.sweep.work import compute_points
 
 _RUN = 'simulation.run=[{integrator="central-difference"}]'
@@ -65,3 +67,36 @@ def test_a_point_that_is_refused_changes_none_that_is_computed_with_it() -> None
     assert [record.status for record in records] == ["ok", "refused", "ok"]
     assert "largest stable step" in records[1].message
     assert records[2].summary["integrations"][0]["stability_margin"] > 1.0
+
+
+def test_results_by_name_are_those_of_the_summary_and_nothing_else_is_computed() -> None:
+    fixed = [*_ARM, "joint.elbow.damper=0.2 N m s"]
+    point = load_scene("arm", fixed)
+    (whole,) = [record.summary for _, record in compute_points({point_key(point): point})]
+    for names, stages in ((("forearm.stress",), {"motion"}), (("forearm.frequency.1", "mass"), set())):
+        ((_, record),) = compute_points({point_key(point): point}, Wanted(results=names))
+        assert "integrations" not in record.summary
+        (solved,) = work._last
+        assert {"motion", "equations", "fine motion", "stability"} & {*solved.results} >= stages
+        assert "fine motion" not in solved.results
+        assert bool(stages) == ("motion" in solved.results)
+        found = {name: own["value"] for each in record.summary["results"].values() for name, own in each.items()}
+        expected = {
+            "forearm.stress": whole["worst_stress"]["von_mises_pa"],
+            "forearm.frequency.1": whole["frequencies_hz"][0],
+            "mass": 1.5 + 0.4 + 0.6 * 0.012 * 0.04 * 2700,
+        }
+        assert found == {name: pytest.approx(expected[name], rel=1e-9) for name in names}
+        if stages:
+            assert record.summary["warnings"] == whole["warnings"]
+
+
+def test_points_have_the_first_run_of_a_scene_and_say_how_many_others_they_lack() -> None:
+    variations = parse_variations(["joint.slide.spring=1000 N/m,1100 N/m"])
+    first, every = (make_points("rod-slider", variations, all_runs=each) for each in (False, True))
+    assert [point.left_out for point in first] == [2, 2]
+    assert [point.left_out for point in every] == [0, 0]
+    assert first[0].key != every[0].key
+    records = [next(iter(compute_points({points[0].key: points[0].scene})))[1] for points in (first, every)]
+    (own,), (same, *_) = (record.summary["integrations"] for record in records)
+    assert own["final"] == same["final"]

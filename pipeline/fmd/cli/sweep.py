@@ -31,6 +31,7 @@ Vary = Annotated[
         name="--vary", negative=(), help="A key and its values: key=a,b,c, or a range: key=low..high:count unit [log]."
     ),
 ]
+_COMPARING = "simulation."  # keys over which runs are compared
 # Figures that fit a terminal, with their column and unit; the files have all.
 _FIGURES = {
     "frequencies_hz.0": ("mode 1 Hz", ""),
@@ -55,6 +56,7 @@ def sweep(
     seed: int = 0,
     budget: Flag = False,
     histories: Flag = False,
+    all_runs: Flag = False,
     json: Json = False,
 ) -> None:
     """Run a scene at every combination of values, on all cores or a cluster; a sweep that was stopped goes on.
@@ -63,7 +65,8 @@ def sweep(
     ----------
     of
         Results that become columns and charts, with commas between them: tip, BODY.stress, BODY.life, arm.force.size,
-        "OUTPUT by INPUT" (peak of a frequency response of the scene), or a formula, "error = arm.tip.y - 0.3".
+        "OUTPUT by INPUT" (peak of a frequency response of the scene), or a formula, "error = arm.tip.y - 0.3". Nothing
+        else is computed of the points; without it they have the figures of a run's summary.
     out
         Folder for the table, the plot and the points that are done; out/SCENE-sweep by default.
     workers
@@ -80,6 +83,8 @@ def sweep(
         State errors: each point gets its error budget, which takes up to three times as long as its run.
     histories
         Keep the histories among the results of --of in sweep.nc.
+    all_runs
+        Compute all of the scene's runs at each point, not the first alone; so do keys of the simulation without it.
     """
     from joblib import cpu_count
 
@@ -91,7 +96,8 @@ def sweep(
     folder = out or Path("out") / f"{name}-sweep"
     if scheduler is None and len([*folder.glob("points/*.json")]) < len(combinations):
         prepare_workers()
-    chosen = make_points(scene, variations, set_ or (), combinations)
+    every = all_runs or any(variation.key.startswith(_COMPARING) for variation in variations)
+    chosen = make_points(scene, variations, set_ or (), combinations, every)
     wanted = Wanted(budget, _read_results(of or [], chosen), histories)
     compute: Compute = partial(compute_locally, workers=workers or cpu_count(), wanted=wanted)
     if scheduler is not None:
@@ -110,6 +116,8 @@ def sweep(
     else:
         _print_points(table, rows)
         print_messages(result)
+        if left_out := max(point.left_out for point in result.points):
+            open_console().print(f"points have the scene's first run; --all-runs computes the {left_out} others, too")
         statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
         open_console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
         print_files(folder, files)

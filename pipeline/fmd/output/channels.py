@@ -131,6 +131,14 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     return _histories(run, name, origin)
 
 
+def takes_motion(name: str) -> bool:
+    """Return false for a name of results that bodies have by themselves: frequencies, masses, frequency responses."""
+    if "=" in name:
+        return True
+    parts = name.split(".")
+    return not (_BY in name or parts[-1] == "mass" or "frequency" in parts[:2] or parts[0] == "critical_speed")
+
+
 def require_results(scene: Scene, names: Sequence[str], origin: str = "--of") -> None:
     """Raise ``InputError`` for a name of an option that no result has, before anything is computed."""
     for name in names:

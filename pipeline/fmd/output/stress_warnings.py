@@ -18,6 +18,18 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 
+def stress_warnings(run: Pipeline, worst: Mapping[str, tuple[float, int, float]]) -> list[dict[str, str]]:
+    """Return all warnings about a run's stress.
+
+    Parameters
+    ----------
+    worst : mapping of str to tuple of float, int, float
+        For each body with stress time, place among its surface's nodes, and value of its largest stress.
+    """
+    nodes = {name: node for name, (_, node, _) in worst.items()}
+    return [*spot_stress_warnings(run), *limitless_warnings(run, worst), *output_time_warnings(run, nodes)]
+
+
 def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[str, str]]:
     """Return warnings about output times that are too far apart for a body's largest stress.
 

@@ -29,7 +29,7 @@ from fmd.output.mechanism_figures import (
     periodic_warnings,
 )
 from fmd.output.output_kinds import kind_of
-from fmd.output.stress_warnings import limitless_warnings, output_time_warnings, spot_stress_warnings
+from fmd.output.stress_warnings import stress_warnings
 from fmd.output.variable_errors import why_no_budget
 from fmd.recovery.motion import Motion
 from fmd.stages.division import part_of
@@ -73,19 +73,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
     if run.wholes:
         summary |= frequency_table(run)
         summary["bodies"] = {name: own | _body(run, name) for name, own in frequencies_by_body(run).items()}
-    summary["warnings"] = [
-        *mode_warnings(run),
-        *_stiffness_warnings(run),
-        *_division_warnings(run),
-        *_motion_warnings(run),
-        *deflection_warnings(run),
-        *stretching_warnings(run, TOO_LARGE),
-        *loop_warnings(run),
-        *periodic_warnings(run),
-        *coupling_warnings(run),
-        *_sampling_warnings(run),
-        *contact_warnings(run),
-    ]
+    summary["warnings"] = run_warnings(run)
     first, fine = run.motion, run.fine_motion
     summary |= loop_figures(run) | periodic_figures(run) | contact_figures(run)
     summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
@@ -104,16 +92,13 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
             row.setdefault("element_stress_difference", {})[name] = apart
         ends = {"largest_pa": float(reference.max()), "at_the_end_pa": float(reference[-1])}
         summary.setdefault("element_stress", {})[name] = ends
-    summary["warnings"] += spot_stress_warnings(run)
-    stressed = [name for name, part in run.wholes.items() if part.has_stress]
-    if stressed:
-        found = {name: run.stress_of(name).worst() for name in stressed}
-        worst = {name: _worst_stress(run, name, *found[name]) for name in stressed}
+    found = {name: run.stress_of(name).worst() for name, part in run.wholes.items() if part.has_stress}
+    if found:
+        worst = {name: _worst_stress(run, name, *found[name]) for name in found}
         where = max(worst, key=lambda name: worst[name]["value_pa"])
         largest = {"body": where, "von_mises_pa": worst[where]["value_pa"]}
         summary["worst_stress"] = largest | {key: worst[where][key] for key in ("time_s", "position_m")} | worst
-        summary["warnings"] += limitless_warnings(run, found)
-        summary["warnings"] += output_time_warnings(run, {name: node for name, (_, node, _) in found.items()})
+    summary["warnings"] += stress_warnings(run, found)
     stated = state_errors(run, budget_seconds) if budget and ERROR_BUDGET.applies(run) else None
     if budget and run.scene.contact:
         of_contacts = contact_errors(run, budget_seconds)
@@ -139,6 +124,23 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         "stages_cached": list(run.log.cached),
         "stages_skipped": [stage for stage in STAGES if stage not in run.log.seconds],
     }
+
+
+def run_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warnings about a run's motion and what it is made of, each a text and a code."""
+    return [
+        *mode_warnings(run),
+        *_stiffness_warnings(run),
+        *_division_warnings(run),
+        *_motion_warnings(run),
+        *deflection_warnings(run),
+        *stretching_warnings(run, TOO_LARGE),
+        *loop_warnings(run),
+        *periodic_warnings(run),
+        *coupling_warnings(run),
+        *_sampling_warnings(run),
+        *contact_warnings(run),
+    ]
 
 
 def _state_figures(summary: dict[str, Any], budget: Budget | None) -> None:

@@ -42,12 +42,15 @@ class Point:
         Digest of the scene, its files and the sources that compute it; empty if it is refused.
     refusal : str
         The reason, if it is refused.
+    left_out : int
+        Number of the scene's runs that the point doesn't have.
     """
 
     values: tuple[str, ...]
     scene: Scene | None
     key: str = ""
     refusal: str = ""
+    left_out: int = 0
 
 
 def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
@@ -145,8 +148,9 @@ def make_points(
     variations: Sequence[Variation],
     overrides: Sequence[str] = (),
     combinations: Sequence[tuple[str, ...]] | None = None,
+    all_runs: bool = True,
 ) -> list[Point]:
-    """Load the scene at combinations of values, all of them by default.
+    """Load the scene at combinations of values, all of them by default; with all of its runs, or the first alone.
 
     Raises
     ------
@@ -158,8 +162,10 @@ def make_points(
     for values in combine(variations) if combinations is None else combinations:
         try:
             own = [f"{v.key}={x}" for v, x in zip(variations, values, strict=True)]
-            loaded = load_scene(scene, [*overrides, *own])
-            points.append(Point(values, loaded, point_key(loaded)))
+            given = load_scene(scene, [*overrides, *own])
+            loaded = given if all_runs else _with_first_run(given)
+            left_out = len(given.simulation.run) - len(loaded.simulation.run) if given.moves else 0
+            points.append(Point(values, loaded, point_key(loaded), left_out=left_out))
         except InputError as error:
             refused = _naming_vary(error, variations)
             first = first or refused
@@ -167,6 +173,14 @@ def make_points(
     if first is not None and all(point.scene is None for point in points):
         raise first
     return points
+
+
+def _with_first_run(scene: Scene) -> Scene:
+    """Return a scene with the first of its runs, whose motion its results are of."""
+    if scene.simulation_table is None:
+        return scene
+    simulation = scene.simulation_table.model_copy(update={"run": scene.simulation_table.run[:1]})
+    return scene.model_copy(update={"simulation_table": simulation})
 
 
 def point_key(scene: Scene) -> str:

@@ -15,12 +15,12 @@ STATUSES = ("ok", "refused", "failed")
 
 @dataclass(frozen=True)
 class Wanted:
-    """Results that are wanted of each point, beside the summary of its run.
+    """Results that are wanted of each point: those of some names alone, or else the summary of its run.
 
     Parameters
     ----------
     budget : bool
-        Errors.
+        Errors, which stand in the summary.
     results : tuple of str
         Names of results, as `fmd.output.channels.find_channels` takes them.
     histories : bool
@@ -30,6 +30,11 @@ class Wanted:
     budget: bool = False
     results: tuple[str, ...] = ()
     histories: bool = False
+
+    @property
+    def summary(self) -> bool:
+        """True if the summary is wanted, too."""
+        return self.budget or not self.results
 
 
 SUMMARY = Wanted()
@@ -46,7 +51,7 @@ class Record:
     message : str
         The reason, unless it is ok.
     summary : dict
-        The figures that ``fmd run`` writes as summary.json.
+        The figures that ``fmd run`` writes as summary.json; of results by their names alone these and warnings.
     lasting : bool
         False if computing once more may succeed, e.g. after a process has died; then it isn't kept.
     """
@@ -65,16 +70,24 @@ class Record:
         figures = [own for name in wanted.results for own in results.get(name, {}).values()]
         no_history = any("rms" in own and "history" not in own for own in figures)
         no_result = any(name not in results for name in wanted.results)
-        return (wanted.budget and no_budget) or no_result or (wanted.histories and no_history)
+        no_summary = wanted.summary and not self._is_summarised
+        return no_summary or (wanted.budget and no_budget) or no_result or (wanted.histories and no_history)
+
+    @property
+    def _is_summarised(self) -> bool:
+        """True if the summary is that of the run, which says what it took."""
+        return "seconds" in self.summary
 
     def with_known(self, before: Record) -> Record:
         """Return this record of a scene with what an earlier one of the same scene has beside it: results, errors."""
         if not (self.summary and before.summary):
             return self
-        summary = {**before.summary, **self.summary}
-        errors, known = self.summary.get("stated_errors", {}), before.summary.get("stated_errors", {})
+        known = [before.summary, self.summary]
+        first, last = known if self._is_summarised or not before._is_summarised else known[::-1]
+        summary = {**first, **last}
+        errors, stated = last.get("stated_errors", {}), first.get("stated_errors", {})
         summary["stated_errors"] = {
-            name: known.get(name, own) if _is_open(own) else own for name, own in errors.items()
+            name: stated.get(name, own) if _is_open(own) else own for name, own in errors.items()
         }
         summary["results"] = before.summary.get("results", {}) | self.summary.get("results", {})
         return replace(self, summary=summary)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 
 from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.errors import AccuracyError, InputError
+from fmd.output.channels import takes_motion
+from fmd.output.frequencies import mode_warnings
 from fmd.output.result_figures import result_figures
-from fmd.output.summary import summarise_solved
+from fmd.output.stress_warnings import stress_warnings
+from fmd.output.summary import run_warnings, summarise_solved
 from fmd.scene.scene import Scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.variants import share_growth, share_marches
@@ -49,7 +52,7 @@ def compute_points(scenes: Mapping[str, Scene], wanted: Wanted = SUMMARY) -> Ite
             solved[key].given.stands_alone = False  # other points run beside this one
             _last.append(solved[key].given)
         moving = [point.given for point in solved.values() if not point.is_open and point.scene.moves]
-        if len(moving) > 1:
+        if len(moving) > 1 and (wanted.summary or any(map(takes_motion, wanted.results))):
             with suppress(*FAULTS):  # what is wrong with a point is in its own record
                 share_growth(moving)
                 share_marches(moving)
@@ -71,7 +74,10 @@ def _compute(solved: SolvedScene, wanted: Wanted) -> Record:
     try:
         if wanted.budget and solved.scene.moves:
             solved.run.motions  # noqa: B018 - what it takes is what its budget may take
-        summary = summarise_solved(solved, (), wanted.budget, allowed_seconds(solved.run))
+        if wanted.summary:
+            summary = summarise_solved(solved, (), wanted.budget, allowed_seconds(solved.run))
+        else:
+            summary = {"scene": solved.scene.name, "warnings": _warn(solved.run, wanted.results)}
         if wanted.results:
             summary["results"] = result_figures(solved.run, wanted.results, wanted.histories)
         if wanted.histories and solved.scene.moves:
@@ -81,6 +87,15 @@ def _compute(solved: SolvedScene, wanted: Wanted) -> Record:
     except Exception as error:
         return _record_of(error)
     return Record("failed" if unmet else "ok", unmet, summary)
+
+
+def _warn(run: Pipeline, results: Sequence[str]) -> list[dict[str, str]]:
+    """Return the warnings about what some results are made of."""
+    if not any(map(takes_motion, results)):
+        return mode_warnings(run)
+    stressed = {name.partition(".")[0] for name in results if {"stress", "life"} & {*name.split(".")}}
+    worst = {name: run.stress_of(name).worst() for name, part in run.wholes.items() if stressed and part.has_stress}
+    return [*run_warnings(run), *(stress_warnings(run, worst) if stressed else ())]
 
 
 def _record_of(error: Exception) -> Record:
