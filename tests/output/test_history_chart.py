@@ -11,7 +11,8 @@ import pytest
 
 from fmd import load_scene
 from fmd.accuracy.solved_scene import SolvedScene
-from fmd.output.histories import draw_history
+from fmd.core.errors import InputError
+from fmd.output.histories import draw_history, extremes, write_history
 from fmd.output.report.page import make_brief, make_page
 from fmd.output.report.shown import show_outputs
 from fmd.stages.pipeline import Pipeline
@@ -74,6 +75,28 @@ def test_a_history_is_drawn_a_frame_for_each_quantity_with_the_components_that_m
     draw_history(run, history, tmp_path)
     text = (tmp_path / "loads.svg").read_text()
     assert all(f"<!-- {words} -->" in text for words in ("hinge.force", "[N]", "[rad]", "time [s]", "pendulum: loads"))
+
+
+def test_formulas_of_the_motion_are_histories_and_have_extremes(file: Path, tmp_path: Path) -> None:
+    """The rod's end is 1 m below the hinge when it hangs, with a speed of √(3 g) as its energy has it."""
+    formulas = 'formulas={drop="-rod.end.y",speed="abs(hinge.rate)"}'
+    overrides = [f'output=[{{type="history",file="a.csv",{formulas}}},{{type="table",file="b.csv",{formulas}}}]']
+    own = SolvedScene(load_scene(file, overrides)).run
+    write_history(own, own.scene.output[0], tmp_path)
+    header, *rows = (tmp_path / "a.csv").read_text().splitlines()
+    assert header == "time [s],drop [SI],speed [SI]"
+    drop, speed = np.array([[float(x) for x in row.split(",")[1:]] for row in rows]).T
+    np.testing.assert_allclose(speed**2, 3 * 9.81 * drop, atol=1e-4)
+    assert drop.max() == pytest.approx(1.0, abs=1e-4)
+    assert extremes(own, own.scene.output[1])[0]["largest"] == pytest.approx(drop.max(), rel=1e-9)
+    frames: list[Any] = []
+    draw_history(own, own.scene.output[0], tmp_path, lambda *given, **_: frames.extend(given[2]))
+    assert [frame.name for frame in frames] == ["drop", "speed"]
+    for wrong, said in (("rod.tip.y", "no such marker"), ("rod.end.y +", "formulas.a")):
+        with pytest.raises(InputError, match=said):
+            load_scene(file, [f'output=[{{type="history",file="a.csv",formulas={{a="{wrong}"}}}}]'])
+    with pytest.raises(InputError, match=r"quantities.*is missing"):
+        load_scene(file, ['output=[{type="history",file="a.csv"}]'])
 
 
 def test_the_report_shows_charts_of_histories_and_short_tables_of_short_numbers(run: Pipeline) -> None:

@@ -13,7 +13,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.fitting import SAME_MODE
 from fmd.core.limits.round_off import SUMMED
-from fmd.output.histories import history_variables, number_columns
+from fmd.output.histories import formula_history, history_variables, number_columns
 from fmd.output.responses import compute_scene_response, response_unit
 from fmd.output.stress_fields import find_fatigue, lives_at
 from fmd.recovery.motion_file import Variable
@@ -24,7 +24,6 @@ from fmd.scene.reading import suggest_name
 from fmd.scene.rigid_bodies import Undeformable
 from fmd.scene.scene import Scene
 from fmd.scene.stress_outputs import Fatigue
-from fmd.stages.mechanism import add_observer
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.state_functions import read_observed
 
@@ -298,13 +297,7 @@ def _reader(columns: Callable[[Pipeline], dict[str, tuple[Variable, Array]]], na
 def _formula(run: Pipeline, given: str, origin: str) -> ResultChannel:
     """Return a formula of the motion in SI units as a history."""
     name, text = _read_formula(run.scene, given, origin)
-
-    def read(other: Pipeline) -> Array:
-        mechanism = add_observer(other.divided_scene, other.bodies, other.motion.mechanism, [text])
-        (function,) = mechanism.controllers[-1].measured
-        return other.motion.kinematics.effort(function)
-
-    return ResultChannel(name, "", read)
+    return ResultChannel(name, "", lambda other: formula_history(other, text, other.motion))
 
 
 def _read_formula(scene: Scene, given: str, origin: str) -> tuple[str, str]:

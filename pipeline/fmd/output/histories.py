@@ -32,6 +32,7 @@ from fmd.recovery.stress import stress_measure
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.chart_data import HistoryFrame
 from fmd.scene.histories import ExtremesTable, History, Quantities
+from fmd.stages.mechanism import add_observer
 from fmd.stages.pipeline import Pipeline
 
 
@@ -144,10 +145,18 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
             found += _stresses(run, output, stress_at_nodes(run, output.nodes), motion)
         else:
             found += marker_variables(motion, quantity, output.markers or named_markers(motion), in_body)
+    for name, text in output.formulas.items():
+        found.append(Variable(name, formula_history(run, text, motion), (), "SI", text))
     if not found:
         problem = "holds nothing: no joint of the scene has a coordinate; 'joint_reaction' works"
         raise InputError(run.scene.file, "output.quantities", list(output.quantities), problem)
     return found
+
+
+def formula_history(run: Pipeline, text: str, motion: Motion) -> Array:
+    """Return a formula of a motion in SI units, shape (n_times,)."""
+    mechanism = add_observer(run.divided_scene, run.bodies, motion.mechanism, [text])
+    return motion.kinematics.effort(mechanism.controllers[-1].measured[0])
 
 
 def _stresses(run: Pipeline, output: Quantities, places: dict[str, StressPlace], motion: Motion) -> Iterator[Variable]:

@@ -80,8 +80,7 @@ class CrossCheck:
                 if isinstance(value, LoadOverTime) and value.state is not None:
                     own = (*(() if isinstance(drive, MarkerLoad) else OWN), *self.scene.controller)
                     at = ("drive", name, key)
-                    text = value.formula or ""
-                    yield from self._check_state(value, text, own, (*at, "formula"), (*at, "variables"))
+                    yield from self._check_state(value, value.formula or "", own, (*at, "formula"), (*at, "variables"))
             if isinstance(drive, MarkerLoad):
                 yield from self._check_marker(drive.marker, "drive", name, "marker")
                 continue
@@ -281,19 +280,21 @@ class CrossCheck:
             if name not in self.scene.joint:
                 yield UnknownNameError("joint", name, self.scene.joint, "the joints", *path, "joints", number)
             elif name in self.scene.closing and "joint_reaction" not in output.quantities:
-                fault = "closes a loop, so it has a reaction, but no coordinate"
-                yield FaultError(fault, *path, "joints", number)
-        for number, name in enumerate(output.markers):
-            yield from self._check_marker(name, *path, "markers", number)
-        for number, name in enumerate(output.elements):
-            yield from self._check_element(name, *path, "elements", number)
+                yield FaultError("closes a loop, so it has a reaction, but no coordinate", *path, "joints", number)
+        for key, check in (("markers", self._check_marker), ("elements", self._check_element)):
+            for number, name in enumerate(getattr(output, key)):
+                yield from check(name, *path, key, number)
         meshed = {name: body for name, body in self.scene.flexible.items() if body.shape != "matrices"}
         for number, name in enumerate(output.nodes):
             if (body := name.partition(".")[0]) not in meshed:
-                known = "the flexible bodies with a mesh"
-                yield UnknownNameError("body with stress", body, meshed, known, *path, "nodes", number)
+                yield UnknownNameError("body with stress", body, meshed, "those with a mesh", *path, "nodes", number)
         if "element_stress" in output.quantities and not any(body.element for body in meshed.values()):
             yield FaultError("element_stress needs a named element, [body.NAME.element]", *path, "quantities")
+        if output.formulas and self.scene.controller:
+            yield FaultError("take a scene without controllers", *path, "formulas")
+        for name, text in output.formulas.items():
+            unknown = self.find_unknown_parts(FormulaVariables(), text)
+            yield from (FaultError(str(each), *path, "formulas", name) for each in unknown)
 
     def _check_picture(self, picture: BodyPicture | MechanismView | Export, *path: str | int) -> Iterator[FaultError]:
         flexible = self.scene.flexible

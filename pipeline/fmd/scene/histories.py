@@ -9,7 +9,8 @@ from pydantic import AfterValidator, Field
 
 from fmd.scene.pictures import Component
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import ElementName, FileCheck, JointName, MarkerName, OneOf, Words
+from fmd.scene.state_loads import FormulaVariables
+from fmd.scene.values import ElementName, FileCheck, JointName, MarkerName, Name, OneOf, Words
 
 # Meanings of the quantities that a history can hold.
 HISTORY_QUANTITIES = {
@@ -49,6 +50,8 @@ class Quantities(SceneTable):
         File that is written.
     quantities : tuple of str
         Quantities; the table of quantities of a history explains each.
+    formulas : dict of str to str
+        Formulas of the motion by the names that they get, such as what a sensor measures, in SI units.
     joints : tuple of str
         Joints whose quantities are meant; all by default.
     markers : tuple of str
@@ -64,7 +67,8 @@ class Quantities(SceneTable):
     """
 
     file: str
-    quantities: Annotated[tuple[HistoryQuantity, ...], Field(min_length=1)]
+    quantities: tuple[HistoryQuantity, ...] = ()
+    formulas: dict[Name, str] = Field(default_factory=dict)
     joints: tuple[JointName, ...] = ()
     markers: tuple[MarkerName, ...] = ()
     elements: tuple[ElementName, ...] = ()
@@ -73,6 +77,13 @@ class Quantities(SceneTable):
     axes: Literal["space", "body"] = "space"
 
     def _check(self) -> None:
+        if not (self.quantities or self.formulas):
+            raise FaultError('is missing: what is wanted, e.g. ["joint_reaction"], or formulas', "quantities")
+        for name, text in self.formulas.items():
+            try:
+                FormulaVariables().parse(text)
+            except ValueError as error:
+                raise FaultError(str(error), "formulas", name) from None
         for key, start in _BELONGS.items():
             if getattr(self, key) and not any(quantity.startswith(start) for quantity in self.quantities):
                 names = [quantity for quantity in HISTORY_QUANTITIES if quantity.startswith(start)]
@@ -108,6 +119,7 @@ class History(Quantities):
         quantities = ["joint_reaction", "marker_acceleration"]
         joints = ["shoulder"]
         markers = ["forearm.wrist"]
+        formulas = { reach = "sqrt(forearm.wrist.x**2 + forearm.wrist.y**2)" }
     """
 
     type: Literal["history"]
