@@ -185,7 +185,7 @@ def march_flops() -> str:
 def derivatives() -> str:
     """Tabulate run times of marches with derivatives, beside those without."""
     columns = {"scene": "{scene}", "coordinates": "{coordinates}", "a step": "{step_ns:.0f} ns"}
-    columns |= {"eight tangents": "{tangents:r}", "by masses": "{by_masses:r}", "adjoint": "{adjoint}"}
+    columns |= {"eight tangents": "{tangents:r}", "by dimensions": "{by_masses:r}", "adjoint": "{adjoint}"}
     rows = read_rows("derivatives")
     shown = [row | {"adjoint": format_ratio(float(row["adjoint"])) if row["adjoint"] != "nan" else "–"} for row in rows]
     return listed("derivatives", columns, shown)

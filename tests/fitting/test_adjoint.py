@@ -87,6 +87,19 @@ def test_adjoints_of_random_mechanisms_are_the_transposes_of_their_tangents(seed
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
+def test_inertia_of_rigid_bodies_and_gravity_are_inputs_and_dimensions_are_variants() -> None:
+    frozen = FrozenRun(package.load(spatial_chain("central-difference"), SHORT).run)
+    motion = frozen.at({})
+    for key in ("body.coupler.mass", "body.coupler.centre.0", "body.coupler.inertia.1", "simulation.gravity.1"):
+        direction = frozen.direction(motion, find_parameter(frozen.run.scene, key))
+        assert direction is not None
+        assert direction.lifted
+        assert not direction.variants
+    direction = frozen.direction(motion, find_parameter(frozen.run.scene, SIZES[1]))
+    assert direction is not None
+    assert len(direction.variants) >= 2
+
+
 def test_a_gradient_by_many_numbers_is_that_of_the_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of places and of an energy that has the springs in it; by a mass, too."""
     result = package.load(chain("central-difference"), *MORE)

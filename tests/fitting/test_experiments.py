@@ -14,6 +14,7 @@ import pytest
 import fmd as package
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.fitting import fit
 from fmd.fitting.experiment_files import read_experiments
 from fmd.fitting.fit import fit_scene
 from fmd.fitting.fit_model import FitModel
@@ -198,17 +199,24 @@ def test_two_experiments_tell_what_one_does_not(tmp_path: Path) -> None:
     assert set(both.white) == {"slide.position"}
 
 
-def test_several_starts_find_the_minimum_that_one_misses(tmp_path: Path) -> None:
-    """A history of ten oscillations has false minima: from a quarter of the stiffness a search ends in one."""
+def test_a_fit_by_parts_or_from_several_starts_finds_the_minimum_that_one_search_misses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A history of several oscillations has false minima: from a tenth of the stiffness a search ends in one."""
     sigmas = measure(package.load(OSCILLATOR), ["slide.position"], tmp_path / "measured.csv", 0.02)
     start = package.load(OSCILLATOR, "joint.slide.spring=60 N/m").run
     experiments = read_experiments([(start, str(tmp_path / "measured.csv"))], sigmas)
     varied = read_varied(start, ["joint.slide.spring=50..3000"])
+    by_parts = fit_scene(experiments, varied)
+    monkeypatch.setattr(fit, "FIRST_PARTS", ())
     alone, several = (fit_scene(experiments, varied, starts) for starts in (1, 6))
     assert alone.chi2 > 10.0 * several.chi2
     assert any("--starts 6" in warning["text"] for warning in alone.warnings())
-    assert several.values[0] == pytest.approx(800.0, rel=0.01)
-    assert several.summary()["starts"][0]["chi2"] == pytest.approx(several.chi2)
+    assert not by_parts.warnings()
+    for found in (by_parts, several):
+        assert found.values[0] == pytest.approx(800.0, rel=0.01)
+        assert found.summary()["starts"][0]["chi2"] == pytest.approx(found.chi2)
+    assert by_parts.chi2 == pytest.approx(several.chi2, rel=1e-3)
     with pytest.raises(InputError, match="takes bounds of each number"):
         fit_scene(experiments, read_varied(start, ["joint.slide.spring"]), 3)
 

@@ -98,6 +98,9 @@ class Mechanism:
         Controllers that measure now and then, each after those whose outputs it takes.
     contacts : sequence of TouchingBody
         Bodies that touch planes or one another, each once.
+    lifted : bool
+        True if inertia of rigid bodies, modal damping and gravity are numbers that the equations take, as springs are,
+        and no part of their code.
 
     Raises
     ------
@@ -117,6 +120,7 @@ class Mechanism:
     elements: Sequence[Element] = ()
     controllers: Sequence[SampledController] = ()
     contacts: Sequence[TouchingBody] = ()
+    lifted: bool = False
 
     def __post_init__(self) -> None:
         links = {link.name: link for link in self.links}

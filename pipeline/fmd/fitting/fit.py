@@ -8,9 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.fitting import AT_BOUND, DETERMINED, FIT_TOLERANCE, MOST_EVALUATIONS, POOR_FIT, SAME_MODE, WHITE
+from fmd.core.limits.fitting import (
+    AT_BOUND,
+    DETERMINED,
+    DOUBTFUL,
+    FIRST_PARTS,
+    FIT_TOLERANCE,
+    MOST_EVALUATIONS,
+    POOR_FIT,
+    SAME_MODE,
+    WHITE,
+)
 from fmd.core.progress import Monitor, silent
 from fmd.fitting.experiments import Experiment
 from fmd.fitting.fit_model import FitModel
@@ -194,7 +204,8 @@ def fit_scene(
     """Fit numbers of a scene to measurements by least squares of the residuals over their noise.
 
     What the data can tell is found first: a number whose 95 % interval would be wider than ±50 % is refused. Where both
-    modes and responses are measured, the first search is by the modes alone: responses have false minima.
+    modes and responses are measured, the first search is by the modes alone: responses have false minima. So have
+    histories that swing many times: where what is left of them isn't noise, they are fitted part by part, too.
 
     Parameters
     ----------
@@ -225,14 +236,46 @@ def fit_scene(
     begins = _spread_starts(varied, starts)
     before = find_information(model.jacobian(begins[0]))
     require_determined(model, before)
-    found = [_search(model, _start_by_modes(model, begin)) for begin in begins]
-    found.sort(key=lambda each: float(each.cost))
+    tried = [_search_from(model, before, begin) for begin in begins]
+    found = sorted((min(each, key=_cost) for each in tried), key=_cost)
     best = found[0]
     if not best.success:
         raise AccuracyError(f"the fit hasn't ended after {best.nfev} evaluations; start nearer, or narrow the bounds")
     ends = [(float(2.0 * each.cost), each.x - 1.0) for each in found]
-    evaluations, jacobians = (sum(getattr(each, name) for each in found) for name in ("nfev", "njev"))
+    evaluations, jacobians = (sum(getattr(one, name) for each in tried for one in each) for name in ("nfev", "njev"))
     return Fit(model, before, find_information(best.jac), best.x - 1.0, ends[0][0], evaluations, jacobians, ends)
+
+
+def _cost(found: Any) -> float:
+    return float(found.cost)
+
+
+def _search_from(model: FitModel, before: Information, begin: Array) -> list[Any]:
+    """Return the searches from a start: if the first ends with residuals that aren't noise, also those by parts."""
+    first = _search(model, _start_by_modes(model, begin))
+    ended = Fit(model, before, find_information(first.jac), first.x - 1.0, 2.0 * _cost(first), first.nfev, first.njev)
+    white = ended.white
+    if not white or min(ended.probability, *white.values()) > DOUBTFUL:
+        return [first]
+    try:
+        return [first, *_search_by_parts(model, begin)]
+    except AccuracyError:  # a motion on the way there: the first search stands
+        return [first]
+
+
+def _search_by_parts(model: FitModel, start: Array) -> list[Any]:
+    """Fit histories' first part, then longer ones from where that ends: a short one hasn't swung past the minimum.
+
+    Each varies what it tells; the last is that of all. Earlier ones count as evaluations alone, at infinite cost.
+    """
+    found = []
+    for part in FIRST_PARTS:
+        rows = model.rows_until(part)
+        told = np.flatnonzero(find_information(model.jacobian(start)[rows]).half_widths <= DETERMINED)
+        if told.size and np.count_nonzero(rows) > told.size:
+            found.append(_search(model, start, told, rows))
+            start, found[-1].cost = found[-1].x - 1.0, np.inf
+    return [*found, _search(model, start)] if found else []
 
 
 def _spread_starts(varied: tuple[VariedNumber, ...], count: int) -> list[Array]:
@@ -264,11 +307,12 @@ def _start_by_modes(model: FitModel, start: Array) -> Array:
     return np.asarray(part.x - 1.0)
 
 
-def _search(model: FitModel, start: Array, chosen: IntArray | None = None) -> Any:
-    """Search the least squares from a start, by all numbers or by chosen ones; counts from 1."""
+def _search(model: FitModel, start: Array, chosen: IntArray | None = None, rows: BoolArray | None = None) -> Any:
+    """Search the least squares of all residuals, or some, from a start, by all numbers or chosen ones; from 1."""
     from scipy.optimize import least_squares
 
     numbers = np.arange(len(start)) if chosen is None else chosen
+    kept = np.ones(len(model.residuals(start)), dtype=bool) if rows is None else rows
 
     def whole(x: Array) -> Array:
         shares = start.copy()
@@ -277,9 +321,9 @@ def _search(model: FitModel, start: Array, chosen: IntArray | None = None) -> An
 
     # SciPy's first steps are as long as the start is from 0, in standard deviations: counted from 1 they are free.
     found = least_squares(
-        lambda x: model.residuals(whole(x)),
+        lambda x: model.residuals(whole(x))[kept],
         start[numbers] + 1.0,
-        lambda x: model.jacobian(whole(x))[:, numbers],
+        lambda x: model.jacobian(whole(x))[kept][:, numbers],
         (
             [1.0 + model.varied[k].to_share(model.varied[k].low) for k in numbers],
             [1.0 + model.varied[k].to_share(model.varied[k].high) for k in numbers],

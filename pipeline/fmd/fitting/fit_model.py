@@ -66,6 +66,15 @@ class FitModel:
         priors = np.diag(1.0 / np.array([each.prior for each in self.varied]))[self._with_prior]
         return np.concatenate([np.column_stack(columns), priors])
 
+    def rows_until(self, share: float) -> BoolArray:
+        """Return which residuals belong to the first part of each history, (n_residuals,), priors among them."""
+        found = []
+        for each in self.experiments:
+            at = each.axis[1]
+            early = at <= at[0] + share * (at[-1] - at[0]) if each.in_time else np.zeros(len(at), dtype=bool)
+            found += [np.resize(early, channel.values.shape) for channel in each.channels]
+        return np.concatenate([*found, np.ones(len(self._priors), dtype=bool)])
+
     def values(self, shares: Sequence[float] | Array) -> list[float]:
         """Return the numbers [SI] of what a fit counts."""
         return [each.from_share(float(share)) for each, share in zip(self.varied, shares, strict=True)]

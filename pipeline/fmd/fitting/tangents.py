@@ -12,7 +12,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.fitting import TRIED_MOVES, TRIED_TIMES
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem, Variant
+from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem, Variant, lift_system, system_along
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fitting.neighbours import find_turns
@@ -81,16 +81,20 @@ def find_direction(plan: Plan, sides: Sequence[Side]) -> Direction | None:
     turns = [find_turns(side.plan, side.signs or {}) for side in sides]
     q = weights @ [turn["q"] * (there - turn["q"] * q0) for (_, there, _), turn in zip(marched, turns, strict=True)]
     v = weights @ [turn["v"] * (there - turn["v"] * v0) for (_, _, there), turn in zip(marched, turns, strict=True)]
-    if any(other.compiled.digest != own.digest for other, _, _ in marched):
+    others, lifted = [other.compiled for other, _, _ in marched], False
+    if any(other.digest != own.digest for other in others):
         if any(side.signs is None for side in sides):
             return None
-        others = zip(marched, weights, turns, strict=True)
-        variants = [Variant(other.compiled, weight, turn["q"], turn["v"]) for (other, _, _), weight, turn in others]
-        return Direction(np.zeros(own.numbers.shape), [], q, v, variants)
-    numbers = weights @ [other.compiled.numbers - own.numbers for other, _, _ in marched]
-    beside = [(other.compiled.signals, weight) for (other, _, _), weight in zip(marched, weights, strict=True)]
+        own, *others = (lift_system(each).compiled for each in (system, *(other for other, _, _ in marched)))
+        lifted = True
+        if any(other.digest != own.digest for other in others):
+            triples = zip(others, weights, turns, strict=True)
+            variants = [Variant(other, weight, turn["q"], turn["v"]) for other, weight, turn in triples]
+            return Direction(np.zeros(own.numbers.shape), [], q, v, variants, lifted)
+    numbers = weights @ [other.numbers - own.numbers for other in others]
+    beside = [(other.signals, weight) for other, weight in zip(others, weights, strict=True)]
     vary = any(signals != own.signals for signals, _ in beside)
-    return Direction(numbers, beside if vary else [], q, v)
+    return Direction(numbers, beside if vary else [], q, v, lifted=lifted)
 
 
 def say_what_lacks_tangents(plan: Plan) -> str:
@@ -113,7 +117,9 @@ def _has_like_coordinates(plan: Plan, other: Plan) -> bool:
 
 def changes_in_line(plan: Plan, direction: Direction, low: Plan, high: Plan) -> bool:
     """Return whether a run's equations and start lie in the middle between those at two values of a number."""
-    (own, q0, v0), *others = (each.marched for each in (plan, low, high))
+    (own, q0, v0), *others = (
+        (system_along(system, [direction]), q, v) for system, q, v in (each.marched for each in (plan, low, high))
+    )
     rng = np.random.default_rng(0)
     times = rng.uniform(0.0, plan.mechanism.horizon or 1.0, TRIED_TIMES)
     states = q0 + TRIED_MOVES * rng.normal(size=(TRIED_TIMES, len(q0)))

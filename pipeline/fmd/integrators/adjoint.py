@@ -27,7 +27,7 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
     sum_variants,
 )
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.dynamics.compiled_system.tangents import Direction, tabulate_variants
+from fmd.dynamics.compiled_system.tangents import Direction, system_along, tabulate_variants
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import load_signals
 from fmd.dynamics.system import advance
@@ -152,7 +152,7 @@ class _Sums:
         times, by_signals = known.t[:count].copy(), known.inputs[:count, :n].copy()
         by_numbers, room = known.inputs[:count, n:].sum(axis=0), (np.zeros(2), np.zeros(n))
         for k, (direction, codes) in enumerate(zip(self._directions, self._codes, strict=True)):
-            self.found[k] += by_numbers @ direction.numbers
+            self.found[k] += by_numbers[: direction.numbers.size] @ direction.numbers
             for code, weight in codes:
                 self.found[k] += weight * _sum_signals(code.address("signals"), times, by_signals, *room)
         for first, table in self._tables.items():
@@ -188,6 +188,7 @@ def pull_back(
     by_q, by_v : ndarray, shapes (n_times, n_positions) and (n_times, n)
         Weights of positions and rates.
     """
+    system = system_along(system, directions)
     own, offset = locate_samples(times, method.step)
     n_steps = int(own[-1]) + 1
     per_step = _evaluations_in_step(system)

@@ -38,6 +38,9 @@ AT_BOUND = 1e-4  # of the way between two bounds: a number so near to one is sai
 # Probability of white residuals' correlations, below which they are said not to be white. A false minimum of a bar's
 # modulus, 19 % off with an interval of 1 %, had 0.0055.
 WHITE = 0.01
+# Probability of residuals' correlations, or of chi-squared, below which another minimum is looked for by parts.
+DOUBTFUL = 0.05
+FIRST_PARTS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of histories, which are fitted one after the other then
 LAGS = 10  # samples up to which correlations of residuals are looked at
 POOR_FIT = 1e-3  # probability of chi-squared below which noise alone doesn't explain the residuals
 SAME_CHI2 = 0.1  # difference of chi-squared of two searches that count as having come to the same numbers

@@ -10,7 +10,7 @@ those of the tangents, eight to each.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.dynamics.compiled_system.closed_tangents import ClosedTangentParameters
 from fmd.dynamics.compiled_system.cycle_tangents import CycleTangents
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, FrozenCycle, Leapfrog, TreeParameters
+from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, TangentParameters
 from fmd.dynamics.compiler.compiled import CompiledMechanism
@@ -58,6 +59,8 @@ class Direction:
     ----------
     numbers : ndarray, shape (n_numbers,)
         Derivatives of what is a number in the equations, `CompiledMechanism.numbers`.
+    lifted : bool
+        True if these, or the variants, are those of the mechanism where it is lifted.
     signals : sequence of tuple
         Signals beside the mechanism's own, in their order, with weights: the weighted sums of their values are the
         derivatives of the mechanism's. Four sets at most; none where these stay as they are.
@@ -73,6 +76,17 @@ class Direction:
     q: Array
     v: Array
     variants: Sequence[Variant] = ()
+    lifted: bool = False
+
+
+def lift_system(system: CompiledSystem) -> CompiledSystem:
+    """Return the system of a mechanism that is lifted: inertia of rigid bodies, damping of modes and gravity vary."""
+    return share_system(replace(system.mechanism, lifted=True))
+
+
+def system_along(system: CompiledSystem, directions: Sequence[Direction]) -> CompiledSystem:
+    """Return what is marched along some directions: the lifted system if one of them is that one's."""
+    return lift_system(system) if any(each.lifted for each in directions) else system
 
 
 class TangentSystem(PlainSystem):
@@ -85,7 +99,7 @@ class TangentSystem(PlainSystem):
     """
 
     def __init__(self, system: CompiledSystem, directions: Sequence[Direction]) -> None:
-        self._system, self._directions = system, directions
+        self._system, self._directions = system_along(system, directions), directions
         self.breakpoints, self.highest_frequency = system.breakpoints, system.highest_frequency
         self.n, self.n_positions = (_lines(n) + n * LANES for n in (system.n, system.n_positions))
 
@@ -170,7 +184,7 @@ class TangentSystem(PlainSystem):
         directions = np.zeros((own.inputs.size, LANES))
         self._codes = []  # which stay loaded as long as this is
         for lane, direction in enumerate(self._directions):
-            directions[n_inputs:, lane] = direction.numbers
+            directions[n_inputs : n_inputs + direction.numbers.size, lane] = direction.numbers
             for k, (signals, weight) in enumerate(direction.signals):
                 self._codes.append(load_signals(signals))
                 beside[lane, k], weights[lane, k] = self._codes[-1].address("signals"), weight

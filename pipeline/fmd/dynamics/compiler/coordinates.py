@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.round_off import SOLVED
 from fmd.dynamics.compiler.algebra import constants
+from fmd.dynamics.compiler.cleaning import inertia_forms, rigid_constants
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import ALWAYS, CONSTANT, Signal
+from fmd.reduction.inertia import InertiaIntegrals
 
 JOINT_CONSTANTS = ("spring", "rest", "damper")
 
@@ -32,6 +37,7 @@ class Coordinates:
     numbers : dict
         Springs, rests and dampers of joints by body and name, but for those that are 0, and held values by body -1 and
         their number; they come after the signals in the argument ``inputs``, so that other ones take no other code.
+        Of a mechanism that is lifted also `constants_of_bodies`.
     threshold : float
         Share of its natural scale below which an entry of the mechanism's constants is round-off; see `cleaning`.
     """
@@ -44,7 +50,9 @@ class Coordinates:
         signals += [signal for effort in mechanism.functions for signal in effort.signals]
         self.signals = tuple(dict.fromkeys(signal for signal in signals if constant_value(signal) is None))
         self.numbers = _joint_numbers(mechanism) | {(-1, f"held {at.number}"): at.initial for at in mechanism.held}
-        self._number_places = {key: 3 * len(self.signals) + k for k, key in enumerate(self.numbers)}
+        if mechanism.lifted:
+            self.numbers |= {key: value for key, value in constants_of_bodies(mechanism).items() if value}
+        self._places = {key: 3 * len(self.signals) + k for k, key in enumerate(self.numbers)}
 
     def joint_positions(self, body: int) -> list[Scalar]:
         """Position coordinates of the joint that carries a body."""
@@ -85,12 +93,17 @@ class Coordinates:
 
     def number(self, body: int, name: str, value: float) -> Scalar:
         """A constant of a body or of its joint, or of the mechanism for body -1."""
-        place = self._number_places.get((body, name))
+        place = self._places.get((body, name))
         return self.graph.number(value) if place is None else self.graph.scalar_input("inputs", place)
 
     def scaled(self, body: int, name: str, values: Array, vector: Vector) -> Vector:
         """A modal vector, each entry times a constant of a body."""
-        return vector.multiplied_by(np.diag(values))
+        keys = [(body, f"{name} {k}") for k in range(len(values))]
+        if not any(key in self._places for key in keys):
+            return vector.multiplied_by(np.diag(values))
+        factors = [self.number(*key, x) * vector.entry(k) for k, (key, x) in enumerate(zip(keys, values, strict=True))]
+        units = (self.graph.array(unit) for unit in np.eye(len(values)))
+        return combine(list(zip(factors, units, strict=True)))
 
     def columns(self, times: Array, q: Array, v: Array) -> dict[str, Array]:
         """Arguments at states, (n_times,), (n_times, n_positions) and (n_times, n), with a column for each."""
@@ -150,6 +163,26 @@ def _joint_numbers(mechanism: Mechanism) -> dict[tuple[int, str], float]:
             names = JOINT_CONSTANTS if link.spring else ("damper",)
             found |= {(body, name): float(getattr(link, name)) for name in names if getattr(link, name)}
     return found
+
+
+def constants_of_bodies(mechanism: Mechanism) -> dict[tuple[int, str], float]:
+    """Return gravity, modal damping, and inertia of rigid bodies, by their names in `Coordinates.number`."""
+    table: dict[tuple[int, str], float] = {(-1, f"gravity {k}"): -float(g) for k, g in enumerate(mechanism.gravity)}
+    for body, link in enumerate(mechanism.links):
+        if len(link.damping):
+            table |= {(body, f"damping {k}"): float(x) for k, x in enumerate(2.0 * link.damping * link.omega)}
+        if not len(link.omega):
+            mass, S, J = rigid_constants(inertia_forms(link))
+            table[body, "mass"] = mass
+            table |= {(body, f"S {a}"): float(S[a]) for a in range(3)}
+            table |= {(body, f"J {a} {b}"): float(J[a, b]) for a in range(3) for b in range(a + 1)}
+    return table
+
+
+def without_constants(link: Link) -> Link:
+    """Return a link without those of its constants that `constants_of_bodies` has."""
+    integrals = link.integrals if len(link.omega) else InertiaIntegrals(np.ones((3, 3, 1, 1)), np.ones((3, 1)), 1.0)
+    return replace(link, integrals=integrals, damping=np.ones(len(link.damping)))
 
 
 def constant_value(signal: Signal) -> float | None:

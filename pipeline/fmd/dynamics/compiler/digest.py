@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from fmd.dynamics.closures import Coupler
-from fmd.dynamics.compiler.coordinates import Coordinates, constant_value
+from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates, constant_value, without_constants
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
 
@@ -38,10 +38,13 @@ def _digest(inputs: Coordinates) -> str:
     mechanism, pieces = inputs.mechanism, list[bytes]()
     numbers = {link.name: number for number, link in enumerate(mechanism.links)}
     links = list(mechanism.links)
-    for body, name in (key for key in inputs.numbers if key[0] >= 0):
+    for body, name in (key for key in inputs.numbers if key[0] >= 0 and key[1] in JOINT_CONSTANTS):
         changes: dict[str, Any] = {name: math.nan}  # no number, so that none of them counts
         links[body] = replace(links[body], **changes)
-    _add(pieces, inputs, [links, mechanism.layout, mechanism.gravity])
+    if mechanism.lifted:
+        _add(pieces, inputs, ["lifted", *inputs.numbers])
+        links = [without_constants(link) for link in links]
+    _add(pieces, inputs, [links, mechanism.layout, np.zeros(3) if mechanism.lifted else mechanism.gravity])
     for load in mechanism.loads:
         _add(pieces, inputs, [numbers[load.body], load])
     efforts = [*(link.effort for link in mechanism.links), *(load.effort for load in mechanism.loads)]

@@ -12,11 +12,16 @@ from functools import cached_property
 
 import numpy as np
 
-from fmd.core.arrays import Array
-from fmd.dynamics.compiler.cleaning import inertia_forms, rigid_constants
-from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates, LeapingCoordinates, constant_value
+from fmd.dynamics.compiler.coordinates import (
+    JOINT_CONSTANTS,
+    Coordinates,
+    LeapingCoordinates,
+    constant_value,
+    constants_of_bodies,
+    without_constants,
+)
 from fmd.dynamics.compiler.digest import digest_mechanism
-from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from fmd.dynamics.compiler.graph import Graph, Scalar
 from fmd.dynamics.compiler.program import Program
 from fmd.dynamics.compiler.programs import trace_leap
 from fmd.dynamics.compiler.signal_code import load_signals
@@ -25,7 +30,6 @@ from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant
 from fmd.kernels.machine import LoadedObject
-from fmd.reduction.inertia import InertiaIntegrals
 
 Key = tuple[int, str]
 """A body's number, -1 for the mechanism itself, and the name of one of its constants."""
@@ -131,14 +135,6 @@ class _Lifted(Coordinates):
         place = self._places.get((body, name))
         return self.graph.number(value) if place is None else self.graph.scalar_input("constants", place)
 
-    def scaled(self, body: int, name: str, values: Array, vector: Vector) -> Vector:
-        """A modal vector, each entry times a constant of a body."""
-        if not any((body, f"{name} {k}") in self._places for k in range(len(values))):
-            return super().scaled(body, name, values, vector)
-        factors = [self.number(body, f"{name} {k}", x) * vector.entry(k) for k, x in enumerate(values)]
-        units = (self.graph.array(unit) for unit in np.eye(len(values)))
-        return combine(list(zip(factors, units, strict=True)))
-
     def signal(self, signal: Signal, derivatives: int = 0) -> list[Scalar]:
         """A signal's value and its first derivatives, as inputs if some variant's vary or differ."""
         number = next(k for k, other in enumerate(self._loads) if other is signal)
@@ -177,16 +173,9 @@ def _with_loads_of_their_own(mechanism: Mechanism) -> Mechanism:
 
 def _constants_of(mechanism: Mechanism) -> dict[Key, float]:
     """Return all constants that may differ between variants, by their names in `Coordinates.number`."""
-    table: dict[Key, float] = {(-1, f"gravity {k}"): -float(g) for k, g in enumerate(mechanism.gravity)}
+    table = constants_of_bodies(mechanism)
     for body, link in enumerate(mechanism.links):
         table |= {(body, name): float(getattr(link, name)) for name in JOINT_CONSTANTS}
-        if len(link.damping):
-            table |= {(body, f"damping {k}"): float(x) for k, x in enumerate(2.0 * link.damping * link.omega)}
-        if not len(link.omega):
-            mass, S, J = rigid_constants(inertia_forms(link))
-            table[body, "mass"] = mass
-            table |= {(body, f"S {a}"): float(S[a]) for a in range(3)}
-            table |= {(body, f"J {a} {b}"): float(J[a, b]) for a in range(3) for b in range(a + 1)}
     return table
 
 
@@ -199,7 +188,5 @@ def _structure(mechanism: Mechanism, names: tuple[Key, ...]) -> str:
 
 
 def _without_constants(link: Link) -> Link:
-    integrals = link.integrals if len(link.omega) else InertiaIntegrals(np.ones((3, 3, 1, 1)), np.ones((3, 1)), 1.0)
     motion = None if link.motion is None else constant(0.0)
-    bare = replace(link, integrals=integrals, load=constant(0.0), motion=motion, damping=np.ones(len(link.damping)))
-    return replace(bare, spring=0.0, rest=0.0, damper=0.0)
+    return replace(without_constants(link), load=constant(0.0), motion=motion, spring=0.0, rest=0.0, damper=0.0)
