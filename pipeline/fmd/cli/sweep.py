@@ -117,7 +117,7 @@ def sweep(
         _print_points(table, rows)
         print_messages(result)
         if left_out := max(point.left_out for point in result.points):
-            open_console().print(f"points have the scene's first run; --all-runs computes the {left_out} others, too")
+            open_console().print(f"points have the first of the scene's {left_out + 1} runs; --all-runs computes all")
         statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
         open_console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")
         print_files(folder, files)
