@@ -52,7 +52,7 @@ def stiffen_body(
     axis : ndarray, shape (3,), optional
         Axis of a plane motion, with one product of rates and one angular acceleration; without, six and three.
     linear : bool
-        True if the joint is accelerated, or gravity acts.
+        True if the joint is accelerated, or gravity acts; without, what the body has of it stays.
     moving : mapping of str to Marker, optional
         Markers whose displacement of second order is wanted: those that bodies or loads act on, and any to look at.
     free : ndarray, shape (k, 3), optional
@@ -88,7 +88,7 @@ def stiffen_body(
     if body.integrals.stiffening.size:  # by its arms alone, which KG has again
         G[:, :, 1:, 1:] += body.integrals.stiffening
     G[:, :, 1:, 1:] -= KG
-    displacement2 = -push if linear else np.zeros((3, 0, 0))
+    displacement2 = -push if linear else body.integrals.displacement2
     rotation2 = -np.einsum("ka,kij->aij", turns, turn) if turn.any() else np.zeros((3, 0, 0))
     integrals = replace(
         body.integrals,

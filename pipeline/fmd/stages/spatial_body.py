@@ -14,7 +14,7 @@ from fmd.recovery.stress import modal_stress
 from fmd.reduction.craig_bampton import Superelement, make_superelement
 from fmd.reduction.modes import TooManyModesError
 from fmd.scene.modes import damping_ratios
-from fmd.stages.basis import reduce_body, stiffen_reduced
+from fmd.stages.basis import reduce_body, stiffen_for_any_motion, stiffen_reduced
 from fmd.stages.part import FlexiblePart
 from fmd.stages.reduced_files import reduce_file_body
 
@@ -42,18 +42,15 @@ def spatial_body(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
 
 
 def _reduce(part: FlexiblePart, stiffened: bool) -> FlexibleBody:
+    elements = part.can_be_stiffened and stiffened
+    if part.joint.marker and not part.is_reduced:
+        body = part.for_any_motion(part.stiffened if elements else part.body)
+        return stiffen_for_any_motion(part.model, body, elements) if elements or part.fe.arms is not None else body
     model = _on_any_marker(part)
     if part.is_reduced:
-        body = reduce_file_body(model, part.modes, part.shape, part.frame, "auto" if stiffened else "off")
-    elif part.joint.marker:
-        body = part.for_any_motion(part.body)
-    else:
-        body = reduce_body(model, part.modes, part.shape.modes, part.frame)
-    elements = part.can_be_stiffened and stiffened
-    if not elements and model.fe.arms is None:
-        return body
-    by_any_motion = replace(model.joint, in_plane=False, accelerated=True)
-    return stiffen_reduced(replace(model, joint=by_any_motion), body, elements)
+        return reduce_file_body(model, part.modes, part.shape, part.frame, "auto" if stiffened else "off")
+    body = reduce_body(model, part.modes, part.shape.modes, part.frame)
+    return stiffen_reduced(model, body) if elements else body
 
 
 def surface_stress(part: FlexiblePart, body: FlexibleBody) -> Array | None:

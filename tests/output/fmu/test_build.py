@@ -2,13 +2,14 @@
 
 import shutil
 import struct
+import threading
 
 import numpy as np
 import pytest
 
 from fmd.core.errors import InputError
 from fmd.output.fmu import build
-from fmd.output.fmu.build import build_binaries, join_mach_binaries, own_target
+from fmd.output.fmu.build import build_binaries, build_own_binary, join_mach_binaries, own_target
 
 SOURCE = {"model.c": "int answer(void)\n{\n    return 42;\n}\n"}
 
@@ -22,6 +23,22 @@ def test_what_the_compiler_says_is_told(monkeypatch):
     monkeypatch.setenv("CC", "/missing/compiler")
     with pytest.raises(InputError, match="missing/compiler fails"):
         build_binaries(SOURCE, "x")
+
+
+@pytest.mark.skipif(own_target() is None, reason="this system has no FMU binaries")
+@pytest.mark.skipif(not (shutil.which("cc") or shutil.which("gcc")), reason="no C compiler")
+def test_sources_compiled_side_by_side_make_the_library_of_those_compiled_in_turn(monkeypatch):
+    calls = {f"part{k}.c": f"int part{k}(void)\n{{\n    return {k};\n}}\n" for k in range(3)}
+    total = "".join(f"int part{k}(void);\n" for k in range(3)) + "int total(void)\n{\n    return "
+    sources = calls | {"model.c": total + " + ".join(f"part{k}()" for k in range(3)) + ";\n}\n"}
+    libraries, threads, run = [], set(), build._run
+    monkeypatch.setattr(build, "_run", lambda *job: (threads.add(threading.get_ident()), run(*job))[1])
+    for at_once in ("1", "4"):
+        threads.clear()
+        monkeypatch.setenv("OMP_NUM_THREADS", at_once)
+        libraries.append(build_own_binary(sources, "x"))
+    assert len(threads) > 2
+    assert libraries[0] == libraries[1] != {}
 
 
 def test_libraries_of_two_processors_are_joined_for_macos():

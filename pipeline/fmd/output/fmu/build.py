@@ -9,6 +9,7 @@ import shutil
 import struct
 import sys
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from fmd.core.errors import InputError
 from fmd.core.limits.patience import COMPILING_SECONDS
 from fmd.core.paths import cache_folder, is_private
 from fmd.core.processes import ChildError, run_child
+from fmd.integrators.side_by_side import threads_at_once
 
 _OPTIONS = (
     *("-std=c99", "-g0", "-fPIC", "-fvisibility=hidden", "-Wall"),
@@ -84,12 +86,16 @@ def build_own_binary(sources: Mapping[str, str], identifier: str) -> dict[str, b
 def _compile_for(
     sources: Mapping[str, str], identifier: str, compilers: Mapping[Target, Sequence[str]]
 ) -> dict[str, bytes]:
-    with TemporaryDirectory(prefix="fmd-fmu-") as folder:
-        for name, text in sources.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8")
-        return {
-            target.name: _compile(compiler, Path(folder), identifier, target) for target, compiler in compilers.items()
-        }
+    with TemporaryDirectory(prefix="fmd-fmu-") as name, ThreadPoolExecutor(threads_at_once()) as pool:
+        folder = Path(name)
+        for source, text in sources.items():
+            (folder / source).write_text(text, encoding="utf-8")
+        largest_first = sorted(
+            (source for source in sources if source.endswith(".c")), key=lambda own: -len(sources[own])
+        )
+        jobs = [(target, source) for target in compilers for source in largest_first]
+        list(pool.map(lambda job: _compile(compilers[job[0]], folder, *job), jobs))
+        return {target.name: _link(compiler, folder, identifier, target) for target, compiler in compilers.items()}
 
 
 def own_target() -> Target | None:
@@ -103,18 +109,24 @@ def _zig(target: Target) -> list[str]:
     return [sys.executable, "-P", "-m", "ziglang", "cc", "-target", target.triple]
 
 
-def _compile(compiler: Sequence[str], folder: Path, identifier: str, target: Target) -> bytes:
-    """Compile all sources of a folder, by names relative to it: no path of this machine comes into the library."""
-    library, mapped = f"{identifier}{target.suffix}", f"-ffile-prefix-map={folder}=."
-    objects = []
-    for source in sorted(path.name for path in folder.glob("*.c")):
-        objects.append(f"{target.name}-{source.removesuffix('.c')}.o")
-        level = "-O3" if source in _FAST else "-Os"
-        _run([*compiler, *_OPTIONS, level, mapped, "-c", source, "-o", objects[-1]], folder, target)
+def _compile(compiler: Sequence[str], folder: Path, target: Target, source: str) -> None:
+    """Compile a source of a folder, by a name relative to it: no path of this machine comes into the library."""
+    level, mapped = "-O3" if source in _FAST else "-Os", f"-ffile-prefix-map={folder}=."
+    _run([*compiler, *_OPTIONS, level, mapped, "-c", source, "-o", _object(target, source)], folder, target)
+
+
+def _link(compiler: Sequence[str], folder: Path, identifier: str, target: Target) -> bytes:
+    """Return the library of a target's compiled sources, in the order of their names."""
+    library = f"{identifier}{target.suffix}"
+    objects = [_object(target, source.name) for source in sorted(folder.glob("*.c"))]
     strip = [] if platform.system() == "Darwin" and compiler[0] != sys.executable else ["-s"]
     maths = [] if target.suffix == ".dll" else ["-lm"]
     _run([*compiler, "-shared", *strip, "-o", library, *objects, *maths], folder, target)
     return (folder / library).read_bytes()
+
+
+def _object(target: Target, source: str) -> str:
+    return f"{target.name}-{source.removesuffix('.c')}.o"
 
 
 def _run(command: Sequence[str], folder: Path, target: Target) -> None:
