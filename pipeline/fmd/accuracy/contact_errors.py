@@ -99,7 +99,8 @@ def step_differences(run: Pipeline) -> Differences:
 
     A march with twice the step differs by 2^p − 1 times the error of ours, of order p, or, where contact doesn't allow
     that, one with half the step by 1 − 2^-p of it. The order is 2, and 1 of the largest values, which the steps just
-    meet, with friction, whose slip is counted by steps, and with damping. Times are known to a step, areas to a point.
+    meet, with friction, whose slip is counted by steps, and with damping. Times are known to a step, areas to a point,
+    heat to its part of the energy that the steps make or lose.
     """
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
@@ -116,10 +117,21 @@ def step_differences(run: Pipeline) -> Differences:
         return float(1.0 / abs(ratio ** (1.0 if key in _HISTORIES else order) - 1.0))
 
     times, points = dict.fromkeys(("begin_s", "end_s"), step), _areas_of_points(run)
-    return {
+    found = {
         name: _differences(own, histories[name], share, times | {"largest_area_m2": points.get(name, 0.0)})
         for name, own in run.motion.contacts.items()
     }
+    return {name: errors | _at_least(errors, run.motion.contacts[name]) for name, errors in found.items()}
+
+
+def _at_least(errors: Mapping[str, float | str], own: ContactHistory) -> dict[str, float | str]:
+    """Return the errors of a contact's heats, each no less than its part of the largest energy that the steps made [J].
+
+    This is of one march alone, so that no other can agree with it by chance.
+    """
+    heats = {key: float(np.abs(of(own)).max()) for key, of in _SUMS.items()}
+    least = min(1.0, float(np.abs(own.energy_error).max()) / (sum(heats.values()) or math.inf))
+    return {key: max(error, least * heats[key]) for key in heats if not isinstance(error := errors[key], str)}
 
 
 def _areas_of_points(run: Pipeline) -> dict[str, float]:
