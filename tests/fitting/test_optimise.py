@@ -160,6 +160,20 @@ def test_a_front_goes_from_the_best_of_one_aim_to_that_of_the_other() -> None:
     assert numbers_of(front[-1]) == pytest.approx(dict.fromkeys(numbers_of(front[-1]), 0.06), rel=1e-3)
 
 
+@pytest.mark.parametrize("aims", [(("mass", 1), ("frequency.1", -1)), (("frequency.1", -1), ("mass", 1))])
+def test_no_end_of_a_front_has_more_of_the_other_aim_than_it_needs(aims: Any) -> None:
+    """Bending over the depth depends on the width by nu²/2 at most, less than counts, so all designs are narrow."""
+    run = package.load(BAR, "body.bar.nu=0.01", "body.bar.mesh.divisions=[4,1,1]").run
+    varied = read_varied(run, ["body.bar.depth=15..30 mm", "body.bar.width=20..40 mm"])
+    front = find_front(run, aims, (), varied, 3)
+    depths, widths = np.array([[*numbers_of(each).values()] for each in front]).T
+    np.testing.assert_allclose(widths, 0.02, rtol=2e-4)
+    ends = [0.015, 0.03] if aims[0][0] == "mass" else [0.03, 0.015]
+    np.testing.assert_allclose(depths[[0, -1]], ends, rtol=2e-4)
+    assert min(ends) < depths[1] < max(ends)
+    assert not any(each["code"] == "not-stationary" for one in front for each in one.warnings())
+
+
 @pytest.mark.parametrize(("low", "high", "depth"), [(0.4, 0.8, 16.0), (0.7, 1.5, 10.0)])
 def test_a_frequency_is_kept_out_of_a_band_on_its_better_side(low: float, high: float, depth: float) -> None:
     """It goes with the depth, 20 mm at the start: no bar is below the first band, the lightest is below the second."""

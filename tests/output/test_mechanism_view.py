@@ -14,7 +14,7 @@ from fmd import Pipeline, load_scene
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.integrators.protocol import Trajectory
-from fmd.output.joint_marks import GROUND, JOINT
+from fmd.output.joint_marks import GROUND, JOINT, LOAD
 from fmd.output.mechanism_view import view_mechanism
 from fmd.output.picture_files import picture_key
 from fmd.output.pictures import draw_mechanism
@@ -138,6 +138,26 @@ def test_every_kind_of_joint_spring_and_bushing_is_drawn():
         assert len([shape for shape in view.shapes if shape.colour == JOINT]) == len(held)
         assert len(view.lines) == lines
         assert np.isfinite(view.around()).all()
+
+
+def test_arrows_of_loads_end_where_these_act_and_turn_with_what_they_follow(tmp_path):
+    path = tmp_path / "pushed.toml"
+    on = 'marker = "plate.pin", direction = [3, 0, 0]'
+    push = f'push = {{ type = "point force", {on}, force = "2 N" }}'
+    twist = f'twist = {{ type = "point torque", {on}, torque = "2 N m", following = true }}'
+    path.write_text(PLATE.replace("VISUAL", "") + f"[drive]\n{push}\n{twist}\n")
+    run = Posed(load_scene(path), Cache(None))
+    run.differences = 0.2
+    assert not [shape for shape in view_mechanism(run, np.arange(3)).shapes if shape.colour == LOAD]
+    pushed, twisted = [shape for shape in view_mechanism(run, np.arange(3), loads=True).shapes if shape.colour == LOAD]
+    assert (pushed.name, twisted.name) == ("drive.push, point force", "drive.twist, point torque")
+    assert len(twisted.surface.points) == len(pushed.surface.points) + 5  # a head more
+    for k, t in enumerate((0.0, 0.1, 0.2)):  # the pin stays in the origin, and turns about z
+        for arrow, along in ((pushed, np.array([1, 0, 0])), (twisted, np.array([np.cos(t), np.sin(t), 0]))):
+            points = arrow.points(k)
+            assert (points @ along).max() == pytest.approx(0.0, abs=1e-12)
+            middle = points[np.argmin(points @ along)] @ along
+            assert points.mean(axis=0) == pytest.approx((points.mean(axis=0) @ along) * along, abs=1e-3 * abs(middle))
 
 
 def test_a_spring_leads_from_one_place_to_the_other():

@@ -15,6 +15,7 @@ from fmd.output.report.view_page import collect_poses, make_view_page
 from tests.output.test_report import AT_ONCE, BROWSER, CHROMIUM, Page
 
 COARSE = "body.forearm.mesh.divisions=[6, 1, 1]"
+PUSH = 'drive.push={type="point force",marker="gripper.wrist",direction=[0,-1,0],force="1 N"}'
 # Moves the second slider, and points at the middle of what is drawn, and at an empty corner.
 HARNESS = """<script>
 const answer = (value) => document.documentElement.dataset.answer = JSON.stringify(value);
@@ -51,7 +52,7 @@ def unpacked(text, kind, *shape):
 
 @pytest.fixture(scope="module")
 def arm():
-    return load("arm", COARSE).run
+    return load("arm", COARSE, PUSH).run
 
 
 def test_the_page_holds_each_coordinates_poses_markers_and_faces(arm):
@@ -75,7 +76,7 @@ def test_the_page_holds_each_coordinates_poses_markers_and_faces(arm):
     far = forearm["faces"]["names"].index("x+")
     largest = corners[..., 0].max()
     assert np.array_equal(faces == far, (np.abs(corners[..., 0] - largest) < 1e-6).all(axis=1))
-    assert {"joint.elbow, revolute", "ground"} <= {body["name"] for body in view["bodies"]}
+    assert {"joint.elbow, revolute", "ground", "drive.push, point force"} <= {body["name"] for body in view["bodies"]}
 
 
 def test_the_page_needs_no_network_and_no_motion(arm):

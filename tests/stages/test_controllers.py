@@ -7,12 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
-from fmd import Pipeline, load_scene
+from fmd import Pipeline, jacobian, load_scene
+from fmd.accuracy.solved_scene import SolvedScene
 from fmd.cli.app import main
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
+from fmd.output.channels import find_channels
+from fmd.output.histories import history_variables
 from fmd.scene.scene import Scene
 from fmd.stages.linear_model import linearise_scene
 from fmd.stages.plan import Plan
@@ -229,6 +233,37 @@ def test_held_torques_are_among_the_loads_of_the_motion(tmp_path: Path):
     torque = 40 * (0.3 - run.motion.joint_position("hinge"))[0]
     assert pull[0] == pytest.approx(2 * 0.5 * torque / INERTIA, rel=1e-9)
     assert pull.min() >= (2 * 0.5 * rate**2).min()
+
+
+@pytest.mark.parametrize(
+    ("text", "impulse"),
+    [
+        (PID + SAMPLED, lambda times, torque: torque[:-1] * np.diff(times)),
+        (FILTERED, lambda times, torque: CubicSpline(times, torque).antiderivative()),
+    ],
+)
+def test_what_a_controller_puts_out_is_a_history(tmp_path: Path, text: str, impulse: Any):
+    """What turns the rod has its change of momentum as its integral."""
+    table = 'output=[{type="table",file="a.csv",formulas={torque="servo",clock="2*t",both="servo + hinge.rate*t"}}]'
+    run = Pipeline(scene_of(tmp_path, text, table, "simulation.output_step=1 ms"))
+    motion = run.motion
+    torque, clock, both = (each.values for each in history_variables(run, run.scene.output[0], motion))
+    rate, found = motion.joint_rate("hinge"), impulse(motion.times, torque)
+    found = np.cumsum(found) if isinstance(found, np.ndarray) else found(motion.times)[1:]
+    assert found == pytest.approx(INERTIA * rate[1:], abs=1e-5)
+    assert torque.max() - torque.min() > 3.0
+    assert clock == pytest.approx(2 * motion.times)
+    assert both == pytest.approx(torque + rate * motion.times)
+
+
+@pytest.mark.parametrize("text", [PID, PID + SAMPLED])
+def test_what_a_controller_puts_out_has_derivatives(tmp_path: Path, text: str):
+    coarse = "simulation.output_step=100 ms"
+    (by_mass,) = jacobian(SolvedScene(scene_of(tmp_path, text, coarse)), ["u = servo"], ["body.rod.mass"])
+    scenes = [scene_of(tmp_path, text, coarse, f"body.rod.mass={mass} kg") for mass in (1.99, 2.01)]
+    low, high = (find_channels(run, "u = servo")[0].read(run) for run in map(Pipeline, scenes))
+    assert by_mass.slope == pytest.approx((high - low) / 0.02, abs=1e-3)
+    assert np.abs(by_mass.slope).max() > 0.1
 
 
 def growth(T: float) -> float:

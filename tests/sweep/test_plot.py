@@ -94,5 +94,10 @@ def test_lines_and_maps_are_drawn_with_their_labels_and_missing_points(tmp_path:
     same = SweepPanel("peak [um/N]", 132.74432860 + np.array([[1e-10, 0.0, 2e-10]]))
     draw_sweep_lines([x, y], [same], tmp_path / "same.svg", title="Study")
     assert "+1.327" not in (tmp_path / "same.svg").read_text()  # no axis counts round-off from an offset
+    spring = SweepAxis("spring [N/m]", ("300", "600", "3000"), (300.0, 600.0, 3000.0), logarithmic=True)
+    draw_sweep_lines([spring], [line], tmp_path / "log.svg", title="Study")
+    text = (tmp_path / "log.svg").read_text()
+    assert all(f"<!-- {words} -->" in text for words in ("300", "600", "1000", "3000"))  # numbers as on other axes
+    assert "times" not in text
     draw_sweep_maps(x, y, [field, field], tmp_path / "map.png", title="Study")
     assert imread(tmp_path / "map.png")[..., :3].std() > 0.1

@@ -13,7 +13,7 @@ from fmd.output.report.view_page import make_view_page
 
 
 def view(scene: SceneName, *, out: Path | None = None, no_browser: Flag = False, options: Options = DEFAULTS) -> None:
-    """A mechanism in the browser before it runs: bodies, markers, joints and faces by name, joints moved by sliders.
+    """A mechanism in the browser before it runs: bodies, joints, loads and faces by name, joints moved by sliders.
 
     Parameters
     ----------

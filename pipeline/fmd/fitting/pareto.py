@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fmd.core.errors import InputError
-from fmd.core.limits.fitting import SAME_AIM
+from fmd.core.limits.fitting import MET, SAME_AIM
 from fmd.fitting.optimise import ExcludedBand, Limit, Optimum, optimise_scene, search
 from fmd.fitting.varied import VariedNumber
 from fmd.stages.pipeline import Pipeline
@@ -22,8 +22,9 @@ def find_front(
 ) -> list[Optimum]:
     """Find designs along the Pareto front of two aims: the best in the first aim, for values of the second.
 
-    Between the best designs of each aim alone these values have equal ratios, and each search starts from the design
-    before it (ε-constraint method; Haimes, Lasdon & Wismer, *IEEE Trans Syst Man Cybern* 1, 1971).
+    Each end is as good in one aim as any design, but for `MET`, and of such designs the best in the other. Between both
+    the values have equal ratios, and each search starts from the design before it (ε-constraint method; Haimes, Lasdon
+    & Wismer, *IEEE Trans Syst Man Cybern* 1, 1971).
 
     Parameters
     ----------
@@ -37,8 +38,7 @@ def find_front(
     Returns
     -------
     list of Optimum
-        The first is the best in the first aim alone, the last that in the second. The limits of each end with that of
-        the second aim.
+        From the end of the first aim to that of the second. The limits of each end with that of the second aim.
 
     Raises
     ------
@@ -49,13 +49,20 @@ def find_front(
     """
     (first, sign), (second, other) = aims
     loose = Limit(second, -other, None)
-    begin = optimise_scene(run, first, (*limits, loose), varied, sign)
-    last = optimise_scene(run, second, limits, varied, other)
-    worst, best = begin.design.results[-1], last.design.results[0]
-    if abs(np.log(worst / best)) < SAME_AIM:
+    best = optimise_scene(run, first, (*limits, loose), varied, sign)
+    last = optimise_scene(run, second, (*limits, Limit(first, -sign, None)), varied, other)
+    begin = search(last.space, (*limits, _as_good(best)), other, best.shares)
+    worst, least = float(begin.design.results[0]), _as_good(last).bound
+    if abs(np.log(worst / least)) < SAME_AIM:
         raise InputError("--minimise", second, None, f"has no front with {first}: one design is the best in both")
-    found = [begin]
-    for bound in np.geomspace(worst, best, count)[1:]:
-        own = replace(loose, bound=float(bound))
-        found.append(search(begin.space, (*limits, own), sign, found[-1].shares))
+    found, shares = list[Optimum](), begin.shares
+    for bound in np.geomspace(worst, least, count):
+        found.append(search(best.space, (*limits, replace(loose, bound=float(bound))), sign, shares))
+        shares = found[-1].shares
     return found
+
+
+def _as_good(best: Optimum) -> Limit:
+    """Return the limit that a design is as good in the aim of a best one."""
+    value = float(best.design.results[0])
+    return Limit(best.space.names[0], -best.sign, value * float(np.exp(best.sign * MET)))

@@ -303,8 +303,8 @@ def _formula(run: Pipeline, given: str, origin: str) -> ResultChannel:
 def _read_formula(scene: Scene, given: str, origin: str) -> tuple[str, str]:
     """Return name and text of a formula of the motion."""
     name, _, text = (part.strip() for part in given.partition("="))
-    if not name or scene.controller:
-        raise InputError(origin, name, text, "a formula needs a name, name = formula, and a scene without controllers")
+    if not name:
+        raise InputError(origin, name, text, "a formula needs a name, name = formula")
     try:
         read_observed(scene, text)
     except InputError as error:

@@ -17,6 +17,7 @@ from fmd.core.files import number_texts, whole_file, write_table
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.shown import DIGITS, HARDLY_MOVES
 from fmd.core.netcdf import write_netcdf
+from fmd.dynamics.kinematics import Kinematics
 from fmd.output.error_table import write_errors
 from fmd.output.output_kinds import OutputKind
 from fmd.output.variable_errors import VariableErrors
@@ -155,8 +156,9 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
 
 def formula_history(run: Pipeline, text: str, motion: Motion) -> Array:
     """Return a formula of a motion in SI units, shape (n_times,)."""
-    mechanism = add_observer(run.divided_scene, run.bodies, motion.mechanism, [text])
-    return motion.kinematics.effort(mechanism.controllers[-1].measured[0])
+    mechanism = add_observer(run.divided_scene, run.bodies, motion.mechanism, [text], motion.known)
+    observed = Kinematics(mechanism, motion.times, motion.trajectory.q, motion.trajectory.v)
+    return observed.effort(mechanism.controllers[-1].measured[0])
 
 
 def _stresses(run: Pipeline, output: Quantities, places: dict[str, StressPlace], motion: Motion) -> Iterator[Variable]:

@@ -1,4 +1,4 @@
-"""Discreet marks of joints, springs and the ground in pictures of a mechanism."""
+"""Discreet marks of joints, springs, loads and the ground in pictures of a mechanism."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.scene.loads import MarkerLoad, MotionDrive
 from fmd.stages.parent_joint import ground_place, joint_axes, place_axes
 
 if TYPE_CHECKING:
     from fmd.render.moving_bodies import MovingLine, MovingShape
+    from fmd.render.surface import Surface
     from fmd.scene.joints.any_joint import Joint
     from fmd.stages.pipeline import Pipeline
 
-JOINT, GROUND, SPRING, BUSHING = "#4b5563", "#9aa2ad", "#5b7f6b", "#b08a3e"
+JOINT, GROUND, SPRING, BUSHING, LOAD = "#4b5563", "#9aa2ad", "#5b7f6b", "#b08a3e", "#b4442f"
 _NEAR = 5.0  # radii of a mark: a body's points so near tell how far a pin reaches
 _COILS, _PER_COIL = 9, 12
 _WIRE = 1.3  # radius of a coil over that of a mark
@@ -91,6 +93,27 @@ class Marks:
             plate = make_box(edges, np.zeros(3), axes)
             origin, rotation = self._at_rest(axes @ middle)
             found.append(MovingShape(plate, GROUND, origin, rotation, f"contact.{name}"))
+        return found
+
+    def loads(self) -> list[MovingShape]:
+        """Return an arrow to where each force acts, with one head, and each torque, with two, along its direction."""
+        from fmd.render.moving_bodies import MovingShape
+
+        found = []
+        for name, drive in self.run.scene.drive.items():
+            if isinstance(drive, MotionDrive):
+                continue
+            if isinstance(drive, MarkerLoad):
+                place, axis = drive.marker, _unit(drive.direction)
+                axes = self.rotation(place) @ place_axes(self.run.scene, place)
+                if not drive.following:
+                    axes = self._at_rest(np.zeros(3))[1]
+            else:
+                joint = self.run.scene.joint[drive.joint]
+                place, axis = joint.child, self._axis_in_child(joint)
+                axes = self.rotation(place)
+            arrow = _arrow(axis, self.radius, heads=2 if drive.unit == "N m" else 1)
+            found.append(MovingShape(arrow, LOAD, self.position(place), axes, f"drive.{name}, {drive.type}"))
         return found
 
     def _at_rest(self, place: Array) -> tuple[Array, Array]:
@@ -211,6 +234,15 @@ class Marks:
 def _unit(direction: Any) -> Array:
     along = np.array(direction, dtype=float)
     return np.asarray(along / np.linalg.norm(along))
+
+
+def _arrow(axis: Array, r: float, heads: int) -> Surface:
+    """Return an arrow along a unit vector (3,) to the origin, for marks of a radius [m]."""
+    from fmd.render.solids import join_surfaces, make_cylinder, make_pyramid
+
+    back = -3.0 * r * axis  # the length of a head
+    tips = [make_pyramid(head * back, -axis, 3.0 * r, 2.4 * r) for head in range(heads)]
+    return join_surfaces([*tips, make_cylinder(4.0 * back, back, 0.4 * r)])
 
 
 def _coil(start: Array, end: Array, radius: float) -> Array:

@@ -32,6 +32,7 @@ def view_mechanism(
     scale: float = 1.0,
     alone: bool = False,
     stressed: bool = True,
+    loads: bool = False,
 ) -> MovingMechanism:
     """Gather a mechanism at some output times of a run's motion.
 
@@ -49,6 +50,8 @@ def view_mechanism(
         Leave out everything but the coloured body.
     stressed : bool
         False to leave out stress, which takes the run's motion.
+    loads : bool
+        Draw arrows where forces and torques act.
     """
     from fmd.render.moving_bodies import MovingMechanism
 
@@ -64,6 +67,7 @@ def view_mechanism(
         up = _upwards(run, places)
         marks = Marks(run, chosen, size, up)
         shapes = [*_rigid(run, chosen, size), *marks.shapes(), *marks.planes(places)]
+        shapes += marks.loads() if loads else []
         lines = [*_sticks(run, marks), *marks.lines()]
     notes = _rates(run, chosen) if len(run.scene.body) == 1 else ()
     return MovingMechanism(run.motion.times[chosen], bodies, tuple(shapes), tuple(lines), notes, up)

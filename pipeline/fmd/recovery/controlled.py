@@ -29,4 +29,4 @@ def leave_out_controllers(motion: Motion) -> Motion:
     v = np.delete(trajectory.v, list(rates.values()), axis=1)
     driven = mechanism.with_known(known)
     bodies = replace(driven, links=[link for link in driven.links if link.state is None])
-    return replace(motion, mechanism=bodies, trajectory=replace(trajectory, q=q, v=v))
+    return replace(motion, mechanism=bodies, trajectory=replace(trajectory, q=q, v=v), known=known)

@@ -16,6 +16,7 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.reactions import JointLoads, closing_reactions, constraint_residual, joint_loads
+from fmd.dynamics.state_functions import Quantity
 from fmd.integrators.protocol import Trajectory
 
 if TYPE_CHECKING:
@@ -37,12 +38,15 @@ class Motion:
         ``"body.marker"``, the marker whose motion is reported.
     complete : callable, optional
         Gives the mechanism with the whole inertia of each body, which forces of joints take.
+    known : callable, optional
+        Gives, for an output or a state of a controller, its function of time, and any other quantity as it is.
     """
 
     mechanism: Mechanism
     trajectory: Trajectory
     tip: str
     complete: Callable[[Mechanism], Mechanism] | None = None
+    known: Callable[[Quantity], Quantity] | None = None
 
     __repr__ = short_repr
 

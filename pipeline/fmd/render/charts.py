@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import LogFormatterSciNotation
 
 from fmd.core.arrays import Array
 from fmd.core.files import whole_file
@@ -44,12 +45,24 @@ def open_figure(path: Path, size: tuple[float, float], dots_per_inch: int, paddi
 
 
 def style_axes(axes: Axes, xlabel: str, ylabel: str, title: str = "") -> None:
-    """Label the axes, add a grid, and leave out the frame's top and right."""
+    """Label the axes, whose scales are set, add a grid, and leave out the frame's top and right."""
     axes.set_xlabel(xlabel, fontsize=12)
     axes.set_ylabel(ylabel, fontsize=12)
     axes.set_title(title, fontsize=14)
     axes.grid(True, which="major", color="0.88")
     axes.spines[["top", "right"]].set_visible(False)
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            axis.set_major_formatter(_DecadeFormatter())
+            axis.set_minor_formatter(_DecadeFormatter(minor_thresholds=(_FEW_DECADES, 0.4)))
+
+
+class _DecadeFormatter(LogFormatterSciNotation):
+    """Labels of a logarithmic axis: 300 and 0.02 as other axes have them, powers of ten beyond."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        text = super().__call__(x, pos)
+        return f"{x:g}" if text and _PLAIN[0] <= x < _PLAIN[1] else text
 
 
 SIZE_INCHES = (10.0, 6.0)
@@ -62,6 +75,8 @@ SHADE = "#f3e3b3"
 PALENESS = 0.45
 _ROUND_OFF = 1e-14  # of the values: differences up to that are none
 _SHORT = 0.1  # of times: those are in milliseconds [s]
+_FEW_DECADES = 1.5  # of a logarithmic axis: of more, powers of ten alone have labels
+_PLAIN = (1e-3, 1e5)  # numbers of a logarithmic axis that have labels without powers of ten
 
 
 def draw_chart(

@@ -74,9 +74,9 @@ def draw_response(
             style_axes(frame, "", f"{'spectral density' if real else 'magnitude'}\n[{unit}]")
         frames[-1].set_ylim(-190, 190)
         frames[-1].set_yticks([-180, -90, 0, 90, 180])
-        style_axes(frames[-1], along, "phase [°]")
         if frequencies_hz[0] > 0 and frequencies_hz[-1] > _WIDE * frequencies_hz[0]:
             frames[-1].set_xscale("log")
+        style_axes(frames[-1], along, "phase [°]")
         frames[-1].set_xlim(frequencies_hz[0], frequencies_hz[-1])
         figure.align_ylabels()
         handles = [line for frame in frames[:-1] for line in frame.get_lines()]

@@ -83,8 +83,8 @@ def _draw_lines(axes: Axes, axis: SweepAxis, panel: SweepPanel, width: float) ->
         if panel.errors is not None:
             ends = np.clip(panel.errors[number][order], 0.0, None)
             axes.errorbar(x[order], line[order], yerr=ends, fmt="none", ecolor=colour, capsize=3.0)
-    style_axes(axes, axis.label, panel.label)
     _set_ticks(axes, axis, x)
+    style_axes(axes, axis.label, panel.label)
     low, high = axes.get_ylim()
     if high - low < SAME_VALUE * max(abs(low), abs(high)):  # a line, not its round-off
         axes.set_ylim(low - 0.01 * abs(low), high + 0.01 * abs(high))

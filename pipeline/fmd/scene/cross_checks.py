@@ -290,8 +290,6 @@ class CrossCheck:
                 yield UnknownNameError("body with stress", body, meshed, "those with a mesh", *path, "nodes", number)
         if "element_stress" in output.quantities and not any(body.element for body in meshed.values()):
             yield FaultError("element_stress needs a named element, [body.NAME.element]", *path, "quantities")
-        if output.formulas and self.scene.controller:
-            yield FaultError("take a scene without controllers", *path, "formulas")
         for name, text in output.formulas.items():
             unknown = self.find_unknown_parts(FormulaVariables(), text)
             yield from (FaultError(str(each), *path, "formulas", name) for each in unknown)

@@ -51,7 +51,8 @@ class Quantities(SceneTable):
     quantities : tuple of str
         Quantities; the table of quantities of a history explains each.
     formulas : dict of str to str
-        Formulas of the motion by the names that they get, such as what a sensor measures, in SI units.
+        Formulas of the motion by the names that they get, such as what a sensor measures or a controller puts out, in
+        SI units.
     joints : tuple of str
         Joints whose quantities are meant; all by default.
     markers : tuple of str

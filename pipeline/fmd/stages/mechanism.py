@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from fmd.dynamics.controllers import LinearLaw, SampledController
 from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant, half_sine, total
-from fmd.dynamics.state_functions import HeldValue
+from fmd.dynamics.state_functions import HeldValue, Quantity
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.inertia import InertiaIntegrals
 from fmd.scene.loads import JointDrive, MarkerLoad, find_motion
@@ -75,9 +75,18 @@ def build_mechanism(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechani
 
 
 def add_observer(
-    scene: Scene, bodies: Mapping[str, FlexibleBody], mechanism: Mechanism, formulas: Sequence[str]
+    scene: Scene,
+    bodies: Mapping[str, FlexibleBody],
+    mechanism: Mechanism,
+    formulas: Sequence[str],
+    known: Callable[[Quantity], Quantity] | None = None,
 ) -> Mechanism:
     """Return a scene's mechanism with one more controller, the last one, which measures some formulas of the motion.
+
+    Parameters
+    ----------
+    known : callable, optional
+        Of a mechanism whose own controllers are left out: gives what they put out as functions of time.
 
     Raises
     ------
@@ -87,6 +96,7 @@ def add_observer(
     functions = FunctionBuilder(scene, _Places(scene, bodies).on_either)
     add_controllers(functions)
     found = tuple(functions.of_text(text) for text in formulas)
+    found = tuple(function.with_variables(known) for function in found) if known else found
     law = LinearLaw((), (), (), (0.0,) * len(found), (), ())
     observer = SampledController("observation", np.inf, found, HeldValue(len(mechanism.held)), law)
     return replace(mechanism, controllers=[*mechanism.controllers, observer])

@@ -22,7 +22,7 @@ from fmd.stages.poses import Clip, find_clips, run_at_poses, undeformed_start
 
 
 def make_view_page(run: Pipeline, overrides: Sequence[str] = ()) -> str:
-    """Make the page of a run's mechanism: bodies, markers, joints and faces by name, and joints moved by sliders.
+    """Make the page of a run's mechanism: bodies, markers, joints, loads and faces by name, joints moved by sliders.
 
     Nothing is integrated; of a flexible body the mesh and its reduction are needed.
 
@@ -63,7 +63,7 @@ def collect_poses(run: Pipeline) -> dict[str, Any]:
     times = np.concatenate([np.zeros(1), *(clip.times for clip in clips)])
     posed = run_at_poses(run, times, np.concatenate([q0[None], *(clip.q for clip in clips)]))
     frames = np.arange(len(times))
-    moving = view_mechanism(posed, frames, stressed=False)
+    moving = view_mechanism(posed, frames, stressed=False, loads=True)
     view = describe_mechanism(moving, Camera(), 1.0, (0.0, 1.0))
     first = 1 + np.cumsum([0, *(len(clip.values) for clip in clips)])
     return view | {
