@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import fmd as package
+from fmd.core import progress
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fitting import fit as fits
@@ -200,8 +202,10 @@ def test_the_command_writes_the_scene_that_fits(
     settings = [word for text in SMALL_ARM for word in ("--set", text)]
     given = ["--to", tmp_path / "measured.csv", "--vary", "joint.elbow.spring=10..61,drive.swing.torque"]
     given += ["--vary", "body.gripper.mass", "--vary", "joint.wrist.spring", "--out", tmp_path / "fit"]
+    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 0.01)
     assert fmd("fit", "arm", *settings, *given, "--sigma", "elbow.position=0.1 deg") == 0
-    said = capsys.readouterr().out
+    said, lines = capsys.readouterr()
+    assert re.search(r"s: fit: derivatives, (25|50|75) %, about \d+ s left\n", lines)
     assert "at its" in said  # bound: a narrow column wraps
     assert "estimated from its values" in said
     assert {path.name for path in (tmp_path / "fit").iterdir()} == {"fit.png", "fit.csv", "fit.json", "fitted.toml"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import fmd as package
+from fmd.core import progress
 from fmd.core.errors import AccuracyError, InputError
 from fmd.fitting.optimise import Optimum, optimise_scene, read_limits
 from fmd.fitting.pareto import find_front
@@ -232,7 +234,10 @@ def test_a_history_is_no_aim_and_a_life_takes_its_output() -> None:
         find({name: table for name, table in PUSHED.items() if name != "output"}, "life", [], BOUNDS)
 
 
-def test_the_command_writes_the_design_as_a_scene(fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_the_command_writes_the_design_as_a_scene(
+    fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 0.01)
     path = tmp_path / "bar.toml"
     path.write_text(
         """
@@ -253,7 +258,9 @@ marker = { end = { face = "x-" } }
     given = ["--vary", "body.bar.depth=10..60mm,body.bar.width=25..60mm", "--out", tmp_path / "best"]
     limit = ["--subject", "frequency.1 >= 500 Hz"]
     assert fmd("optimise", path, "--minimise", "mass", *limit, *given, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
+    out, lines = capsys.readouterr()
+    assert re.search(r"s: derivatives of a design, 50 %, about \d+ s left\n", lines)
+    told = json.loads(out)
     assert told["files"] == ["design.toml", "design.json"]
     run = package.load(tmp_path / "best" / "design.toml").run
     assert run.modes.frequencies_hz[0] == pytest.approx(500.0, rel=1e-4)

@@ -51,8 +51,8 @@ def find_front(
     loose = Limit(second, -other, None)
     best = optimise_scene(run, first, (*limits, loose), varied, sign)
     last = optimise_scene(run, second, (*limits, Limit(first, -sign, None)), varied, other)
-    begin = search(last.space, (*limits, _as_good(best)), other, best.shares)
-    worst, least = float(begin.design.results[0]), _as_good(last).bound
+    begin = search(last.space, (*limits, Limit(first, -sign, _as_good(best))), other, best.shares)
+    worst, least = float(begin.design.results[0]), _as_good(last)
     if abs(np.log(worst / least)) < SAME_AIM:
         raise InputError("--minimise", second, None, f"has no front with {first}: one design is the best in both")
     found, shares = list[Optimum](), begin.shares
@@ -62,7 +62,6 @@ def find_front(
     return found
 
 
-def _as_good(best: Optimum) -> Limit:
-    """Return the limit that a design is as good in the aim of a best one."""
-    value = float(best.design.results[0])
-    return Limit(best.space.names[0], -best.sign, value * float(np.exp(best.sign * MET)))
+def _as_good(best: Optimum) -> float:
+    """Return a bound of the aim of a best design that others which are as good meet, too."""
+    return float(best.design.results[0] * np.exp(best.sign * MET))

@@ -58,11 +58,13 @@ def style_axes(axes: Axes, xlabel: str, ylabel: str, title: str = "") -> None:
 
 
 class _DecadeFormatter(LogFormatterSciNotation):
-    """Labels of a logarithmic axis: 300 and 0.02 as other axes have them, powers of ten beyond."""
+    """Labels of a logarithmic axis: 300 and 0.02 as on other axes, powers of ten where it goes beyond."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         text = super().__call__(x, pos)
-        return f"{x:g}" if text and _PLAIN[0] <= x < _PLAIN[1] else text
+        assert self.axis is not None
+        low, high = self.axis.get_view_interval()
+        return f"{x:g}" if text and _PLAIN[0] <= low and high <= _PLAIN[1] else text
 
 
 SIZE_INCHES = (10.0, 6.0)
@@ -76,7 +78,7 @@ PALENESS = 0.45
 _ROUND_OFF = 1e-14  # of the values: differences up to that are none
 _SHORT = 0.1  # of times: those are in milliseconds [s]
 _FEW_DECADES = 1.5  # of a logarithmic axis: of more, powers of ten alone have labels
-_PLAIN = (1e-3, 1e5)  # numbers of a logarithmic axis that have labels without powers of ten
+_PLAIN = (1e-3, 1e5)  # numbers between which a logarithmic axis has labels without powers of ten
 
 
 def draw_chart(
