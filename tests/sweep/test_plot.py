@@ -76,6 +76,16 @@ def test_two_keys_give_maps_and_three_give_points_over_each(drawn, tmp_path):
     np.testing.assert_array_equal(panels[0].values[0], [*range(100, 111), np.nan])
 
 
+def test_a_plot_says_what_it_leaves_out(monkeypatch, tmp_path):
+    titles = []
+    monkeypatch.setattr("fmd.render.sweep_chart.draw_sweep_lines", lambda *_, title: titles.append(title))
+    for most, keys in ((24, 6), (2, 2)):
+        monkeypatch.setattr(plot, "ASKED_PANELS", most)
+        monkeypatch.setattr(plot, "SWEPT_KEYS", keys)
+        plot.draw_sweep(SweepTable(sweep(LENGTH, METHOD, LENGTH)), tmp_path, "Study")
+    assert titles == ["Study", "Study\n1 of 5 results, 2 of 3 keys; sweep.csv has all"]
+
+
 def test_a_sweep_without_a_figure_has_no_plot(tmp_path):
     refused = Sweep((METHOD,), tuple(Point((v,), None) for v in METHOD.values), (Record("refused"),) * 2, 0)
     assert plot.draw_sweep(SweepTable(refused), tmp_path, "Study") == []
@@ -94,6 +104,11 @@ def test_lines_and_maps_are_drawn_with_their_labels_and_missing_points(tmp_path:
     same = SweepPanel("peak [um/N]", 132.74432860 + np.array([[1e-10, 0.0, 2e-10]]))
     draw_sweep_lines([x, y], [same], tmp_path / "same.svg", title="Study")
     assert "+1.327" not in (tmp_path / "same.svg").read_text()  # no axis counts round-off from an offset
+    method = SweepAxis("method", ("auto", "plain", "auto"))
+    zero = SweepAxis("spring", ("0", "1", "100"), (0.0, 1.0, 100.0), logarithmic=True)
+    draw_sweep_lines([method, zero], [line], tmp_path / "words.svg", title="Study")
+    text = (tmp_path / "words.svg").read_text()
+    assert (text.count("<!-- auto -->"), text.count("<!-- 0 -->")) == (1, 1)  # a place a word; a point at 0 is drawn
     spring = SweepAxis("spring [N/m]", ("300", "600", "3000"), (300.0, 600.0, 3000.0), logarithmic=True)
     draw_sweep_lines([spring], [line], tmp_path / "log.svg", title="Study")
     text = (tmp_path / "log.svg").read_text()

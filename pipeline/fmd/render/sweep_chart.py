@@ -30,7 +30,7 @@ class SweepAxis:
     label : str
         The key, with the unit of its values in brackets.
     texts : tuple of str
-        The values as they were given.
+        The values as they were given, one a point; of a map each once.
     numbers : tuple of float, optional
         The values as numbers, if they all are.
     logarithmic : bool
@@ -74,7 +74,8 @@ def draw_sweep_lines(keys: Sequence[SweepAxis], panels: Sequence[SweepPanel], pa
 
 
 def _draw_lines(axes: Axes, axis: SweepAxis, panel: SweepPanel, width: float) -> None:
-    x = np.arange(len(axis.texts), dtype=float) if axis.numbers is None else np.array(axis.numbers)
+    words = list(dict.fromkeys(axis.texts))
+    x = np.array([words.index(text) for text in axis.texts] if axis.numbers is None else axis.numbers, dtype=float)
     order = np.argsort(x, kind="stable")
     for number, line in enumerate(panel.values):
         colour = COLOURS[number % len(COLOURS)]
@@ -137,6 +138,7 @@ def _open_panels(count: int, path: Path, title: str, in_a_row: int = 2) -> Itera
 def _set_ticks(axes: Axes, axis: SweepAxis, x: Array) -> None:
     """Set the ticks of the axis along which the points lie: at the values where there are few."""
     if axis.numbers is None:
-        axes.set_xticks(x, axis.texts, rotation=20 if max(map(len, axis.texts)) > 12 else 0)
-    elif axis.logarithmic or (x.min() > 0 and x.max() > _WIDE * x.min()):
+        words = list(dict.fromkeys(axis.texts))
+        axes.set_xticks(range(len(words)), words, rotation=20 if max(map(len, words)) > 12 else 0)
+    elif x.min() > 0 and (axis.logarithmic or x.max() > _WIDE * x.min()):
         axes.set_xscale("log")

@@ -60,6 +60,9 @@ def draw_sweep(table: SweepTable, folder: Path, title: str) -> list[str]:
     axes = [_axis(sweep.variations[k], texts[k]) for k in kept]
     room = ASKED_PANELS // (1 if is_map else len(axes))
     panels = [_panel(rows, figure, shape) for figure in figures[:room]]
+    counts = ((len(panels), len(figures), "results"), (len(axes), len(varied), "keys"))
+    if cut := ", ".join(f"{shown} of {all_of} {what}" for shown, all_of, what in counts if shown < all_of):
+        title += f"\n{cut}; sweep.csv has all"
     if is_map:
         draw_sweep_maps(axes[0], axes[1], panels, folder / FILE, title=title)
     else:
