@@ -38,6 +38,23 @@ def frequencies(mesh: SolidMesh) -> Array:
     return FreeBodySolver(fe).modes(8).omega
 
 
+def turned_ends(path: Path, kind: str = "CORD2R") -> Path:
+    """The frame with all points moving in a system whose x is the basic y, by GRDSET, and vectors and offsets in it."""
+    text = nastran(path, SECTIONS["rectangle"][0], tail=",\n+,,,3.,-0.,5.,3.,-0.,8.").read_text()
+    for v in TOWARDS:
+        text = text.replace(f",{v[0]},{v[1]},{v[2]},", f",{v[1]},{-v[0]},{v[2]},")
+    path.write_text(text.replace("ENDDATA", f"{kind},5,,0.,0.,0.,0.,0.,1.\n,0.,1.,0.\nGRDSET,,,,,,5\nENDDATA"))
+    return path
+
+
+def test_vectors_and_offsets_are_in_the_systems_that_their_ends_move_in(tmp_path: Path) -> None:
+    offsets = np.tile(np.array([(0.0, 3, 5), (0, 3, 8)]), (4, 1, 1))
+    exact = frequencies(frame(SECTIONS["rectangle"][2], offsets=offsets))
+    assert frequencies(read_beams(turned_ends(tmp_path / "a.bdf"), 1e-3)) == pytest.approx(exact, rel=1e-8)
+    with pytest.raises(InputError, match="CBAR 1 has a vector or an offset in the round coordinate system 5 of grid"):
+        read_beams(turned_ends(tmp_path / "a.bdf", "CORD2C"), 1e-3)
+
+
 def frame(section: Section, turned: bool = False, offsets: Array | None = None) -> SolidMesh:
     axes = []
     for k, (a, b) in enumerate(X[ENDS] + (0.0 if offsets is None else offsets)):

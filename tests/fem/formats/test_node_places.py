@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fmd.fem.formats.nastran import read_nastran
 from fmd.fem.formats.node_places import nastran_places
 from fmd.fem.formats.raw_mesh import MeshFileError
 
@@ -32,3 +33,22 @@ def test_a_system_of_three_points_on_a_line_is_refused(points: str):
 def test_points_that_move_along_circles_are_refused():
     with pytest.raises(MeshFileError, match="line 3: GRID 3: moves in coordinate system 5, which is no CORD2R"):
         nastran_places("CORD2C,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nGRID,3,,1.,2.,3.,5")
+
+
+@pytest.mark.parametrize("system", ["CORD2R,5,,0.,0.,x,0.,0.,1.\n,1.,0.,0.", "CORD2R,5,,0.,0.,0.,0.,0.,1."])
+def test_a_damaged_system_is_refused_by_its_number(system: str):
+    with pytest.raises(MeshFileError, match="grid point 1: coordinate system 5: CORD2R takes three points"):
+        read_nastran(f"GRID,1,5,1.,2.,3.\n{system}\n")
+
+
+def test_systems_in_systems_are_followed_however_deep():
+    """Each is shifted by 1 along z from the one before, in which it is given."""
+    deck = "".join(f"CORD2R,{k},{k - 1},0.,0.,1.,0.,0.,2.\n,1.,0.,1.\n" for k in range(1, 2001))
+    assert read_nastran(f"GRID,1,2000,1.,2.,3.\n{deck}").points == pytest.approx(np.array([[1.0, 2.0, 2003.0]]))
+
+
+def test_a_point_may_be_given_again_with_the_basic_system_named():
+    twice = "GRID,1,,1.,2.,3.\nGRID,1,0,1.,2.,3.\n"
+    assert read_nastran(twice).points.tolist() == [[1.0, 2.0, 3.0]]
+    with pytest.raises(MeshFileError, match="grid point 1 is given twice, at two places"):
+        read_nastran(twice + QUARTER + "GRDSET,,5\n")

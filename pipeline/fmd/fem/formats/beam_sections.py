@@ -78,6 +78,7 @@ class NastranBeams:
 
     def __init__(self, real: Callable[[str], float]) -> None:
         self._real, self.deck = real, DeckBeams()
+        self._ends: list[tuple[int, int]] = []
         self._towards_point: dict[int, tuple[int, int]] = {}  # of an element: the grid points of its vector
 
     def takes(self, name: str, fields: list[str]) -> bool:
@@ -121,9 +122,38 @@ class NastranBeams:
             vector = ["", "", ""]
         towards = np.array([self._real(each) for each in vector]) if any(vector) else np.zeros(0)
         self.deck.elements.append(BeamElement(label, fields[1], towards, np.reshape(offsets, (2, 3))))
+        self._ends.append((int(fields[2]), int(fields[3])))
 
-    def finished(self, points: Mapping[int, Array]) -> DeckBeams:
-        """Return the beams, with vectors towards points."""
+    def finished(
+        self, points: Mapping[int, Array], moves: Mapping[int, str], directions: Callable[[str], Array | None]
+    ) -> DeckBeams:
+        """Return the beams in the basic system, with vectors towards points.
+
+        Parameters
+        ----------
+        points : mapping of int to ndarray
+            Places of grid points in the basic system.
+        moves : mapping of int to str
+            Systems (CD) of the points that move in another; a beam's vector is in that of its first end, an offset in
+            that of its own.
+        directions : callable
+            Gives a system's axes, the columns; ``None`` if they differ from place to place.
+        """
+        for k, ends in enumerate(self._ends if moves else ()):
+            label, _, towards, offsets = self.deck.elements[k]
+            for number, end in enumerate(ends):
+                of_first = towards if number == 0 else np.zeros(0)
+                if end not in moves or not (offsets[number].any() or of_first.any()):
+                    continue
+                axes = directions(moves[end])
+                if axes is None:
+                    what = f"coordinate system {moves[end]} of grid point {end}, its CD; CORD2R is read"
+                    self.deck.faults.append(f"{label} has a vector or an offset in the round {what}")
+                    continue
+                offsets[number] = axes @ offsets[number]
+                if of_first.size:
+                    towards = axes @ towards
+            self.deck.elements[k] = self.deck.elements[k]._replace(towards=towards)
         for k, (end, point) in self._towards_point.items():
             if end in points and point in points:
                 towards = np.subtract(points[point], points[end])

@@ -68,19 +68,35 @@ class CoordinateSystems:
 
     def find(self, number: str) -> Axes:
         """Return a system; raises ``MeshFileError`` if it isn't there or isn't by three points."""
-        if number in self._known:
-            return self._known[number]
-        name, fields = self._cards.pop(number, ("", []))  # popped: a system within itself isn't found again
-        if name not in _KINDS:
-            what = f"is a {name}" if name else "isn't there, or hangs on itself"
-            raise MeshFileError(f"coordinate system {number} {what}; {', '.join(_KINDS)} are read, and the basic one")
-        numbers = [self._real(field) for field in fields[2:11]]
-        within = self.find(fields[1])
-        a, b, c = (within.place(x) for x in np.array(numbers).reshape(3, 3))
+        chain = list[tuple[str, str, list[str]]]()
+        within = number
+        while within not in self._known:
+            name, fields = self._cards.pop(within, ("", []))  # popped: a system within itself isn't found again
+            if name not in _KINDS:
+                what = f"is a {name}" if name else "isn't there, or hangs on itself"
+                raise MeshFileError(
+                    f"coordinate system {within} {what}; {', '.join(_KINDS)} are read, and the basic one"
+                )
+            chain.append((within, name, fields))
+            within = fields[1]
+        for inner, name, fields in reversed(chain):
+            self._known[inner] = self._by_three_points(inner, name, fields)
+        return self._known[number]
+
+    def directions(self, number: str) -> Array | None:
+        """Return a system's axes, the columns, (3, 3); ``None`` if they differ from place to place."""
+        found = self.find(number)
+        return found.axes if found.is_straight else None
+
+    def _by_three_points(self, number: str, name: str, fields: list[str]) -> Axes:
+        try:
+            points = np.array([self._real(field) for field in fields[2:11]]).reshape(3, 3)
+        except ValueError:
+            raise MeshFileError(f"coordinate system {number}: {name} takes three points, of nine numbers") from None
+        a, b, c = (self._known[fields[1]].place(x) for x in points)
         z, y = b - a, np.cross(b - a, c - a)
         across = float(np.linalg.norm(y))
         if not across > SAME_LINE * np.linalg.norm(z) * np.linalg.norm(c - a):
             raise MeshFileError(f"coordinate system {number}: its three points lie on a line")
         z, y = z / np.linalg.norm(z), y / across
-        self._known[number] = Axes(a, np.stack([np.cross(y, z), y, z], axis=1), _KINDS[name])
-        return self._known[number]
+        return Axes(a, np.stack([np.cross(y, z), y, z], axis=1), _KINDS[name])

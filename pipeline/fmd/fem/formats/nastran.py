@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,22 +49,21 @@ def read_nastran(text: str) -> RawMesh:
     MeshFileError
         The text is damaged, or has a form that isn't read; the message gives the line.
     """
-    points: dict[int, tuple[str, list[float]]] = {}
+    points: dict[int, GridPoint] = {}
     systems: list[tuple[str, list[str]]] = []
-    cards = list(read_cards(text))
-    default = next((fields for _, name, fields in cards if name == "GRDSET"), [])
+    default, named = list[str](), list[int]()
     cells: dict[str, list[list[int]]] = defaultdict(list)
     properties: dict[str, list[str]] = defaultdict(list)
     others: dict[str, int] = defaultdict(int)
     seen: set[int] = set()
     links, shells, beams = NastranLinks(read_real), NastranShells(read_real), NastranBeams(read_real)
-    for line, name, fields in cards:
+    for line, name, fields in read_cards(text):
         try:
             if name == "GRID":
-                given, moves = grid_systems(fields, default)
-                _take_point(fields, given, points)
-                if moves not in ("", "0"):
-                    links.turned.add(int(fields[0]))
+                if _take_point(fields, points):
+                    named.append(int(fields[0]))
+            elif name == "GRDSET":
+                default = default or fields
             elif name in _SOLIDS or name in _PLANES or name in _LINES:
                 kind, nodes = _cell(name, fields)
                 number = int(fields[0])
@@ -90,7 +90,13 @@ def read_nastran(text: str) -> RawMesh:
             raise MeshFileError(f"line {line}: {name} has fields that aren't the numbers they should be") from None
     if not points:
         raise MeshFileError("there are no grid points: no GRID lines")
-    x = _basic_places(points, CoordinateSystems(systems, read_real))
+    if named and "".join(default[1:2]) not in ("", "0"):
+        raise MeshFileError(f"grid point {named[0]} is given twice, at two places")
+    known = CoordinateSystems(systems, read_real)
+    within = {number: grid_systems(point.systems, default) for number, point in points.items()}
+    x = _basic_places(points, within, known)
+    moves = {number: moving for number, (_, moving) in within.items() if moving not in ("", "0")}
+    links.turned.update(moves)
     place = {number: k for k, number in enumerate(points)}
     begin = _begin_bulk(text)
     try:
@@ -98,7 +104,7 @@ def read_nastran(text: str) -> RawMesh:
     except ValueError as error:
         raise MeshFileError(str(error)) from None
     raw = RawMesh(np.array(list(x.values())), others=dict(others), connections=connections)
-    raw.beams = beams.finished(x)
+    raw.beams = beams.finished(x, moves, known.directions)
     raw.shells, raw.shell_faults = shells.of_blocks({kind: properties[kind] for kind in cells}), shells.faults
     for kind, rows in cells.items():
         try:
@@ -124,51 +130,64 @@ def read_grid_points(text: str) -> tuple[IntArray, Array, Connections]:
         A grid point moves in a coordinate system of its own, or a link isn't one of those that are read.
     """
     numbers: dict[int, None] = {}
-    cards = list(read_cards(text))
-    default = next((fields for _, name, fields in cards if name == "GRDSET"), [])
-    for line, name, fields in cards:
+    lines: dict[str, tuple[int, str]] = {}  # of grid points that differ in CD: the first, its line
+    default = list[str]()
+    for line, name, fields in read_cards(text):
         if name == "GRID":
-            moves = grid_systems(fields, default)[1]
-            if moves not in ("", "0"):
-                raise MeshFileError(
-                    f"line {line}: grid point {fields[0]} moves in coordinate system {moves}, its CD, by which its "
-                    "rows are turned; write the deck with CD = 0"
-                )
+            lines.setdefault("".join(fields[5:6]), (line, fields[0]))
             numbers[int(fields[0]) if fields[0].isdigit() else 0] = None
+        elif name == "GRDSET":
+            default = default or fields
         elif name == "SPOINT":
             raise MeshFileError(f"line {line}: SPOINT {fields[0]} has rows without a grid point; leave it out")
         elif name in ("RBE1", "RROD", "RTRPLT", "RSPLINE", "RSSCON"):
             raise MeshFileError(f"line {line}: {name} isn't in KGG, which comes before it, and isn't read")
+    for own, (line, number) in lines.items():
+        if (moves := grid_systems(("", own), default)[1]) not in ("", "0"):
+            raise MeshFileError(
+                f"line {line}: grid point {number} moves in coordinate system {moves}, its CD, by which its "
+                "rows are turned; write the deck with CD = 0"
+            )
     raw = read_nastran(text)
     order = np.argsort(list(numbers))
     place = {int(old): new for new, old in enumerate(order)}
     return np.array(list(numbers), dtype=np.int64)[order], raw.points[order], raw.connections.numbered(place)
 
 
-def _basic_places(points: Mapping[int, tuple[str, list[float]]], systems: CoordinateSystems) -> dict[int, Array]:
+class GridPoint(NamedTuple):
+    """A grid point by its card: its coordinates, and the systems that it lies in (CP) and moves in (CD)."""
+
+    x: list[float]
+    systems: tuple[str, str]
+
+
+def _basic_places(
+    points: Mapping[int, GridPoint], within: Mapping[int, tuple[str, str]], systems: CoordinateSystems
+) -> dict[int, Array]:
     """Return the places of grid points in the basic system."""
     found = {}
-    for number, (given, x) in points.items():
+    for number, point in points.items():
         try:
-            found[number] = systems.find(given).place(np.array(x))
+            found[number] = systems.find(within[number][0]).place(np.array(point.x))
         except MeshFileError as error:
             raise MeshFileError(f"grid point {number}: {error}") from None
     return found
 
 
-def grid_systems(fields: Sequence[str], default: Sequence[str]) -> tuple[str, str]:
+def grid_systems(own: tuple[str, str], default: Sequence[str]) -> tuple[str, str]:
     """Return the systems that a grid point lies in (CP) and moves in (CD), of GRDSET where its own fields are blank."""
-    given, moves = (next(filter(None, (*fields[k : k + 1], *default[k : k + 1])), "") for k in (1, 5))
-    return given, moves
+    return own[0] or "".join(default[1:2]), own[1] or "".join(default[5:6])
 
 
-def _take_point(fields: list[str], system: str, points: dict[int, tuple[str, list[float]]]) -> None:
-    """Add a grid point."""
+def _take_point(fields: list[str], points: dict[int, GridPoint]) -> bool:
+    """Add a grid point; return True if it is given again, once with the basic system named and once with none."""
     number = int(fields[0])
     x = [read_real(field) for field in fields[2:5]]
-    x += [0.0] * (3 - len(x))
-    if points.setdefault(number, (system, x)) != (system, x):
+    found = GridPoint(x + [0.0] * (3 - len(x)), (fields[1], "".join(fields[5:6])))
+    before = points.setdefault(number, found)
+    if before.x != found.x or (before.systems[0] or "0") != (found.systems[0] or "0"):
         raise MeshFileError(f"grid point {number} is given twice, at two places")
+    return before.systems[0] != found.systems[0]
 
 
 def _cell(name: str, fields: list[str]) -> tuple[str, list[int]]:

@@ -72,7 +72,7 @@ def nastran_places(text: str) -> Places:
         try:
             if name == "GRID":
                 number = int(fields[0])
-                given, moves = grid_systems(fields, default)
+                given, moves = grid_systems((fields[1], "".join(fields[5:6])), default)
                 x = [read_real(item) for item in (*fields[2:5], "", "", "")[:3]]
                 places[number] = systems.find(given).place(np.array(x))
                 if (turned := systems.find(moves)) is not BASIC:
