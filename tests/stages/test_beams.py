@@ -26,6 +26,17 @@ def test_a_swung_profile_moves_as_a_bar_of_solids() -> None:
     assert np.abs(each[0] - each[1]).max() < 2e-2 * np.abs(each[1]).max()
 
 
+def test_a_clamped_end_of_a_short_beam_stays_averaged() -> None:
+    """Its section is broad beside its length, and moves as a whole already."""
+    stub = {"length": "60 mm", "section": {"type": "rectangle", "width": "60 mm", "height": "60 mm"}}
+    scene = swung(BEAM | stub)
+    scene["joint"]["hub"] = {"type": "fixed", "parent": "ground", "child": "plate.root"}
+    scene["drive"] = {}
+    part = fmd.load(scene).run.part
+    assert part.has_default_clamp
+    assert not part.markers["root"].rigid
+
+
 @pytest.mark.parametrize("axis", [[0, 0, 1], [0, 1, 0]], ids=["z", "y"])
 def test_turning_stiffens_a_profile_as_a_bar_of_solids(axis: list[int]) -> None:
     found = []

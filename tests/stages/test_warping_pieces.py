@@ -97,6 +97,13 @@ def test_a_cut_along_a_fold_is_refused(tmp_path: Path) -> None:
         _ = run.division
 
 
+def test_a_support_of_shells_in_pieces_is_refused_by_its_key(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"body\.walls\.support: isn't taken with pieces of shells yet; leave pieces out"
+    ):
+        _ = channel(tmp_path, "body.walls.support=[{face='x-'}]").division
+
+
 def test_warping_is_of_modes_of_every_family(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='"warping" is of modes of every family'):
         channel(tmp_path, "body.walls.sections='warping'", "body.walls.modes.family='torsion'")

@@ -58,8 +58,8 @@ class MarkerPlace(Orientation):
     attachment : str
         How the marker follows its nodes: their mean motion (``"averaged"``, RBE3), which leaves the face free to
         deform, or as a rigid face (``"rigid"``, RBE2). Points and edges have no other than ``"averaged"``. By default a
-        face by which a fixed joint clamps a solid body that touches no other is rigid if it is broad, of more than a
-        quarter of the body's reach from it; all others are averaged.
+        face by which a fixed joint clamps a body of solids or shells that touches no other is rigid if it is broad, of
+        more than a quarter of the body's reach from it; all others are averaged.
 
     Examples
     --------

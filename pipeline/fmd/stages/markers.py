@@ -75,8 +75,10 @@ def clamp_broad(marker: Marker, space: Discretisation, others: Mapping[str, Mark
     """Return the marker of a clamped face, rigid if the face is broad beside the body's reach from it.
 
     Averaged, a broad face warps and bends, which no clamp allows. Where nodes of another rigid face are on it, it stays
-    averaged.
+    averaged, and so does a section of a beam, which moves as a whole.
     """
+    if space.mesh.midsurface is not None and space.mesh.midsurface.has_sections:
+        return marker
     nodes = [other.nodes for other in others.values() if other.rigid]
     if nodes and np.isin(marker.nodes, np.concatenate(nodes)).any():
         return marker

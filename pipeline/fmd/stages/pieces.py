@@ -103,12 +103,18 @@ def _require_common_points(space: Discretisation, labels: IntArray, elements: In
     if space.mesh.midsurface is not None and cKDTree(space.x).query_pairs(
         SAME_PLACE * float(np.ptp(space.x, axis=0).max())
     ):
-        raise PartitionError("points of shells coincide at a fold, where offset brings them together")
+        problem = "points of shells coincide, where walls fold back or lie on one another"
+        raise PartitionError(
+            f"{problem}, so pieces wouldn't know what to join; leave pieces out, or move the walls apart"
+        )
 
 
 def _require_supports_on_first(part: FlexiblePart, labels: IntArray) -> None:
     if not part.shape.support:
         return
+    if part.mesh.midsurface is not None:
+        problem = "isn't taken with pieces of shells yet; leave pieces out, or hold the body by its joint"
+        raise InputError(part.file, f"body.{part.name}.support", None, problem)
     fixed = np.unique(fixed_unknowns(part.shape, part.space, part.file, part.name) // 3)
     touched = np.isin(part.space.element_nodes[labels == 0], fixed)
     if np.isin(fixed, part.space.element_nodes[labels == 0][touched]).all():
