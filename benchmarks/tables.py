@@ -242,6 +242,17 @@ TABLES: dict[str, Callable[[], str]] = {
             "processor time": "{seconds} s",
         },
     ),
+    "sweep-points": partial(
+        listed,
+        "sweep_points",
+        {
+            "scene": "{scene}",
+            "varied": "`{varied}`",
+            "all runs, summary": "1 ({all_runs_ms} ms)",
+            "first run, summary": "{first_run:r}",
+            "by name": "{by_name:r} (`{result}`)",
+        },
+    ),
     "contact-peers": partial(
         listed,
         "contact_peers",

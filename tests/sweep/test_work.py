@@ -74,12 +74,12 @@ def test_results_by_name_are_those_of_the_summary_and_nothing_else_is_computed()
     point = load_scene("arm", fixed)
     (whole,) = [record.summary for _, record in compute_points({point_key(point): point})]
     for names, stages in ((("forearm.stress",), {"motion"}), (("forearm.frequency.1", "mass"), set())):
-        ((_, record),) = compute_points({point_key(point): point}, Wanted(results=names))
+        ((_, record),) = compute_points({point_key(point): point}, Wanted(results=names, histories=True))
         assert "integrations" not in record.summary
         (solved,) = work._last
         assert {"motion", "equations", "fine motion", "stability"} & {*solved.results} >= stages
         assert "fine motion" not in solved.results
-        assert bool(stages) == ("motion" in solved.results)
+        assert bool(stages) == ("motion" in solved.results) == ("times_s" in record.summary)
         found = {name: own["value"] for each in record.summary["results"].values() for name, own in each.items()}
         expected = {
             "forearm.stress": whole["worst_stress"]["von_mises_pa"],

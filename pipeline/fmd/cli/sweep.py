@@ -96,7 +96,8 @@ def sweep(
     folder = out or Path("out") / f"{name}-sweep"
     if scheduler is None and len([*folder.glob("points/*.json")]) < len(combinations):
         prepare_workers()
-    every = all_runs or any(variation.key.startswith(_COMPARING) for variation in variations)
+    summaries = budget or not of  # results by name are of the first run
+    every = summaries and (all_runs or any(variation.key.startswith(_COMPARING) for variation in variations))
     chosen = make_points(scene, variations, set_ or (), combinations, every)
     wanted = Wanted(budget, _read_results(of or [], chosen), histories)
     compute: Compute = partial(compute_locally, workers=workers or cpu_count(), wanted=wanted)
@@ -116,7 +117,7 @@ def sweep(
     else:
         _print_points(table, rows)
         print_messages(result)
-        if left_out := max(point.left_out for point in result.points):
+        if summaries and (left_out := max(point.left_out for point in result.points)):
             open_console().print(f"points have the first of the scene's {left_out + 1} runs; --all-runs computes all")
         statuses = ", ".join(f"{number} {status}" for status, number in result.counts.items() if number)
         open_console().print(f"{len(rows)} points: {statuses}; {result.computed} computed now, in {seconds:.1f} s")

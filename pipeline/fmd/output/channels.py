@@ -138,6 +138,11 @@ def takes_motion(name: str) -> bool:
     return not (_BY in name or parts[-1] == "mass" or "frequency" in parts[:2] or parts[0] == "critical_speed")
 
 
+def is_of_parts(name: str) -> bool:
+    """Return true for a name of results that bodies have without a mechanism: masses and frequencies."""
+    return not takes_motion(name) and _BY not in name and name.split(".", maxsplit=1)[0] != "critical_speed"
+
+
 def require_results(scene: Scene, names: Sequence[str], origin: str = "--of") -> None:
     """Raise ``InputError`` for a name of an option that no result has, before anything is computed."""
     for name in names:

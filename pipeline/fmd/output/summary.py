@@ -129,9 +129,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
 def run_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Warnings about a run's motion and what it is made of, each a text and a code."""
     return [
-        *mode_warnings(run),
-        *_stiffness_warnings(run),
-        *_division_warnings(run),
+        *model_warnings(run),
         *_motion_warnings(run),
         *deflection_warnings(run),
         *stretching_warnings(run, TOO_LARGE),
@@ -204,6 +202,11 @@ def _integrations(run: Pipeline) -> list[dict[str, Any]]:
         }
         for (label, motion), limit in zip(run.motions.items(), limits, strict=True)
     ]
+
+
+def model_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Warnings about what a run's motion, and answers of its linearised mechanism, are made of."""
+    return [*mode_warnings(run), *_stiffness_warnings(run), *_division_warnings(run)]
 
 
 def _stiffness_warnings(run: Pipeline) -> list[dict[str, str]]:

@@ -11,11 +11,11 @@ from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.errors import AccuracyError, InputError
-from fmd.output.channels import takes_motion
+from fmd.output.channels import is_of_parts, takes_motion
 from fmd.output.frequencies import mode_warnings
 from fmd.output.result_figures import result_figures
 from fmd.output.stress_warnings import stress_warnings
-from fmd.output.summary import run_warnings, summarise_solved
+from fmd.output.summary import model_warnings, run_warnings, summarise_solved
 from fmd.scene.scene import Scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.variants import share_growth, share_marches
@@ -80,7 +80,7 @@ def _compute(solved: SolvedScene, wanted: Wanted) -> Record:
             summary = {"scene": solved.scene.name, "warnings": _warn(solved.run, wanted.results)}
         if wanted.results:
             summary["results"] = result_figures(solved.run, wanted.results, wanted.histories)
-        if wanted.histories and solved.scene.moves:
+        if wanted.histories and any(map(takes_motion, wanted.results)):
             summary["times_s"] = solved.run.motion.times.tolist()
         unmet = solved.settings.unmet
         json.dumps(summary, allow_nan=False)
@@ -92,9 +92,12 @@ def _compute(solved: SolvedScene, wanted: Wanted) -> Record:
 def _warn(run: Pipeline, results: Sequence[str]) -> list[dict[str, str]]:
     """Return the warnings about what some results are made of."""
     if not any(map(takes_motion, results)):
-        return mode_warnings(run)
-    stressed = {name.partition(".")[0] for name in results if {"stress", "life"} & {*name.split(".")}}
-    worst = {name: run.stress_of(name).worst() for name, part in run.wholes.items() if stressed and part.has_stress}
+        return model_warnings(run) if run.scene.moves and not all(map(is_of_parts, results)) else mode_warnings(run)
+    named = {name.partition(".")[0] for name in results if {"stress", "life"} & {*name.split(".")}}
+    stressed = {*run.wholes} if named & {"stress", "life"} else named  # without a name it is the only one's
+    worst = {
+        name: run.stress_of(name).worst() for name, part in run.wholes.items() if name in stressed and part.has_stress
+    }
     return [*run_warnings(run), *(stress_warnings(run, worst) if stressed else ())]
 
 
