@@ -17,9 +17,12 @@ from fmd.fitting.tangents import march_tangents
 from fmd.integrators import adjoint as march_adjoint
 from fmd.output.channels import find_all_channels
 from tests.fitting.test_tangents import (
+    CENTRES,
     OTHERS,
+    SMALL_ARM,
     SPATIAL,
     SPRINGS,
+    balanced,
     chain,
     four_bar,
     numbers_of_random,
@@ -61,6 +64,7 @@ def differ(frozen: FrozenRun, keys: list[str]) -> tuple[Any, Any]:
         (four_bar, [SPRINGS[0], SIZES[1]], 5000, [SHORT]),
         pytest.param(four_bar, [*SPRINGS, *OTHERS, *SIZES], 2**20, [SHORT], marks=pytest.mark.long),
         (spatial, SPATIAL[1:3], 2**20, [SHORT]),
+        (balanced, CENTRES, 2**20, [SHORT]),
         *(
             pytest.param(partial(spatial, seed=seed), SPATIAL, 5000, [SHORT], marks=pytest.mark.long)
             for seed in range(1, 7)
@@ -121,15 +125,31 @@ def test_a_gradient_says_why_it_is_by_tangents(monkeypatch: pytest.MonkeyPatch) 
     motion = frozen.at({})
     parameters = [find_parameter(frozen.run.scene, key) for key in SPRINGS]
     place, mass = find_all_channels(frozen.run, ["coupler.b.position.y", "mass"])
+    highest = replace(place, read=lambda run: place.read(run).max())
     assert adjoint.lacks_adjoint(frozen, motion, parameters, [place]).startswith("2 numbers: tangents are as quick")
     monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 2)
     assert adjoint.lacks_adjoint(frozen, motion, parameters, [place]) == ""
-    assert adjoint.lacks_adjoint(frozen, motion, parameters, [mass]) == "results that are no histories"
+    for channels in ([mass], [highest], [highest, place]):
+        assert adjoint.lacks_adjoint(frozen, motion, parameters, channels) == "results that are no histories"
     accelerated = replace(place, read=lambda run: np.gradient(run.motion.trajectory.v[:, 0]))
     assert adjoint.lacks_adjoint(frozen, motion, parameters, [accelerated]).endswith("several times at once")
     function = package.ResultFunction(package.load(chain("generalized-alpha"), *MORE), of=[place.name], to=SPRINGS)
     function.vjp(function.start, np.ones(len(frozen.times)))
     assert function.lacking == "generalized-alpha: only steps of central-difference are taken back"
+
+
+def test_a_gradient_of_the_tip_and_of_a_history_is_that_of_the_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 2)
+    result = package.load("arm", *SMALL_ARM, "simulation.duration=0.02 s", "body.forearm.mesh.divisions=[8,1,1]")
+    keys = ["joint.elbow.spring", "joint.elbow.damper"]
+    function = package.ResultFunction(result, of=["tip", "forearm.wrist.position.y"], to=keys)
+    weights = np.random.default_rng(0).normal(size=function(function.start).shape)
+    found = function.vjp(function.start, weights)
+    np.testing.assert_array_equal(found, weights @ function.jacobian(function.start))
+    place = package.ResultFunction(result, of=["forearm.wrist.position.y"], to=keys)
+    place.jacobian(place.start)
+    place.vjp(place.start, weights[1:])
+    assert place.lacking == "the Jacobian at these numbers was known"
 
 
 def test_scenes_beside_one_are_kept_of_as_many_numbers_as_march_together(monkeypatch: pytest.MonkeyPatch) -> None:

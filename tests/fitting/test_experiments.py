@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import OptimizeResult
 
 import fmd as package
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
+from fmd.core.errors import AccuracyError, InputError
 from fmd.fitting import fit
 from fmd.fitting.experiment_files import read_experiments
 from fmd.fitting.fit import fit_scene
@@ -219,6 +220,36 @@ def test_a_fit_by_parts_or_from_several_starts_finds_the_minimum_that_one_search
     assert by_parts.chi2 == pytest.approx(several.chi2, rel=1e-3)
     with pytest.raises(InputError, match="takes bounds of each number"):
         fit_scene(experiments, read_varied(start, ["joint.slide.spring"]), 3)
+
+
+@pytest.mark.parametrize("error", [AccuracyError("a motion fails"), InputError("--shift", "time", 1, "a motion fails")])
+def test_a_search_by_parts_that_stops_is_named_and_the_first_search_stands(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sigmas = measure(package.load(OSCILLATOR), ["slide.position"], tmp_path / "measured.csv", 0.02)
+    start = package.load(OSCILLATOR, "joint.slide.spring=60 N/m").run
+    experiments = read_experiments([(start, str(tmp_path / "measured.csv"))], sigmas)
+    varied = read_varied(start, ["joint.slide.spring=50..3000"])
+    monkeypatch.setattr(fit, "FIRST_PARTS", ())
+    alone = fit_scene(experiments, varied)
+
+    def stop(*_: Any) -> Any:
+        raise error
+
+    monkeypatch.setattr(fit, "_search_by_parts", stop)
+    found = fit_scene(experiments, varied)
+    assert found.values == alone.values
+    (warning,) = [each for each in found.warnings() if each["code"] == "parts-stopped"]
+    assert "the search by parts of the histories stopped" in warning["text"]
+    assert "a motion fails" in warning["text"]
+
+
+def test_of_searches_that_end_and_one_that_does_not_those_that_end_come_first() -> None:
+    ended, endless, part = (
+        OptimizeResult(success=success, cost=cost) for success, cost in ((True, 3.0), (False, 1.0), (False, np.inf))
+    )
+    assert min([part, endless, ended], key=fit._rank) is ended
+    assert min([part, endless], key=fit._rank) is endless
 
 
 def test_assurance_is_one_of_shapes_that_differ_by_a_complex_factor_and_nought_of_orthogonal_ones() -> None:

@@ -15,6 +15,7 @@ import pytest
 import fmd as package
 from fmd.core import progress
 from fmd.core.errors import AccuracyError, InputError
+from fmd.fitting import optimise
 from fmd.fitting.optimise import Optimum, optimise_scene, read_limits
 from fmd.fitting.pareto import find_front
 from fmd.fitting.varied import read_varied
@@ -185,6 +186,21 @@ def test_a_frequency_is_kept_out_of_a_band_on_its_better_side(low: float, high: 
     assert not low < found.design.results[1] / first * (1.0 + 1e-9) < high
     (row,) = found.summary()["results"][1:]
     assert (row["must"], row["active"]) == ((">=", True) if depth > 10.0 else ("<=", False))
+
+
+def test_a_side_of_a_band_that_fails_leaves_the_other_and_both_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, search = float(package.load(BAR).run.modes.frequencies_hz[0]), optimise._search
+    limit = f"frequency.1 outside {0.7 * first!r}..{1.5 * first!r} Hz"
+
+    def fail_above(space: Any, limits: Any, *more: Any) -> Optimum:
+        if limits[0].sign > 0:
+            raise AccuracyError("a design can't be computed")
+        return search(space, limits, *more)
+
+    monkeypatch.setattr(optimise, "_search", fail_above)
+    assert numbers_of(find(BAR, "mass", [limit], BOUNDS[:1]))["body.bar.depth"] == pytest.approx(0.01, rel=0.02)
+    with pytest.raises(AccuracyError, match=r"on any side of the band: .*no design was found with.*can't be computed"):
+        find(BAR, "mass", [f"frequency.1 outside {0.4 * first!r}..{1.5 * first!r} Hz"], BOUNDS[:1])
 
 
 def test_the_largest_of_a_result_is_found_too() -> None:

@@ -115,6 +115,16 @@ def spatial_chain(method: str) -> dict[str, Any]:
     return tables
 
 
+def balanced(method: str) -> dict[str, Any]:
+    """The chain with a coupler whose centre of mass lies on its hinge: 0 there is no number of the equations."""
+    tables = spatial_chain(method)
+    tables["joint"]["pin"] = chain(method)["joint"]["pin"]
+    centre = ["0.2 m", "0 m", "0 m"]
+    markers = {"a": {"at": centre}, "b": {"at": ["0.5 m", "0 m", "0 m"]}}
+    tables["body"]["coupler"] |= {"centre": centre, "marker": markers}
+    return tables
+
+
 def fast_slides(method: str) -> dict[str, Any]:
     """Two fast slides that don't couple, one with a drive and a damper, on a slow crank that turns."""
     push = {"formula": "4*sin(300*t)", "unit": "N"}
@@ -133,6 +143,7 @@ def fast_slides(method: str) -> dict[str, Any]:
 SPRINGS = ["joint.drive.spring", "joint.pin.spring"]
 OTHERS = ["joint.drive.damper", "drive.push.torque"]
 SPATIAL = ["joint.drive.spring", "drive.push.torque", "body.coupler.mass", "body.rocker.inertia.1"]
+CENTRES = ["body.coupler.centre.0", "body.coupler.mass"]
 MASSES = ["body.coupler.mass", "body.crank.marker.b.at.0"]  # the second is the length of the crank
 
 
@@ -144,6 +155,7 @@ MASSES = ["body.coupler.mass", "body.crank.marker.b.at.0"]  # the second is the 
         pytest.param("runge-kutta", four_bar, ["joint.drive.spring", *MASSES], marks=pytest.mark.long),
         pytest.param("generalized-alpha", four_bar, ["joint.drive.damper", *MASSES], marks=pytest.mark.long),
         ("central-difference", spatial, SPATIAL[2:3]),
+        ("central-difference", balanced, CENTRES),
         *(
             pytest.param(method, partial(spatial, seed=seed), SPATIAL, id=f"spatial-{seed}", marks=pytest.mark.long)
             for seed, method in enumerate(["central-difference"] * 6 + ["runge-kutta", "generalized-alpha"], start=1)

@@ -112,6 +112,8 @@ def lacks_adjoint(
         return say_what_lacks_tangents(plan)
     if plan.mechanism.held or plan.mechanism.states:
         return "states of controllers and of filters"
+    if any(np.ndim(channel.read(motion.run)) == 0 for channel in channels):
+        return "results that are no histories"
     own = HistorySum(frozen, motion, channels, np.zeros((len(channels), len(frozen.times))))
     return "" if own.is_of_each_time() else "results that depend on several times at once"
 

@@ -44,6 +44,8 @@ class Fit:
         How often results, and their derivatives, were computed.
     starts : sequence of tuple
         Chi-squared and the numbers where each start ended, the best first.
+    stopped : str
+        Why the search by parts of histories didn't come to its end, where one was needed.
     """
 
     model: FitModel
@@ -54,6 +56,7 @@ class Fit:
     evaluations: int
     jacobians: int
     starts: Sequence[tuple[float, Array]] = ()
+    stopped: str = ""
 
     @property
     def values(self) -> list[float]:
@@ -137,6 +140,9 @@ class Fit:
                 if len(self.starts) < 2:
                     text += ", or another minimum is lower, which --starts 6 looks for"
                 found.append({"code": "not-white", "text": text})
+        if self.stopped:
+            text = f"another minimum may be lower: the search by parts of the histories stopped, {self.stopped}"
+            found.append({"code": "parts-stopped", "text": text})
         for alike in self.likeness.values():
             for number, value in enumerate(alike, start=1):
                 if value < SAME_MODE:
@@ -236,31 +242,37 @@ def fit_scene(
     begins = _spread_starts(varied, starts)
     before = find_information(model.jacobian(begins[0]))
     require_determined(model, before)
-    tried = [_search_from(model, before, begin) for begin in begins]
-    found = sorted((min(each, key=_cost) for each in tried), key=_cost)
+    tried, stopped = zip(*(_search_from(model, before, begin) for begin in begins), strict=True)
+    found = sorted((min(each, key=_rank) for each in tried), key=_rank)
     best = found[0]
     if not best.success:
         raise AccuracyError(f"the fit hasn't ended after {best.nfev} evaluations; start nearer, or narrow the bounds")
     ends = [(float(2.0 * each.cost), each.x - 1.0) for each in found]
     evaluations, jacobians = (sum(getattr(one, name) for each in tried for one in each) for name in ("nfev", "njev"))
-    return Fit(model, before, find_information(best.jac), best.x - 1.0, ends[0][0], evaluations, jacobians, ends)
+    why = next((why for each, why in zip(tried, stopped, strict=True) if any(one is best for one in each)), "")
+    after = find_information(best.jac)
+    return Fit(model, before, after, best.x - 1.0, ends[0][0], evaluations, jacobians, ends, why)
 
 
-def _cost(found: Any) -> float:
-    return float(found.cost)
+def _rank(found: Any) -> tuple[bool, float]:
+    """Return what the best search has the least of: it has ended, and then its cost."""
+    return not found.success, float(found.cost)
 
 
-def _search_from(model: FitModel, before: Information, begin: Array) -> list[Any]:
-    """Return the searches from a start: if the first ends with residuals that aren't noise, also those by parts."""
+def _search_from(model: FitModel, before: Information, begin: Array) -> tuple[list[Any], str]:
+    """Return the searches from a start: if the first ends with residuals that aren't noise, also those by parts.
+
+    With why these stopped on the way, at a motion that fails or data beyond it: then the first search stands.
+    """
     first = _search(model, _start_by_modes(model, begin))
-    ended = Fit(model, before, find_information(first.jac), first.x - 1.0, 2.0 * _cost(first), first.nfev, first.njev)
+    ended = Fit(model, before, find_information(first.jac), first.x - 1.0, 2.0 * first.cost, first.nfev, first.njev)
     white = ended.white
     if not white or min(ended.probability, *white.values()) > DOUBTFUL:
-        return [first]
+        return [first], ""
     try:
-        return [first, *_search_by_parts(model, begin)]
-    except AccuracyError:  # a motion on the way there: the first search stands
-        return [first]
+        return [first, *_search_by_parts(model, begin)], ""
+    except (AccuracyError, InputError) as error:
+        return [first], str(error)
 
 
 def _search_by_parts(model: FitModel, start: Array) -> list[Any]:
@@ -274,7 +286,7 @@ def _search_by_parts(model: FitModel, start: Array) -> list[Any]:
         told = np.flatnonzero(find_information(model.jacobian(start)[rows]).half_widths <= DETERMINED)
         if told.size and np.count_nonzero(rows) > told.size:
             found.append(_search(model, start, told, rows))
-            start, found[-1].cost = found[-1].x - 1.0, np.inf
+            start, found[-1].cost, found[-1].success = found[-1].x - 1.0, np.inf, False
     return [*found, _search(model, start)] if found else []
 
 

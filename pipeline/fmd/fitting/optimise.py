@@ -265,16 +265,19 @@ def optimise_scene(
 def search(space: DesignSpace, limits: tuple[Limit | ExcludedBand, ...], sign: int, start: Array) -> Optimum:
     """Search the best design from a start; parameters and errors are those of `optimise_scene`.
 
-    Where results mustn't lie in a band, the best of the designs on either side of it is found.
+    Where results mustn't lie in a band, the best of the designs on either side of it is found: each band doubles the
+    number of searches.
     """
-    found, missed = [], list[AccuracyError]()
+    found, missed = [], list[AccuracyError | InputError]()
     for sides in product(*(limit.sides for limit in limits)):
         try:
             found.append(_search(space, sides, sign, start))
-        except NoDesignError as error:
+        except (AccuracyError, InputError) as error:
             missed.append(error)
-    if not found:
+    if len(missed) == 1 and not found:
         raise missed[0]
+    if not found:
+        raise NoDesignError(f"no design was found on any side of the band: {'; '.join(map(str, missed))}")
     return min(found, key=lambda optimum: sign * optimum.design.results[0])
 
 

@@ -14,6 +14,7 @@ from fmd.fitting.adjoint import find_gradient, lacks_adjoint
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import change_of
+from fmd.fitting.tangents import say_what_lacks_tangents
 from fmd.output.channels import find_all_channels
 from fmd.stages.pipeline import Pipeline
 
@@ -39,7 +40,7 @@ class ResultFunction:
     names : dict of str to slice
         Where each result is in the function's value; histories take a place for each output time.
     lacking : str
-        Why the last gradient, `vjp`, was by tangents in place of the adjoint; nothing where it was by the adjoint.
+        Why the last gradient, `vjp`, was by tangents or differences; nothing where it was by the adjoint.
     start : ndarray, shape (n_numbers,)
         The scene's own numbers, in SI units; 1 for a load by a formula or a table, of which it is a factor.
 
@@ -99,11 +100,14 @@ class ResultFunction:
         motion, key, weights = self._motion(x), np.asarray(x, dtype=float).tobytes(), np.asarray(weights, dtype=float)
         require_shape("weights", weights, (max(each.stop for each in self.names.values()),))
         if key in self._jacobians:
+            self.lacking = self.lacking or "the Jacobian at these numbers was known"
             return np.asarray(weights @ self._jacobians[key])
         self.lacking = lacks_adjoint(self._frozen, motion, self._parameters, self._channels)
         if self.lacking:
             return np.asarray(weights @ self.jacobian(x))
         known = find_gradient(self._frozen, motion, self._parameters, self._channels, weights)
+        if not known and motion.plan is not None:
+            self.lacking = say_what_lacks_tangents(motion.plan)
         others = replace(motion, by=tuple(each for each in self._parameters if each not in known))
         found = (known[each] if each in known else weights @ self._column(others, each) for each in self._parameters)
         return np.array([*found])

@@ -85,8 +85,9 @@ def find_direction(plan: Plan, sides: Sequence[Side]) -> Direction | None:
     if any(other.digest != own.digest for other in others):
         if any(side.signs is None for side in sides):
             return None
-        own, *others = (lift_system(each).compiled for each in (system, *(other for other, _, _ in marched)))
-        lifted = True
+        all_lifted = [lift_system(each).compiled for each in (system, *(other for other, _, _ in marched))]
+        lifted = len({each.numbers.size for each in all_lifted}) == 1  # what is 0 at one value isn't among its numbers
+        own, *others = all_lifted if lifted else (own, *others)
         if any(other.digest != own.digest for other in others):
             triples = zip(others, weights, turns, strict=True)
             variants = [Variant(other, weight, turn["q"], turn["v"]) for other, weight, turn in triples]

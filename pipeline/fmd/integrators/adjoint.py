@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import StabilityError
 from fmd.core.limits.memory import MOST_STEPS_KEPT
 from fmd.dynamics.compiled_system import closed_adjoint  # noqa: F401 - registers the steps of loops
 from fmd.dynamics.compiled_system.adjoint_kernels import (
@@ -187,6 +188,11 @@ def pull_back(
         Output times [s].
     by_q, by_v : ndarray, shapes (n_times, n_positions) and (n_times, n)
         Weights of positions and rates.
+
+    Raises
+    ------
+    StabilityError
+        The adjoint grows without bounds.
     """
     system = system_along(system, directions)
     own, offset = locate_samples(times, method.step)
@@ -221,7 +227,10 @@ def pull_back(
     start = [np.array(x, dtype=float) for x in (q0, v0, method.start(system, q0, v0).a)]
     _take_start_back(p, s, *start)
     sums.take(s.known)
-    return np.asarray(sums.found + [s.dq @ each.q + s.dv @ each.v for each in directions])
+    found = np.asarray(sums.found + [s.dq @ each.q + s.dv @ each.v for each in directions])
+    if not np.isfinite(found).all():
+        raise StabilityError("the adjoint of the march grows without bounds; a shorter step may help")
+    return found
 
 
 def _evaluations_in_step(system: CompiledSystem) -> int:

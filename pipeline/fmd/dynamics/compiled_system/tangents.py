@@ -288,7 +288,8 @@ def tabulate_variants(system: CompiledSystem, directions: Sequence[Direction]) -
         for name, program in programs.items():
             addresses[name][k] = one.compiled.address(program)
         arrays["weights"][k], arrays["signs_q"][k], arrays["signs_v"][k] = one.weight, one.signs_q, one.signs_v
-        arrays["inputs"][k, 3 * len(one.compiled.signals) :] = one.compiled.numbers
+        first, numbers = 3 * len(one.compiled.signals), one.compiled.numbers
+        arrays["inputs"][k, first : first + numbers.size] = numbers
     room = {"q": system.n_positions, "v": n, "a": n, "r": n, "g": n_rows, "rates": n_rows}
     zeros: dict[str, Any] = {name: np.zeros(size) for name, size in room.items()}
     return MechanismVariants(int(bool(chosen)), **addresses, **arrays, **zeros)
