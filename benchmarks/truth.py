@@ -50,6 +50,7 @@ SCENES = 300
 WRONG = 3.0  # times the stated error
 OVERSTATED = 20.0  # times the true error
 PATIENCE = 400.0  # processor seconds of a run, and of its reference
+WAIT = 10 * PATIENCE  # seconds by the clock, after which a process that only waits is ended
 ROUND_OFF = 1e-9
 
 
@@ -184,16 +185,21 @@ def judge_apart(case: Case) -> Row:
         process = multiprocessing.get_context("fork").Process(target=_work, args=(case, Path(folder), theirs))
         process.start()
         theirs.close()
+        waits = False
         try:
-            while True:  # the run alone, and with its reference
+            while not (waits := not ours.poll(WAIT)):  # for the run alone, and with its reference
                 rows.append(ours.recv())
+            process.kill()
         except EOFError:
-            process.join()
+            pass
+        process.join()
     if process.exitcode == 0:
         return rows[-1]
     row = rows[-1] if rows else Row(case.seed, case.kind, "compared", seconds=PATIENCE)
-    spent = process.exitcode == -signal.SIGXCPU
-    row.said = f"it took more than {PATIENCE:g} s" if spent else f"the process ended by {process.exitcode}"
+    spent = waits or process.exitcode == -signal.SIGXCPU
+    row.said = f"the process ended by {process.exitcode}"
+    if spent:
+        row.said = f"it took more than {WAIT:g} s by the clock" if waits else f"it took more than {PATIENCE:g} s"
     row.outcome = "no reference" if rows else "long" if spent else "traceback"
     return row
 

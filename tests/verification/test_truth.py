@@ -1,6 +1,7 @@
 """Random scenes run as a user would, each against a reference by a path of its own; `benchmarks/truth.py` has more."""
 
 import importlib
+import time
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,14 @@ def test_a_random_scene_that_has_no_answer_is_refused_with_one_message(module: A
     row = module("truth").judge(module("truth_scenes").random_case(seed), tmp_path)
     assert row.outcome == "refused"
     assert REFUSED[seed] in row.said
+
+
+def test_a_random_scene_whose_process_only_waits_is_ended(module: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    truth = module("truth")
+    monkeypatch.setattr(truth, "_work", lambda *_: time.sleep(600))
+    monkeypatch.setattr(truth, "WAIT", 0.1)
+    row = truth.judge_apart(module("truth_scenes").random_case(10))
+    assert (row.outcome, row.said) == ("long", "it took more than 0.1 s by the clock")
 
 
 def test_mixed_scenes_draw_nearly_all_pairs_of_features_and_can_be_read(module: Any, tmp_path: Path) -> None:
