@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.errors import LEAST_SHOWN, MOST_OF_EIGENVALUE, NEAR_PEAK, SAFETY
+from fmd.core.limits.rank import NEW_RESPONSE
 from fmd.reduction.body import FlexibleBody
 
 NO_PART = "no part in it"
@@ -281,10 +282,32 @@ def retune_body(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
     return _combined(body, scale, omega), scale
 
 
-def keep_lowest(body: FlexibleBody, n: int) -> tuple[FlexibleBody, Array]:
-    """Return a body with its n lowest shapes alone, and the matrix from their coordinates to all of them."""
-    kept = np.eye(len(body.omega))[:, :n]
-    return replace(_combined(body, kept, body.omega[:n]), damping=body.damping[:n]), kept
+def keep_lowest(body: FlexibleBody, own: Array, n: int) -> tuple[FlexibleBody, Array]:
+    """Return a body with the shapes of a poorer basis and its own n lowest ones alone.
+
+    The lowest alone lack static responses that the poorer basis has, and so would differ from it by more than by what
+    it leaves out.
+
+    Parameters
+    ----------
+    own : ndarray, shape (n_nodes, 3, k)
+        Shapes of the poorer basis, which combine the body's.
+
+    Returns
+    -------
+    FlexibleBody
+        Body of up to k + n shapes, of unit modal mass and diagonal stiffness (Rayleigh–Ritz).
+    ndarray, shape (n_modes, k + n)
+        Matrix from these coordinates to the given body's.
+    """
+    nodal = body.shapes.reshape(-1, len(body.omega))
+    combined = np.linalg.lstsq(nodal, own.reshape(len(nodal), -1))[0]
+    both = np.c_[combined / np.linalg.norm(combined, axis=0), np.eye(len(body.omega))[:, :n]]
+    directions, sizes, _ = np.linalg.svd(both, full_matrices=False)
+    directions = directions[:, sizes > NEW_RESPONSE * sizes[0]]
+    omega2, turn = np.linalg.eigh((directions.T * body.omega**2) @ directions)
+    weights = directions @ turn
+    return _combined(body, weights, np.sqrt(omega2)), weights
 
 
 def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:

@@ -75,13 +75,13 @@ def _compare_lowest(of: Comparison, rich: Pipeline) -> tuple[Quantities, Quantit
     """Return the same without the stiffest shapes of a large basis, or by implicit steps.
 
     Several bodies have so many static responses that neither way ends in time. What a shape yields falls with the
-    square of its frequency, so that the lowest ones, twice as many as the run's and more, tell most.
+    square of its frequency, so that the run's shapes and the lowest ones, as many as the run's and more, tell most.
     """
     bodies = dict(rich.bodies)
     as_if: dict[str, Array] = {}
     for name, body in rich.bodies.items():
-        kept = min(2 * len(of.run.bodies[name].omega) + LOWEST_SHAPES, len(body.omega))
-        bodies[name], as_if[name] = keep_lowest(body, kept)
+        own = of.run.bodies[name]
+        bodies[name], as_if[name] = keep_lowest(body, own.shapes, len(own.omega) + LOWEST_SHAPES)
     lowest = sum(len(body.omega) for body in bodies.values())
     if lowest > LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
         return _by_implicit_steps(of, rich, {})

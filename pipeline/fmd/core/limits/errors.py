@@ -55,7 +55,7 @@ FINER_TOLERANCE = 0.1  # tolerance of the finer march over the run's
 COMPARED_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
 # Change by a richer basis from which on its march is doubted, and the part of it that half of the step may change.
 DOUBTED, RESOLVED_PART = 0.01, 0.3
-# Of a richer basis whose march would take too long its lowest shapes are kept, twice as many as the run's and this many
+# Of a richer basis whose march would take too long the run's shapes are kept, as many of its lowest ones and this many
 # more, unless these are nearly all of it.
 LOWEST_SHAPES, LARGE_BASIS = 12, 0.7
 MOST_REFINEMENTS = 4  # until a finer march differs from the run's
