@@ -9,6 +9,7 @@ from scipy.linalg import eigh, null_space
 
 from fmd import Pipeline, load_scene
 from fmd.core.errors import InputError
+from fmd.output.summary import _division_warnings
 
 SCENE = """
 title = "Walls"
@@ -82,6 +83,17 @@ def test_second_welds_are_joints_that_close_rings(tmp_path: Path) -> None:
     scene = channel(tmp_path, "body.walls.sections='warping'").division.scene
     assert len(scene.joint) == 1 + 2 * 3
     assert len(scene.closing) == 3
+
+
+def test_a_cut_too_narrow_to_warp_is_warned_of(tmp_path: Path) -> None:
+    strip = [0.0, 40.0, 80.0, 120.0, 160.0], [(0.0, 0.0), (20.0, 0.0)]
+    narrow = ["body.walls.sections='warping'", "body.walls.pieces=2", "body.walls.marker.tip.plane='x = 160 mm'"]
+    run = walls(tmp_path, *strip, *narrow)
+    assert [(cut.first, cut.second) for cut in run.division.divided["walls"].unwarped_cuts] == [(0, 1)]
+    texts = [each["text"] for each in _division_warnings(run)]
+    assert any("fewer than six independent motions where pieces 1 and 2 meet" in text for text in texts)
+    wide = channel(tmp_path, "body.walls.sections='warping'")
+    assert not wide.division.divided["walls"].unwarped_cuts
 
 
 def test_a_cut_along_a_fold_is_refused(tmp_path: Path) -> None:

@@ -238,8 +238,19 @@ def _why_not_stiffened(part: FlexiblePart) -> str:
 
 
 def _division_warnings(run: Pipeline) -> list[dict[str, str]]:
-    """Warnings about parts whose pieces vibrate or deflect otherwise than the part in one piece."""
-    return [
+    """Warnings about parts whose pieces vibrate, deflect or warp otherwise than the part in one piece."""
+    unwarped = [
+        {
+            "code": "pieces",
+            "body": name,
+            "text": f"{name}: sections = 'warping' has fewer than six independent motions where pieces {cut.first + 1} "
+            f"and {cut.second + 1} meet, and keeps none of them common there; a finer mesh across the cut has more, "
+            "and sections = 'tractions' says that none are wanted",
+        }
+        for name, divided in run.division.divided.items()
+        for cut in divided.unwarped_cuts
+    ]
+    return unwarped + [
         {
             "code": "pieces",
             "body": name,

@@ -24,7 +24,7 @@ from fmd.scene.joints.fixed import Fixed
 from fmd.scene.places import MARKER_WAYS, MarkerPlace, NamedElement
 from fmd.scene.scene import Scene
 from fmd.stages.part import FlexiblePart
-from fmd.stages.piece_mesh import CutPart, face_of
+from fmd.stages.piece_mesh import Cut, CutPart, face_of
 from fmd.stages.pieces_at_rest import (
     PiecesAtRest,
     deflection_error,
@@ -165,6 +165,11 @@ class DividedPart:
         """Return the first piece that holds a node of the whole, and the node's number there."""
         places = zip(self.pieces, (np.flatnonzero(nodes == node) for nodes in self.nodes), strict=True)
         return next((part, int(found[0])) for part, found in places if len(found))
+
+    @property
+    def unwarped_cuts(self) -> list[Cut]:
+        """Cuts for which ``sections = "warping"`` has found too few motions."""
+        return self.cut.welded_once if self.whole.shape.sections == "warping" else []  # type: ignore[union-attr]
 
     @cached_property
     def at_rest(self) -> PiecesAtRest:
