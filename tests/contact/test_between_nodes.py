@@ -17,9 +17,9 @@ from tests.contact.test_rigid_contacts import STEEL, free
 SIDE, SPEED, DURATION = 0.04, 1.0, 2e-3
 
 
-def ball_onto_plate(divisions: int, radius: float) -> Pipeline:
-    """A ball that falls onto the middle of an element of a plate, in flight without gravity."""
-    middle = 0.5 * SIDE / divisions * (1 - divisions % 2)
+def ball_onto_plate(divisions: int, radius: float, beside: float = 0.0) -> Pipeline:
+    """A ball that falls onto the middle of an element of a plate, or beside it, in flight without gravity."""
+    middle = 0.5 * SIDE / divisions * (1 - divisions % 2) + beside
     plate: dict[str, Any] = {
         "shape": "bar",
         "length": SIDE,
@@ -54,6 +54,14 @@ def test_a_ball_that_falls_between_nodes_is_said_with_its_depth() -> None:
     (text,) = describe_depths(run, run.motion).values()
     assert "ball.skin goes up to 0.00199 m deeper into plate.above between its nodes" in text  # 1 m/s for 2 ms
     assert "elements of at most 0.0008 m there help" in text
+
+
+def test_a_ball_that_is_far_smaller_than_elements_is_said_wherever_it_falls() -> None:
+    """It is as deep as its radius as its middle passes the face."""
+    run = ball_onto_plate(2, 0.001, beside=0.00125)
+    (text,) = describe_depths(run, run.motion).values()
+    depth = float(text.split("up to ")[1].split(" m")[0])
+    assert depth == pytest.approx(0.001, rel=0.1)
 
 
 def test_a_ball_on_fine_elements_is_not() -> None:

@@ -23,6 +23,7 @@ from fmd.scene.outputs import Chart
 from fmd.stages.linear_model import linearise_scene
 from fmd.stages.stability_limits import find_scene_limits
 from tests.contact.test_contact_points import BLOCK
+from tests.contact.test_rigid_contacts import BALL, RADIUS
 
 
 def block(*overrides: str, **tables: Any) -> Pipeline:
@@ -251,6 +252,36 @@ def test_intervals_by_step_mesh_and_modes_hold_the_exact_figures(sliding_bar: Pi
         assert own["near field"] == "no part in it"
     assert found["impulse_n_s"].parts["modes"] > 0.0
     assert found["impulse_n_s"].parts["mesh"] > 0.0
+
+
+def hammer() -> Pipeline:
+    """A rigid ball on the end of a flexible arm, which swings onto the ground."""
+    arm = BLOCK["body"]["block"] | {
+        "mesh": {"divisions": [4, 2, 1], "order": 1},
+        "modes": {"count": 4},
+        "marker": {"left": {"face": "x-"}, "right": {"face": "x+"}},
+    }
+    hinge = {"type": "revolute", "parent": "ground", "child": "arm.left", "axis": [0, 0, 1], "rate": -1.0}
+    head = {"type": "fixed", "parent": "arm.right", "child": "ball.centre"}
+    floor = {"between": ["ground", "ball.skin"], "normal": [0, 1, 0], "clearance": RADIUS + 1e-5}
+    simulation = BLOCK["simulation"] | {"duration": "0.3 ms", "output_step": "0.01 ms", "tip": "ball.centre"}
+    joints = {"hinge": hinge, "head": head}
+    tables = {"body": {"arm": arm, "ball": BALL}, "joint": joints, "contact": {"floor": floor}}
+    return block(**tables, simulation=simulation)
+
+
+def test_errors_of_a_rigid_hammer_are_those_of_its_arms_mesh_and_modes_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = hammer()
+    parts = contact_errors(run)["floor"]["impulse_n_s"].parts
+    assert parts["near field"] == "no part in it"
+    for source in ("step", "mesh", "modes"):
+        assert isinstance(parts[source], float)
+        assert parts[source] > 0.0
+    del run.results[CONTACT_ERRORS]
+    monkeypatch.setattr("fmd.accuracy.contact_errors.coarsen_meshes", lambda scene: scene)
+    same = contact_errors(run)["floor"]["impulse_n_s"]
+    assert same.parts["mesh"] == "not estimated: the coarser meshes are as fine"
+    assert same.summary()["interval"] is None
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4])

@@ -141,33 +141,38 @@ def _areas_of_points(run: Pipeline) -> dict[str, float]:
 
 
 def _differences_by(run: Pipeline, source: str, limit: TimeLimit) -> Differences:
-    """Return the errors by a source, from a variant of the run; rigid surfaces have none of these sources."""
-    with_part = {name for name, _, _ in run.scene.touching_faces}
-    if source == "near field":
-        with_part &= _gridded(run)
+    """Return the errors by a source, from a variant of the run.
+
+    Mesh and modes of flexible bodies have a part in contacts of rigid ones, too, which they may carry.
+    """
+    with_part = _gridded(run) if source == "near field" else {*run.motion.contacts} if run.parts else set[str]()
     found = _compare(run, source, limit) if with_part else _all(run, NO_PART)
     return {name: own if name in with_part else dict.fromkeys(own, NO_PART) for name, own in found.items()}
 
 
 def _compare(run: Pipeline, source: str, limit: TimeLimit) -> Differences:
+    other_by, vary = _VARIANTS[source]
     try:
-        variant = _VARIANTS[source](run)
+        variant = vary(run)
         if isinstance(variant, str):
             return _all(run, variant)
         limit.require(run.motion.trajectory.seconds)
         scene, gain = variant
         other = run.variant(scene, run.store.monitor)
+        if (times := gain(other)) <= 0.0:
+            return _all(run, f"not estimated: the {other_by} are as fine")
         plan = plan_like(next(iter(run.plans.values())), other)
         method: Any = plan.integrator
         longest = min(method.largest_step(plan.system), plan.system.largest_step)
         plan = replace(plan, integrator=replace(method, step=min(method.step, CHOSEN_STEP * longest)))
         histories = other.motion_by(plan, plan.march(run.output_times, limit.watch())).contacts
-        share = 1.0 / gain(other)
     except LeftOutError as left:
         return _all(run, str(left))
     except FAULTS as fault:
-        return _all(run, f"not estimated: by another {source}, {fault}")
-    return {name: _differences(own, histories[name], lambda _: share, {}) for name, own in run.motion.contacts.items()}
+        return _all(run, f"not estimated: with {other_by}, {fault}")
+    return {
+        name: _differences(own, histories[name], lambda _: 1.0 / times, {}) for name, own in run.motion.contacts.items()
+    }
 
 
 def _on_coarser_meshes(run: Pipeline) -> _Variant | str:
@@ -207,12 +212,12 @@ def _gridded(run: Pipeline) -> set[str]:
     return {plane.name for body in bodies for plane in body.planes if plane.face in body.points.grids}
 
 
-_VARIANTS: Mapping[str, Callable[[Pipeline], _Variant | str]] = {
-    "mesh": _on_coarser_meshes,
-    "modes": _with_more_modes,
-    "near field": _on_coarser_grids,
+_VARIANTS: Mapping[str, tuple[str, Callable[[Pipeline], _Variant | str]]] = {
+    "mesh": ("coarser meshes", _on_coarser_meshes),
+    "modes": ("more modes", _with_more_modes),
+    "near field": ("coarser grids", _on_coarser_grids),
 }
-"""Variants of a run by what they lack or have more of, with how many times of our error they differ from us."""
+"""Variants of a run by source: what they have, and the scene with how many times of our error it differs from us."""
 
 
 def _differences(

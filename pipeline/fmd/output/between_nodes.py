@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.contact.primitives import BORE, BOX, PIN, Primitive
-from fmd.core.limits.contact import BETWEEN_NODES, DEPTH_FRAMES, UNSEEN_DEPTH
+from fmd.core.limits.contact import BETWEEN_NODES, DEPTH_FRAMES, PLACES_ON_SIDE, PLACES_ON_SURFACE, UNSEEN_DEPTH
 
 if TYPE_CHECKING:
     from fmd.contact.touching_body import ContactPair, TouchingBody
@@ -44,26 +44,29 @@ def describe_depths(run: Pipeline, motion: Motion) -> dict[str, str]:
                 continue
             surface = theirs[pair.other_face]
             size = surface.radius if surface.kind != BOX else 2.0 * (min(surface.half) + surface.radius)
-            depth = _depth_between(run, motion, body, pair, surface)
+            depth = _depth_between(run, motion, body, pair, surface, size)
             if depth > UNSEEN_DEPTH * size:
                 found[pair.name] = (
                     f"contact.{pair.name}: {pair.other}.{pair.other_face} goes up to {depth:.3g} m deeper into "
                     f"{body.body}.{pair.face} between its nodes, which alone touch it; elements of at most "
-                    f"{BETWEEN_NODES * size:.3g} m there help"
+                    f"{BETWEEN_NODES * surface.radius:.3g} m there help"
                 )
     return found
 
 
-def _depth_between(run: Pipeline, motion: Motion, body: TouchingBody, pair: ContactPair, surface: Primitive) -> float:
-    """Return by how much a face's triangles are deeper in a rigid surface than its nodes are at most [m]."""
+def _depth_between(
+    run: Pipeline, motion: Motion, body: TouchingBody, pair: ContactPair, surface: Primitive, size: float
+) -> float:
+    """Return by how much a face's triangles are deeper in a rigid surface of a size than its nodes are at most [m]."""
     part, reduced = run.parts[body.body], run.bodies[body.body]
     nodes, topology = part.markers[pair.face].nodes, part.surface
     triangles = topology.nodes[topology.triangles]
     triangles = triangles[np.isin(triangles, nodes).all(axis=1)]
     numbers = [motion.mechanism.number_of(name) for name in (body.body, pair.other)]
     own, other = (motion.kinematics.frames[k] for k in numbers)
-    q, deepest, weights = motion.modal(body.body), 0.0, _weights()
+    q, deepest = motion.modal(body.body), 0.0
     reach = float(np.linalg.norm(reduced.x[triangles[:, 0]] - reduced.x[triangles[:, 1]], axis=1).max(initial=0.0))
+    weights = _weights(int(np.clip(PLACES_ON_SURFACE * reach / size, *PLACES_ON_SIDE)))
     for t in np.unique(np.linspace(0, len(motion.times) - 1, DEPTH_FRAMES).astype(int)):
         x = reduced.x + np.einsum("nam,m->na", reduced.shapes, q[t])
         there = (own.origin[t] + x @ own.rotation[t].T - other.origin[t]) @ other.rotation[t]
@@ -76,6 +79,6 @@ def _depth_between(run: Pipeline, motion: Motion, body: TouchingBody, pair: Cont
     return deepest
 
 
-def _weights(count: int = 8) -> Any:
-    """Return weights of a triangle's corners at places spread over it."""
+def _weights(count: int) -> Any:
+    """Return weights of a triangle's corners at places spread over it, so many to a side."""
     return np.array([(i, j, count - i - j) for i in range(count + 1) for j in range(count + 1 - i)]) / count

@@ -12,9 +12,14 @@ from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
 
 _OF_RANGE = NOT_STATED + "it tells whether the model holds, and the error budget doesn't compare it"
-_OF_OTHERS = NOT_STATED + "it follows from the contact's largest pressure and area, whose errors are stated"
 _PLACES = ("time_s", "position_m")  # of the largest stress
 _OF_PLACE = NOT_STATED + "errors are those of the value, not of its place and time"
+_OF_CONTACT = {
+    "radius_over_spacing": NOT_STATED + "it follows from the contact's largest area",
+    "largest_stress_below_pa": NOT_STATED + "it is a half-space's under the pressures found, which no other run has",
+    "its_depth_m": _OF_PLACE,
+}
+"""Why figures of contacts have none that no second run is compared for."""
 
 
 def figure_errors(run: Pipeline, summary: Mapping[str, Any]) -> dict[str, float | str]:
@@ -29,10 +34,7 @@ def figure_errors(run: Pipeline, summary: Mapping[str, Any]) -> dict[str, float 
     for name, own in of_contacts.items():
         for key, x in own.items():
             found[f"contacts.{name}.{key}"] = NOT_STATED + x.why if x.why else x.total
-        found |= {
-            f"contacts.{name}.{key}": _OF_OTHERS
-            for key in summary["contacts"][name].keys() - own.keys() - {"near_field"}
-        }
+        found |= {f"contacts.{name}.{key}": why for key, why in _OF_CONTACT.items() if key in summary["contacts"][name]}
     for body, figures in summary.get("bodies", {}).items():
         for key in (key for key, x in figures.items() if isinstance(x, float) or key == "frequencies_in_frame_hz"):
             found.setdefault(f"bodies.{body}.{key}", _OF_RANGE)

@@ -37,8 +37,10 @@ LOST_ENERGY = 0.01  # of kinetic energy, contact's or its heat: more that contac
 ASLANT = 0.5  # [rad]: how far a picture of a face's pressure is taken beside its normal, and above it
 FEW_ON_MESH = 12  # points of a curved face that are pressed: fewer tell the force to less than 2 %
 FEW_POINTS = 32  # of a grid that are pressed: fewer tell the largest pressure to less than 2 %
-UNSEEN_DEPTH = 0.01  # of the largest extent of the points: how much deeper nodes may go that carry no pressure
-BETWEEN_NODES = 0.2  # of a radius: elements between whose nodes a ball goes deeper by as much of its radius as that
+UNSEEN_DEPTH = 0.01  # of points' largest extent, a radius, a box's least extent: how deep what feels no force may go
+BETWEEN_NODES = 0.2  # of a radius: elements between whose nodes a ball goes deeper by less of its radius than that
+PLACES_ON_SURFACE = 4.0  # to a rigid surface's radius, or a box's least extent: where depths are looked for
+PLACES_ON_SIDE = 8, 100  # of a triangle: least and most of these places
 DEPTH_FRAMES = 120  # output times at which depths between nodes are looked for
 
 # Contact of two bodies.
