@@ -30,7 +30,7 @@ def draw(run: Pipeline, folder: Path, **settings: Any) -> dict[str, Any]:
 
     assert isinstance(run.scene.output[0], ContactPressure)
     output = run.scene.output[0].model_copy(update=settings)
-    assert draw_pressure(run, output, folder, keep) == ["pressure.png"]
+    draw_pressure(run, output, folder, keep)
     return drawn
 
 

@@ -228,7 +228,8 @@ def test_it_moves_as_the_whole_body(made: Made, recovered: bool, within: float):
     ],
 )
 def test_a_fault_of_the_matrices_is_named(made: Made, change, message: str):
-    from fmd.reduction.given_superelement import GivenSuperelement, superelement_data
+    from fmd.reduction.given_superelement import GivenSuperelement
+    from fmd.reduction.superelement_data import superelement_data
 
     K, M = change(made.K, made.M)
     element = GivenSuperelement(UNKNOWNS, K, M, 0 * K, made.places).in_si(1e-3, 1e3, 1e3)
@@ -240,7 +241,8 @@ def test_a_fault_of_the_matrices_is_named(made: Made, change, message: str):
 def test_few_nodes_tell_a_body_that_their_unknowns_move_as_a_whole(made: Made, held: str):
     """The same matrices by other coordinates: tip less what the root carries along, and a node near the root."""
     from fmd.core.rotations import rigid_motions
-    from fmd.reduction.given_superelement import GivenSuperelement, superelement_data
+    from fmd.reduction.given_superelement import GivenSuperelement
+    from fmd.reduction.superelement_data import superelement_data
 
     T = np.eye(len(UNKNOWNS))  # new coordinates by the given ones
     T[6:9, :6] = -rigid_motions((made.places[3] - made.places[7])[None])[0]
@@ -271,7 +273,8 @@ def test_few_nodes_tell_a_body_that_their_unknowns_move_as_a_whole(made: Made, h
 )
 def test_nodes_that_tell_no_rotation_are_refused(places: Array, message: str):
     """Masses of 1 kg, three units of length apart: 9 · (2 · 1.5² + 2 · 0.5²) kg m² across their line."""
-    from fmd.reduction.given_superelement import GivenSuperelement, superelement_data
+    from fmd.reduction.given_superelement import GivenSuperelement
+    from fmd.reduction.superelement_data import superelement_data
 
     unknowns = tuple((node, c) for node in range(4) for c in (1, 2, 3))
     K = np.kron(4 * np.eye(4) - 1, np.eye(3))

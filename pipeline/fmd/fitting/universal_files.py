@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array
+from fmd.core.fortran import read_real
 from fmd.output.responses import response_unit
 from fmd.scene.reading import FaultError
 
@@ -189,7 +190,7 @@ def _numbers(lines: list[str], widths: list[int], count: int) -> Array:
         at, number = 0, 0
         while at < len(line.rstrip()):
             width = widths[number % len(widths)]
-            values.append(float(line[at : at + width].replace("D", "E")))
+            values.append(read_real(line[at : at + width]))
             at, number = at + width, number + 1
     return np.array(values).reshape(count, len(widths))
 

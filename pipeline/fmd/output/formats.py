@@ -134,4 +134,5 @@ def _write(run: Pipeline, name: str, body: str | None, path: Path) -> list[Path]
         raise InputError(run.scene.file, f"body.{body}.pieces", run.scene.pieces[body], mend)
     write = body_format(name).write
     assert write is not None
-    return write(PipelineBody(run, body), path)
+    files = write(PipelineBody(run, body), path)
+    return [path] if files is None else files

@@ -55,7 +55,7 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
     return [output.file, write_errors(stated, folder / output.file)]
 
 
-def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the quantities of a history over the first run, a frame each, with their stated errors."""
     errors, frames = VariableErrors(run), []
     for variable in _leave_out_round_off(history_variables(run, output, run.motion)):
@@ -68,7 +68,6 @@ def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = dr
         frames.append(HistoryFrame(variable.name, variable.units, columns[:, chosen], components, stated))
     title = output.title or f"{run.scene.title}: {Path(output.file).stem}"
     draw("history_chart.draw_histories", run.motion.times, frames, folder / output.file, title=title)
-    return [output.file]
 
 
 def _leave_out_round_off(variables: Sequence[Variable]) -> list[Variable]:
@@ -84,11 +83,10 @@ def _leave_out_round_off(variables: Sequence[Variable]) -> list[Variable]:
     ]
 
 
-def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> list[str]:
-    """Write a table of extremes into a folder and return its name."""
+def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> None:
+    """Write a table of extremes into a folder."""
     rows = extremes(run, output)
     write_table(folder / output.file, [*rows[0]], ([_text(x) for x in row.values()] for row in rows))
-    return [output.file]
 
 
 def summarise_extremes(run: Pipeline, output: ExtremesTable) -> dict[str, dict[str, Any]]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 
-def draw_orbit(run: Pipeline, output: Orbit, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_orbit(run: Pipeline, output: Orbit, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the path of a marker by each run."""
     shown = _shown_times(run, output)
     draw(
@@ -31,7 +31,6 @@ def draw_orbit(run: Pipeline, output: Orbit, folder: Path, draw: Drawer = draw_h
         title=output.title or f"{run.scene.title}: path of {output.marker}",
         axes=output.plane,
     )
-    return [output.file]
 
 
 def write_orbit(run: Pipeline, output: Orbit, folder: Path) -> list[str]:

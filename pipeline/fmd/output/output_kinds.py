@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from fmd.scene.outputs import OUTPUT_MODELS
 
 if TYPE_CHECKING:
+    from fmd.render.calls import Drawer
     from fmd.scene.scene import Scene
     from fmd.stages.pipeline import Pipeline
 
@@ -70,9 +71,10 @@ class OutputKind:
     Attributes
     ----------
     draw : callable, optional
-        Has an output of a run drawn into a folder by a `Drawer`, and returns the names of its files.
+        Has an output of a run drawn into a folder by a `Drawer`. It returns the names of its files, or ``None`` if its
+        own file is all.
     write : callable, optional
-        Writes an output of a run into a folder, and returns the names of its files.
+        Writes an output of a run into a folder, and returns as much.
     response : ResponseKind, optional
         How it is made if it takes no motion.
     reads : callable
@@ -91,8 +93,8 @@ class OutputKind:
         What the first such output gives the report's view: ``scale``, ``camera``.
     """
 
-    draw: Callable[..., list[str]] | None = None
-    write: Callable[[Pipeline, Any, Path], list[str]] | None = None
+    draw: Callable[..., list[str] | None] | None = None
+    write: Callable[..., list[str] | None] | None = None
     response: ResponseKind | None = None
     reads: Reads = read_nothing
     still: bool = False
@@ -102,11 +104,12 @@ class OutputKind:
     charted: bool = False
     gives_view: tuple[str, ...] = ()
 
-    def make(self, run: Pipeline, output: Any, folder: Path) -> list[str]:
+    def make(self, run: Pipeline, output: Any, folder: Path, *drawer: Drawer) -> list[str]:
         """Draw or write an output that takes the motion, as its file's suffix wants; return the files' names."""
         make = self.draw if output.file.endswith(_DRAWN) else self.write
         assert make is not None  # a suffix that it can't have is a fault of the scene
-        return make(run, output, folder)
+        files = make(run, output, folder, *drawer)
+        return [output.file] if files is None else files
 
 
 def kind_named(type: str) -> OutputKind:

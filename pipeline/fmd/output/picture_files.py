@@ -198,9 +198,8 @@ class Pictures(DrawingProcess):
                 self._kept[output.file] = kept
 
     def _draw(self, run: Pipeline, output: Any) -> None:
-        draw = kind_of(output).draw
-        assert draw is not None
-        self._drawn[output.file] = run.store.compute(_STAGE, lambda: draw(run, output, self.folder, self))
+        make = kind_of(output).make
+        self._drawn[output.file] = run.store.compute(_STAGE, lambda: make(run, output, self.folder, self))
 
     def write(self, run: Pipeline, folder: Path) -> list[str]:
         """Wait until everything is drawn, and write the files into a folder; return their names.

@@ -46,7 +46,7 @@ def camera_of(run: Pipeline, output: PictureSettings, size: tuple[int, int] | No
         return Camera(angles=angles, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
 
 
-def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw a quantity over time."""
     label, curves, components = curves_of(run, output)
     stated = errors_of_curve(run, output)
@@ -64,7 +64,6 @@ def draw_chart(run: Pipeline, output: Chart, folder: Path, draw: Drawer = draw_h
         component_labels=components,
         band=band,
     )
-    return [output.file]
 
 
 def chart_title(chart: Chart) -> str:
@@ -74,7 +73,7 @@ def chart_title(chart: Chart) -> str:
     return words[:1].upper() + words[1:] + (f" of {of}" if of else "")
 
 
-def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw a body's mesh, its parts in colours."""
     from fmd.fem.formats.export import part_numbers
 
@@ -84,7 +83,6 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = d
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
     surface, camera = body_surface(run, output.body), camera_of(run, output)
     draw("pictures.draw_mesh", surface, triangles, names, folder / output.file, title=title, camera=camera)
-    return [output.file]
 
 
 def draw_modes(
@@ -118,7 +116,7 @@ def draw_modes(
     return files
 
 
-def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the first modes in one picture."""
     part = run.wholes[output.body]
     hertz = part.modes.frequencies_hz[: output.count]
@@ -132,10 +130,9 @@ def draw_mode_sheet(run: Pipeline, output: ModeSheet, folder: Path, draw: Drawer
         scale=output.scale,
         camera=camera_of(run, output, SHEET_PIXELS),
     )
-    return [output.file]
 
 
-def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the stress at the worst instant: of the whole mechanism, or of a body alone in its own frame."""
     names = [output.body] if output.body else [name for name, part in run.wholes.items() if part.has_stress]
     if not names:
@@ -161,11 +158,11 @@ def draw_stress(run: Pipeline, output: StressPicture, folder: Path, draw: Drawer
             quantity=_quantity(output.component),
             camera=camera_of(run, output),
         )
-        return [output.file]
-    return _draw_mechanism(run, output, frame, title, folder, draw)
+        return
+    _draw_mechanism(run, output, frame, title, folder, draw)
 
 
-def draw_mechanism(run: Pipeline, output: MechanismPicture, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_mechanism(run: Pipeline, output: MechanismPicture, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the whole mechanism at one time."""
     times = run.motion.times
     if output.time > times[-1] * (1 + 1e-9):
@@ -174,12 +171,12 @@ def draw_mechanism(run: Pipeline, output: MechanismPicture, folder: Path, draw: 
         raise InputError(run.scene.file, f"output.{number}.time", output.time, message)
     frame = np.array([int(np.argmin(np.abs(times - output.time)))])
     title = output.title or f"{run.scene.title}: t = {times[frame[0]]:g} s"
-    return _draw_mechanism(run, output, frame, title, folder, draw)
+    _draw_mechanism(run, output, frame, title, folder, draw)
 
 
 def _draw_mechanism(
     run: Pipeline, output: StressPicture | MechanismPicture, frame: IntArray, title: str, folder: Path, draw: Drawer
-) -> list[str]:
+) -> None:
     """Draw the mechanism at an output time, with its largest stress labelled."""
     draw(
         "film.draw_mechanism",
@@ -190,10 +187,9 @@ def _draw_mechanism(
         camera=camera_of(run, output),
         label=True,
     )
-    return [output.file]
 
 
-def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_here) -> None:
     """Film the mechanism in motion, in the colours of its stress."""
     moving = _view(run, output, choose_frames(len(run.motion.times), output.frames))
     stresses = [body.stress for body in moving.bodies if body.stress is not None]
@@ -207,7 +203,6 @@ def draw_film(run: Pipeline, output: Film, folder: Path, draw: Drawer = draw_her
         quantity=_quantity(output.component),
         camera=camera_of(run, output, FILM_PIXELS),
     )
-    return [output.file]
 
 
 def _view(run: Pipeline, output: MechanismView, chosen: IntArray) -> MovingMechanism:

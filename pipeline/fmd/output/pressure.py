@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 
-def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the pressure of a contact at the output time at which it is largest, which is labelled.
 
     A near field's grid is smaller than elements: nodes beside it have its pressure, and the label the area it is on.
@@ -62,7 +62,6 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
         label=f"{peak * 1e-6:.4g} MPa at {1e3 * time:.4g} ms{wide}",
         camera=camera_of(run, _facing(output, surface, places)),
     )
-    return [output.file]
 
 
 def _facing(output: ContactPressure, surface: Surface, face: IntArray) -> ContactPressure:

@@ -163,8 +163,8 @@ class Result(SolvedScene):
         """
         output = read_output({"type": "film", "file": "film.mp4", "frames": 60, "rate": 20.0, **settings})
         with tempfile.TemporaryDirectory(prefix="fmd-") as name:
-            (file,) = draw_film(self.run, output, Path(name))
-            return Animation((Path(name) / file).read_bytes())
+            draw_film(self.run, output, Path(name))
+            return Animation((Path(name) / output.file).read_bytes())
 
     def picture(self, type: str, mode: int = 1, **settings: Any) -> Picture:
         """Draw the picture of an ``[[output]]`` of this type, to be shown inline: ``picture("stress", scale=10)``.

@@ -56,11 +56,11 @@ def write_envelope(run: Pipeline, output: Envelope, folder: Path) -> list[str]:
         errors.append((f"{name}_at_s", "s", f"{NOT_STATED}times of extremes aren't compared, their sizes are"))
     values, _ = found.measure(output.component)
     order = np.argsort(values if output.component == "principal 3" else -values, kind="stable")
-    files = _write_field(run, output, folder, columns, order[: output.count])
-    return [*files, write_errors(errors, folder / output.file)]
+    _write_field(run, output, folder, columns, order[: output.count])
+    return [output.file, write_errors(errors, folder / output.file)]
 
 
-def draw_envelope(run: Pipeline, output: Envelope, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_envelope(run: Pipeline, output: Envelope, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw an envelope, its worst value labelled with its time."""
     values, times = run.envelope_of(output.body).measure(output.component)
     weights = -values if output.component == "principal 3" else values
@@ -79,7 +79,6 @@ def draw_envelope(run: Pipeline, output: Envelope, folder: Path, draw: Drawer = 
         label=f"{_number(values[worst] * 1e-6)} MPa at {_number(1e3 * times[worst])} ms",
         camera=camera_of(run, _turned_round(output) if output.component == "principal 3" else output),
     )
-    return [output.file]
 
 
 def find_fatigue(run: Pipeline, output: Fatigue) -> FatigueLife:
@@ -179,10 +178,11 @@ def write_fatigue(run: Pipeline, output: Fatigue, folder: Path) -> list[str]:
         columns["log10_repeats_to_failure"] = np.log10(repeats)
     if len(found.normals):
         columns |= {f"plane_normal_{axis}": values for axis, values in zip("xyz", found.normals.T, strict=True)}
-    return [*_write_field(run, output, folder, columns, worst), write_errors(errors, folder / output.file)]
+    _write_field(run, output, folder, columns, worst)
+    return [output.file, write_errors(errors, folder / output.file)]
 
 
-def draw_fatigue(run: Pipeline, output: Fatigue, folder: Path, draw: Drawer = draw_here) -> list[str]:
+def draw_fatigue(run: Pipeline, output: Fatigue, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the lives of all nodes, short ones in warm colours, and label the shortest."""
     found = find_fatigue(run, output)
     lives = np.log10(found.repeats)
@@ -202,7 +202,6 @@ def draw_fatigue(run: Pipeline, output: Fatigue, folder: Path, draw: Drawer = dr
         label=label,
         camera=camera_of(run, _turned_round(output)),
     )
-    return [output.file]
 
 
 def _turned_round(output: AnyField) -> AnyField:
@@ -255,7 +254,7 @@ def _origin(run: Pipeline, body: str) -> Array:
 
 def _write_field(
     run: Pipeline, output: Envelope | Fatigue, folder: Path, columns: dict[str, Array], worst: IntArray
-) -> list[str]:
+) -> None:
     """Write columns of values at a surface's nodes: all as a mesh, or some as a table."""
     surface, file = run.wholes[output.body].surface, output.file
     points = (_origin(run, output.body) + run.node_positions(output.body))[surface.nodes]
@@ -263,12 +262,11 @@ def _write_field(
         from fmd.fem.formats.export import write_surface
 
         write_surface(points, surface.triangles, columns | {"node": surface.nodes.astype(float)}, folder / file)
-        return [file]
+        return
     header = ["node", "x_m", "y_m", "z_m", *columns]
     table = np.column_stack([points, *columns.values()])
     numbers = number_texts(table[worst])
     write_table(folder / file, header, ([node, *row] for node, row in zip(surface.nodes[worst], numbers, strict=True)))
-    return [file]
 
 
 def _number(value: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.units import PositiveLength
 from fmd.scene.bodies import Solid
@@ -73,14 +73,12 @@ class MeshedBeam(Solid):
         """Number of directions with more than one element."""
         return 1
 
-    @model_validator(mode="after")
-    def _of_beams(self) -> MeshedBeam:
+    def _check(self) -> None:
         for name, at in self.station.items():
             if name in _ENDS:
                 raise FaultError("is the name of an end; give the station another", "station", name)
             if not at < self.whole_length:
                 raise FaultError(f"must be below the length, {self.whole_length:.6g} m", "station", name)
-        return self
 
 
 class ShaftSegment(SceneTable):

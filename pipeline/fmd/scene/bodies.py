@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from fmd.core.limits.scene import MOST_CUT_PIECES
 from fmd.core.units import PositiveDensity, PositiveStress
@@ -15,14 +15,14 @@ from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.values import Formulation, Name, Poisson, Words
 
 
-def _check_pieces(value: object) -> object:
+def _read_pieces(value: object) -> object:
     if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_CUT_PIECES):
         return value
     raise ValueError(f"must be a whole number from 1 to {MOST_CUT_PIECES}, or 'auto'")
 
 
 Pieces = Annotated[
-    int | Literal["auto"], BeforeValidator(_check_pieces), Words(f'whole number, 1 to {MOST_CUT_PIECES}, or ``"auto"``')
+    int | Literal["auto"], BeforeValidator(_read_pieces), Words(f'whole number, 1 to {MOST_CUT_PIECES}, or ``"auto"``')
 ]
 
 
@@ -130,16 +130,16 @@ class Solid(Deformable):
         """Names of the mesh's parts; ``None`` if they are known only once there is a mesh."""
         raise NotImplementedError
 
-    @model_validator(mode="after")
-    def _on_a_mesh(self) -> Solid:
+    def _check(self) -> None:
+        self._check_places()
+        self._check_links()
+        self._check_pieces()
+
+    def _check_places(self) -> None:
+        """Raise the fault of a marker, support, interface or element that the shape doesn't have."""
         for name, marker in self.marker.items():
             if marker.nodes is not None:
                 raise FaultError("belong to a body that is given by its matrices", "marker", name, "nodes")
-        return self
-
-    @model_validator(mode="after")
-    def _on_its_faces(self) -> Solid:
-        for name, marker in self.marker.items():
             self._check_faces(marker.faces, "marker", name, "face")
             self._check_faces(marker.edge_faces, "marker", name, "edge")
         for number, support in enumerate(self.support):
@@ -152,10 +152,9 @@ class Solid(Deformable):
         for name, element in self.element.items():
             if self.parts is not None and element.part not in (None, *self.parts):
                 raise UnknownNameError("part", str(element.part), self.parts, "the parts", "element", name, "part")
-        return self
 
-    @model_validator(mode="after")
-    def _on_links(self) -> Solid:
+    def _check_links(self) -> None:
+        """Raise the fault of a link, or of a name of one."""
         for name, link in self.link.items():
             self._check_faces(link.faces, "link", name, "face")
         at = {("mass", name, "at"): mass.at for name, mass in self.mass.items()}
@@ -165,22 +164,17 @@ class Solid(Deformable):
                 raise UnknownNameError("link", name, self.link, "the body's links", *path)
         if self.link and self.pieces != 1:
             raise FaultError("is of a body without links: they aren't cut with it yet", "pieces")
-        return self
 
-    @model_validator(mode="after")
-    def _whole_beams(self) -> Solid:
-        if self.is_beam and self.pieces != 1:
-            raise FaultError(
-                "is of solids and shells: beams aren't cut yet; join several bodies by fixed joints", "pieces"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _in_pieces(self) -> Solid:
+    def _check_pieces(self) -> None:
+        """Raise the fault of a body that can't be cut into its pieces."""
         if self.pieces == 1:
             if "sections" in self.model_fields_set:
                 raise FaultError("belongs to a body in pieces, e.g. pieces = 6", "sections")
-            return self
+            return
+        if self.is_beam:
+            raise FaultError(
+                "is of solids and shells: beams aren't cut yet; join several bodies by fixed joints", "pieces"
+            )
         if self.sections == "warping" and self.modes.family != "any":
             raise FaultError('"warping" is of modes of every family, which modes.family = "any" has', "sections")
         if self.modes.boundary == "joint":
@@ -192,7 +186,6 @@ class Solid(Deformable):
                 "{ beta = '1 ms' }, which is 2 ζ/ω for a ratio ζ at a frequency ω in rad/s"
             )
             raise FaultError(problem, "modes", "damping")
-        return self
 
     def _check_faces(self, given: tuple[str, ...], *path: str | int) -> None:
         """Raise the fault of the first face that the shape doesn't have, if its faces are known."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fmd.core.units import Angle, PositiveLength
 from fmd.scene.bodies import DividedMesh, Solid, scale_count
@@ -161,17 +161,17 @@ class Propeller(Solid):
         }
         return {"mesh": self.mesh.model_copy(update=divisions), "seat": seat}
 
-    @model_validator(mode="after")
-    def _grows_outwards(self) -> Propeller:
+    def _check(self) -> None:
         inner = "bore"
         for outer in ("hub", "root", "diameter"):
             if not getattr(self, inner) < getattr(self, outer):
                 raise FaultError(f"must be more than {inner}, {getattr(self, inner):g} m", outer)
             inner = outer
-        return self
+        self._check_sectors()
+        if self.seat is not None and not self.seat < 2 * pi / self.blades:
+            raise FaultError(f"leaves no gap between blades; must be less than {360 / self.blades:g} deg", "seat")
 
-    @model_validator(mode="after")
-    def _conforms(self) -> Propeller:
+    def _check_sectors(self) -> None:
         """Require equal sectors of the sleeve's elements, from which those of joints and blades go on."""
         (around, axial, _), (chordwise, across, _) = self.mesh.sleeve, self.mesh.joint
         per_blade = max(round(around / self.blades), 2)
@@ -186,10 +186,3 @@ class Propeller(Solid):
         for k in (0, 1):
             if self.mesh.blade[k] != self.mesh.joint[k]:
                 raise FaultError(f"must be the joint's, {self.mesh.joint[k]}", "mesh", "blade", k)
-        return self
-
-    @model_validator(mode="after")
-    def _leaves_gaps(self) -> Propeller:
-        if self.seat is not None and not self.seat < 2 * pi / self.blades:
-            raise FaultError(f"leaves no gap between blades; must be less than {360 / self.blades:g} deg", "seat")
-        return self

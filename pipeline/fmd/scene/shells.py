@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
-from pydantic import model_validator
-
 from fmd.core.units import PositiveLength
 from fmd.scene.bodies import Solid, scale_count
 from fmd.scene.reading import FaultError, SceneTable
@@ -148,10 +146,8 @@ class Tube(MeshedShell):
         """Names of the two ends and the two sides."""
         return ("x-", "x+", "inside", "outside")
 
-    @model_validator(mode="after")
-    def _round(self) -> Tube:
+    def _check(self) -> None:
         if not self.thickness < 2 * self.radius:
             raise FaultError("must be below twice the radius, which is that of the wall's middle", "thickness")
         if self.mesh.divisions[1] < self._fewest[1]:
             raise FaultError(f"takes at least {self._fewest[1]} elements around", "mesh", "divisions")
-        return self

@@ -65,7 +65,7 @@ def _read_superelement(
     given: GivenSuperelement, table: BodyFile, source: SourceFiles, where: tuple[str, str]
 ) -> ModalData:
     """Complete a superelement by its nodes, its units and its points within, as a scene's table has them."""
-    from fmd.reduction.given_superelement import superelement_data
+    from fmd.reduction.superelement_data import superelement_data
 
     length, path = unit_ratio(table.unit, "m"), source.paths["file"]
     if table.nodes is not None:
@@ -89,7 +89,7 @@ def _read_superelement(
 
 def _read_recovery(source: SourceFiles, length: float, to_file: Array) -> Recovery:
     """Read motion of points within by the unknowns in the part's axes, of which ``to_file`` makes those of the file."""
-    from fmd.fem.formats.matrices import read_rows
+    from fmd.fem.formats.matrix_readers import read_rows
     from fmd.reduction.given_superelement import Recovery
 
     rows, found = read_rows(source.paths["recovery"]), read_places(source.paths["recovery_nodes"])

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import IntArray
+from fmd.core.fortran import read_real
 from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.abaqus_links import LINK_KEYWORDS, POINT_ELEMENTS, AbaqusLinks, DeckPoints
@@ -28,7 +29,6 @@ _SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
 _PLANE = re.compile(r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)")
 _LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
 _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
-_FORTRAN = re.compile(r"(?<![\w.+-])([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)(?![\w.])")
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _LINKS = ("DISTRIBUTING COUPLING", "MPC", "PRE-TENSION SECTION", "SHELL TO SOLID COUPLING", "EMBEDDED ELEMENT")
 _SECTIONS = ("SHELL SECTION", "BEAM SECTION", "BEAM GENERAL SECTION", "SHELL GENERAL SECTION")
@@ -94,14 +94,9 @@ def deck_sections(text: str) -> Iterator[tuple[int, str, dict[str, str], list[li
             keyword, options = _keyword(header)
             header = ""
         elif keyword:
-            data.append([item.strip() for item in _with_exponents(line).split(",")])
+            data.append([item.strip() for item in line.split(",")])
     if keyword:
         yield start, keyword, options, data
-
-
-def _with_exponents(line: str) -> str:
-    """Return a line of data whose numbers have exponents of E in place of Fortran's D."""
-    return _FORTRAN.sub(r"\1E\2", line) if "d" in line or "D" in line else line
 
 
 def _keyword(line: str) -> tuple[str, dict[str, str]]:
@@ -152,7 +147,7 @@ class _Deck:
                 ]
             case "INSTANCE":
                 self.instances += 1
-                if any(float(item or 0) for row in data for item in row):
+                if any(read_real(item or "0") for row in data for item in row):
                     raise MeshFileError(f"an instance is moved; {_WRITE_FLAT}")
             case _ if keyword in ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE"):
                 raise MeshFileError(f"*{keyword} isn't read; {_WRITE_FLAT}")
@@ -184,7 +179,7 @@ class _Deck:
         if options.get("SYSTEM", "R").upper() != "R":
             raise MeshFileError("the nodes are in cylindrical or spherical coordinates; Cartesian ones are read")
         for row in data:
-            x = [float(item) if item else 0.0 for item in row[1:4]]
+            x = [read_real(item or "0") for item in row[1:4]]
             number = int(row[0])
             if number in self.nodes and self.nodes[number] != (*x, *[0.0] * (3 - len(x))):
                 raise MeshFileError(f"node {number} is given twice, at two places")

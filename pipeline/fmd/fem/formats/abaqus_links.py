@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.fortran import read_real
 from fmd.fem.connections import (
     Connections,
     Equation,
@@ -201,7 +202,7 @@ def _turns(label: str, rows: Data) -> bool:
 
 def _mass(label: str, at: IntArray, data: Data) -> MassOnPoint:
     """Return a lumped mass, or a rotary inertia, whose products are those of the tensor, −∫ xy dm."""
-    given = [float(item) for row in data for item in row if item]
+    given = [read_real(item) for row in data for item in row if item]
     if label.startswith("MASS"):
         if not given or given[0] < 0:
             raise MeshFileError(f"{label} has no mass, or one below 0")
@@ -215,7 +216,7 @@ def _spring(label: str, at: IntArray, data: Data, x: Array) -> SpringBetween:
     if label.startswith("SPRING1"):
         raise MeshFileError(f"{label} has one end on the ground; give the body a support, or the scene a spring")
     rows = [[item for item in row if item] for row in data]
-    stiffness = float(rows[-1][0])
+    stiffness = read_real(rows[-1][0])
     if stiffness < 0:
         raise MeshFileError(f"{label} has a stiffness below 0")
     if label.startswith("SPRINGA"):
@@ -248,13 +249,13 @@ def _equations(data: Data, points: DeckPoints) -> list[Equation]:
         directions = np.array([int(item) for item in terms[1::3]]) - 1
         if not ((directions >= 0) & (directions < 6)).all():
             raise MeshFileError(f"{label} has a direction that isn't 1 to 6")
-        equations.append(Equation(label, places, directions, np.array([float(item) for item in terms[2::3]])))
+        equations.append(Equation(label, places, directions, np.array([read_real(item) for item in terms[2::3]])))
     return equations
 
 
 def _tied(label: str, options: dict[str, str], data: Data, points: DeckPoints) -> list[TiedFaces]:
     """Return the ties of one section: the first surface of each line follows the second."""
-    within = float(options["POSITION TOLERANCE"]) if options.get("POSITION TOLERANCE") else None
+    within = read_real(options["POSITION TOLERANCE"]) if options.get("POSITION TOLERANCE") else None
     ties = []
     for row in data:
         if len(row) < 2:

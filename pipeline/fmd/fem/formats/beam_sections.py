@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.fortran import read_field, read_real
 from fmd.core.limits.files import ISOTROPIC
 from fmd.fem.sections import Section, box_section, i_section, rectangular_section, round_section
 
@@ -68,16 +69,10 @@ class DeckBeams:
 
 
 class NastranBeams:
-    """Beams of Nastran, card by card.
+    """Beams of Nastran, card by card."""
 
-    Parameters
-    ----------
-    real : callable
-        Reads a number of a field.
-    """
-
-    def __init__(self, real: Callable[[str], float]) -> None:
-        self._real, self.deck = real, DeckBeams()
+    def __init__(self) -> None:
+        self.deck = DeckBeams()
         self._ends: list[tuple[int, int]] = []
         self._towards_point: dict[int, tuple[int, int]] = {}  # of an element: the grid points of its vector
 
@@ -98,7 +93,7 @@ class NastranBeams:
             self.deck.faults.append(f"{label} of type {kind}; {', '.join(_NASTRAN)} are read")
             return
         n, read = _NASTRAN[kind]
-        measures = [self._real(each) for each in fields[8 : 8 + n] if each]
+        measures = [read_field(each) for each in fields[8 : 8 + n] if each]
         if len(measures) < n or any(each not in ("", "0", "0.", "0.0") for each in fields[8 + n :]):
             self.deck.faults.append(f"{label} has fewer measures than its type, a mass or stations of its own")
             return
@@ -116,11 +111,11 @@ class NastranBeams:
             self.deck.faults.append(f"{label}; CBAR and CBEAM are read")
         if given[7] not in ("", "GGG") or any(each not in ("", "0") for each in given[8:10]):
             self.deck.faults.append(f"{label} has OFFT other than GGG, BIT or pins")
-        vector, offsets = given[4:7], [self._real(each) for each in given[10:16]]
+        vector, offsets = given[4:7], [read_field(each) for each in given[10:16]]
         if vector[0] and not any(vector[1:]) and "." not in vector[0]:
             self._towards_point[len(self.deck.elements)] = int(fields[2]), int(vector[0])
             vector = ["", "", ""]
-        towards = np.array([self._real(each) for each in vector]) if any(vector) else np.zeros(0)
+        towards = np.array([read_field(each) for each in vector]) if any(vector) else np.zeros(0)
         self.deck.elements.append(BeamElement(label, fields[1], towards, np.reshape(offsets, (2, 3))))
         self._ends.append((int(fields[2]), int(fields[3])))
 
@@ -210,7 +205,7 @@ _ABAQUS: dict[str, tuple[int, Callable[..., DrawnSection | None]]] = {
 def take_abaqus_section(deck: DeckBeams, name: str, options: Mapping[str, str], data: list[list[str]]) -> Array:
     """Take Abaqus' ``*BEAM SECTION`` of an element set, and return its direction n₁."""
     kind, label = options.get("SECTION", "").upper(), f"*BEAM SECTION of {name}"
-    rows = [[float(item) for item in row if item] for row in data]
+    rows = [[read_real(item) for item in row if item] for row in data]
     if kind not in _ABAQUS:
         deck.faults.append(f"{label} with SECTION = {kind or 'none'}; {', '.join(_ABAQUS)} are read")
     elif not rows or len(rows[0]) != _ABAQUS[kind][0]:

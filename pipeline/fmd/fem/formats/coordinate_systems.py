@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.fortran import read_field
 from fmd.core.limits.files import SAME_LINE
 from fmd.fem.formats.raw_mesh import MeshFileError
 
@@ -57,12 +58,9 @@ class CoordinateSystems:
     ----------
     cards : iterable of (str, list of str)
         Names and fields of all cards of the deck.
-    real : callable
-        Reads a number from its field.
     """
 
-    def __init__(self, cards: Iterable[tuple[str, list[str]]], real: Callable[[str], float]) -> None:
-        self._real = real
+    def __init__(self, cards: Iterable[tuple[str, list[str]]]) -> None:
         self._cards = {fields[0]: (name, fields) for name, fields in cards if name.startswith("CORD") and fields}
         self._known = {"": BASIC, "0": BASIC}
 
@@ -90,7 +88,7 @@ class CoordinateSystems:
 
     def _by_three_points(self, number: str, name: str, fields: list[str]) -> Axes:
         try:
-            points = np.array([self._real(field) for field in fields[2:11]]).reshape(3, 3)
+            points = np.array([read_field(field) for field in fields[2:11]]).reshape(3, 3)
         except ValueError:
             raise MeshFileError(f"coordinate system {number}: {name} takes three points, of nine numbers") from None
         a, b, c = (self._known[fields[1]].place(x) for x in points)

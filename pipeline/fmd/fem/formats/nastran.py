@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.fortran import read_field
 from fmd.fem.cells.table import CELLS
 from fmd.fem.connections import Connections
 from fmd.fem.formats.beam_sections import NastranBeams
@@ -56,7 +57,7 @@ def read_nastran(text: str) -> RawMesh:
     properties: dict[str, list[str]] = defaultdict(list)
     others: dict[str, int] = defaultdict(int)
     seen: set[int] = set()
-    links, shells, beams = NastranLinks(read_real), NastranShells(read_real), NastranBeams(read_real)
+    links, shells, beams = NastranLinks(), NastranShells(), NastranBeams()
     for line, name, fields in read_cards(text):
         try:
             if name == "GRID":
@@ -92,7 +93,7 @@ def read_nastran(text: str) -> RawMesh:
         raise MeshFileError("there are no grid points: no GRID lines")
     if named and "".join(default[1:2]) not in ("", "0"):
         raise MeshFileError(f"grid point {named[0]} is given twice, at two places")
-    known = CoordinateSystems(systems, read_real)
+    known = CoordinateSystems(systems)
     within = {number: grid_systems(point.systems, default) for number, point in points.items()}
     x = _basic_places(points, within, known)
     moves = {number: moving for number, (_, moving) in within.items() if moving not in ("", "0")}
@@ -182,7 +183,7 @@ def grid_systems(own: tuple[str, str], default: Sequence[str]) -> tuple[str, str
 def _take_point(fields: list[str], points: dict[int, GridPoint]) -> bool:
     """Add a grid point; return True if it is given again, once with the basic system named and once with none."""
     number = int(fields[0])
-    x = [read_real(field) for field in fields[2:5]]
+    x = [read_field(field) for field in fields[2:5]]
     found = GridPoint(x + [0.0] * (3 - len(x)), (fields[1], "".join(fields[5:6])))
     before = points.setdefault(number, found)
     if before.x != found.x or (before.systems[0] or "0") != (found.systems[0] or "0"):
@@ -245,9 +246,3 @@ def _fields(line: str) -> tuple[str, list[str]]:
         rest = [line[k : k + width].strip() for k in range(8, 72, width)]
     n = 4 if large else 8
     return head.upper(), [*rest, *[""] * n][:n]
-
-
-def read_real(field: str) -> float:
-    """Read a number that may leave out the E of its exponent: 7.0-1 is 0.7."""
-    text = re.sub(r"(?<=[\d.])([+-])", r"E\1", field.upper().replace("D", "E"))
-    return float(text) if text else 0.0

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from fmd.core.fortran import read_field
 from fmd.fem.connections import Connections, Equation, MassOnPoint, MeanConnection, RigidConnection, SpringBetween
 from fmd.fem.formats.raw_mesh import MeshFileError
 
@@ -17,16 +18,9 @@ _ALL, _MOVES = frozenset("123456"), frozenset("123")
 
 
 class NastranLinks:
-    """Links gathered card by card, by the numbers of their grid points.
+    """Links gathered card by card, by the numbers of their grid points."""
 
-    Parameters
-    ----------
-    real : callable
-        Reads a number of a field.
-    """
-
-    def __init__(self, real: Callable[[str], float]) -> None:
-        self._real = real
+    def __init__(self) -> None:
         self._rigid: list[RigidConnection] = []
         self._mean: list[MeanConnection] = []
         self._springs: list[tuple[str, list[int], list[int], float | str]] = []
@@ -80,7 +74,7 @@ class NastranLinks:
         rest = rest[: rest.index("ALPHA")] if "ALPHA" in rest else rest
         starts = [k for k, field in enumerate(rest) if "." in field]  # a weight, then components, then points
         for start, end in pairwise([*starts, len(rest)]):
-            weight, components = self._real(rest[start]), rest[start + 1]
+            weight, components = read_field(rest[start]), rest[start + 1]
             if set(components) != _MOVES:
                 raise MeshFileError(f"{label} follows its points in {components}; 123, displacements, are read")
             points += _points(rest[start + 2 : end])
@@ -95,7 +89,7 @@ class NastranLinks:
         label, rest = f"MPC {card[1]}", [*card[2:], *[""] * 8]
         starts = [k for line in range(0, len(rest) - 8, 8) for k in (line, line + 3) if rest[k]]
         points, components = ([int(rest[k + i]) for k in starts] for i in (0, 1))
-        coefficients = [self._real(rest[k + 2]) for k in starts]
+        coefficients = [read_field(rest[k + 2]) for k in starts]
         if not set(components) <= set(range(1, 7)) or not coefficients[0]:
             raise MeshFileError(f"{label} has a component that isn't 1 to 6, or a first coefficient of 0")
         self._equations[card[1]].append(
@@ -106,8 +100,8 @@ class NastranLinks:
         label, card = f"CONM2 {card[1]}", [*card, *[""] * 16]
         if card[3] not in ("", "0"):
             raise MeshFileError(f"{label} is in coordinate system {card[3]}; write it in the basic one, 0")
-        mass, *offset = (self._real(field) for field in card[4:8])
-        xx, xy, yy, xz, yz, zz = (self._real(field) for field in card[9:15])
+        mass, *offset = (read_field(field) for field in card[4:8])
+        xx, xy, yy, xz, yz, zz = (read_field(field) for field in card[9:15])
         inertia = np.array([[xx, -xy, -xz], [-xy, yy, -yz], [-xz, -yz, zz]])  # whose products are ∫ xy dm
         if mass < 0:
             raise MeshFileError(f"{label} has a mass below 0")
@@ -120,13 +114,13 @@ class NastranLinks:
             raise MeshFileError(f"{label} has one end on the ground; give the body a support, or the scene a spring")
         if not all(1 <= c <= 6 for _, c in ends):
             raise MeshFileError(f"{label} has a component that isn't 1 to 6")
-        k = self._real(card[2]) if card[0] == "CELAS2" else card[2]
+        k = read_field(card[2]) if card[0] == "CELAS2" else card[2]
         self._springs.append((label, [point for point, _ in ends], [c - 1 for _, c in ends], k))
 
     def _take_pelas(self, card: list[str]) -> None:
         for own in (card[1:5], card[5:9]):  # two in a card
             if len(own) > 1 and own[0]:
-                self._stiffness[own[0]] = self._real(own[1])
+                self._stiffness[own[0]] = read_field(own[1])
 
     def connections(self, case_control: str, has_bulk_line: bool, place: Mapping[int, int]) -> Connections:
         """Return all connections, of places of points where cards have numbers.

@@ -18,8 +18,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.fortran import read_field, read_real
 from fmd.core.limits.files import MOST_MATRIX_ROWS
-from fmd.fem.formats.nastran import read_cards, read_real
+from fmd.fem.formats.nastran import read_cards
 from fmd.fem.formats.node_places import read_matrix_bytes
 
 _HEADER = struct.Struct("4i8s")
@@ -230,7 +231,7 @@ def read_dmig(text: str) -> dict[str, dict[tuple[int, int, int, int], float]]:
                 if not fields[k]:
                     continue
                 key = (int(fields[k]), int(fields[k + 1] or 0), *column)
-                found[name][key] = read_real(fields[k + 2])
+                found[name][key] = read_field(fields[k + 2])
                 if forms[name] == _SYMMETRIC:
                     found[name][key[2:] + key[:2]] = found[name][key]
         except (KeyError, IndexError) as error:

@@ -12,10 +12,11 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError, blaming
 from fmd.core.files import read_text
+from fmd.core.fortran import read_field
 from fmd.core.limits.files import MOST_MATRIX_BYTES
 from fmd.fem.formats import abaqus
 from fmd.fem.formats.coordinate_systems import BASIC, CoordinateSystems
-from fmd.fem.formats.nastran import SUFFIXES, grid_systems, read_cards, read_real
+from fmd.fem.formats.nastran import SUFFIXES, grid_systems, read_cards
 from fmd.fem.formats.raw_mesh import MeshFileError
 
 
@@ -65,7 +66,7 @@ def nastran_places(text: str) -> Places:
         A card has fields that aren't numbers, or a system isn't rectangular.
     """
     cards = list(read_cards(text))
-    systems = CoordinateSystems(((name, fields) for _, name, fields in cards), read_real)
+    systems = CoordinateSystems((name, fields) for _, name, fields in cards)
     places, axes, unknowns = dict[int, Array](), dict[int, Array](), list[tuple[int, int]]()
     default = next((fields for _, name, fields in cards if name == "GRDSET"), [])
     for line, name, fields in cards:
@@ -73,7 +74,7 @@ def nastran_places(text: str) -> Places:
             if name == "GRID":
                 number = int(fields[0])
                 given, moves = grid_systems((fields[1], "".join(fields[5:6])), default)
-                x = [read_real(item) for item in (*fields[2:5], "", "", "")[:3]]
+                x = [read_field(item) for item in (*fields[2:5], "", "", "")[:3]]
                 places[number] = systems.find(given).place(np.array(x))
                 if (turned := systems.find(moves)) is not BASIC:
                     if not turned.is_straight:

@@ -14,8 +14,8 @@ from fmd.core.errors import AccuracyError, InputError, blaming
 from fmd.core.limits.files import NOT_SCALAR
 from fmd.fem.formats import abaqus
 from fmd.fem.formats.deck_surface import deck_surface
-from fmd.fem.formats.matrices import read_matrix
 from fmd.fem.formats.matrix_model import MatrixModel, StressedStiffness, StressFields
+from fmd.fem.formats.matrix_readers import read_matrix
 from fmd.fem.formats.node_places import read_matrix_text
 from fmd.fem.formats.program_fields import ProgramFields, read_csv_fields, read_frd
 from fmd.fem.surface import SurfaceTopology

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.fortran import read_field, read_real
 from fmd.fem.formats.raw_mesh import MeshFileError, ShellSection
 
 
 @dataclass
 class NastranShells:
-    """Sections of Nastran's shells, as their cards come.
+    """Sections of Nastran's shells, as their cards come."""
 
-    Parameters
-    ----------
-    real : callable
-        Reads a number of a field.
-    """
-
-    real: Callable[[str], float]
     sections: dict[str, ShellSection] = field(default_factory=dict)
     offsets: dict[str, list[float]] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
@@ -36,11 +30,11 @@ class NastranShells:
                 return True
             others = {"12I/T**3": (bending, 1.0), "TS/T": (shear, 5 / 6), "NSM": (mass, 0.0)}  # homogeneous
             for what, (given, usual) in others.items():
-                if given and abs(self.real(given) - usual) > 1e-3:
+                if given and abs(read_field(given) - usual) > 1e-3:
                     self.faults.append(f"{of} has {what} = {given}")
             if len(fields) <= 3 or fields[3] != fields[1]:
                 self.faults.append(f"{of} bends by another material than it stretches by, MID2")
-            self.sections[fields[0]] = ShellSection(self.real(t))
+            self.sections[fields[0]] = ShellSection(read_field(t))
             return True
         if name in ("PCOMP", "PCOMPG", "PCOMPP", "PSHEAR"):
             self.faults.append(f"{name} {fields[0]}")
@@ -50,7 +44,7 @@ class NastranShells:
     def add(self, kind: str, n_local: int, fields: list[str]) -> None:
         """Take the offset of an element."""
         given = fields[3 + n_local] if len(fields) > 3 + n_local else ""
-        self.offsets.setdefault(kind, []).append(self.real(given) if given else 0.0)
+        self.offsets.setdefault(kind, []).append(read_field(given))
         if any(fields[8 + 2 :]):
             self.faults.append(f"element {fields[0]} has thicknesses of its own")
 
@@ -77,7 +71,7 @@ def abaqus_section(options: Mapping[str, str], data: list[list[str]]) -> ShellSe
             return ShellSection(np.nan, fault=f"*SHELL SECTION of {name} with {word}")
     if not data or not data[0][0]:
         raise MeshFileError(f"*SHELL SECTION of {name} has no thickness")
-    thickness = float(data[0][0])
+    thickness = read_real(data[0][0])
     given = options.get("OFFSET", "0").upper()
     words = {"SPOS": 0.5, "SNEG": -0.5}
     try:

@@ -16,6 +16,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import read_text
+from fmd.core.fortran import read_real
 from fmd.reduction.formats.body_format import BodyFormat
 from fmd.reduction.given_superelement import GivenSuperelement
 
@@ -49,7 +50,7 @@ def _substructure(lines: Sequence[str]) -> GivenSuperelement:
             kind = re.search(r"TYPE=(\w+)", card)
             block = kind[1] if kind and card.startswith("*MATRIX") else card.split(",")[0]
         elif line:
-            items = [float(item.upper().replace("D", "E")) for item in re.split(r"[,\s]+", line.strip(", "))]
+            items = [read_real(item) for item in re.split(r"[,\s]+", line.strip(", "))]
             if block == "*USERELEMENT":
                 components.append(items)
             else:

@@ -112,14 +112,14 @@ class BodyFormat(NamedTuple):
     Attributes
     ----------
     write : callable or None
-        Writes a body's files and returns their paths, the given one first.
+        Writes a body's files. It returns their paths, the given one first, or ``None`` if that is all.
     read : callable or None
         Reads a body that a scene names by its file.
     read_superelement : callable or None
         Reads a body's matrices of boundary nodes and modal coordinates, in the file's units.
     """
 
-    write: Callable[[ExportedBody, Path], list[Path]] | None = None
+    write: Callable[[ExportedBody, Path], list[Path] | None] | None = None
     read: Callable[[Path], ModalData] | None = None
     read_superelement: Callable[[Path], GivenSuperelement] | None = None
 

@@ -20,7 +20,7 @@ from fmd.core.errors import InputError
 from fmd.core.files import read_text, whole_file
 from fmd.fem.formats.abaqus import deck_sections
 from fmd.fem.formats.program_fields import read_point_stress
-from fmd.reduction.formats.body_format import BodyFormat, ExportedBody, LoadCases
+from fmd.reduction.formats.body_format import BodyFormat, LoadCases
 
 
 def write_load_cases(path: Path, cases: LoadCases) -> list[Path]:
@@ -89,8 +89,4 @@ def _write(path: Path, parts: Sequence[str]) -> Path:
     return path
 
 
-def _export(body: ExportedBody, path: Path) -> list[Path]:
-    return write_load_cases(path, body.load_cases())
-
-
-FORMAT = BodyFormat(_export)
+FORMAT = BodyFormat(lambda body, path: write_load_cases(path, body.load_cases()))

@@ -19,10 +19,11 @@ import numpy as np
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import InputError
 from fmd.core.files import read_text, write_text
+from fmd.core.fortran import read_real
 from fmd.core.limits.files import MOST_NUMBERS, SAME_MASS
 from fmd.core.limits.rank import INDEPENDENT_FUNCTIONS
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
+from fmd.reduction.formats.body_format import BodyFormat
 from fmd.reduction.inertia import InertiaIntegrals
 from fmd.reduction.modal_data import ModalData, function_products
 
@@ -154,7 +155,7 @@ class _Records:
         values: list[float] = []
         for number, items in self._lines[group]:
             try:
-                row = [float(item.upper().replace("D", "E")) for item in items]
+                row = [read_real(item) for item in items]
             except ValueError:
                 if group == 8:  # the one comment line before each mode may be any text
                     continue
@@ -228,9 +229,4 @@ def _sum_points(nodes: list[MarkerShapes], lumped: Array, n: int) -> tuple[Array
     return G, S, float(lumped[:, 0].sum())
 
 
-def _write(body: ExportedBody, path: Path) -> list[Path]:
-    write_mbdyn(path, body.modal_data(stiffened=False))
-    return [path]
-
-
-FORMAT = BodyFormat(_write, read_mbdyn)
+FORMAT = BodyFormat(lambda body, path: write_mbdyn(path, body.modal_data(stiffened=False)), read_mbdyn)

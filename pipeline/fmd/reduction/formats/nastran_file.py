@@ -21,7 +21,7 @@ from fmd.fem.formats.nastran_op2 import read_op2
 from fmd.fem.formats.node_places import Places, nastran_places, read_matrix_text
 from fmd.fem.formats.raw_mesh import MeshFileError
 from fmd.reduction.craig_bampton import Superelement
-from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
+from fmd.reduction.formats.body_format import BodyFormat
 from fmd.reduction.given_superelement import GivenSuperelement
 
 _Unknown = tuple[int, int]  # number of the point, and its component: 1 to 6, of a scalar point 0
@@ -67,11 +67,6 @@ def _columns(name: str, A: Array, unknowns: list[_Unknown]) -> Iterator[str]:
 
 def _real(value: float) -> str:
     return f"{value:16.9E}".replace("E", "D")
-
-
-def _write(body: ExportedBody, path: Path) -> list[Path]:
-    write_dmig(path, body.superelement())
-    return [path]
 
 
 def read_external(path: Path) -> GivenSuperelement:
@@ -144,4 +139,4 @@ def _matrices_of_cards(
     return unknowns, matrices
 
 
-FORMAT = BodyFormat(_write, read_superelement=read_external)
+FORMAT = BodyFormat(lambda body, path: write_dmig(path, body.superelement()), read_superelement=read_external)

@@ -11,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import read_text, whole_file
+from fmd.core.fortran import read_real
 from fmd.core.limits.files import LONGEST_LINE, MOST_COORDINATES
 from fmd.reduction.craig_bampton import Superelement
 from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
@@ -138,7 +139,7 @@ def _rows(path: Path, lines: list[str], first: int, count: int, length: int) -> 
     for number in range(first, first + count):
         items = lines[number].split() if number < len(lines) else []
         try:
-            row = [float(item.upper().replace("D", "E")) for item in items]
+            row = [read_real(item) for item in items]
         except ValueError:
             row = []
         if len(row) != length or not np.isfinite(row).all():

@@ -9,7 +9,7 @@ import numpy as np
 from fmd.core.errors import InputError
 from fmd.reduction.body import MarkerShapes
 from fmd.reduction.body_file import load_body, save_body
-from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
+from fmd.reduction.formats.body_format import BodyFormat
 from fmd.reduction.modal_data import ModalData
 
 
@@ -40,9 +40,4 @@ def read_netcdf(path: Path) -> ModalData:
     )
 
 
-def _write(body: ExportedBody, path: Path) -> list[Path]:
-    save_body(path, *body.in_scene(), body.frequencies_hz())
-    return [path]
-
-
-FORMAT = BodyFormat(_write, read_netcdf)
+FORMAT = BodyFormat(lambda body, path: save_body(path, *body.in_scene(), body.frequencies_hz()), read_netcdf)

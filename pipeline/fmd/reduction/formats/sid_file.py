@@ -16,9 +16,10 @@ import numpy as np
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import InputError, blaming
 from fmd.core.files import read_text, write_text
+from fmd.core.fortran import read_real
 from fmd.core.limits.files import MOST_ENTRIES
 from fmd.reduction.body import MarkerShapes
-from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
+from fmd.reduction.formats.body_format import BodyFormat
 from fmd.reduction.formats.sid_terms import PARTS, Taylor, modal_data_of, sid_terms
 from fmd.reduction.modal_data import ModalData
 
@@ -261,7 +262,7 @@ class _Reader:
 
     def _real(self, text: str) -> float:
         try:
-            value = float(text.upper().replace("D", "E"))
+            value = read_real(text)
         except ValueError:
             value = np.nan
         if not np.isfinite(value):
@@ -274,9 +275,4 @@ class _Reader:
         return int(text)
 
 
-def _write(body: ExportedBody, path: Path) -> list[Path]:
-    write_sid(path, body.modal_data(body.stiffened))
-    return [path]
-
-
-FORMAT = BodyFormat(_write, read_sid)
+FORMAT = BodyFormat(lambda body, path: write_sid(path, body.modal_data(body.stiffened)), read_sid)

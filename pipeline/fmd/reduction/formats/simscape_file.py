@@ -8,7 +8,7 @@ import numpy as np
 
 from fmd.core.files import whole_file
 from fmd.reduction.craig_bampton import Superelement
-from fmd.reduction.formats.body_format import BodyFormat, ExportedBody
+from fmd.reduction.formats.body_format import BodyFormat
 
 
 def write_simscape(path: Path, element: Superelement) -> None:
@@ -36,9 +36,4 @@ def write_simscape(path: Path, element: Superelement) -> None:
         savemat(stream, arrays)
 
 
-def _write(body: ExportedBody, path: Path) -> list[Path]:
-    write_simscape(path, body.superelement())
-    return [path]
-
-
-FORMAT = BodyFormat(_write)
+FORMAT = BodyFormat(lambda body, path: write_simscape(path, body.superelement()))
