@@ -1,0 +1,210 @@
+"""Contents of a deck of Abaqus or CalculiX by the numbers in the file, and their mesh."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fmd.core.arrays import IntArray
+from fmd.core.limits.files import DEEPEST_SETS
+from fmd.fem.cells.table import CELLS
+from fmd.fem.formats.abaqus_links import AbaqusLinks, DeckPoints
+from fmd.fem.formats.beam_sections import BeamElement, DeckBeams, take_abaqus_section
+from fmd.fem.formats.named_sets import cells_by_block, nodes_of_facets
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh, ShellSection
+from fmd.fem.formats.shell_sections import of_sets
+
+Item = int | str | range  # of a set: a number, another set's name, a range
+
+
+@dataclass
+class Block:
+    """Elements of one section: their numbers, and the nodes of all one after the other."""
+
+    kind: str
+    numbers: list[int] = field(default_factory=list)
+    nodes: list[int] = field(default_factory=list)
+
+
+class Deck:
+    """Nodes, elements and sets by their numbers in the file, gathered section by section."""
+
+    def __init__(self) -> None:
+        self.nodes: dict[int, tuple[float, float, float]] = {}
+        self.blocks: list[Block] = []
+        self.node_sets: dict[str, list[Item]] = defaultdict(list)
+        self.element_sets: dict[str, list[Item]] = defaultdict(list)
+        self.surfaces: dict[str, list[tuple[str, str]]] = defaultdict(list)
+        self.others: dict[str, int] = defaultdict(int)
+        self.links = AbaqusLinks()
+        self.shells: dict[str, ShellSection] = {}
+        self.beams = DeckBeams()
+        self.beam_sections: dict[str, tuple[dict[str, str], list[list[str]]]] = {}
+        self.names: dict[str, str] = {}
+        self.parts = self.instances = 0
+
+    def named(self, name: str) -> str:
+        """Return a name in its first spelling; upper and lower case are equal."""
+        if not name:
+            raise MeshFileError("a set or surface without a name")
+        return self.names.setdefault(name.casefold(), name)
+
+    def mesh(self) -> RawMesh:
+        """Return the mesh, numbered in the file's order in place of the file's numbers."""
+        if not self.nodes:
+            raise MeshFileError("there are no nodes: no *NODE section with lines of number, x, y, z")
+        place = {number: k for k, number in enumerate(self.nodes)}
+        linked = {name: list(items) for name, items in self.element_sets.items()}  # with elements of points
+        blocks, where = [], dict[int, tuple[int, int]]()
+        for b, block in enumerate(block for block in self.blocks if block.numbers):
+            try:
+                cells = np.array([place[node] for node in block.nodes], dtype=np.int64)
+            except KeyError as error:
+                raise MeshFileError(f"an element names node {error}, which isn't there") from None
+            for k, number in enumerate(block.numbers):
+                if number in where:
+                    raise MeshFileError(f"element {number} is given twice")
+                where[number] = b, k
+            cells = cells.reshape(len(block.numbers), -1)
+            order = CELLS[block.kind].abaqus_order if block.kind in CELLS else ()
+            blocks.append((block.kind, cells[:, order] if order else cells))
+        cell_sets = {
+            name: cells_by_block([where[n] for n in self._members(name, self.element_sets, where)], len(blocks))
+            for name in self.element_sets
+        }
+        point_sets = {
+            name: np.array(sorted(place[n] for n in self._members(name, self.node_sets, place)), dtype=np.int64)
+            for name in self.node_sets
+        }
+        for name, items in self.node_sets.items():
+            for item in items:
+                if isinstance(item, str) and item.startswith("elset "):
+                    chosen = cell_sets.get(self.names.get(item[6:].casefold(), ""), [])
+                    found = [blocks[b][1][cells].ravel() for b, cells in enumerate(chosen)]
+                    point_sets[name] = np.unique(np.concatenate([point_sets[name], *found]))
+        raw = RawMesh(np.array(list(self.nodes.values())), blocks, cell_sets, point_sets, {}, dict(self.others))
+        raw.numbers = np.array(list(self.nodes))
+        for name, rows in self.surfaces.items():
+            raw.facet_sets[name] = self._facets(name, rows, raw, where)
+        if self.shells:
+            raw.shells = of_sets(self.shells, cell_sets, [len(cells) for _, cells in blocks])
+            raw.shell_faults = [section.fault for section in self.shells.values() if section.fault]
+        raw.beams = self._beams(raw)
+        self._add_links(raw, place, linked)
+        return raw
+
+    def _beams(self, raw: RawMesh) -> DeckBeams:
+        """Return the beams of the deck's lines, each with the section of a set that holds it."""
+        lines = [b for b, (kind, cells) in enumerate(raw.blocks) if kind == "line" and len(cells)]
+        numbers = [block.numbers for block in self.blocks if block.numbers]
+        found = {
+            (b, k): BeamElement(f"element {numbers[b][k]}", "", np.zeros(0), np.zeros((2, 3)))
+            for b in lines
+            for k in range(len(raw.blocks[b][1]))
+        }
+        for name, (options, data) in self.beam_sections.items():
+            towards = take_abaqus_section(self.beams, name, options, data)
+            for b in lines:
+                for k in raw.cell_sets.get(name, [np.zeros(0, int)] * (b + 1))[b].tolist():
+                    found[b, k] = found[b, k]._replace(section=name, towards=towards)
+        self.beams.elements = list(found.values())
+        return self.beams
+
+    def _add_links(self, raw: RawMesh, place: dict[int, int], element_sets: dict[str, list[Item]]) -> None:
+        """Add the deck's connections, with names of their points."""
+
+        def known(name: str, sets: Mapping[str, Any], what: str) -> str:
+            found = self.names.get(name.rpartition(".")[2].casefold(), "")
+            if found not in sets:
+                raise MeshFileError(f"a link names the {what} {name}, which isn't there")
+            return found
+
+        def nodes(name: str) -> IntArray:
+            if not name.isdigit():
+                return raw.point_sets[known(name, raw.point_sets, "node set")]
+            if int(name) not in place:
+                raise MeshFileError(f"a link names node {name}, which isn't there")
+            return np.array([place[int(name)]])
+
+        def cell_nodes(name: str) -> IntArray:
+            chosen = raw.cell_sets[known(name, raw.cell_sets, "element set")]
+            return np.unique(
+                np.concatenate([block[k].ravel() for (_, block), k in zip(raw.blocks, chosen, strict=True)])
+            )
+
+        def surface(name: str) -> tuple[list[IntArray], IntArray]:
+            found = known(name, {**raw.facet_sets, **raw.point_sets}, "surface")
+            facets = raw.facet_sets.get(found, [])
+            if not facets and found not in raw.point_sets:
+                raise MeshFileError(f"a link names the surface {name}, which has no facets of solids or shells")
+            return facets, nodes_of_facets(raw, facets) if facets else raw.point_sets[found]
+
+        def elements(name: str, numbers: Mapping[int, object]) -> list[int]:
+            return sorted(self._members(known(name, element_sets, "element set"), element_sets, dict(numbers)))
+
+        found = self.links.connections(DeckPoints(place, raw.points, nodes, cell_nodes, surface, elements))
+        used = set(found.points.tolist())
+        names = {str(number): point for number, point in place.items() if point in used}
+        for name, points in raw.point_sets.items():
+            if len(points) == 1 and int(points[0]) in used:
+                names[name] = int(points[0])
+        raw.connections = replace(found, names=names)
+
+    def _members(
+        self, name: str, sets: dict[str, list[Item]], known: dict[int, Any], above: tuple[str, ...] = ()
+    ) -> set[int]:
+        """Return the known numbers in a set and in the sets that it names."""
+        if name in above or len(above) > DEEPEST_SETS:
+            raise MeshFileError(f"set {name} holds itself")
+        numbers: set[int] = set()
+        for item in sets[name]:
+            if isinstance(item, range):
+                few, many = (item, known) if len(item) < len(known) else (known, item)
+                numbers.update(n for n in few if n in many)
+            elif isinstance(item, int):
+                numbers.update([item] if item in known else [])
+            elif not item.startswith("elset "):
+                inner = self.names.get(item.rpartition(".")[2].casefold(), "")
+                if inner not in sets:
+                    raise MeshFileError(f"set {name} names {item}, which isn't there")
+                numbers |= self._members(inner, sets, known, (*above, name))
+        sets[name] = [*numbers, *(item for item in sets[name] if isinstance(item, str) and item.startswith("elset "))]
+        return numbers
+
+    def _facets(
+        self, name: str, rows: list[tuple[str, str]], raw: RawMesh, where: dict[int, tuple[int, int]]
+    ) -> list[IntArray]:
+        """Return the corners of a surface's facets, an array for each block and face."""
+        cells_of: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for of, side in rows:
+            if not re.fullmatch(r"S[1-6]|SPOS|SNEG|", side):
+                continue  # edges of shells
+            inner = self.names.get(of.rpartition(".")[2].casefold(), "")
+            if of.isdigit():
+                numbers = {int(of)} & where.keys()
+            elif inner in self.element_sets:
+                numbers = self._members(inner, self.element_sets, where)
+            else:
+                raise MeshFileError(f"surface {name} names the element set {of}, which isn't there")
+            for number in sorted(numbers):
+                b, k = where[number]
+                cells_of[b, int(side[1]) - 1 if side[1:].isdigit() else -1].append(k)
+        facets = []
+        for (b, face), chosen in cells_of.items():
+            kind, cells = raw.blocks[b]
+            if face < 0:  # a side of shells
+                if kind.startswith(("triangle", "quad")):
+                    facets.append(cells[chosen][:, : 3 if kind.startswith("triangle") else 4])
+                continue
+            if kind not in CELLS:
+                continue  # edges of plane elements
+            corners = CELLS[kind].shape.abaqus_faces
+            if face >= len(corners):
+                raise MeshFileError(f"surface {name}: elements of {cells.shape[1]} nodes have no face S{face + 1}")
+            facets.append(cells[chosen][:, list(corners[face])])
+        return facets
