@@ -54,9 +54,3 @@ def describe_failure(reason: str) -> str:
     """Say that drawing has failed, from what a process's end is described by."""
     died = reason.removeprefix("it died of ")
     return f"drawing off-screen failed ({reason})" if died == reason else f"drawing off-screen died of {died}"
-
-
-def rendering_problem() -> str | None:
-    """Return a sentence with the reason and the mend if this machine can't draw, or ``None``."""
-    failure = rendering_failure()
-    return None if failure is None else f"{failure}; {MEND}"
