@@ -189,8 +189,8 @@ def test_nastrans_unknowns_may_have_axes_of_their_own(made: Made):
     tips, roots = ([own.given_model.data.nodes[node].rotation for own in (part, plain)] for node in "37")
     signs = np.sign(np.sum(roots[0] * roots[1], axis=0))  # of whole modes, by the other node
     assert np.abs(tips[0] * signs - tips[1]).max() < 1e-6 * np.abs(tips[1]).max()
-    (made.folder / "round.pch").write_text("\n".join(cards).replace("CORD2R,4", "CORD2C,4"))
-    with pytest.raises(InputError, match="coordinate system 4 is a CORD2C; CORD2R are read"):
+    (made.folder / "round.pch").write_text("\n".join(cards).replace("CORD2R,5", "CORD2C,5"))
+    with pytest.raises(InputError, match="moves in coordinate system 5, which is no CORD2R"):
         given(made, "beam.op2", ', nodes = "round.pch"').parts["beam"].fe  # noqa: B018
     listed = r"body\.beam\.body\.nodes = 'nodes\.csv': lists 0 unknowns by EXTRN, and \S+ has 22 rows; name the \.pch"
     with pytest.raises(InputError, match=listed):

@@ -48,13 +48,23 @@ class InputError(Exception):
 
 @contextmanager
 def blaming(
-    file: str, key: str = "", value: object = None, of: type[Exception] | tuple[type[Exception], ...] = ValueError
+    file: str,
+    key: str = "",
+    value: object = None,
+    of: type[Exception] | tuple[type[Exception], ...] = ValueError,
+    what: str = "",
 ) -> Iterator[None]:
-    """Raise errors of some kinds as faults of a file, of its key and the value there, with what they say."""
+    """Raise errors of some kinds as faults of a file, of its key and the value there: what is wrong, and what they say.
+
+    Those that are faults of a file already stay as they are.
+    """
     try:
         yield
+    except InputError:
+        raise
     except of as error:
-        raise InputError(file, key, value, str(error)) from error
+        said = str(error)
+        raise InputError(file, key, value, f"{what}: {' '.join(said.split())}" if what else said) from error
 
 
 class AccuracyError(Exception):

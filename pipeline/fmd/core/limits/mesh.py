@@ -15,9 +15,9 @@ STRAIGHTENING_ROUNDS = 5  # rounds in which bent edges of inverted elements are 
 OUTSIDE = 1e-3  # of the body's extent: CAD's curved faces and a mesh's differ by less
 STRAIGHT_EDGE = 1e-6  # smallest over largest second moment of an edge that has no width
 
-# Extent of a clamped face over the body's reach from it, from which on it is rigid by default. Averaged, bars of less
-# are off by up to 1.1 % in frequency, stubs by 3.6 % and plates by 48 %; rigid, all by less than 1.6 %, the mesh's part
-# (docs/modelling.md), but stress at the face's edge has no limit then.
+# Extent of a clamped face over the body's reach from it, from which on it is rigid by default: averaged, frequencies of
+# stubs and plates are far off, those of slender bars hardly (benchmarks/clamps.csv, docs/modelling.md), and rigid,
+# stress at the face's edge has no limit.
 BROAD_CLAMP = 0.25
 
 # Selection.

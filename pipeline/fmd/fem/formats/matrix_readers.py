@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from io import StringIO
 from pathlib import Path
 
@@ -13,13 +12,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import AccuracyError, InputError
+from fmd.core.errors import AccuracyError, InputError, blaming
 from fmd.core.fortran import read_real
 from fmd.core.limits.files import MOST_MATRIX_BYTES
 from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4, sum_entries
 from fmd.fem.formats.nastran_op2 import read_op2
 from fmd.fem.formats.node_places import read_matrix_text
 
+_UNREADABLE = "can't be read as a matrix"  # whatever NumPy, SciPy and zipfile raise of damaged bytes
 _WHAT = {3: "displacements", 6: "displacements and rotations"}  # unknowns of a node
 _Line = tuple[int, list[str]]  # number and items of a line of text
 _OUTPUTS = {".op4": read_op4, ".op2": read_op2}
@@ -28,7 +28,7 @@ _OUTPUTS = {".op4": read_op4, ".op2": read_op2}
 def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
     """Read the stiffness or the mass of some unknowns a node, shape (unknowns n_nodes, unknowns n_nodes)."""
     n = unknowns * len(labels)
-    with _told_of(path):
+    with blaming(str(path), of=Exception, what=_UNREADABLE):
         match path.suffix.lower():
             case ".npz":
                 A = _read_npz(path)
@@ -47,17 +47,6 @@ def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.cs
         bad = np.count_nonzero(~np.isfinite(A.data))
         raise AccuracyError(f"{path}: {bad} entries aren't finite numbers")
     return A
-
-
-@contextmanager
-def _told_of(path: Path) -> Iterator[None]:
-    """Raise whatever damaged bytes lead to as an ``InputError`` of their file."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:  # those of NumPy, SciPy and zipfile are of many kinds
-        raise InputError(str(path), "", None, f"can't be read as a matrix: {' '.join(str(error).split())}") from error
 
 
 def _read_output(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
@@ -93,7 +82,7 @@ def read_rows(path: Path) -> sp.csr_array:
     InputError
         It can't be read, or isn't of finite numbers.
     """
-    with _told_of(path):
+    with blaming(str(path), of=Exception, what=_UNREADABLE):
         match path.suffix.lower():
             case ".op4" | ".op2":
                 found = _OUTPUTS[path.suffix.lower()](path)
