@@ -13,6 +13,7 @@ from fmd.core.errors import InputError, blaming
 from fmd.core.units import unit_ratio
 from fmd.fem.formats.node_places import read_places
 from fmd.reduction.formats.body_format import BodyFormat, body_format
+from fmd.reduction.given_superelement import GivenSuperelement, Recovery
 from fmd.reduction.modal_data import without_stiffening
 from fmd.scene.outputs import READ_FORMATS
 from fmd.scene.reading import suggest_name
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from fmd.fem.model import FEModel
     from fmd.reduction.body import FlexibleBody
     from fmd.reduction.equivalent_model import EquivalentModel
-    from fmd.reduction.given_superelement import GivenSuperelement, Recovery
     from fmd.reduction.modal_data import ModalData
     from fmd.reduction.modes import Modes
     from fmd.scene.any_body import Flexible
@@ -90,7 +90,6 @@ def _read_superelement(
 def _read_recovery(source: SourceFiles, length: float, to_file: Array) -> Recovery:
     """Read motion of points within by the unknowns in the part's axes, of which ``to_file`` makes those of the file."""
     from fmd.fem.formats.matrix_readers import read_rows
-    from fmd.reduction.given_superelement import Recovery
 
     rows, found = read_rows(source.paths["recovery"]), read_places(source.paths["recovery_nodes"])
     n, each = len(found.places), rows.shape[0] // max(len(found.places), 1)
