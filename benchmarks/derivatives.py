@@ -1,16 +1,17 @@
-"""Cost of derivatives beside that of a march by central difference, written to derivatives.csv.
+"""Cost of derivatives beside that of a march by central difference, written to derivatives.csv and gradients.csv.
 
 Run from the project's root: ``python benchmarks/derivatives.py``. Of each scene a march, one with eight tangents by
-inputs of the equations, one with eight by numbers that change the equations in proportion, and the adjoint, which
-marches the motion itself, by eight of either kind, are timed by turns; the least of each counts. Whole gradients of a
-chain of links, with all stages beside the marches, by the adjoint and by tangents, go to gradients.csv.
+springs and the like, one with eight by dimensions, and the adjoint of the first, which marches the motion itself, are
+timed by turns; the least of each counts. Whole gradients of a chain of 17 links, with all stages beside the marches,
+are timed by the adjoint and by tangents.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from few_modes import few_modes
@@ -25,20 +26,19 @@ from fmd.integrators.central_difference import CentralDifference
 
 TABLE = HERE / "derivatives.csv"
 SCENES = ("beam", "arm", "robot", "four-bar")
-STEPS, TURNS, LANES = 4000, 15, 8
+STEPS, TURNS, LANES, LINKS = 4000, 15, 8, 17
 
 
 @dataclass
 class Row:
-    """Run time of a step, and of a march with derivatives over that of one without; NaN where there is no way."""
+    """Run time of a step, and of a march with derivatives over that of one without."""
 
     scene: str
     coordinates: int
     step_ns: float
     tangents: float
-    by_masses: float
+    by_dimensions: float
     adjoint: float
-    adjoint_by_masses: float
 
 
 @dataclass
@@ -56,21 +56,20 @@ def measure(name: str) -> Row:
     system, (q0, v0) = run.system, run.start
     method = CentralDifference(0.5 * system.largest_step)
     times = np.linspace(0.0, STEPS * method.step, 5)
-    still = np.zeros(len(system.compiled.numbers)), [], np.zeros(system.n_positions), np.zeros(system.n)
+    still = [], np.zeros(system.n_positions), np.zeros(system.n)
     ones = np.ones(system.n_positions), np.ones(system.n)
     variants = [Variant(system.compiled, weight, *ones) for weight in (-1.0, 1.0)]
+    springs = Direction(np.zeros(len(system.compiled.numbers)), *still)
     by_q, by_v = np.ones((len(times), system.n_positions)), np.ones((len(times), system.n))
 
-    def pull(along: tuple[object, ...]) -> float:
-        eight = [Direction(*along)] * LANES
-        return timed(lambda: pull_back(method, system, q0, v0, times, by_q, by_v, eight))
+    def pull(along: Direction) -> float:
+        return timed(lambda: pull_back(method, system, q0, v0, times, by_q, by_v, [along] * LANES))
 
     ways: dict[str, Callable[[], float]] = {
         "march": lambda: method.march(system, q0, v0, times).seconds,
-        "tangents": lambda: march_tangents(method, system, [Direction(*still)], q0, v0, times),
-        "by_masses": lambda: march_tangents(method, system, [Direction(*still, variants)], q0, v0, times),
-        "adjoint": lambda: pull(still),
-        "adjoint_by_masses": lambda: pull((*still, variants)),
+        "tangents": lambda: march_tangents(method, system, [springs], q0, v0, times),
+        "by_dimensions": lambda: march_tangents(method, system, [replace(springs, variants=variants)], q0, v0, times),
+        "adjoint": lambda: pull(springs),
     }
     least = dict.fromkeys(ways, np.inf)
     for _ in range(TURNS):
@@ -100,16 +99,17 @@ def timed(take: Callable[[], object]) -> float:
     return time.perf_counter() - tick
 
 
-def chain(links: int) -> dict[str, object]:
-    """Return a chain of rods on springs and dampers that swings for a second in 20,000 steps."""
+def chain() -> dict[str, object]:
+    """Return a chain of rigid links on springs and dampers that swings for a second in 20,000 steps."""
     markers = {"a": {"at": ["0 m", "0 m", "0 m"]}, "b": {"at": ["0.3 m", "0 m", "0 m"]}}
-    rod = {"shape": "rod", "mass": "0.7 kg", "length": "0.3 m", "marker": markers}
+    link = {"shape": "rigid", "mass": "0.7 kg", "centre": ["0.15 m", "0 m", "0 m"], "marker": markers}
+    link |= {"inertia": ["0.01 kg m^2", "0.01 kg m^2", "0.01 kg m^2"]}
     hinge = {"type": "revolute", "axis": [0, 0, 1], "spring": "9 N m", "damper": "0.02 N m s", "rest": "5 deg"}
-    ends = ["ground", *(f"link{k}.b" for k in range(links - 1))]
-    simulation = {"duration": "1 s", "step": "50 us", "output_step": "20 ms", "tip": f"link{links - 1}.b"}
+    ends = ["ground", *(f"link{k}.b" for k in range(LINKS - 1))]
+    simulation = {"duration": "1 s", "step": "50 us", "output_step": "20 ms", "tip": f"link{LINKS - 1}.b"}
     return {
         "title": "Chain",
-        "body": {f"link{k}": rod for k in range(links)},
+        "body": {f"link{k}": link for k in range(LINKS)},
         "joint": {f"hinge{k}": hinge | {"parent": end, "child": f"link{k}.a"} for k, end in enumerate(ends)},
         "simulation": simulation | {"run": [{"integrator": "central-difference"}]},
     }
@@ -117,21 +117,19 @@ def chain(links: int) -> dict[str, object]:
 
 def compare(count: int, kinds: Sequence[str]) -> float:
     """Return the run time of a gradient by numbers of some kinds by the adjoint, over that by tangents."""
-    links = -(-count // len(kinds))
-    keys = [kind.format(k) for k in range(links) for kind in kinds][:count]
-    run, least = fmd.load(chain(links)), dict.fromkeys((1, count + 1), np.inf)
-    for _ in range(3):
+    keys = [kind.format(k) for k in range(LINKS) for kind in kinds][:count]
+    run, least = fmd.load(chain()), dict.fromkeys((1, count + 1), np.inf)
+    for _ in range(2):
         for fewest in least:
             adjoint.FEWEST_BY_ADJOINT = fewest
-            function = fmd.ResultFunction(run, of=[f"link{links - 1}.b.position"], to=keys)
+            function = fmd.ResultFunction(run, of=[f"link{LINKS - 1}.b.position"], to=keys)
             weights = np.ones(len(function(function.start)))
-            own = function
-            least[fewest] = min(least[fewest], timed(lambda own=own, weights=weights: own.vjp(own.start, weights)))
+            least[fewest] = min(least[fewest], timed(partial(function.vjp, function.start, weights)))
     return float(round(least[1] / least[count + 1], 2))
 
 
 SPRINGS = ("joint.hinge{}.spring", "joint.hinge{}.damper", "joint.hinge{}.rest")
-MASSES = ("body.link{}.mass", "body.link{}.length", "body.link{}.marker.b.at.0")
+MASSES = ("body.link{}.mass", "body.link{}.centre.0", "body.link{}.inertia.2")
 
 if __name__ == "__main__":
     rows = []

@@ -185,10 +185,14 @@ def march_flops() -> str:
 def derivatives() -> str:
     """Tabulate run times of marches with derivatives, beside those without."""
     columns = {"scene": "{scene}", "coordinates": "{coordinates}", "a step": "{step_ns:.0f} ns"}
-    columns |= {"eight tangents": "{tangents:r}", "by dimensions": "{by_masses:r}", "adjoint": "{adjoint}"}
-    rows = read_rows("derivatives")
-    shown = [row | {"adjoint": format_ratio(float(row["adjoint"])) if row["adjoint"] != "nan" else "–"} for row in rows]
-    return listed("derivatives", columns, shown)
+    columns |= {"eight tangents": "{tangents:r}", "by dimensions": "{by_dimensions:r}"}
+    return listed("derivatives", columns | {"adjoint": "{adjoint:r}"})
+
+
+def gradients() -> str:
+    """Tabulate run times of whole gradients by the adjoint, over those by tangents."""
+    columns = {"numbers": "{numbers}", "springs, dampers, rests": "{springs:r}"}
+    return listed("gradients", columns | {"masses, centres, inertias": "{masses:r}"})
 
 
 def fmu() -> str:
@@ -266,6 +270,7 @@ TABLES: dict[str, Callable[[], str]] = {
         },
     ),
     "derivatives": derivatives,
+    "gradients": gradients,
     "eigen": eigen,
     "assembly": assembly,
     "error-sources": error_sources,
