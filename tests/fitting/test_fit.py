@@ -202,7 +202,7 @@ def test_the_command_writes_the_scene_that_fits(
     settings = [word for text in SMALL_ARM for word in ("--set", text)]
     given = ["--to", tmp_path / "measured.csv", "--vary", "joint.elbow.spring=10..61,drive.swing.torque"]
     given += ["--vary", "body.gripper.mass", "--vary", "joint.wrist.spring", "--out", tmp_path / "fit"]
-    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 0.01)
+    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 1e-3)
     assert fmd("fit", "arm", *settings, *given, "--sigma", "elbow.position=0.1 deg") == 0
     said, lines = capsys.readouterr()
     assert re.search(r"s: fit: derivatives, (25|50|75) %, about \d+ s left\n", lines)

@@ -253,7 +253,7 @@ def test_a_history_is_no_aim_and_a_life_takes_its_output() -> None:
 def test_the_command_writes_the_design_as_a_scene(
     fmd: Any, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 0.01)
+    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 1e-3)
     path = tmp_path / "bar.toml"
     path.write_text(
         """

@@ -286,7 +286,7 @@ def test_a_mesh_whose_elements_change_is_refused(tmp_path: Path) -> None:
 
 
 def test_derivatives_say_how_far_they_are(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 0.01)
+    monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 1e-3)
     result = package.load(OSCILLATOR)
     result.run.motion  # noqa: B018
     capsys.readouterr()

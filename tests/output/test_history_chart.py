@@ -12,9 +12,10 @@ import pytest
 from fmd import load_scene
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.errors import InputError
-from fmd.output.histories import draw_history, extremes, write_history
+from fmd.output.histories import draw_history, extremes, history_variables, write_history
 from fmd.output.report.page import make_brief, make_page
 from fmd.output.report.shown import show_outputs
+from fmd.output.variable_errors import VariableErrors
 from fmd.stages.pipeline import Pipeline
 
 SCENE = """
@@ -92,6 +93,12 @@ def test_formulas_of_the_motion_are_histories_and_have_extremes(file: Path, tmp_
     frames: list[Any] = []
     draw_history(own, own.scene.output[0], tmp_path, lambda *given, **_: frames.extend(given[2]))
     assert [frame.name for frame in frames] == ["drop", "speed"]
+    small = {"quantities": ("energy",), "formulas": {"kinetic_energy": "1e-20*rod.end.y"}}
+    mixed = own.scene.output[0].model_copy(update=small)
+    formula = history_variables(own, mixed, own.motion)[-1]
+    assert VariableErrors(own).of(formula) == "not stated: the error budget doesn't compare it"  # not that of energy
+    draw_history(own, mixed, tmp_path, lambda *given, **_: frames.extend(given[2]))
+    assert [frame.name for frame in frames[2:]] == ["kinetic_energy", "potential_energy", "kinetic_energy"]
     for wrong, said in (("rod.tip.y", "no such marker"), ("rod.end.y +", "formulas.a")):
         with pytest.raises(InputError, match=said):
             load_scene(file, [f'output=[{{type="history",file="a.csv",formulas={{a="{wrong}"}}}}]'])

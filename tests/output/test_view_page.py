@@ -76,7 +76,8 @@ def test_the_page_holds_each_coordinates_poses_markers_and_faces(arm):
     far = forearm["faces"]["names"].index("x+")
     largest = corners[..., 0].max()
     assert np.array_equal(faces == far, (np.abs(corners[..., 0] - largest) < 1e-6).all(axis=1))
-    assert {"joint.elbow, revolute", "ground", "drive.push, point force"} <= {body["name"] for body in view["bodies"]}
+    drawn = {body["name"] for body in view["bodies"]}
+    assert {"joint.elbow, revolute", "ground", "drive.push, point force", "drive.swing, torque"} <= drawn
 
 
 def test_the_page_needs_no_network_and_no_motion(arm):

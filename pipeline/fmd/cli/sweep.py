@@ -143,8 +143,10 @@ def _print_points(table: SweepTable, rows: Sequence[dict[str, Any]]) -> None:
     figures = {
         name: words for name, words in (asked or figures).items() if any(row.get(name) is not None for row in rows)
     }
-    keys = [variation.key.rpartition(".")[2] for variation in result.variations]
-    columns = dict.fromkeys(("", *keys, "status", *(column for column, _ in figures.values())), "{}")
+    short = {variation.key: variation.key.rpartition(".")[2] for variation in result.variations}
+    taken = [*short.values(), "status", *(column for column, _ in figures.values())]
+    keys = [key if taken.count(name) > 1 else name for key, name in short.items()]
+    columns = dict.fromkeys(("", *keys, *taken[len(keys) :]), "{}")
     cells = [
         (k, *point.values, row["status"], *(_write(row[name], unit) for name, (_, unit) in figures.items()))
         for k, (point, row) in enumerate(zip(result.points[:SWEPT_ROWS], rows, strict=False), start=1)

@@ -22,7 +22,7 @@ from fmd.output.error_table import write_errors
 from fmd.output.output_kinds import OutputKind
 from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion import Motion
-from fmd.recovery.motion_file import Variable, gather_runs
+from fmd.recovery.motion_file import OF_FORMULA, Variable, gather_runs
 from fmd.recovery.quantities import (
     coordinate_variables,
     energy_variables,
@@ -74,13 +74,13 @@ def _leave_out_round_off(variables: Sequence[Variable]) -> list[Variable]:
     """Return the variables that aren't round-off beside others of their joint or marker, as moments of a hinge are."""
     largest: dict[str, float] = {}
     for variable in variables:
-        owner = variable.name.rpartition(".")[0]
-        largest[owner] = max(largest.get(owner, 0.0), float(np.abs(variable.values).max()))
-    return [
-        variable
-        for variable in variables
-        if np.abs(variable.values).max() >= SUMMED * largest[variable.name.rpartition(".")[0]]
-    ]
+        largest[_owner(variable)] = max(largest.get(_owner(variable), 0.0), float(np.abs(variable.values).max()))
+    return [variable for variable in variables if np.abs(variable.values).max() >= SUMMED * largest[_owner(variable)]]
+
+
+def _owner(variable: Variable) -> str:
+    """Return what has a variable beside others: of a formula itself."""
+    return variable.name if variable.units == OF_FORMULA else variable.name.rpartition(".")[0]
 
 
 def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> None:
@@ -145,7 +145,7 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
         else:
             found += marker_variables(motion, quantity, output.markers or named_markers(motion), in_body)
     for name, text in output.formulas.items():
-        found.append(Variable(name, formula_history(run, text, motion), (), "SI", text))
+        found.append(Variable(name, formula_history(run, text, motion), (), OF_FORMULA, text))
     if not found:
         problem = "holds nothing: no joint of the scene has a coordinate; 'joint_reaction' works"
         raise InputError(run.scene.file, "output.quantities", list(output.quantities), problem)

@@ -6,7 +6,7 @@ from fmd.accuracy.details import NO_MEANING, row_name
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
 from fmd.accuracy.error_estimates import Row
 from fmd.output.error_table import NO_BUDGET, NOT_COMPARED, NOT_STATED
-from fmd.recovery.motion_file import Variable
+from fmd.recovery.motion_file import OF_FORMULA, Variable
 from fmd.recovery.stress import STRESS_COMPONENTS
 from fmd.stages.pipeline import Pipeline
 
@@ -45,6 +45,8 @@ class VariableErrors:
         in_body : bool
             A vector is in the axes of its body, whose own turn has an error, too.
         """
+        if variable.units == OF_FORMULA:
+            return NOT_COMPARED
         if self._budget is None:
             return self.of_quantity(variable.name)
         name, owner, kind = variable.name, *variable.name.rpartition(".")[::2]

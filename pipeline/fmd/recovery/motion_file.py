@@ -70,6 +70,8 @@ class Variable(NamedTuple):
     long_name: str
 
 
+OF_FORMULA = "SI"  # units of a variable that is a formula of the motion
+
 Errors = Callable[[Variable], float | str]
 """Gives a variable's largest error over time in its unit, or why it is not stated."""
 

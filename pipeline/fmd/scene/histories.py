@@ -49,7 +49,7 @@ class Quantities(SceneTable):
     file : str
         File that is written.
     quantities : tuple of str
-        Quantities; the table of quantities of a history explains each.
+        Quantities, required without ``formulas``; the table of quantities of a history explains each.
     formulas : dict of str to str
         Formulas of the motion by the names that they get, such as what a sensor measures or a controller puts out, in
         SI units.
