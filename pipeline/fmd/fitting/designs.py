@@ -16,7 +16,7 @@ from fmd.fitting.parameters import Parameter, change_parameters
 from fmd.fitting.sensitivities import change_of
 from fmd.fitting.varied import VariedNumber
 from fmd.output.channels import ResultChannel, find_channels, follow_mode
-from fmd.scene.variants import change_simulation
+from fmd.scene.variants import with_first_run
 from fmd.stages.pipeline import Pipeline
 
 
@@ -121,10 +121,8 @@ class DesignSpace:
         return self._known[key]
 
     def _solve(self, values: dict[Parameter, float]) -> Design:
-        scene = self.run.scene
-        if scene.moves:
-            scene = change_simulation(scene, run=scene.simulation.run[:1])
-        run = self.run.variant(change_parameters(scene, values), self.run.store.monitor)
+        scene = change_parameters(with_first_run(self.run.scene), values)
+        run = self.run.variant(scene, self.run.store.monitor)
         require_like_meshes(self.run, run, values)
         start = [channel for name in self.names for channel in find_channels(self.run, name)]
         channels = [

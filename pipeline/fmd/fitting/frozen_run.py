@@ -24,7 +24,7 @@ from fmd.fitting.tangents import (
     say_what_lacks_tangents,
 )
 from fmd.integrators.protocol import Trajectory
-from fmd.scene.variants import change_simulation
+from fmd.scene.variants import with_first_run
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.plan import Plan, repeat_choice
 from fmd.stages.runs import plan_frozen
@@ -265,10 +265,7 @@ class FrozenRun:
         return plan.march(self.times)
 
     def _variant(self, values: Mapping[Parameter, float], moves: bool) -> Pipeline:
-        scene = self.run.scene
-        if scene.moves:
-            scene = change_simulation(scene, run=scene.simulation.run[:1])
-        scene = change_parameters(scene, values)
+        scene = change_parameters(with_first_run(self.run.scene), values)
         other = self.run.variant(scene, stiffening_loads=self.run.stiffening_loads if moves else None)
         require_like_meshes(self.run, other, values)
         return other

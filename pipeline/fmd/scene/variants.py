@@ -29,6 +29,11 @@ def change_simulation(scene: Scene, **values: Any) -> Scene:
     return scene.model_copy(update={"simulation_table": scene.simulation.model_copy(update=values)})
 
 
+def with_first_run(scene: Scene) -> Scene:
+    """Return the scene with the first of its runs, whose motion results by their names are of."""
+    return change_simulation(scene, run=scene.simulation.run[:1]) if scene.moves else scene
+
+
 def change_modes(scene: Scene, change: Callable[[Flexible], dict[str, Any]]) -> Scene:
     """Return the scene with the mode settings of each flexible body changed by what ``change`` returns for it."""
     return _change_bodies(scene, lambda body: {"modes": body.modes.model_copy(update=change(body))})

@@ -13,6 +13,7 @@ from fmd.core.errors import InputError, blaming
 from fmd.core.limits.scene import MOST_POINTS
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.source_files import digest_files
+from fmd.scene.variants import with_first_run
 from fmd.sweep.designs import Design, Range, parse_range, require_points, sample_ranges
 
 _VARY = "--vary"
@@ -163,7 +164,7 @@ def make_points(
         try:
             own = [f"{v.key}={x}" for v, x in zip(variations, values, strict=True)]
             given = load_scene(scene, [*overrides, *own])
-            loaded = given if all_runs else _with_first_run(given)
+            loaded = given if all_runs else with_first_run(given)
             left_out = len(given.simulation.run) - len(loaded.simulation.run) if given.moves else 0
             points.append(Point(values, loaded, point_key(loaded), left_out=left_out))
         except InputError as error:
@@ -173,14 +174,6 @@ def make_points(
     if first is not None and all(point.scene is None for point in points):
         raise first
     return points
-
-
-def _with_first_run(scene: Scene) -> Scene:
-    """Return a scene with the first of its runs, whose motion its results are of."""
-    if scene.simulation_table is None:
-        return scene
-    simulation = scene.simulation_table.model_copy(update={"run": scene.simulation_table.run[:1]})
-    return scene.model_copy(update={"simulation_table": simulation})
 
 
 def point_key(scene: Scene) -> str:
