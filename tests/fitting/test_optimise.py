@@ -7,7 +7,8 @@ import csv
 import json
 import re
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ import fmd as package
 from fmd.core import progress
 from fmd.core.errors import AccuracyError, InputError
 from fmd.fitting import optimise
+from fmd.fitting.designs import DesignSpace
 from fmd.fitting.optimise import Optimum, optimise_scene, read_limits
 from fmd.fitting.pareto import find_front
 from fmd.fitting.varied import read_varied
@@ -100,6 +102,24 @@ def test_the_lightest_bar_of_a_given_frequency_is_as_narrow_as_may_be() -> None:
     assert left < 1e-6
     assert [each["code"] for each in found.warnings()] == ["modes-crossed"]
     assert "is mode 2 of the design" in found.warnings()[0]["text"]
+
+
+@pytest.mark.parametrize(("left", "codes"), [(1e-3, []), (0.5, ["not-stationary"])])
+def test_a_design_inside_all_limits_is_stationary_where_next_to_none_of_the_first_gradient_is_left(
+    left: float, codes: list[str]
+) -> None:
+    numbers = {"depth": 2.0, "width": 3.0}
+    first, last = (
+        SimpleNamespace(sensitivities=size * np.array([[0.6, -0.8]]), values=numbers, channels=())
+        for size in (1.0, left)
+    )
+    space = SimpleNamespace(
+        varied=[SimpleNamespace(per_share=lambda x: x)] * 2, at=lambda shares: last if shares.any() else first
+    )
+    found = Optimum(cast(DesignSpace, space), (), 1, np.array([0.5, 0.5]))
+    vars(found).update(at_bounds=np.zeros(2), active=np.zeros(0, dtype=bool))
+    assert found.multipliers[2] == pytest.approx(left)
+    assert [each["code"] for each in found.warnings()] == codes
 
 
 @pytest.mark.parametrize("limit", ["stress <= 90 MPa", pytest.param("life >= 1e6", marks=pytest.mark.long)])

@@ -114,6 +114,7 @@ class Optimum:
         """Lagrange multipliers of the limits (n_limits,) and bounds (n,), and the part of the gradient that is left.
 
         Of logarithms: those of limits are per cent of the aim per per cent of the bound; 0 where a limit isn't active.
+        What is left counts beside the larger gradient, here or at the start: inside all limits there is next to none.
         """
         from scipy.optimize import nnls
 
@@ -127,7 +128,9 @@ class Optimum:
         limits, bounds = np.zeros(len(self.limits)), np.zeros(len(gradient))
         limits[self.active] = found[: len(of_limits)]
         bounds[self.at_bounds != 0.0] = found[len(of_limits) :]
-        return limits, bounds, float(left / max(float(np.linalg.norm(gradient)), 1e-300))
+        first = self.start.sensitivities[0] * share_scale(self.space.varied, self.start)
+        largest = max(float(np.linalg.norm(gradient)), float(np.linalg.norm(first)), 1e-300)
+        return limits, bounds, float(left) / largest
 
     def warnings(self) -> list[dict[str, str]]:
         """Say where the search has not found a stationary design, and where modes have changed places."""
