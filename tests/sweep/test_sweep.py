@@ -116,7 +116,7 @@ def test_points_that_share_a_mesh_or_modes_have_them_made_once(grid):
 
 def test_the_table_comes_as_csv_and_as_netcdf_with_a_dimension_for_each_key(grid):
     folder, found = grid
-    assert found["files"] == ["sweep.csv", "sweep.nc", "sweep-errors.csv"]
+    assert found["files"] == ["sweep.csv", "sweep.nc", "sweep-errors.csv", "sweep.png"]
     with (folder / "sweep.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["body.beam.mesh.divisions"] for row in rows[:5]] == ["[12, 2, 1]"] * 4 + ["[16,2,1]"]
