@@ -53,6 +53,7 @@ METHODS = (
     "Exudyn RK67",
 )
 ELEMENTS = ("cantilevers", "propeller")
+OF_MOTION = ("mechanism", "equations", "machine code", "start", "steps", "plans", "stability", "motion", "fine motion")
 PEER = "Exudyn"
 
 
@@ -114,7 +115,7 @@ def subcycling() -> str:
 def whole_runs() -> str:
     """Tabulate the seconds of whole runs, cold and warm, by what they are spent on."""
     groups = {
-        "motion, with compiling": ("motion",),
+        "motion and stability, with compiling": OF_MOTION,
         "pictures": ("pictures",),
         "start, imports and the rest": ("start, imports and the rest",),
         "error budget": ("error budget",),
