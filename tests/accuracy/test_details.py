@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.accuracy.changed_bodies import retune_body
 from fmd.accuracy.details import detail_quantities
 from fmd.accuracy.error_budget import state_errors
-from fmd.accuracy.error_estimates import OTHER_LOOPS, retune_body
+from fmd.accuracy.error_estimates import OTHER_LOOPS
 from fmd.accuracy.estimators import Estimates
 from fmd.core.cache import Cache
 from fmd.reduction.inertia import inertia_integrals

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmd.accuracy.error_estimates import refinement_gain, retune_body, soften_body
+from fmd.accuracy.changed_bodies import retune_body, soften_body
+from fmd.accuracy.error_estimates import refinement_gain
 from fmd.accuracy.quantities import find_counterparts, match_modes
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.arrays import Array, IntArray

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.accuracy.changed_bodies import soften_body
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.comparison import Comparison, change_fineness
 from fmd.accuracy.corner_stress import CornerStress, find_corner_stress
-from fmd.accuracy.error_estimates import NO_PART, NO_VIBRATION, OTHER_LOOPS, shifted_frequencies, soften_body
+from fmd.accuracy.error_estimates import NO_PART, NO_VIBRATION, OTHER_LOOPS, shifted_frequencies
 from fmd.accuracy.mesh_excess import find_excess
 from fmd.accuracy.model_errors import ModelErrors
 from fmd.accuracy.quantities import find_counterparts, mesh_quantities

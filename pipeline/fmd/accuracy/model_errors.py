@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmd.accuracy.changed_bodies import soften_body
 from fmd.accuracy.coarse_mesh import Pair
 from fmd.accuracy.deflection import (
     TEXT,
@@ -24,7 +25,6 @@ from fmd.accuracy.deflection import (
     stiffening_by_stretch,
     stretching_bodies,
 )
-from fmd.accuracy.error_estimates import soften_body
 from fmd.accuracy.quantities import find_counterparts
 from fmd.accuracy.time_limit import FAULTS, LeftOutError
 from fmd.core.arrays import Array

@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from fmd.accuracy.changed_bodies import keep_lowest
 from fmd.accuracy.comparison import change_fineness
 from fmd.accuracy.details import is_reaction
-from fmd.accuracy.error_estimates import keep_lowest
 from fmd.accuracy.time_limit import LeftOutError
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.errors import (

@@ -1,4 +1,4 @@
-"""What each command prints with ``--json``, as JSON schemas: ``python -m fmd.cli.answers frf``.
+"""JSON schemas of all that commands print with ``--json``: ``python -m fmd.cli.answers frf``.
 
 They are read from ``answers.toml``, from which ``docs/json.md`` is written, too. Tests hold all that commands print
 against them.

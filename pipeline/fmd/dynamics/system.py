@@ -153,7 +153,7 @@ def velocities(p: Any, q: Array, v: Array, dq: Array) -> None:
 
 
 class PlainSystem(Protocol):
-    """What a system answers that has no loops, contacts, controllers, force laws, groups or tangents beside it."""
+    """Answers of a system without loops, contacts, controllers, force laws, groups and tangents."""
 
     @property
     def has_loops(self) -> bool:

@@ -1,0 +1,127 @@
+"""Bodies of other frequencies or fewer shapes, in coordinates of their own, for computations beside a run's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.limits.errors import MOST_OF_EIGENVALUE
+from fmd.core.limits.rank import NEW_RESPONSE
+from fmd.reduction.body import FlexibleBody
+
+
+def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]:
+    """Return a body whose stiffness has lost its excess, and the coordinates that its stress is made of.
+
+    Stress balances forces: a stiffness that is too large makes displacements too small but leaves it right. So the
+    stress of the softened body is that of the given one under the same modal forces.
+
+    Parameters
+    ----------
+    excess : ndarray, shape (n, n)
+        Excess of the products of two shapes' stiffness, over both frequencies; at most three quarters of the stiffness
+        of a combination are taken off.
+
+    Returns
+    -------
+    FlexibleBody
+        Body of other frequencies, in its own coordinates.
+    ndarray, shape (n, n)
+        Matrix from these coordinates to the given body's that have the same forces.
+    """
+    parts, directions = np.linalg.eigh(np.eye(len(excess)) - 0.5 * (excess + excess.T))
+    kept = (directions * np.clip(parts, 1 - MOST_OF_EIGENVALUE, 1 + MOST_OF_EIGENVALUE)) @ directions.T
+    omega2, turn = np.linalg.eigh(body.omega[:, None] * kept * body.omega)
+    return _combined(body, turn, np.sqrt(omega2)), turn * omega2 / body.omega[:, None] ** 2
+
+
+def retune_body(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
+    """Return a body of other frequencies and the same stiffness, whose modal masses are changed.
+
+    It rings at these frequencies and still yields to static loads as before.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n,)
+        Angular frequencies [rad/s].
+
+    Returns
+    -------
+    FlexibleBody
+        Body in coordinates of unit modal mass.
+    ndarray, shape (n, n)
+        Matrix from these coordinates to the given body's.
+    """
+    scale = np.diag(omega / body.omega)
+    return _combined(body, scale, omega), scale
+
+
+def keep_lowest(body: FlexibleBody, own: Array, n: int) -> tuple[FlexibleBody, Array]:
+    """Return a body with the shapes of a poorer basis and its own n lowest ones alone.
+
+    The lowest alone lack static responses that the poorer basis has, and so would differ from it by more than by what
+    it leaves out. A body of no more shapes than both are is returned as it is.
+
+    Parameters
+    ----------
+    own : ndarray, shape (n_nodes, 3, k)
+        Shapes of the poorer basis, which combine the body's.
+
+    Returns
+    -------
+    FlexibleBody
+        Body of up to k + n shapes, of unit modal mass and diagonal stiffness (Rayleigh–Ritz).
+    ndarray, shape (n_modes, k + n)
+        Matrix from these coordinates to the given body's.
+    """
+    if len(body.omega) <= own.shape[-1] + n:
+        return body, np.eye(len(body.omega))
+    nodal = body.shapes.reshape(-1, len(body.omega))
+    combined = np.linalg.lstsq(nodal, own.reshape(len(nodal), -1))[0]
+    both = np.c_[combined / np.linalg.norm(combined, axis=0), np.eye(len(body.omega))[:, :n]]
+    directions, sizes, _ = np.linalg.svd(both, full_matrices=False)
+    directions = directions[:, sizes > NEW_RESPONSE * sizes[0]]
+    omega2, turn = np.linalg.eigh((directions.T * body.omega**2) @ directions)
+    weights = directions @ turn
+    return _combined(body, weights, np.sqrt(omega2)), weights
+
+
+def _combined(body: FlexibleBody, weights: Array, omega: Array) -> FlexibleBody:
+    """Return a body whose shapes are combinations (n, k) of another's, of unit modal mass, with these frequencies."""
+    full = np.zeros((len(weights) + 1, len(omega) + 1))
+    full[0, 0], full[1:, 1:] = 1.0, weights
+    integrals = body.integrals
+    stiffening, displacement2, rotation2 = (
+        _in_new(forms, weights) for forms in (integrals.stiffening, integrals.displacement2, integrals.rotation2)
+    )
+    integrals = replace(
+        integrals,
+        G=full.T @ integrals.G @ full,
+        S=integrals.S @ full,
+        stiffening=stiffening,
+        displacement2=displacement2,
+        rotation2=rotation2,
+    )
+    markers = {
+        name: replace(
+            marker,
+            translation=marker.translation @ weights,
+            rotation=marker.rotation @ weights,
+            displacement2=_in_new(marker.displacement2, weights),
+        )
+        for name, marker in body.markers.items()
+    }
+    return replace(
+        body,
+        omega=omega,
+        shapes=body.shapes @ weights,
+        markers=markers,
+        integrals=integrals,
+    )
+
+
+def _in_new(forms: Array, weights: Array) -> Array:
+    """Quadratic forms (…, n, n) in other coordinates; empty forms stay empty."""
+    return np.asarray(weights.T @ forms @ weights) if forms.size else forms
