@@ -156,6 +156,11 @@ class PlainSystem(Protocol):
     """Answers of a system without loops, contacts, controllers, force laws, groups and tangents."""
 
     @property
+    def leap_in_lanes(self) -> int:
+        """Address of a leapfrog step of eight states at once, each with numbers of its own; 0 if there is none."""
+        return 0
+
+    @property
     def has_loops(self) -> bool:
         """True if constraints close loops."""
         return False

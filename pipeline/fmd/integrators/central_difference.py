@@ -6,22 +6,27 @@ Stable for ω_max h < 2.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.stepping import LANE_STEPS
 from fmd.dynamics.system import System, advance, leapfrog_step
 from fmd.integrators.fixed_step import (
     FixedMarch,
     FixedStepIntegrator,
     SingleSteps,
+    make_samples,
     runs_away,
     sample_within,
     take_steps,
 )
+from fmd.integrators.lanes import arrange_lanes, make_lanes, march_lanes
+from fmd.integrators.march_tables import make_starts
 from fmd.integrators.protocol import (
     Integrator,
     State,
@@ -76,6 +81,21 @@ class CentralDifference(FixedStepIntegrator):
             return LeapfrogSteps(self.step, state.q, state.v, state.a, *aligned(system.n_positions, system.n))
 
         return FixedMarch(self.name, make, system, system.leapfrog(), self.step)
+
+    def march_each(
+        self, system: System, start: State, values: Array, first: IntArray, n_cycles: int, times: Array
+    ) -> tuple[Array, Array, Array, IntArray, float]:
+        """March from each of many `State.values`, eight at once where they are many and have numbers of their own."""
+        several = values.shape[1] > start.values.size and len(first) * n_cycles >= LANE_STEPS
+        leap = system.leap_in_lanes if several else 0
+        if not leap:
+            return super().march_each(system, start, values, first, n_cycles, times)
+        p, samples = system.parameters, make_samples(start, times, self.step)
+        starts, groups = make_starts(start, values, first, times, p), arrange_lanes(first)
+        tick = time.perf_counter()
+        march_lanes(make_lanes(leap, p, self.step, start.v.size), samples, starts, groups, n_cycles)
+        seconds = (time.perf_counter() - tick) / len(first)
+        return starts.values, starts.sampled_q, starts.sampled_v, starts.done, seconds
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.stepping import CYCLES_SECONDS, FIRST_CYCLES, MORE_CYCLES, RUNAWAY
 from fmd.dynamics.system import System, note_contacts, project
-from fmd.integrators.many_states import numbers_in, state_slopes
-from fmd.integrators.march_tables import Samples, Starts, keep_values, no_starts, take_values
+from fmd.integrators.many_states import state_slopes
+from fmd.integrators.march_tables import Samples, Starts, keep_values, make_starts, no_starts, take_values
 from fmd.integrators.protocol import Progress, ResumableIntegrator, State, Trajectory, require_times
 from fmd.integrators.work_bounds import ElongationLog, WorkCheck, note_elongations
 from fmd.kernels.kernel import inlined, inner, kernel
@@ -157,14 +157,14 @@ def _march(
     first: int,
     n_cycles: int,
 ) -> int:
-    """March some cycles from step number ``first`` on, or as many from each start.
+    """March some cycles from step number ``first`` on, or as many from each start whose steps done are noted there.
 
-    Return how many steps are done, in all marches together, before rates run away. One kernel does both: compiling a
-    second one for each method would take longer than most marches.
+    Return how many steps are done before rates run away, of the last march. One kernel does both: compiling a second
+    one for each method would take longer than most marches.
     """
     if starts.first.size == 0:
         return _march_cycles(m, p, frozen, samples, log, substeps, first, n_cycles)
-    total = 0
+    done = 0
     for k in range(starts.first.size):
         at = take_values(starts.q, starts.values[k], 0)
         at = take_values(starts.v, starts.values[k], at)
@@ -173,9 +173,7 @@ def _march(
         take_values(starts.numbers, starts.values[k], at)
         samples.cursor[0] = 0
         done = _march_cycles(m, p, frozen, samples, log, substeps, starts.first[k], n_cycles)
-        total += done
-        if done < n_cycles * substeps:
-            return total
+        starts.done[k] = done
         at = keep_values(starts.q, starts.values[k], 0)
         at = keep_values(starts.v, starts.values[k], at)
         at = keep_values(starts.a, starts.values[k], at)
@@ -183,7 +181,7 @@ def _march(
         for j in range(samples.times.size):
             keep_values(samples.q[j], starts.sampled_q[k, j], 0)
             keep_values(samples.v[j], starts.sampled_v[k, j], 0)
-    return total
+    return done
 
 
 def locate_samples(times: Array, step: float) -> tuple[IntArray, Array]:
@@ -192,6 +190,12 @@ def locate_samples(times: Array, step: float) -> tuple[IntArray, Array]:
     offset = np.maximum(times - number * step, 0.0)
     offset[offset < 1e-9 * step] = 0.0
     return number, offset
+
+
+def make_samples(state: State, times: Array, step: float) -> Samples:
+    """Make room for the samples of a march from a state like this one, without contacts."""
+    q, v = (np.full((times.size, size), np.nan) for size in (state.q.size, state.v.size))
+    return Samples(times, *locate_samples(times, step), q, v, np.zeros((times.size, 0)), np.zeros(1, dtype=np.int64))
 
 
 @dataclass(frozen=True)
@@ -328,11 +332,11 @@ class FixedStepIntegrator(ResumableIntegrator):
         remembers = check.follows_laws or system.has_loops or system.n_contact_values
         if remembers:  # what is each march's own
             return super().ends(system, start, values, first, n_cycles)
-        found, _, _, done, _ = self._march_each(system, start, values, first, n_cycles, np.zeros(0))
-        total = n_cycles * march.substeps
-        if done < len(found) * total or not np.isfinite(found).all():
-            number, steps = divmod(done, total)
-            at = (first[min(number, len(first) - 1)] + steps) * march.step
+        found, _, _, done, _ = self.march_each(system, start, values, first, n_cycles, np.zeros(0))
+        whole = (done == n_cycles * march.substeps) & np.isfinite(found).all(axis=1)
+        if not whole.all():
+            number = int(np.argmin(whole))
+            at = (first[number] + done[number]) * march.step
             raise StabilityError(f"{self.name} diverges at t = {at:.6g} s; take a smaller step")
         return found
 
@@ -349,15 +353,15 @@ class FixedStepIntegrator(ResumableIntegrator):
         Returns
         -------
         list of Trajectory or None
-            As `march` gives them; None of those from the first one on that diverges.
+            As `march` gives them; None of those that diverge.
         """
         require_times(times)
         q0, v0, _ = np.split(states[0], [system.n_positions, system.n_positions + system.n])
         start, values, m = self.start(system, q0, v0), self.starts(system, states), self.substeps
         n_cycles = -(-(int(locate_samples(times, self.step)[0][-1]) + 1) // m)
         first, n_steps = np.zeros(len(states), dtype=np.int64), n_cycles * m
-        ends, q, v, done, seconds = self._march_each(system, start, values, first, n_cycles, times)
-        whole = np.isfinite(ends).all(axis=1) & (np.arange(len(ends)) < done // n_steps)
+        ends, q, v, done, seconds = self.march_each(system, start, values, first, n_cycles, times)
+        whole = (done == n_steps) & np.isfinite(ends).all(axis=1)
         at_end = replace(start, step=n_steps, time=n_steps * self.step)
         found = (
             self.describe(times, q[k], v[k], at_end.with_values(own[: start.values.size]), n_steps, seconds)
@@ -372,28 +376,23 @@ class FixedStepIntegrator(ResumableIntegrator):
     def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
         """Return the trajectory of a whole march with so many fast steps."""
 
-    def _march_each(
+    def march_each(
         self, system: System, start: State, values: Array, first: IntArray, n_cycles: int, times: Array
-    ) -> tuple[Array, Array, Array, int, float]:
+    ) -> tuple[Array, Array, Array, IntArray, float]:
         """March from each of many `State.values`, with what belongs to a start, and with output times if there are any.
 
         Returns
         -------
-        tuple of ndarray, ndarray, ndarray, int, float
-            Values at the ends, positions and rates at the output times, the number of steps that were taken in all
-            marches together before one ran away, and run time of a march [s].
+        tuple of ndarray, ndarray, ndarray, ndarray of int, float
+            Values at the ends, positions and rates at the output times, the number of steps that each march took
+            before it ran away, and run time of a march [s].
         """
         march, state, p = self.fixed_march(system), start.copy(), system.parameters
-        found, count = np.array(values, order="C"), len(values)
-        q, v = (np.full((count, times.size, size), np.nan) for size in (state.q.size, state.v.size))
-        step, offset = locate_samples(times, march.step)
-        cursor = np.zeros(1, dtype=np.int64)
-        samples = Samples(times, step, offset, q[0].copy(), v[0].copy(), np.zeros((times.size, 0)), cursor)
-        numbers = numbers_in(p, found.shape[1] - start.values.size)
+        samples, starts = make_samples(state, times, march.step), make_starts(state, values, first, times, p)
         method, log = march.make(state), WorkCheck(system, 0.0, march.step, march.substeps).log
-        starts = Starts(first, *state.arrays, numbers, found, q, v)
         single = isinstance(method, SingleSteps)
         cycle, cycles = (n_cycles, 1) if single else (march.substeps, n_cycles)
         tick = time.perf_counter()
-        done = int(_march(method, p, march.frozen, samples, log, starts, cycle, 0, cycles))
-        return found, q, v, done, (time.perf_counter() - tick) / count
+        _march(method, p, march.frozen, samples, log, starts, cycle, 0, cycles)
+        seconds = (time.perf_counter() - tick) / len(values)
+        return starts.values, starts.sampled_q, starts.sampled_v, starts.done, seconds

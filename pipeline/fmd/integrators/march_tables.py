@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.integrators.many_states import numbers_in
+from fmd.integrators.protocol import State
 from fmd.kernels.kernel import inner
 from fmd.kernels.table import Table
 
@@ -49,6 +52,8 @@ class Starts(Table):
     ----------
     first : ndarray of int, shape (n_marches,)
         Number of the first step of each.
+    done : ndarray of int, shape (n_marches,)
+        How many steps each has taken before it ran away.
     q, v, a, memory : ndarray
         The arrays of the state that the method's table writes into.
     numbers : ndarray, shape (n_numbers,)
@@ -60,6 +65,7 @@ class Starts(Table):
     """
 
     first: IntArray
+    done: IntArray
     q: Array
     v: Array
     a: Array
@@ -75,7 +81,18 @@ def no_starts() -> Starts:
     """Return the starts of a march that goes on from the state in its method's table."""
     nothing, none = np.zeros(0), np.zeros((0, 0, 0))
     first = np.zeros(0, dtype=np.int64)
-    return Starts(first, nothing, nothing, nothing, nothing, nothing, np.zeros((0, 0)), none, none)
+    return Starts(first, first, nothing, nothing, nothing, nothing, nothing, np.zeros((0, 0)), none, none)
+
+
+def make_starts(state: State, values: Array, first: IntArray, times: Array, p: Any) -> Starts:
+    """Make the starts of marches from many `State.values`, which write into a state's arrays, with room for samples.
+
+    Numbers behind the values are put in their place in a system's parameters.
+    """
+    found, done = np.array(values, order="C"), np.zeros(len(values), dtype=np.int64)
+    q, v = (np.full((len(values), times.size, size), np.nan) for size in (state.q.size, state.v.size))
+    numbers = numbers_in(p, found.shape[1] - state.values.size)
+    return Starts(first, done, *state.arrays, numbers, found, q, v)
 
 
 @inner

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+# Many marches.
+LANE_STEPS = 500_000  # of all together, from which on a step of eight at once is worth its compiling
+
 # Adaptive steps.
 STILL_GROUP = 1e-12  # size of a group of coordinates that hasn't moved yet [SI units]
 HARDLY_MOVING = 1e-6  # of the largest value of its kind: a group that hardly moves

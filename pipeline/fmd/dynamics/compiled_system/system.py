@@ -216,6 +216,11 @@ class CompiledSystem(ReferenceState):
         """Fresh storage for leapfrog steps."""
         return self._leapfrog.renewed()
 
+    @property
+    def leap_in_lanes(self) -> int:
+        """Address of a leapfrog step of eight states at once, each with numbers of its own; 0 if there is none."""
+        return 0 if self.settles or self.mechanism.contacts else self.compiled.address("leap_in_lanes")
+
     @cached_property
     def _leapfrog(self) -> Leapfrog:
         step, v_now = aligned(1, self.n)

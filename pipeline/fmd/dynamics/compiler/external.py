@@ -28,10 +28,12 @@ from fmd.dynamics.compiler.graph import Graph, Scalar, Vector
 from fmd.dynamics.compiler.program import Output, Program
 from fmd.dynamics.compiler.programs import trace_program
 from fmd.dynamics.compiler.tangents import direction_inputs
-from fmd.dynamics.compiler.variants import Key, VariantCoordinates
 from fmd.dynamics.links import PointLoad
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal, constant
+
+Key = tuple[int, str]
+"""A body's number, and the name of one of its constants."""
 
 _STATE = ("constants", "inputs", "q", "v")
 
@@ -171,8 +173,35 @@ class ExternalMechanism:
         return found
 
 
-class _ExternalCoordinates(VariantCoordinates):
-    """Inputs of a mechanism, some of whose constants are inputs too; the modal damping ratio is one for a body."""
+class _ExternalCoordinates(Coordinates):
+    """Inputs of a mechanism, some of whose constants, loads and motions are inputs too.
+
+    Parameters
+    ----------
+    places : dict
+        Where each constant is in the argument ``constants``; the modal damping ratio is one for a body.
+    acting : sequence of int
+        Numbers of the loads and motions that are inputs, bodies' first and then those at points.
+    """
+
+    def __init__(self, graph: Graph, mechanism: Mechanism, places: dict[Key, int], acting: Sequence[int]) -> None:
+        super().__init__(graph, _with_loads_of_their_own(mechanism))
+        self._places, self._acting = places, acting
+        own = self.mechanism
+        self._loads = [link.motion or link.load for link in own.links] + [load.size for load in own.loads]
+
+    def number(self, body: int, name: str, value: float) -> Scalar:
+        """A constant, or where it is among the inputs."""
+        place = self._places.get((body, name))
+        return self.graph.number(value) if place is None else self.graph.scalar_input("constants", place)
+
+    def signal(self, signal: Signal, derivatives: int = 0) -> list[Scalar]:
+        """A signal's value and its first derivatives, as inputs if it acts."""
+        number = next(k for k, other in enumerate(self._loads) if other is signal)
+        if number not in self._acting:
+            return super().signal(signal, derivatives)
+        first = 3 * self._acting.index(number)
+        return [self.graph.scalar_input("inputs", first + k) for k in range(1 + derivatives)]
 
     def scaled(self, body: int, name: str, values: Array, vector: Vector) -> Vector:
         """A modal vector, each entry times a constant of a body."""
@@ -181,6 +210,15 @@ class _ExternalCoordinates(VariantCoordinates):
             return super().scaled(body, name, values, vector)
         ratio = self.graph.scalar_input("constants", place)
         return vector.multiplied_by(np.diag(2.0 * self.mechanism.links[body].omega)) * ratio
+
+
+def _with_loads_of_their_own(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism in which no two places share one `Signal`, so that each is known by its identity."""
+    links = [
+        replace(link, load=replace(link.load), motion=None if link.motion is None else replace(link.motion))
+        for link in mechanism.links
+    ]
+    return replace(mechanism, links=links, loads=[replace(load, size=replace(load.size)) for load in mechanism.loads])
 
 
 def _with_marker_loads(mechanism: Mechanism, markers: list[tuple[int, str]]) -> Mechanism:

@@ -6,7 +6,8 @@ are filled:
 - ``inputs`` (3 n_signals + n_numbers,): value, rate and acceleration of each varying signal at the state's time, and
   springs, rests and dampers of joints, and held values;
 - ``q`` (n_positions,) and ``v`` (n,): positions and rates in the mechanism's order;
-- ``step`` (1,): length of a leapfrog step, which takes ``q``, ``v`` and ``a`` on in their places;
+- ``step`` (1,): length of a leapfrog step, which takes ``q``, ``v`` and ``a`` on in their places, and in lanes eight
+  states with eight ``inputs``, (…, 8) each;
 - ``push`` (n_bodies, 6): force and moment by contact on each body's frame, in its axes, and ``modal`` (n,): such forces
   on modes, in the order of rates;
 - ``a`` (n,): accelerations, and ``r`` (n,): the residual ``M̂ a − Q̂``;
@@ -319,6 +320,7 @@ def _in_row(argument: str, row: int, values: Sequence[Scalar | Vector]) -> list[
     return [Output(value, (argument, (len(values) * row + k,))) for k, value in enumerate(values)]
 
 
+_LEAP = ("inputs", "step", "q", "v", "a")
 _PUSH = ("push", "modal")
 _MOTION = ("a", "moved", "drift", "by_inputs")
 _REACTION = ("D", "K", "Ky")
@@ -343,7 +345,10 @@ DEFINITIONS = {
     "closing_adjoint": Definition((*_STATE, "a", "w", *_ADJOINT, "a_adjoint"), _closing_adjoint),
     "changed_tangents": Definition((*_STATE, "f", *_BESIDE, "a", "da"), _changed_tangents, (*_BESIDE, "da")),
     "pushed": Definition((*_STATE, *_PUSH, "a"), partial(_accelerations, forces=PushedForces)),
-    "leap": Definition(("inputs", "step", *_STATE[1:], "a"), lambda inputs, _: trace_leap(inputs), in_place=True),
+    "leap": Definition(_LEAP, lambda inputs, _: trace_leap(inputs), in_place=True),
+    "leap_in_lanes": Definition(
+        _LEAP, lambda inputs, _: trace_leap(inputs), lanes=("inputs", "q", "v", "a"), in_place=True
+    ),
     "residual": Definition((*_STATE, "a", "r"), _residual, seldom=True),
     "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _by("inputs", "q", "v", "a"), lanes=_DIRECTIONS, seldom=True),
     "second_slopes": Definition(
