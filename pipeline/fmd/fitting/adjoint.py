@@ -13,8 +13,8 @@ from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter
 from fmd.fitting.tangents import say_what_lacks_tangents
-from fmd.integrators.adjoint import pull_back
-from fmd.integrators.central_difference import CentralDifference
+from fmd.integrators import central_difference_adjoint, generalized_alpha_adjoint, runge_kutta_adjoint  # noqa: F401
+from fmd.integrators.adjoint import can_be_taken_back, pull_back
 from fmd.integrators.protocol import Trajectory
 from fmd.output.channels import ResultChannel
 from fmd.stages.pipeline import Pipeline
@@ -106,8 +106,8 @@ def lacks_adjoint(
         return "results that are no histories"
     if count < FEWEST_BY_ADJOINT:
         return f"{count} numbers: tangents are as quick for less than {FEWEST_BY_ADJOINT}"
-    if not isinstance(plan.integrator, CentralDifference):
-        return f"{plan.integrator.name}: only steps of central-difference are taken back"
+    if not can_be_taken_back(plan.integrator):
+        return f"{plan.integrator.name}: its steps are not taken back"
     if not plan.marched[0].has_tangents:
         return say_what_lacks_tangents(plan)
     if plan.mechanism.held or plan.mechanism.states:
@@ -123,7 +123,6 @@ def _add_up(
 ) -> dict[Parameter, float]:
     plan = motion.plan
     assert plan is not None
-    assert isinstance(plan.integrator, CentralDifference)
     (system, q0, v0), part = plan.marched, plan.excited
     positions, rates = (np.arange(each.size) for each in plan.start)
     if part is not None and plan.excited_system is not None:

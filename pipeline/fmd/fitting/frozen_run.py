@@ -11,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import DIFFERENCE, NEAR_DIFFERENCE, SAME_SHAPE
+from fmd.dynamics.compiled_system.closed_tangents import LinearisedAnewError
 from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.dynamics.compiler.program import LANES
 from fmd.fitting.neighbours import PartedMarch, find_all_turns, goes_in_parts, march_in_parts, march_neighbours
@@ -69,6 +70,8 @@ class FrozenMotion:
     tangents : dict of Parameter to Tangent or None
         Derivatives of the motion by numbers, times their sizes, as far as they have been asked for; ``None`` where
         there is no tangent.
+    lacking : list of str
+        Why tangents that have been marched aren't those of the motion.
     variants : dict of tuple to Beside
         The scene beside it, by a number and the share of it: of the last eight numbers, which march together.
     parts : list of PartedMarch
@@ -80,6 +83,7 @@ class FrozenMotion:
     plan: Plan | None = None
     by: tuple[Parameter, ...] = ()
     tangents: dict[Parameter, Tangent | None] = field(default_factory=dict)
+    lacking: list[str] = field(default_factory=list)
     variants: dict[tuple[Parameter, float], Beside] = field(default_factory=dict)
     parts: list[PartedMarch] = field(default_factory=list)
 
@@ -175,7 +179,8 @@ class FrozenRun:
             found = self._variants(motion, parameter, share * DIFFERENCE)
             trajectories = [self._march(plan) for plan in found.plans]
         assert motion.plan is not None
-        return replace(self._with_motions(found, trajectories), lacking=say_what_lacks_tangents(motion.plan))
+        lacking = motion.lacking[0] if motion.lacking else say_what_lacks_tangents(motion.plan)
+        return replace(self._with_motions(found, trajectories), lacking=lacking)
 
     def _tangent(self, motion: FrozenMotion, parameter: Parameter) -> Tangent | None:
         """Return a motion's derivative by a number, times its size, if it is to be had; those by others go with it."""
@@ -184,7 +189,12 @@ class FrozenRun:
             wanted = [each for each in dict.fromkeys((parameter, *motion.by)) if each not in motion.tangents][:LANES]
             directions = {each: self.direction(motion, each) for each in wanted}
             known = {each: direction for each, direction in directions.items() if direction is not None}
-            found = march_tangents(motion.plan, list(known.values()), self.times)
+            found = list[Tangent]()
+            try:
+                found = march_tangents(motion.plan, list(known.values()), self.times)
+            except LinearisedAnewError as error:
+                motion.lacking.append(str(error))
+                known = {}
             self.marches += -(-len(known) // LANES)
             motion.tangents.update(dict.fromkeys(wanted) | dict(zip(known, found, strict=True)))
         return motion.tangents[parameter]

@@ -13,7 +13,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError, InputError, blaming
-from fmd.core.limits.fitting import ENDLESS, MET, MOST_DESIGNS, OPTIMUM, STATIONARY
+from fmd.core.limits.fitting import ENDLESS, MET, MOST_BANDS, MOST_DESIGNS, OPTIMUM, STATIONARY
 from fmd.fitting.designs import Design, DesignSpace
 from fmd.fitting.varied import VariedNumber, read_bounds, read_number
 from fmd.output.channels import find_channels, require_results
@@ -202,7 +202,7 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | ExcludedBa
     Raises
     ------
     InputError
-        A text isn't of this form, or names no result.
+        A text isn't of this form, or names no result, or there are too many bands.
     """
     read, found = list[tuple[str, str, str]](), list[Limit | ExcludedBand]()
     for text in texts:
@@ -213,6 +213,12 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | ExcludedBa
         else:
             mend = "must be a result and its bound, e.g. 'frequency.1 >= 40 Hz' or 'frequency.1 outside 40..60 Hz'"
             raise InputError("--subject", "", text, mend)
+    bands = [name for name, sense, _ in read if sense == "outside"]
+    if len(bands) > MOST_BANDS:
+        mend = (
+            f"{len(bands)} bands take {2 ** len(bands)} searches; {MOST_BANDS} at most: give sides that are known by >="
+        )
+        raise InputError("--subject", ", ".join(bands), None, mend)
     require_results(run.scene, [name for name, _, _ in read], "--subject")
     for name, sense, given in read:
         unit = find_channels(run, name, "--subject")[0].unit

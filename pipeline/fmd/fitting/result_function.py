@@ -10,6 +10,7 @@ import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, require_finite, require_shape
+from fmd.core.errors import AccuracyError
 from fmd.fitting.adjoint import find_gradient, lacks_adjoint
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
@@ -105,7 +106,11 @@ class ResultFunction:
         self.lacking = lacks_adjoint(self._frozen, motion, self._parameters, self._channels)
         if self.lacking:
             return np.asarray(weights @ self.jacobian(x))
-        known = find_gradient(self._frozen, motion, self._parameters, self._channels, weights)
+        try:
+            known = find_gradient(self._frozen, motion, self._parameters, self._channels, weights)
+        except AccuracyError as error:
+            self.lacking = str(error)
+            return np.asarray(weights @ self.jacobian(x))
         if not known and motion.plan is not None:
             self.lacking = say_what_lacks_tangents(motion.plan)
         others = replace(motion, by=tuple(each for each in self._parameters if each not in known))

@@ -11,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.limits.fitting import TRIED_MOVES, TRIED_TIMES
 from fmd.core.limits.round_off import SOLVED
+from fmd.dynamics.compiled_system.closed_tangents import require_one_linearisation
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.compiled_system.tangents import Direction, TangentSystem, Variant, lift_system, system_along
 from fmd.dynamics.compiler.program import LANES
@@ -152,6 +153,8 @@ def march_tangents(plan: Plan, directions: Sequence[Direction], times: Array) ->
     ------
     StabilityError
         A tangent grows without bounds.
+    LinearisedAnewError
+        Steps are too long for tangents of loops.
     """
     system, q0, v0 = plan.marched
     found: list[Tangent] = []
@@ -160,6 +163,7 @@ def march_tangents(plan: Plan, directions: Sequence[Direction], times: Array) ->
         both: Any = TangentSystem(system, chosen)
         q1, v1 = both.join(q0, v0)
         march = plan.integrator.march(both, q1, v1, times)
+        require_one_linearisation(both.parameters)
         q, v = both.part(march.q, march.v)
         found += [Tangent(_spread(plan, q[:, :, k], 0), _spread(plan, v[:, :, k], 1)) for k in range(len(chosen))]
     return found

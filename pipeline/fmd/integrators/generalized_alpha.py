@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -112,18 +112,10 @@ class GeneralizedAlpha(ResumableIntegrator):
         AccuracyError
             Newton's iteration did not converge; the message has the time.
         """
-        h, n, own = self.step, system.n, system.motion.n
-        counts = np.array([0.0, np.nan])
-
-        def make(state: State) -> _NewmarkSteps:
-            tangent, marks = state.memory[: own * own].reshape(own, own), state.memory[own * own : own * own + 2]
-            alpha_m, alpha_f, beta, gamma = self.weights.tolist()
-            room = aligned(n, n, n, n, n, n, system.n_positions)
-            begin = (state.q, state.v, state.a, tangent, marks, counts)
-            return _NewmarkSteps(h, alpha_m, alpha_f, beta, gamma, *begin, *room)
-
+        h, own, counts = self.step, system.motion.n, np.array([0.0, np.nan])
         contacts = np.full((times.size, system.n_contact_values), np.nan)
         try:
+            make = partial(self.steps, system, counts)
             march = FixedMarch(self.name, make, system, 0, h, own_memory=own * own + 2)
             end, q, v, seconds = march.run(start, times, progress, contacts)
         except StabilityError:
@@ -134,9 +126,19 @@ class GeneralizedAlpha(ResumableIntegrator):
             ) from None
         return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)
 
+    def steps(self, system: System, counts: Array, state: State) -> NewmarkSteps:
+        """Return the method's table for a state, into whose arrays it writes; ``counts`` (2,) are kept in it."""
+        n, own = system.n, system.motion.n
+        tangent, marks = state.memory[: own * own].reshape(own, own), state.memory[own * own : own * own + 2]
+        alpha_m, alpha_f, beta, gamma = self.weights.tolist()
+        begin = (state.q, state.v, state.a, tangent, marks, counts)
+        return NewmarkSteps(
+            self.step, alpha_m, alpha_f, beta, gamma, *begin, *aligned(n, n, n, n, n, n, system.n_positions)
+        )
+
 
 @dataclass(frozen=True)
-class _NewmarkSteps(Table):
+class NewmarkSteps(Table):
     """State of a march by the generalised-α method, and room for Newton's iteration."""
 
     h: float  # [s]
@@ -160,7 +162,7 @@ class _NewmarkSteps(Table):
 
 
 @inner
-def _factor(A: Array) -> None:
+def factor_tangent(A: Array) -> None:
     """Factor a matrix into L and U in place, without pivoting: a tangent is the unit matrix and a step's change."""
     n = A.shape[0]
     for k in range(n):
@@ -173,14 +175,15 @@ def _factor(A: Array) -> None:
 @inner
 def _solve(A: Array, x: Array) -> None:
     """Solve for the motion's entries of x, then for those of its tangents, which are the last ones, in lanes."""
-    _solve_part(A, x, 0, 1)
+    solve_part(A, x, 0, 1)
     if x.size > A.shape[0]:
         for lane in range(LANES):
-            _solve_part(A, x, x.size - LANES * A.shape[0] + lane, LANES)
+            solve_part(A, x, x.size - LANES * A.shape[0] + lane, LANES)
 
 
 @inner
-def _solve_part(A: Array, x: Array, first: int, apart: int) -> None:
+def solve_part(A: Array, x: Array, first: int, apart: int) -> None:
+    """Solve for entries of x from the first on that are so far apart, with factors of a matrix, in place."""
     n = A.shape[0]
     for i in range(n):
         for j in range(i):
@@ -192,7 +195,7 @@ def _solve_part(A: Array, x: Array, first: int, apart: int) -> None:
 
 
 @inner
-def _evaluate_end(m: _NewmarkSteps, p: Any, end: float, found: Array) -> None:
+def _evaluate_end(m: NewmarkSteps, p: Any, end: float, found: Array) -> None:
     """Evaluate the accelerations at a step's ``end`` [s] for the trial ones."""
     n = m.v.size
     for i in range(n):
@@ -207,7 +210,7 @@ def _evaluate_end(m: _NewmarkSteps, p: Any, end: float, found: Array) -> None:
 
 
 @inner
-def _find_end(m: _NewmarkSteps, p: Any, end: float) -> bool:
+def _find_end(m: NewmarkSteps, p: Any, end: float) -> bool:
     """Find the accelerations at a step's ``end`` [s] by Newton's method; false if it does not converge."""
     n = m.v.size
     for i in range(n):
@@ -225,7 +228,7 @@ def _find_end(m: _NewmarkSteps, p: Any, end: float) -> bool:
 
 
 @inner
-def _renew_tangent(m: _NewmarkSteps, p: Any, end: float) -> None:
+def _renew_tangent(m: NewmarkSteps, p: Any, end: float) -> None:
     """Factor the tangent at the trial accelerations, by differences; ``found`` are the accelerations there."""
     n, size = m.tangent.shape[0], VANISHED
     for i in range(m.v.size):
@@ -240,14 +243,14 @@ def _renew_tangent(m: _NewmarkSteps, p: Any, end: float) -> None:
         m.new[j] = keep
         for i in range(n):
             m.tangent[i, j] = (1.0 if i == j else 0.0) - (m.shifted[i] - m.base[i]) / nudge
-    _factor(m.tangent)
+    factor_tangent(m.tangent)
     m.marks[0] = 1.0
     for i in range(m.v.size):
         m.found[i] = m.base[i]
 
 
 @inner
-def _converges(m: _NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
+def _converges(m: NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
     """Iterate from the trial accelerations until they converge; if ``wary``, only while corrections shrink.
 
     Forces that balance leave an acceleration with their own round-off: a correction that no longer shrinks, or shrinks
@@ -283,7 +286,7 @@ def _converges(m: _NewmarkSteps, p: Any, end: float, wary: bool) -> bool:
 
 
 @inner
-def _correct(m: _NewmarkSteps) -> None:
+def _correct(m: NewmarkSteps) -> None:
     """Correct the trial accelerations by those that the equations of motion give for them."""
     for i in range(m.v.size):
         m.found[i] -= m.new[i]
@@ -293,7 +296,7 @@ def _correct(m: _NewmarkSteps) -> None:
 
 
 @inner
-def _carry_tangents(m: _NewmarkSteps, p: Any, end: float) -> bool:
+def _carry_tangents(m: NewmarkSteps, p: Any, end: float) -> bool:
     """Find the tangents' accelerations where the motion's have been found, until round-off is left; or return false."""
     n, before, size = m.tangent.shape[0], math.inf, VANISHED
     for _ in range(STEP_ITERATIONS):
@@ -315,14 +318,14 @@ def _carry_tangents(m: _NewmarkSteps, p: Any, end: float) -> bool:
     return False
 
 
-@begin_cycle.register(_NewmarkSteps)
-def _begin_cycle(m: _NewmarkSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
+@begin_cycle.register(NewmarkSteps)
+def _begin_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, sampled: bool) -> None:
     if first == 0:
         remember_contacts(p, 0.0, m.q, m.v)
 
 
-@take_steps.register(_NewmarkSteps)
-def _take_steps(m: _NewmarkSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
+@take_steps.register(NewmarkSteps)
+def _take_steps(m: NewmarkSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     """Find the step's end; the state moves there when the samples are taken."""
     if _find_end(m, p, first * m.h + m.h):
         return 0 if runs_away(m.v_new) else 1
@@ -330,8 +333,8 @@ def _take_steps(m: _NewmarkSteps, p: Any, frozen: Any, first: int, done: int, co
     return 0
 
 
-@sample_within.register(_NewmarkSteps)
-def _sample_within(m: _NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+@sample_within.register(NewmarkSteps)
+def _sample_within(m: NewmarkSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     """Interpolate the state: cubic in time, along the mean rates."""
     n, x = v.size, s / m.h
     for i in range(n):
@@ -342,9 +345,14 @@ def _sample_within(m: _NewmarkSteps, p: Any, done: int, s: float, q: Array, v: A
     advance(p, q, m.mean, s, 0, n)
 
 
-@end_cycle.register(_NewmarkSteps)
-def _end_cycle(m: _NewmarkSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
-    """Move the state to the step's end."""
+@end_cycle.register(NewmarkSteps)
+def _end_cycle(m: NewmarkSteps, p: Any, frozen: Any, first: int, samples: Samples, first_sample: int) -> None:
+    move_to_end(m, p, (first + 1) * m.h)
+
+
+@inner
+def move_to_end(m: NewmarkSteps, p: Any, end: float) -> None:
+    """Move the state to a step's ``end`` [s], which has been found."""
     n = m.v.size
     for i in range(n):
         m.a[i] = ((1.0 - m.alpha_f) * m.new[i] + m.alpha_f * m.a[n + i] - m.alpha_m * m.a[i]) / (1.0 - m.alpha_m)
@@ -352,5 +360,5 @@ def _end_cycle(m: _NewmarkSteps, p: Any, frozen: Any, first: int, samples: Sampl
         m.v[i] = m.v_new[i]
     for i in range(m.q.size):
         m.q[i] = m.q_new[i]
-    project(p, (first + 1) * m.h, m.q, m.v)
-    remember_contacts(p, (first + 1) * m.h, m.q, m.v)
+    project(p, end, m.q, m.v)
+    remember_contacts(p, end, m.q, m.v)

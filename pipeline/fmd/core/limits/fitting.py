@@ -11,6 +11,7 @@ TRIED_MOVES = 1e-2  # of positions beside the start [m, rad or modal coordinate]
 # Numbers. Of benchmarks/gradients.csv: by 32 a gradient by springs takes a little more than by tangents, one by masses
 # a little less.
 FEWEST_BY_ADJOINT = 32
+WEIGHTS_LEFT = 1e-8  # of the sum of parts of weights, which corrections are to bring to 0
 READ_DIFFERENCE = 1e-4  # of a coordinate's largest value, between motions that a result is read from
 LEAST_READ_DIFFERENCE = 1e-7  # the same of a coordinate that stays near 0 [m, rad or modal coordinate, or their rates]
 
@@ -21,6 +22,7 @@ JUMP = 0.05  # per cent per per cent that a largest value gains elsewhere, from 
 SAME_MODE = 0.5  # modal assurance criterion from which on a mode of another design is the same
 MET = 1e-4  # relative violation of a limit that counts as none; a limit as near to its bound is active
 OPTIMUM = 1e-6  # relative change of what is minimised at which a search ends
+MOST_BANDS = 4  # that a result must stay out of: each doubles the number of searches
 MOST_DESIGNS = 60  # steps of a search
 ENDLESS = 10.0  # logarithm of how far a result without end is above its bound
 KEPT_DESIGNS = 5  # of a search, beside the first: their meshes and matrices take memory

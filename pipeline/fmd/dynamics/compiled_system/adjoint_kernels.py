@@ -84,6 +84,7 @@ class StepsBack(Table):
     multiplier: Array
     other: Array
     none: Array
+    left: Array  # (2,): largest part of weights that corrections have left, and the size of the last ones
     known: Evaluations
 
 
@@ -96,6 +97,12 @@ def keep_step(p: Any, s: StepsBack, t: float, k: int, q: Array, v: Array, a: Arr
 @singledispatch
 def step_back(p: Any, s: StepsBack, t: float, k: int) -> None:
     """Take a kept step back."""
+    raise NotImplementedError
+
+
+@singledispatch
+def choose_constraints_anew(p: Any) -> None:
+    """Let the next state whose accelerations are asked for decide which constraints are independent."""
     raise NotImplementedError
 
 
@@ -130,6 +137,11 @@ def _step_back(p: TreeParameters, s: StepsBack, t: float, k: int) -> None:
     for i in range(s.dv.size):
         s.da[i] += s.h * s.dv[i]
     pull_back(p, s, t, s.q[k], s.v[k], s.a[k], s.none, s.da)
+
+
+@choose_constraints_anew.register(TreeParameters)
+def _choose_nothing(p: TreeParameters) -> None:
+    pass
 
 
 @accelerate_back.register(TreeParameters)
@@ -223,6 +235,35 @@ def advance_back(p: CompiledParameters, q: Array, v: Array, h: float, dq: Array,
             dv[i] += h * dq[p.position[i]]
     for k in range(p.quaternions.shape[0]):
         _turn_back(q, p.quaternions[k, 1], v, p.quaternions[k, 0], h, dq, dv)
+
+
+@inlined
+def velocities_back(p: CompiledParameters, q: Array, v: Array, weights: Array, dq: Array, dv: Array) -> None:
+    """Add what weighted time derivatives of positions change by with positions q and rates v."""
+    if p.quaternions.shape[0] == 0:
+        for i in range(dv.size):
+            dv[i] += weights[i]
+        return
+    for i in range(dv.size):
+        if p.position[i] >= 0:
+            dv[i] += weights[p.position[i]]
+    for k in range(p.quaternions.shape[0]):
+        _rate_back(q, p.quaternions[k, 1], v, p.quaternions[k, 0], weights, dq, dv)
+
+
+@inner
+def _rate_back(q: Array, at: int, v: Array, turn: int, weights: Array, dq: Array, dv: Array) -> None:
+    """Transpose the derivative of a unit quaternion's rate ``½ e∘(ω, 0)``."""
+    wx, wy, wz = 0.5 * v[turn], 0.5 * v[turn + 1], 0.5 * v[turn + 2]
+    x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
+    d0, d1, d2, d3 = weights[at], weights[at + 1], weights[at + 2], weights[at + 3]
+    dq[at] += wy * d2 - wz * d1 - wx * d3
+    dq[at + 1] += wz * d0 - wx * d2 - wy * d3
+    dq[at + 2] += wx * d1 - wy * d0 - wz * d3
+    dq[at + 3] += wx * d0 + wy * d1 + wz * d2
+    dv[turn] += 0.5 * (w * d0 + z * d1 - y * d2 - x * d3)
+    dv[turn + 1] += 0.5 * (w * d1 - z * d0 + x * d2 - y * d3)
+    dv[turn + 2] += 0.5 * (y * d0 - x * d1 + w * d2 - z * d3)
 
 
 @inner

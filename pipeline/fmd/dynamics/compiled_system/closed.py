@@ -154,6 +154,7 @@ def project_positions(p: ClosedParameters, t: float, q: Array, v: Array) -> None
         widest = _widest(p.g)
         if k == 0 or widest > RELINEARISED:
             factor_constraints(p, q)
+            p.whole.anew[0] += 1 if k > 0 else 0
         if _settles(widest, last, PROJECTED, NOT_PROJECTED):
             break
         if k == PROJECTIONS or not widest < math.inf:
@@ -198,6 +199,7 @@ def _project_onto_constraints(p: ClosedParameters, t: float, h: float, q: Array,
         if not anew and (k == PROJECTIONS or widest > last):  # at a singular position, or in a long step
             anew = True
             factor_constraints(p, q)
+            p.whole.anew[0] += 1
         last = widest
         push(p.whole, p.g)
         advance(p, q, p.whole.push, 1.0, 0, v.size)

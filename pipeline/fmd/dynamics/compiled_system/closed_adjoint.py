@@ -16,6 +16,7 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,
     advance_back,
+    choose_constraints_anew,
     keep_evaluation,
     keep_step,
     project_back,
@@ -105,9 +106,13 @@ def _turn_step_back(p: ClosedParameters, s: StepsBack, t: float, k: int) -> None
     _add(s.rate, s.of_v)
 
 
+@choose_constraints_anew.register(ClosedParameters)
+def _choose_anew(p: ClosedParameters) -> None:
+    p.whole.fresh[0] = 1.0
+
+
 @accelerate_back.register(ClosedParameters)
 def _accelerate_back(p: ClosedParameters, s: StepsBack, t: float, q: Array, v: Array, a: Array) -> None:
-    p.whole.fresh[0] = 1.0
     accelerations(p, t, q, v, s.a_free)
     copy(p.whole.multiplier, s.multiplier)
     _accelerate_by(p, s, t, q, v, a, s.multiplier)
@@ -140,15 +145,26 @@ def _keep(s: StepsBack, t: float, q: Array, v: Array, a: Array) -> int:
 def _find_weights(p: ClosedParameters, s: StepsBack, weights: Array) -> float:
     """Find weights of constraints so that ``Xᵀ`` of others and of theirs is 0; return the largest that was not."""
     whole, widest = p.whole, 0.0
+    s.left[1] = 0.0
     for k in range(whole.rank[0]):
         row = whole.order[k]
-        total = 0.0
+        total, size = 0.0, 0.0
         for i in range(weights.size):
-            total += whole.x[row // LANES, i, row % LANES] * weights[i]
+            part = whole.x[row // LANES, i, row % LANES] * weights[i]
+            total += part
+            size += abs(part)
         p.w[row] = total
         widest = max(widest, abs(total) * whole.scale[row])
+        s.left[1] = max(s.left[1], size * whole.scale[row])
     push(whole, p.w)
     return widest
+
+
+@inner
+def _note_left(s: StepsBack, widest: float) -> None:
+    """Note what the last correction has left of weights, beside what was summed there."""
+    if not widest <= s.left[0] * s.left[1]:
+        s.left[0] = widest / s.left[1]
 
 
 @inner
@@ -158,7 +174,7 @@ def _close_back(p: ClosedParameters, s: StepsBack, t: float, q: Array, v: Array,
     Those by the push itself, with its own weights ``rate``, are ``weights`` after; rates of the constraints, at rates
     v, have the weights ``rates``.
     """
-    last = math.inf
+    last, widest = math.inf, 0.0
     set_inputs(p, t)
     _clear(s.g)
     for _ in range(2 * PROJECTIONS):
@@ -172,6 +188,7 @@ def _close_back(p: ClosedParameters, s: StepsBack, t: float, q: Array, v: Array,
             break
         last = widest
         _add(p.whole.multiplier, s.g)
+    _note_left(s, widest)
     k = keep_evaluation(s, t, q, v)
     copy(s.g, s.known.g[k])
     copy(s.rates, s.known.rates[k])
@@ -200,7 +217,7 @@ def _project_back(p: ClosedParameters, s: StepsBack, t: float, q: Array, v: Arra
 @inner
 def _close_rates_back(p: ClosedParameters, s: StepsBack, q: Array, v: Array, dv: Array) -> None:
     """Take derivatives by rates that are projected back to those by the rates before it."""
-    last = math.inf
+    last, widest = math.inf, 0.0
     _clear(s.g)
     _clear(s.rates)
     for _ in range(2 * PROJECTIONS):
@@ -212,6 +229,7 @@ def _close_rates_back(p: ClosedParameters, s: StepsBack, q: Array, v: Array, dv:
             break
         last = widest
         _add(p.whole.multiplier, s.rates)
+    _note_left(s, widest)
     copy(s.weights, dv)
 
 

@@ -12,14 +12,27 @@ import math
 from dataclasses import dataclass
 
 from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
 from fmd.core.limits.newton import PROJECTIONS, STALLED
 from fmd.dynamics.compiled_system.closed import project_positions, project_rates, pull, push
-from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog
+from fmd.dynamics.compiled_system.parameters import ClosedParameters, CompiledParameters, Leapfrog
 from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy, pulled, set_time, take_state
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints
 from fmd.kernels.kernel import inner
 from fmd.kernels.library import call_native
+
+
+class LinearisedAnewError(AccuracyError):
+    """A projection linearised the constraints more than once: derivatives take its multipliers for those of one."""
+
+
+def require_one_linearisation(p: CompiledParameters | TangentParameters) -> None:
+    """Raise `LinearisedAnewError` where a march has linearised constraints anew within a projection."""
+    own = p.own if isinstance(p, ClosedTangentParameters) else p
+    if isinstance(own, ClosedParameters) and own.whole.anew[0] > 0:
+        count = int(own.whole.anew[0])
+        raise LinearisedAnewError(f"loops were linearised anew within {count} projections; take a shorter step")
 
 
 @dataclass(frozen=True)

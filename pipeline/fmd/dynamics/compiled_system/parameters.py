@@ -36,6 +36,7 @@ class Multipliers(Table):
     order: IntArray  # (n_rows,): constraints in the order in which they are factored, redundant ones last
     rank: IntArray  # (1,): how many are independent
     fresh: Array  # (1,): 1 if order and rank are to be found at the next state
+    anew: IntArray  # (1,): how many projections have linearised the constraints more than once
     multiplier: Array  # (n_rows,)
     total: Array  # (n_rows,): what multipliers have added up to since it was set to 0
     push: Array  # (n,): change of accelerations, rates or positions by the multipliers

@@ -161,6 +161,7 @@ class CompiledSystem(ReferenceState):
             order=np.arange(n_rows),
             rank=np.zeros(1, dtype=np.int64),
             fresh=np.ones(1),
+            anew=np.zeros(1, dtype=np.int64),
             multiplier=multiplier,
             total=total,
             push=push,
