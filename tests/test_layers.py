@@ -79,6 +79,7 @@ FACTS = {
     "fmd.fem.formats.stl": {"_HEADER", "_RECORD"},
     "fmd.fem.local_markers": {"_POINTS"},
     "fmd.integrators.runge_kutta": {"DAMPED", "_E3", "_E5", "_D"},
+    "fmd.integrators.runge_kutta_adjoint": {"_STAGES", "_OF_END"},
     "fmd.kernels.machine": {"DIGEST_BYTES"},
     "fmd.kernels.table": {"_WORD", "_LINE"},
     "fmd.output.campbell": {"RPM"},
