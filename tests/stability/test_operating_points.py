@@ -108,4 +108,4 @@ def test_a_schemes_own_growth_adds_up_over_the_duration() -> None:
 
 def test_a_march_that_diverges_at_once_has_infinite_e_folds() -> None:
     points = OperatingPoints(LinearSystem(np.eye(2), np.eye(2), 1), (REST,), 1e6)
-    assert points.e_folds(CentralDifference(50.0)) == np.inf
+    assert points.e_folds(Subcycling(50.0, 2)) == np.inf

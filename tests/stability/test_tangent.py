@@ -20,6 +20,7 @@ from fmd.stability.tangent import (
     scheme_growth_rates,
     scheme_tangents,
     system_growth_rates,
+    system_slopes,
 )
 from tests.linear_system import LinearSystem
 
@@ -57,6 +58,32 @@ def test_the_tangent_of_a_linear_system_is_its_amplification_matrix() -> None:
     (tangent,), duration = scheme_tangents(Subcycling(0.2, 5), LinearSystem(M, K, 1, C), [REST], 3.2)
     assert duration == pytest.approx(3.0)
     assert tangent == pytest.approx(np.linalg.matrix_power(A, 3), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_step_of_central_difference_maps_disturbances_as_marches_do(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    M, K, C = (
+        scale * (A @ A.T + own * np.eye(3))
+        for scale, own, A in zip((1, 9, 0.3), (3, 0, 0), random.normal(size=(3, 3, 3)), strict=True)
+    )
+    system, rest = LinearSystem(M, K, 1, C), OperatingPoint(0.0, np.zeros(3), np.zeros(3))
+    method = CentralDifference(0.3)
+    (marched,), duration = scheme_tangents(method, system, [rest], 0.3)
+    assert duration == 0.3
+    assert method.maps_slopes(system)
+    assert method.map_slopes(system_slopes(system, [rest]))[0] == pytest.approx(marched, abs=1e-6)
+
+
+def test_along_a_motion_maps_of_slopes_grow_as_marches_of_central_difference_do() -> None:
+    # The rod turns ever faster, and at 0.95 of the limit its slider's oscillations are fed.
+    run = Pipeline(load_scene("rod-slider"))
+    method = CentralDifference(0.95 * run.system.largest_step)
+    points = find_operating_points(run.system, run.mechanism, *run.start, 10.0)
+    marched = scheme_growth_rates(method, run.system, points.points, 1e-2)[:, 0]
+    mapped = points.excess_growth(method)[:, 0] + np.maximum(points.growth_rates[:, 0], 0.0)
+    assert mapped.max() > 0.5
+    assert mapped == pytest.approx(marched, abs=0.07 * mapped.max())
 
 
 def test_a_method_that_keeps_two_accelerations_has_a_tangent_of_both() -> None:

@@ -82,6 +82,21 @@ class CentralDifference(FixedStepIntegrator):
 
         return FixedMarch(self.name, make, system, system.leapfrog(), self.step)
 
+    def maps_slopes(self, system: System) -> bool:
+        """Return true where positions are as many as rates, and nothing else acts at the end of a step."""
+        own = system.n_positions == system.n and not (system.has_loops or system.is_sampled)
+        return own and not system.n_contact_values
+
+    def map_slopes(self, slopes: Array) -> Array:
+        """Return the maps over a step: ``a`` at ``v + ½ h a``, then ``v += h a``, ``q += h v``."""
+        h, n = self.step, slopes.shape[1] // 2
+        by_q, by_v = slopes[:, n:, :n], slopes[:, n:, n:]
+        unit, nothing = np.broadcast_to(np.eye(n), by_q.shape), np.zeros(by_q.shape)
+        a = np.concatenate([by_q, by_v, 0.5 * h * by_v], axis=2)
+        v = np.concatenate([nothing, unit, nothing], axis=2) + h * a
+        q = np.concatenate([unit, nothing, nothing], axis=2) + h * v
+        return np.concatenate([q, v, a], axis=1)
+
     def march_each(
         self, system: System, start: State, values: Array, first: IntArray, n_cycles: int, times: Array
     ) -> tuple[Array, Array, Array, IntArray, float]:

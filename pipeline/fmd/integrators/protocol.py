@@ -252,6 +252,24 @@ class ResumableIntegrator(Integrator):
         pairs = (np.split(own, [system.n_positions]) for own in states)
         return np.array([self.start(system, q, v).values for q, v in pairs])
 
+    def maps_slopes(self, system: System) -> bool:
+        """Return true if how a disturbed state of a system changes in a step follows from `map_slopes`."""
+        return False
+
+    def map_slopes(self, slopes: Array) -> Array:
+        """Return maps of disturbed positions, rates and accelerations over a step of linearised equations of motion.
+
+        Parameters
+        ----------
+        slopes : ndarray, shape (n_points, 2 n, 2 n)
+            Of the time derivatives of positions and rates, by both.
+
+        Returns
+        -------
+        ndarray, shape (n_points, n_values, n_values)
+        """
+        raise NotImplementedError
+
     def ends(self, system: System, start: State, values: Array, first: IntArray, n_cycles: int) -> Array:
         """Return the `State.values` in which marches over some cycles end, by a method with a fixed step.
 

@@ -31,8 +31,10 @@ from fmd.stability.tangent import (
     OperatingPoint,
     cycles_within,
     differentiate_states,
+    map_growth_rates,
     scheme_growth_rates,
-    system_growth_rates,
+    slope_growth_rates,
+    system_slopes,
 )
 
 _SETTLING = Tolerance(limits.SETTLING_CORRECTIONS, relative=limits.SETTLED, absolute=limits.SETTLED)
@@ -55,9 +57,14 @@ class OperatingPoints:
     duration: float
 
     @cached_property
+    def slopes(self) -> Array:
+        """Equations of motion linearised at the points, shape (n_points, n_positions + n, n_positions + n)."""
+        return system_slopes(self.system, self.points)
+
+    @cached_property
     def growth_rates(self) -> Array:
         """Growth rates by the equations of motion [1/s], descending, shape (n_points, n_positions + n)."""
-        return system_growth_rates(self.system, self.points)
+        return slope_growth_rates(self.slopes)
 
     def excess_growth(self, method: ResumableIntegrator) -> Array:
         """Return the growth rates that are a scheme's own, beyond those of the equations of motion.
@@ -69,7 +76,10 @@ class OperatingPoints:
         """
         rates = np.maximum(self.growth_rates, 0.0)
         try:
-            by_scheme = scheme_growth_rates(method, self.system, self.points, SPAN * self.duration)
+            if method.maps_slopes(self.system):
+                by_scheme = map_growth_rates(method.map_slopes(self.slopes), method.step)
+            else:
+                by_scheme = scheme_growth_rates(method, self.system, self.points, SPAN * self.duration)
         except StabilityError:
             return np.full(rates.shape, np.inf)
         return by_scheme[:, : rates.shape[1]] - rates
@@ -82,7 +92,8 @@ class OperatingPoints:
     def e_folds(self, method: ResumableIntegrator) -> float:
         """Return the e-folds by which a scheme alone makes vibrations grow over the duration; infinite if it diverges.
 
-        Each point counts for the time that its major cycles were taken at: two cycles after the point.
+        Each point counts for the time that its major cycles were taken at: two cycles after the point where a scheme is
+        marched from it.
         """
         if method not in self._known:
             self.keep(method, self.excess_growth(method))
@@ -99,7 +110,8 @@ class OperatingPoints:
 
     def _add_up(self, method: ResumableIntegrator, excess: Array) -> float:
         cycle, part = method.substeps * method.step, self.duration / len(self.points)
-        late = min((1.5 + 0.5 * cycles_within(SPAN * self.duration, cycle)) * cycle, part)
+        marched = not method.maps_slopes(self.system)
+        late = min((1.5 + 0.5 * cycles_within(SPAN * self.duration, cycle)) * cycle, part) if marched else 0.0
         weights = np.full(len(self.points), part)
         weights[0] += late
         weights[-1] -= late

@@ -57,11 +57,20 @@ def system_growth_rates(system: System, points: Sequence[OperatingPoint]) -> Arr
     ndarray, shape (n_points, n_positions + n)
         Real parts of the eigenvalues [1/s], descending.
     """
+    return slope_growth_rates(system_slopes(system, points))
+
+
+def system_slopes(system: System, points: Sequence[OperatingPoint]) -> Array:
+    """Return the equations of motion linearised at points, shape (n_points, n_positions + n, n_positions + n)."""
     nudges = np.repeat([NUDGE, RATE_NUDGE], [system.n_positions, system.n])
     times = np.array([at.time for at in points])
     states = np.array([at.values for at in points])
-    J = differentiate_states(system, times, states, np.arange(nudges.size), nudges)
-    return np.sort(np.linalg.eigvals(J).real)[:, ::-1]
+    return differentiate_states(system, times, states, np.arange(nudges.size), nudges)
+
+
+def slope_growth_rates(slopes: Array) -> Array:
+    """Return the real parts of the eigenvalues of linearised equations of motion [1/s], descending, a row each."""
+    return np.sort(np.linalg.eigvals(slopes).real)[:, ::-1]
 
 
 def differentiate_states(system: System, times: Array, states: Array, places: IntArray, nudges: Array) -> Array:
@@ -109,8 +118,13 @@ def scheme_growth_rates(
     if not finite.all():  # a disturbed march diverged
         at = points[int(np.argmin(finite))]
         raise StabilityError(f"{method.name} diverges within {duration:.3g} s of t = {at.time:.3g} s")
-    moduli = np.maximum(np.abs(np.linalg.eigvals(A)), 1e-300)
-    return np.sort(np.log(moduli))[:, ::-1] / duration
+    return map_growth_rates(A, duration)
+
+
+def map_growth_rates(maps: Array, duration: float) -> Array:
+    """Return ``ln|μ|/τ`` for each eigenvalue μ of maps over a duration τ [1/s], descending, a row each."""
+    moduli = np.maximum(np.abs(np.linalg.eigvals(maps)), 1e-300)
+    return np.asarray(np.sort(np.log(moduli))[:, ::-1] / duration)
 
 
 def scheme_tangents(
