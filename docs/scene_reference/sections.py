@@ -20,6 +20,7 @@ from fmd.scene.force_elements import (
     LengthStop,
     Spring,
 )
+from fmd.scene.gears import GearMesh, GearTeethMesh, SpurGear
 from fmd.scene.histories import ExtremesTable, History, Quantities
 from fmd.scene.imported_bodies import (
     CadFile,
@@ -244,6 +245,8 @@ SECTIONS = (
     Section("### Mesh of a shaft or profile", BeamMesh),
     Section("### Propeller", Propeller),
     Section("### Mesh of a propeller", PropellerMesh),
+    Section("### Spur gear", SpurGear),
+    Section("### Mesh of a spur gear", GearTeethMesh),
     Section("### Every body from a file", Imported),
     Section("### Material of a part", Substance),
     Section("### Body from a mesh file", MeshedPart),
@@ -338,6 +341,7 @@ SECTIONS = (
     Section("### S-N curve", SnCurve),
     Section("### Mean stress", MeanStress),
     Section("### Pressure of a contact", ContactPressure),
+    Section("### Spur gears in mesh", GearMesh),
     Section("### Every history and table", Quantities),
     Section("### History", History),
     Section("### Table of extremes", ExtremesTable),

@@ -13,10 +13,11 @@ from fmd.cli.options import Flag, Folder, Repair, SceneName, print_json
 from fmd.cli.tables import open_console, print_frequencies, print_table, print_warnings
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.html import scaled
-from fmd.core.limits.shown import BRIEF, LINE_POLES
+from fmd.core.limits.shown import BRIEF
 from fmd.core.limits.stability import COUPLED, GROWING
 from fmd.output.explain import Forecast, forecast_run
 from fmd.output.mechanism_figures import describe_periodic
+from fmd.output.output_kinds import kind_named
 from fmd.output.stated_errors import (
     ERROR_COLUMNS,
     error_cells,
@@ -228,12 +229,9 @@ def _answers(summary: dict[str, Any]) -> list[str]:
     if "periodic" in summary:
         lines.append(describe_periodic(summary["periodic"]))
     for response in summary.get("responses", ()):
-        poles = ", ".join(f"{pole:.4g}" for pole in response["poles_hz"][:LINE_POLES])
-        lines.append(f"{response['files'][0]}: linear about {response['about']}, poles at {poles} … Hz")
-        lines += [
-            f"RMS of {row['output']}: {with_plain_error(row['rms'], row['error'], row['unit'])}"
-            for row in response.get("random", ())
-        ]
+        kind = kind_named(response["type"]).response
+        assert kind is not None  # it has made this
+        lines += kind.describe(response)
     for name, own in summary.get("contacts", {}).items():
         lines.append(f"contact {name}: {_describe_contact(own, summary.get('contact_errors', {}).get(name, {}))}")
     for file, life in summary.get("fatigue", {}).items():

@@ -32,6 +32,7 @@ _MODULES = {
     "table": "histories",
     "export": "exports",
     "frf": "responses",
+    "gear-mesh": "gear_mesh",
 }
 """Files of this folder whose ``KINDS`` hold types that share them; another type has a file of its own name."""
 
@@ -57,11 +58,14 @@ class ResponseKind(NamedTuple):
         Writes it into a folder, with or without its chart, and returns its summary with its files and warnings.
     tabulate : callable
         Returns the table that the report has of a summary.
+    describe : callable
+        Returns the lines that ``fmd run`` writes of a summary.
     """
 
     compute: Callable[[Pipeline, Any], Any]
     write: Callable[[Pipeline, Any, Any, Path, bool], dict[str, Any]]
     tabulate: Callable[[dict[str, Any]], dict[str, Any]]
+    describe: Callable[[dict[str, Any]], list[str]]
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,11 @@ from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.files import whole_file, write_table
 from fmd.core.limits.responses import AWAY_FROM_POLE, FINE_RATIO, NEAR_POLE, RESONANT, UNBOUNDED, UNDAMPED
+from fmd.core.limits.shown import LINE_POLES
 from fmd.core.netcdf import NetcdfVariable, write_netcdf
 from fmd.output.error_table import NOT_STATED
 from fmd.output.output_kinds import OutputKind, ResponseKind
+from fmd.output.stated_errors import with_plain_error
 from fmd.responses.random_vibration import RandomResponse, random_response
 from fmd.responses.state_space import choose_frequencies
 from fmd.scene.outputs import FrequencyResponseChart
@@ -211,6 +213,16 @@ def tabulate_poles(summary: dict[str, Any]) -> dict[str, Any]:
     return {"header": ("pole", "Hz", "damping ratio"), "rows": rows}
 
 
+def describe_response(summary: dict[str, Any]) -> list[str]:
+    """Return the lines that a run writes of a response's summary: its poles, and root mean squares."""
+    poles = ", ".join(f"{pole:.4g}" for pole in summary["poles_hz"][:LINE_POLES])
+    rms = (
+        f"RMS of {row['output']}: {with_plain_error(row['rms'], row['error'], row['unit'])}"
+        for row in summary.get("random", ())
+    )
+    return [f"{summary['files'][0]}: linear about {summary['about']}, poles at {poles} … Hz", *rms]
+
+
 def compute_scene_response(run: Pipeline, output: FrequencyResponseChart) -> FrequencyResponse:
     """Compute a frequency response that a scene lists.
 
@@ -315,4 +327,8 @@ def _write_netcdf(found: FrequencyResponse, path: Path) -> None:
         write_netcdf(part, variables)
 
 
-KINDS = {"frf": OutputKind(response=ResponseKind(compute_scene_response, write_scene_response, tabulate_poles))}
+KINDS = {
+    "frf": OutputKind(
+        response=ResponseKind(compute_scene_response, write_scene_response, tabulate_poles, describe_response)
+    )
+}

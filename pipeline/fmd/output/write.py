@@ -100,7 +100,9 @@ def _add_responses(
     run: Pipeline, responses: list[tuple[Any, ResponseKind, Any]], folder: Path, pictures: bool, summary: dict[str, Any]
 ) -> None:
     """Write responses, and add their figures, files and warnings to the summary."""
-    summary["responses"] = [kind.write(run, output, found, folder, pictures) for output, kind, found in responses]
+    summary["responses"] = [
+        {"type": output.type, **kind.write(run, output, found, folder, pictures)} for output, kind, found in responses
+    ]
     for response in summary["responses"]:
         summary["files"] += response["files"]
         summary["warnings"] += [warning for warning in response["warnings"] if warning not in summary["warnings"]]

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator
 
 from fmd.scene.bar import Bar
 from fmd.scene.beams import Profile, Shaft
+from fmd.scene.gears import SpurGear
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
 from fmd.scene.kinds import KindBy
 from fmd.scene.propeller import Propeller
@@ -31,7 +32,7 @@ def _with_shape(body: object) -> object:
     return body
 
 
-Flexible = Bar | Plate | Tube | Shaft | Profile | Propeller | MeshedPart | CadPart | MatrixPart | ReducedPart
+Flexible = Bar | Plate | Tube | Shaft | Profile | Propeller | SpurGear | MeshedPart | CadPart | MatrixPart | ReducedPart
 Body = Annotated[
     Bar
     | Plate
@@ -39,6 +40,7 @@ Body = Annotated[
     | Shaft
     | Profile
     | Propeller
+    | SpurGear
     | Rod
     | PointMass
     | RigidBody

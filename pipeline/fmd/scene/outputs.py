@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from fmd.core.units import Frequency, NonNegative, NonNegativeTime, PositiveFrequency, Stress, unit_ratio
+from fmd.scene.gears import GearMesh
 from fmd.scene.histories import ExtremesTable, History
 from fmd.scene.kinds import KindBy
 from fmd.scene.pictures import (
@@ -331,6 +332,7 @@ Output = Annotated[
     | Envelope
     | Fatigue
     | ContactPressure
+    | GearMesh
     | History
     | ExtremesTable
     | Export,

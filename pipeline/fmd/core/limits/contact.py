@@ -75,6 +75,12 @@ COLUMNS_BELOW = 16  # rectangles below which it is
 CARRYING = 0.05  # of a grid point's force on a node: nodes with more have a stress that elements don't show
 UNSEEN_WEIGHT = 1e-6  # of a node: one with less everywhere is left out
 
+# Gears.
+GEAR_FORCES_SETTLE = 1e-10  # of the load: change of the forces on pairs of teeth, below which they have settled
+GEAR_PASSES = 100  # in which they have to
+COARSER_GEARS = 1.5  # elements each way over those that the error by the mesh is found with
+JAMMED = 1e-9  # of the distance of axes without backlash: less by more jams the teeth
+
 # Rigid bodies.
 PARALLEL_EDGES = 1e-4  # square of the sine of the angle between edges of boxes, below which they don't cross
 BESIDE_EDGE = 0.2  # sine of the angle by which a normal may leave the faces beside an edge: of faces on one another

@@ -56,7 +56,7 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     assert not isinstance(shape, MatrixPart | ReducedPart)
     if isinstance(shape, MeshedBeam):
         return mesh_beams(shape)
-    module = import_module(f"fmd.meshes.{shape.shape}")
+    module = import_module(f"fmd.meshes.{shape.shape.replace('-', '_')}")
     if not isinstance(shape, Plate | Tube):
         return SolidMesh(*module.mesh(shape))
     from fmd.fem.thicken import Sheet, thicken

@@ -1,0 +1,236 @@
+"""Static mesh of two spur gears: how a load divides over pairs of teeth, and how far the gears turn by it.
+
+Each pair touches on a line across the teeth, with an even load. Between the middles of both teeth it yields by what
+finite elements tell, and, from there to the flanks, by the local approach of Hertz's line contact (Weber & Banaschek,
+Formänderung und Profilrücknahme bei gerad- und schrägverzahnten Rädern, 1953; Johnson, Contact Mechanics, 5.5), whose
+few tenths of a millimetre no element has to resolve. All is along the line of action.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from fmd.core.arrays import Array, read_only
+from fmd.core.errors import AccuracyError
+from fmd.core.involute import GearPair, Tooth
+from fmd.core.limits.contact import GEAR_FORCES_SETTLE, GEAR_PASSES
+
+
+@dataclass(frozen=True)
+class ToothFlexibility:
+    """What forces on the flank of one tooth of a gear, held at its bore, move and stress.
+
+    Forces are lines of even load of 1 N in all, in the axes of the loaded tooth. They act at stations of equal steps of
+    the roll angle, from where the involute begins to the tip; every second one is the end of an element.
+
+    Parameters
+    ----------
+    tooth : Tooth
+        Its profile.
+    middle : ndarray, shape (n_rows,)
+        Rows on the middle of a tooth, from its base to the tip [m].
+    moved : ndarray, shape (n_teeth, n_rows, 2, n_stations, 2)
+        Displacement of the rows of each tooth in its own axes, in the order of their angles, the loaded one in the
+        middle [m/N].
+    stress : ndarray, shape (n_teeth, n_points, 6, n_stations, 2)
+        Stress at points of each tooth's fillet on the loaded side, in its own axes [Pa/N].
+    E, nu : float
+        Young's modulus [Pa] and Poisson's ratio.
+    """
+
+    tooth: Tooth
+    middle: Array
+    moved: Array
+    stress: Array
+    E: float
+    nu: float
+
+    def __post_init__(self) -> None:
+        read_only(self.middle)
+        read_only(self.moved)
+        read_only(self.stress)
+
+
+@dataclass(frozen=True)
+class GearMeshAnswer:
+    """Two gears in mesh over a pitch.
+
+    Attributes
+    ----------
+    s : ndarray, shape (n,)
+        Place of the last pair that came into contact, on the line of action [m].
+    forces : ndarray, shape (n, n_pairs)
+        Forces on this pair and on those before it, 0 where they have parted [N].
+    error : ndarray, shape (n,)
+        Static transmission error: what the loaded gears turn against one another, along the line of action [m].
+    root_stress : ndarray, shape (2, n, n_pairs)
+        Largest principal stress in the fillets of the pinion's and the wheel's teeth of each pair [Pa].
+    pressure : ndarray, shape (n, n_pairs)
+        Largest pressure between the flanks of each pair, of Hertz's line contact [Pa].
+    path : ndarray, shape (m,)
+        Places between the begin and the end of contact [m].
+    single : ndarray, shape (m,)
+        Stiffness of one pair there that carries the whole load [N/m].
+    """
+
+    s: Array
+    forces: Array
+    error: Array
+    root_stress: Array
+    pressure: Array
+    path: Array
+    single: Array
+
+    @property
+    def stiffness(self) -> Array:
+        """Stiffness of all pairs that touch, the load over the transmission error [N/m]."""
+        return np.asarray(self.forces.sum(axis=1) / self.error)
+
+
+def mesh_gears(
+    pair: GearPair, flexibilities: Sequence[ToothFlexibility], width: float, load: float, points: int
+) -> GearMeshAnswer:
+    """Load two gears in mesh at each of some angles within a pitch.
+
+    Parameters
+    ----------
+    flexibilities : sequence of ToothFlexibility
+        Of the pinion and the wheel.
+    width : float
+        Of both [m].
+    load : float
+        Force along the line of action [N].
+    points : int
+        Number of angles, in the middles of equal parts of the pitch.
+
+    Raises
+    ------
+    AccuracyError
+        The forces don't settle.
+    """
+    begin, end = pair.path
+    pitch = pair.pinion.base_pitch
+    n_pairs = int(np.ceil(pair.contact_ratio))
+    s = begin + (np.arange(points) + 0.5) / points * pitch
+    forces, error, stress = np.zeros((points, n_pairs)), np.zeros(points), np.zeros((2, points, n_pairs))
+    radii = np.ones((points, n_pairs))
+    for i in range(points):
+        at = s[i] + np.arange(n_pairs) * pitch
+        at = at[at <= end]
+        contacts = [_Contact.of(pair, flexibilities, float(each)) for each in at]
+        found, error[i] = _divide(contacts, flexibilities, pair, width, load)
+        forces[i, : len(at)], radii[i, : len(at)] = found, [each.radius for each in contacts]
+        stress[:, i, : len(at)] = _root_stress(contacts, flexibilities, found)
+    pressure = np.sqrt(forces / width / (np.pi**2 * sum(_suppleness(each) for each in flexibilities) * radii))
+    path = np.linspace(begin, end, points)
+    alone = [[_Contact.of(pair, flexibilities, float(each))] for each in path]
+    single = np.array([load / _divide(each, flexibilities, pair, width, load)[1] for each in alone])
+    return GearMeshAnswer(s, forces, error, stress, pressure, path, single)
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """Where a pair of teeth touches: for each gear the roll angle, the load's weights, and the depth of the middle.
+
+    Attributes
+    ----------
+    loads : sequence of ndarray, shape (n_stations, 2)
+        Unit force on each gear by its stations.
+    measures : sequence of ndarray, shape (n_rows, 2)
+        Its counterpart on the middle of the tooth.
+    depths : sequence of float
+        From the flank to the middle along the line of action [m].
+    radius : float
+        Of curvature, of both flanks together [m].
+    """
+
+    loads: Sequence[Array]
+    measures: Sequence[Array]
+    depths: Sequence[float]
+    radius: float
+
+    @classmethod
+    def of(cls, pair: GearPair, flexibilities: Sequence[ToothFlexibility], s: float) -> _Contact:
+        loads, measures, depths = list[Array](), list[Array](), list[float]()
+        rolls = pair.rolls(s)
+        for own, roll in zip(flexibilities, rolls, strict=True):
+            tooth, n = own.tooth, own.moved.shape[3]
+            station = (n - 1) * (roll - tooth.form_roll) / (tooth.tip_roll - tooth.form_roll)
+            place, inward = tooth.flank(roll), -tooth.normal(roll)
+            depth = -place[1] / inward[1]
+            row = PchipInterpolator(own.middle, np.arange(len(own.middle)))(
+                np.clip(place[0] + depth * inward[0], own.middle[0], own.middle[-1])
+            )
+            loads.append(_quadratic(n, station)[:, None] * inward)
+            measures.append(_quadratic(len(own.middle), float(row))[:, None] * inward)
+            depths.append(float(depth))
+        curved = [tooth.base_radius * roll for tooth, roll in zip((pair.pinion, pair.wheel), rolls, strict=True)]
+        return cls(loads, measures, depths, curved[0] * curved[1] / (curved[0] + curved[1]))
+
+
+def _quadratic(count: int, place: float) -> Array:
+    """Return the weights of ``count`` points at a place between them, by polynomials over each three of an element."""
+    first = 2 * min(max(int(place // 2), 0), (count - 3) // 2)
+    x, weights = place - first - 1.0, np.zeros(count)
+    weights[first : first + 3] = 0.5 * x * (x - 1.0), 1.0 - x**2, 0.5 * x * (x + 1.0)
+    return weights
+
+
+def _divide(
+    contacts: Sequence[_Contact], flexibilities: Sequence[ToothFlexibility], pair: GearPair, width: float, load: float
+) -> tuple[Array, float]:
+    """Divide a load over contacts so that all yield alike; return their forces and what they yield."""
+    bulk = _bulk(contacts, flexibilities)
+    forces = np.full(len(contacts), load / len(contacts))
+    for _ in range(GEAR_PASSES):
+        local = [_local(each, flexibilities, width, force) for each, force in zip(contacts, forces, strict=True)]
+        given = np.linalg.solve(bulk + np.diag(local), np.ones(len(contacts)))
+        yielded = load / given.sum()
+        change, forces = np.abs(yielded * given - forces).max(), yielded * given
+        if forces.min() <= 0.0:
+            break
+        if change < GEAR_FORCES_SETTLE * load:
+            return forces, float(yielded)
+    raise AccuracyError(f"the load's shares of {len(contacts)} pairs of teeth don't settle; a smaller torque may do")
+
+
+def _bulk(contacts: Sequence[_Contact], flexibilities: Sequence[ToothFlexibility]) -> Array:
+    """Return how far the middles of the teeth of each pair yield for forces on each, symmetric [m/N]."""
+    total = np.zeros((len(contacts), len(contacts)))
+    for g, (own, sense) in enumerate(zip(flexibilities, (1, -1), strict=True)):  # the pair before is ahead
+        for k, measured in enumerate(contacts):
+            for j, loaded in enumerate(contacts):
+                tooth = own.moved.shape[0] // 2 + sense * (k - j)
+                total[k, j] += np.einsum("ra,rasb,sb->", measured.measures[g], own.moved[tooth], loaded.loads[g])
+    return 0.5 * (total + total.T)
+
+
+def _local(contact: _Contact, flexibilities: Sequence[ToothFlexibility], width: float, force: float) -> float:
+    """Return the approach of both flanks to the middles of their teeth over a force [m/N]."""
+    supple = [_suppleness(own) for own in flexibilities]
+    half_width = np.sqrt(4.0 * max(force, np.finfo(float).tiny) / width * contact.radius * sum(supple))
+    pairs = zip(supple, flexibilities, contact.depths, strict=True)
+    return float(sum(c * (2.0 * np.log(2.0 * h / half_width) - own.nu / (1.0 - own.nu)) for c, own, h in pairs) / width)
+
+
+def _suppleness(own: ToothFlexibility) -> float:
+    """Return ``(1 − ν²)/(π E)`` [1/Pa]."""
+    return (1.0 - own.nu**2) / (np.pi * own.E)
+
+
+def _root_stress(contacts: Sequence[_Contact], flexibilities: Sequence[ToothFlexibility], forces: Array) -> Array:
+    """Return the largest principal stress in the fillets of each gear's teeth in contact, shape (2, n_contacts)."""
+    found = np.zeros((2, len(contacts)))
+    for g, (own, sense) in enumerate(zip(flexibilities, (1, -1), strict=True)):
+        for k in range(len(contacts)):
+            tensor = np.zeros(own.stress.shape[1:3])
+            for j, (loaded, force) in enumerate(zip(contacts, forces, strict=True)):
+                tooth = own.stress.shape[0] // 2 + sense * (k - j)
+                tensor += force * np.einsum("ncsb,sb->nc", own.stress[tooth], loaded.loads[g])
+            full = tensor[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+            found[g, k] = np.linalg.eigvalsh(full)[:, -1].max()
+    return found

@@ -1,0 +1,164 @@
+"""Static mesh of two spur gears as a chart, a table and figures with their errors by the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.contact.gear_pair import GearMeshAnswer, mesh_gears
+from fmd.core.arrays import Array
+from fmd.core.cache import Cache
+from fmd.core.files import write_table
+from fmd.core.html import scaled
+from fmd.core.involute import GearPair
+from fmd.core.limits.contact import COARSER_GEARS
+from fmd.output.output_kinds import OutputKind, ResponseKind
+from fmd.scene.gears import find_pair
+from fmd.scene.variants import refine_meshes
+from fmd.stages.pipeline import Pipeline
+from fmd.stages.tooth_flexibility import find_tooth_flexibility
+
+if TYPE_CHECKING:
+    from fmd.scene.gears import GearMesh
+
+_NAMES = {
+    "transmission_error_m": ("mean transmission error", "m"),
+    "peak_to_peak_m": ("its variation", "m"),
+    "mesh_stiffness_n_per_m": ("mean stiffness", "N/m"),
+    "pair_stiffness_n_per_m": ("largest stiffness of one pair", "N/m"),
+    "pinion_root_stress_pa": ("largest stress at the pinion's roots", "Pa"),
+    "wheel_root_stress_pa": ("largest stress at the wheel's roots", "Pa"),
+    "pressure_pa": ("largest pressure between flanks", "Pa"),
+}
+
+
+@dataclass(frozen=True)
+class MeshedGears:
+    """Two gears in mesh, and the same on coarser elements.
+
+    Attributes
+    ----------
+    load : float
+        Force along the line of action [N].
+    """
+
+    pair: GearPair
+    load: float
+    fine: GearMeshAnswer
+    coarse: GearMeshAnswer | None
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Figures of the mesh, by their names in the summary."""
+        return _figures(self.fine)
+
+    @property
+    def errors(self) -> dict[str, float | None]:
+        """Their errors by the mesh: what coarser elements change, which is more than what is left."""
+        if self.coarse is None:
+            return dict.fromkeys(_NAMES)
+        other = _figures(self.coarse)
+        return {name: abs(value - other[name]) for name, value in self.figures.items()}
+
+    @property
+    def angle(self) -> Array:
+        """Angle of the pinion since the last pair came into contact, shape (n,) [rad]."""
+        return np.asarray((self.fine.s - self.pair.path[0]) / self.pair.pinion.base_radius)
+
+
+def _figures(found: GearMeshAnswer) -> dict[str, float]:
+    values = (
+        found.error.mean(),
+        np.ptp(found.error),
+        found.stiffness.mean(),
+        found.single.max(),
+        *found.root_stress.max(axis=(1, 2)),
+        found.pressure.max(),
+    )
+    return dict(zip(_NAMES, map(float, values), strict=True))
+
+
+def compute_gear_mesh(run: Pipeline, output: GearMesh) -> MeshedGears:
+    """Compute the static mesh of two gears, and the same with fewer elements each way."""
+
+    def mesh(of: Pipeline) -> tuple[GearPair, float, GearMeshAnswer]:
+        pinion, wheel, pair = find_pair(output, of.scene.body)
+        load, gears = output.torque / pair.pinion.base_radius, {output.pinion: pinion, output.wheel: wheel}
+        flexibilities = {name: find_tooth_flexibility(of.wholes[name], gear) for name, gear in gears.items()}
+        both = [flexibilities[name] for name in (output.pinion, output.wheel)]
+        return pair, load, mesh_gears(pair, both, pinion.width, load, output.points)
+
+    coarser = refine_meshes(run.scene, 1.0 / COARSER_GEARS)
+    return MeshedGears(*mesh(run), None if coarser is None else mesh(Pipeline(coarser, Cache(None)))[2])
+
+
+def write_gear_mesh(run: Pipeline, output: GearMesh, found: MeshedGears, folder: Path, chart: bool) -> dict[str, Any]:
+    """Write the chart and the table of two gears in mesh; return their summary."""
+    path, pair, mesh = folder / output.file, found.pair, found.fine
+    table = path.with_suffix(".csv")
+    pairs = range(mesh.forces.shape[1])
+    header = ["pinion_angle_deg", "transmission_error_um", "stiffness_N_per_um"]
+    header += [
+        f"{name}_{k + 1}" for name in ("share", "pinion_root_MPa", "wheel_root_MPa", "pressure_MPa") for k in pairs
+    ]
+    columns = [np.degrees(found.angle), 1e6 * mesh.error, 1e-6 * mesh.stiffness]
+    values = (mesh.forces / found.load, *(1e-6 * mesh.root_stress), 1e-6 * mesh.pressure)
+    rows = np.column_stack([*columns, *values])
+    write_table(table, header, ([f"{x:.9g}" for x in row] for row in rows))
+    files = [table.name]
+    if chart:
+        from fmd.render.gear_chart import draw_gear_mesh
+
+        title = output.title or f"{run.scene.title}: {output.pinion} and {output.wheel}, {scaled(output.torque, 'N m')}"
+        draw_gear_mesh(np.degrees(found.angle), [*rows.T[1:]], pairs, path, title=title)
+        files.insert(0, path.name)
+    return {
+        "contact_ratio": pair.contact_ratio,
+        "distance_m": pair.distance,
+        "working_pressure_angle_rad": pair.alpha,
+        "backlash_m": pair.backlash,
+        "load_n": found.load,
+        **found.figures,
+        "errors": found.errors,
+        "warnings": [],
+        "files": files,
+    }
+
+
+def tabulate_gear_mesh(summary: dict[str, Any]) -> dict[str, Any]:
+    """Return the table of the figures of two gears in mesh."""
+    rows = [(name, *_with_error(summary, key, unit)) for key, (name, unit) in _NAMES.items()]
+    return {"header": ("figure", "value", "error by the mesh"), "rows": rows}
+
+
+def describe_gear_mesh(summary: dict[str, Any]) -> list[str]:
+    """Return the lines that a run writes of two gears in mesh."""
+    first = (
+        f"{summary['files'][0]}: contact ratio {summary['contact_ratio']:.4g}, load {scaled(summary['load_n'], 'N')}"
+    )
+    lines = [f"{name} {' ± '.join(_with_error(summary, key, unit))}" for key, (name, unit) in _NAMES.items()]
+    return [first, *(", ".join(lines[k : k + 2]) for k in range(0, len(lines), 2))]
+
+
+def _with_error(summary: dict[str, Any], key: str, unit: str) -> tuple[str, str]:
+    error = summary["errors"][key]
+    return scaled(summary[key], unit), "not stated" if error is None else scaled(error, unit, 2)
+
+
+def _read(_run: Pipeline, output: GearMesh) -> Iterator[tuple[str, str]]:
+    """Iterate over the stages of both gears."""
+    for body in (output.pinion, output.wheel):
+        yield from ((stage, body) for stage in ("mesh", "assembly"))
+
+
+KINDS = {
+    "gear-mesh": OutputKind(
+        response=ResponseKind(compute_gear_mesh, write_gear_mesh, tabulate_gear_mesh, describe_gear_mesh),
+        reads=_read,
+        charted=True,
+    )
+}

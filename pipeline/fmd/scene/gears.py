@@ -1,0 +1,252 @@
+"""Spur gears in a scene file: their teeth, their elements, and the pictures of two in mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from math import ceil, pi, sin
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from fmd.core.involute import GearPair, Tooth, tight_distance
+from fmd.core.limits.contact import JAMMED
+from fmd.core.units import Angle, Positive, PositiveLength, Torque
+from fmd.scene.bodies import Solid, scale_count
+from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
+from fmd.scene.values import BodyName, Count, FileCheck, Number
+
+EvenCount = Annotated[Count, Field(multiple_of=2)]
+
+
+class GearTeethMesh(SceneTable):
+    """Division of a gear into hexahedra of second order, with nodes on the involutes and fillets.
+
+    Parameters
+    ----------
+    teeth : int
+        Teeth that are meshed, the middle one on the x axis; the rest of the gear is its rim up to the root circle, and
+        has no mass of teeth. Static analysis of two gears takes 3, or 5 from a contact ratio of 2 on.
+    flank : int
+        Elements along an involute.
+    fillet : int
+        Elements along each half of a fillet.
+    across : int
+        Elements across a tooth; an even number, as nodes on its middle are needed.
+    rim : int
+        Elements from the root to the bore.
+    along : int
+        Elements along the axis.
+    order : int
+        Polynomial order of the displacement in an element.
+
+    Examples
+    --------
+    ::
+
+        [body.pinion.mesh]
+        teeth = 3
+        flank = 6
+    """
+
+    teeth: Annotated[Count, Field(le=1000)] = 3
+    flank: Count = 6
+    fillet: Count = 6
+    across: EvenCount = 6
+    rim: Count = 5
+    along: Count = 2
+    order: Literal[2] = 2
+
+
+class SpurGear(Solid):
+    """An external spur gear about the z axis, its middle at z = 0, with involute teeth that a basic rack cuts.
+
+    The faces are ``bore``, ``back`` and ``front`` (where z is least and greatest), and of all meshed teeth ``flanks``
+    (the involutes), ``roots`` (the fillets and the lands between them) and ``tips``; its one part is ``gear``.
+
+    Parameters
+    ----------
+    teeth : int
+        Number of teeth.
+    module : float
+        Pitch circle's diameter over the number of teeth [m].
+    width : float
+        Extent along z [m].
+    bore : float
+        Diameter of the bore [m].
+    pressure_angle : float
+        Of the rack [rad].
+    shift : float
+        Profile shift over the module.
+    addendum, dedendum, rounding : float
+        Of the rack, over the module: height above and depth below its reference line, radius of its corners, which cut
+        the fillets. By default those of ISO 53, profile A.
+    mesh : GearTeethMesh
+        Division into elements.
+
+    Examples
+    --------
+    ::
+
+        [body.pinion]
+        shape = "spur-gear"
+        teeth = 23
+        module = "3 mm"
+        width = "20 mm"
+        bore = "30 mm"
+        E = "206 GPa"
+        nu = 0.3
+        rho = "7850 kg/m^3"
+        mesh = { teeth = 3 }
+        modes = { count = 4 }
+        marker = { bore = { face = "bore" } }
+    """
+
+    shape: Literal["spur-gear"]
+    teeth: Annotated[int, Field(strict=True, ge=8, le=1000)]
+    module: PositiveLength
+    width: PositiveLength
+    bore: PositiveLength
+    pressure_angle: Annotated[Angle, Field(ge=0.17, le=0.53)] = pi / 9
+    shift: Annotated[Number, Field(ge=-1.0, le=1.5)] = 0.0
+    addendum: Annotated[Number, Field(gt=0.0, le=2.0)] = 1.0
+    dedendum: Annotated[Number, Field(gt=0.0, le=2.5)] = 1.25
+    rounding: Annotated[Number, Field(gt=0.0, le=1.0)] = 0.38
+    mesh: GearTeethMesh = Field(default_factory=GearTeethMesh)
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of the bore, of the gear's two ends and of the surfaces of its teeth."""
+        return ("bore", "back", "front", "flanks", "roots", "tips")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Name of the one part that the mesh of a gear has."""
+        return ("gear",)
+
+    @cached_property
+    def tooth(self) -> Tooth:
+        """The profile of a tooth."""
+        rack = (self.addendum, self.dedendum, self.rounding)
+        return Tooth(self.module, self.teeth, self.pressure_angle, self.shift, *rack)
+
+    @property
+    def meshed_teeth(self) -> int:
+        """Number of teeth that are meshed."""
+        return min(self.mesh.teeth, self.teeth)
+
+    def resized(self, factor: float) -> dict[str, Any]:
+        """Return the changes for a mesh with about ``factor`` times the elements each way."""
+        counts = {key: scale_count(getattr(self.mesh, key), factor) for key in ("flank", "fillet", "rim", "along")}
+        counts["across"] = max(2, 2 * round(self.mesh.across * factor / 2))
+        return {"mesh": self.mesh.model_copy(update=counts)}
+
+    def _check(self) -> None:
+        super()._check()
+        tooth = self.tooth
+        if tooth.land < 0.0 or self.rounding >= self.dedendum:
+            raise FaultError("is too large for the rack's depth and space; 0.38 is that of ISO 53", "rounding")
+        if tooth.form_roll <= 0.0:
+            least = self.shift - tooth.form_roll * tooth.base_radius * sin(self.pressure_angle) / self.module
+            fault = f"lets the rack undercut the teeth, whose flanks wouldn't be involutes alone; more than {least:.3g}"
+            raise FaultError(f"{fault} works, or more teeth", "shift")
+        if tooth.half_angle(tooth.tip_radius) <= 0.0:
+            raise FaultError("makes the teeth pointed below their tips; take less, or a smaller addendum", "shift")
+        if not self.bore < 2.0 * tooth.root_radius:
+            raise FaultError(f"must be less than the root circle's diameter, {2e3 * tooth.root_radius:.5g} mm", "bore")
+
+
+class GearMesh(SceneTable):
+    """Static mesh of two spur gears: transmission error, stiffness, shares of the load and stress at the roots.
+
+    It takes the meshes of the bodies alone, and no motion. A ``.png``, ``.pdf`` or ``.svg`` is a chart, with a table
+    (``.csv``) of the same name beside it.
+
+    Parameters
+    ----------
+    file : str
+        File of the chart.
+    pinion, wheel : str
+        Bodies, both spur gears.
+    torque : float
+        Torque on the pinion [N m].
+    distance : float, optional
+        Of the axes [m]; that without backlash by default.
+    points : int
+        Angles of the pinion within a pitch.
+    title : str
+        Text above the chart.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "gear-mesh"
+        file = "mesh.png"
+        pinion = "pinion"
+        wheel = "wheel"
+        torque = "100 N m"
+    """
+
+    type: Literal["gear-mesh"]
+    file: Annotated[str, FileCheck((".png", ".pdf", ".svg"))]
+    pinion: BodyName
+    wheel: BodyName
+    torque: Annotated[Torque, Positive]
+    distance: PositiveLength | None = None
+    points: Annotated[int, Field(strict=True, ge=4, le=1000)] = 64
+    title: str = ""
+
+
+def find_pair(output: GearMesh, bodies: Mapping[str, Any]) -> tuple[SpurGear, SpurGear, GearPair]:
+    """Return pinion and wheel of an output, and their geometry in mesh.
+
+    Raises
+    ------
+    FaultError
+        They aren't two spur gears, don't mesh, jam, or touch beside their involutes; or too few teeth are meshed.
+    """
+    gears = {name: body for name, body in bodies.items() if isinstance(body, SpurGear)}
+    for key in ("pinion", "wheel"):
+        if (name := getattr(output, key)) not in gears:
+            raise UnknownNameError("spur gear", name, gears, "the spur gears", key)
+    pinion, wheel = gears[output.pinion], gears[output.wheel]
+    for key in ("module", "pressure_angle", "width"):
+        own, other = getattr(wheel, key), getattr(pinion, key)
+        if own != other:
+            raise FaultError(
+                f"has a {key} of {own:.6g} and the pinion one of {other:.6g}, which must be equal", "wheel"
+            )
+    tight = tight_distance(pinion.tooth, wheel.tooth)
+    pair = GearPair(pinion.tooth, wheel.tooth, tight if output.distance is None else output.distance)
+    nearest = f"{1e3 * tight:.7g} mm is without backlash"
+    if pair.distance < tight * (1.0 - JAMMED):
+        raise FaultError(f"lets the teeth jam; {nearest}", "distance")
+    if pair.contact_ratio < 1.0:
+        fault = f"leaves a contact ratio of {pair.contact_ratio:.3g}, so that teeth part before the next ones touch"
+        raise FaultError(f"{fault}; {nearest}", "distance")
+    _check_teeth(pair, {"pinion": pinion, "wheel": wheel})
+    return pinion, wheel, pair
+
+
+def _check_teeth(pair: GearPair, gears: Mapping[str, SpurGear]) -> None:
+    """Raise the fault of a gear that is met in its fillet, or has too few teeth in its mesh."""
+    needed = 2 * ceil(pair.contact_ratio) - 1
+    for (key, gear), end, g in zip(gears.items(), pair.path, (0, 1), strict=True):
+        if pair.rolls(end)[g] < gear.tooth.form_roll:
+            fault = "is met below its involutes, in the fillets, by the other's tips; a smaller addendum of that one"
+            raise FaultError(f"{fault}, or a larger shift here, helps", key)
+        if gear.meshed_teeth < needed:
+            raise FaultError(f"has {gear.meshed_teeth} teeth in its mesh; mesh.teeth = {needed} is needed", key)
+
+
+def check_gears(outputs: Sequence[Any], bodies: Mapping[str, Any]) -> Iterator[FaultError]:
+    """Yield the faults of outputs whose gears don't mesh."""
+    for number, output in enumerate(outputs):
+        try:
+            if isinstance(output, GearMesh):
+                find_pair(output, bodies)
+        except FaultError as fault:
+            fault.path = ("output", number, *fault.path)
+            yield fault
