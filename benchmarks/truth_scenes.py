@@ -1,9 +1,11 @@
 """Random scenes from a seed, as a user might write them: bars and rigid bodies, joints, loads and speeds.
 
-Four kinds. *Planar* scenes are one or two slender bars in the plane of x and y, clamped, hinged, sliding or driven,
+Five kinds. *Planar* scenes are one or two slender bars in the plane of x and y, clamped, hinged, sliding or driven,
 with or without a mass at the end: what an elastica is a reference of. *Trees* are one to four bodies in
 space, some of them bars, on joints of every type. *Rigid* scenes are trees without a bar.
 *Mixed* scenes, from seed `MIXED` on, are trees or a four-bar linkage with some of the features of `truth_features`.
+*Arms*, from seed `ARMS` on, are double pendulums of two bars in the plane that swing far, which geometrically exact
+beams are a reference of.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ KINDS = {"planar": 0.45, "tree": 0.35, "rigid": 0.2}  # with their shares
 MATERIALS = ((210e9, 0.3, 7850.0), (70e9, 0.33, 2700.0), (3e9, 0.35, 1200.0))  # E, ν, ρ
 GRAVITY = 9.81
 MIXED = 1000  # seed from which on scenes are mixed
+ARMS = 2000  # seed from which on they are arms
 LOOPS = 0.25  # share of them with a loop
 JUMPS = 0.04  # share of prescribed motions that jump, which nothing can follow
 
@@ -31,7 +34,7 @@ class Case:
     Attributes
     ----------
     kind : str
-        One of `KINDS`, or ``"mixed"``.
+        One of `KINDS`, ``"mixed"`` or ``"arm"``.
     table : dict
         The scene, as TOML describes it.
     bars : tuple of str
@@ -73,6 +76,8 @@ def quantity(value: float, unit: str) -> str:
 
 def random_case(seed: int) -> Case:
     """Return the scene of a seed."""
+    if seed >= ARMS:
+        return Case(seed, "arm", arm_scene(np.random.default_rng([seed, 18]), seed), ("bar0", "bar1"))
     if seed >= MIXED:
         return mixed_case(seed)
     rng = np.random.default_rng([seed, 16])
@@ -263,6 +268,62 @@ def planar_scene(rng: np.random.Generator, periods: float) -> Table:
         "drive": drive,
         "simulation": simulation(duration, f"{last}.tip", [0.0, -pull, 0.0]),
     }
+
+
+def arm_scene(rng: np.random.Generator, seed: int) -> Table:
+    """Return two bars on hinges, straight and at rest at first, that smooth drives swing over some vibrations."""
+    bars = [random_bar(rng, (20.0, 60.0)) for _ in range(2)]
+    tip = float(rng.choice([0.0, 0.0, 0.3, 1.0])) * bars[1].mass
+    omega = min(pi**2 * sqrt(bar.bending / (bar.mass * bar.length**3)) for bar in bars)  # between two hinges
+    duration = float(f"{2 * pi / omega * rng.uniform(3, 6):.3g}")
+    body: Table = {}
+    for k, bar in enumerate(bars):
+        along = int(rng.integers(10, 17))
+        body[f"bar{k}"] = bar.table(rng)
+        body[f"bar{k}"]["mesh"] = {"order": 2, "divisions": [along, 2, 1]}
+        spot = [bar.length * (int(rng.integers(along // 4, along // 2)) + 0.5) / along, bar.depth / 4]
+        body[f"bar{k}"]["element"] = {"spot": {"at": [*(f"{x!r} m" for x in spot), "0 m"]}}
+    joint: Table = {
+        "hub": {"type": "revolute", "parent": "ground", "child": "bar0.root", "axis": [0, 0, 1]},
+        "elbow": {"type": "revolute", "parent": "bar0.tip", "child": "bar1.root", "axis": [0, 0, 1]},
+    }
+    if tip:
+        body["load"] = {"shape": "point", "mass": quantity(tip, "kg"), "marker": {"at": {"at": ["0 m"] * 3}}}
+        joint["weld"] = {"type": "fixed", "parent": "bar1.tip", "child": "load.at"}
+    angle, over = float(rng.uniform(0.2, 1.0)), duration * float(rng.uniform(0.5, 0.9))
+    inertia = [bar.mass * bar.length**2 / 3 for bar in bars]
+    inertia[1] += tip * bars[1].length ** 2
+    inertia[0] += (bars[1].mass + tip) * bars[0].length ** 2
+    torques = [min(4 * angle * own / over**2, 0.2 * bar.bending / bar.length)
+               for own, bar in zip(inertia, bars, strict=True)]  # fmt: skip
+    drive: Table = {}
+    if rng.random() < 0.5:
+        turn = {"formula": spin_up(2 * angle / duration, over), "unit": "rad"}
+        drive["turn"] = {"type": "motion", "joint": "hub", "angle": turn}
+    else:
+        drive["twist"] = {"type": "torque", "joint": "hub", "torque": swell(torques[0], over)}
+    if rng.random() < 0.5:
+        size = torques[1] * float(rng.choice([-1.0, 1.0]))
+        drive["bend"] = {"type": "torque", "joint": "elbow", "torque": swell(size, over)}
+    if rng.random() < 0.4:
+        joint["elbow"]["spring"] = quantity(bars[1].bending / bars[1].length * float(rng.uniform(0.02, 0.5)), "N m/rad")
+    if rng.random() < 0.4:
+        force, way = 0.1 * bars[1].bending / bars[1].length ** 2 * float(rng.uniform(0.1, 1)), rng.normal(size=2)
+        drive["push"] = {"type": "point force", "marker": "bar1.tip", "direction": [*map(float, way.round(2)), 0.0]}
+        drive["push"]["force"] = swell(force, over, "N")
+    return {
+        "title": f"truth {seed}",
+        "body": body,
+        "joint": joint,
+        "drive": drive,
+        "simulation": simulation(duration, "bar1.tip", [0.0, 0.0, 0.0]),
+    }
+
+
+def swell(size: float, over: float, unit: str = "N m") -> Table:
+    """Return a torque or a force that grows and falls once, smoothly."""
+    T = f"{float(f'{over:.6g}')!r}"
+    return {"formula": f"{float(f'{size:.6g}')!r}*sin(pi*t/{T})**2 if t < {T} else 0", "unit": unit}
 
 
 def simulation(duration: float, tip: str, gravity: list[float]) -> Table:

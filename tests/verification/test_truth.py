@@ -20,6 +20,8 @@ pytestmark = pytest.mark.slow
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 _LONG = (pytest.param(seed, marks=pytest.mark.long) for seed in (30, 46))
 COMPARED = (10, 18, *_LONG, 1004)  # rigid, rigid, planar, tree, mixed
+ARMS = (2005, 2009)
+CLOSE = {"position": 5e-4, "velocity": 1e-3}  # other quantities are within 1 %, largest stress at a face within 3
 REFUSED = {97: "a prescribed motion must keep its position"}
 
 
@@ -116,6 +118,49 @@ def test_the_elasticas_small_vibrations_are_those_of_a_clamped_beam(module: Any)
     # Roots of cos x cosh x = −1; rotary inertia is of the order of (depth / length)².
     exact = np.array([1.875104, 4.694091]) ** 2 * np.sqrt(E * depth**2 / (12 * rho)) / length**2
     np.testing.assert_allclose(found, exact, rtol=3e-3)
+
+
+def test_a_beam_of_the_reference_bends_to_half_a_circle_under_a_couple(module: Any) -> None:
+    """A couple bends evenly, without stretch or shear: the tip is a diameter, 2 L/π, to the side of the root."""
+    arm = module("truth_beams").Arm(module("truth_scenes").random_case(2000), 8)
+    arm.D[arm.bar == 1] = 0.0  # one bar alone
+    bar, length, q = np.unique(arm.dofs[arm.bar == 0]), arm.sections[0].length, arm.start.copy()
+    nodes = np.concatenate([arm.dofs[0, :3], *(row[3:] for row in arm.dofs[arm.bar == 0])]).reshape(-1, 3)
+    turned = np.linspace(0, np.pi, len(nodes))
+    q[nodes] = np.stack([np.sin(turned) * length / np.pi, (1 - np.cos(turned)) * length / np.pi, turned], axis=1)
+    couple, free = np.zeros(arm.n), np.setdiff1d(bar, arm.roots[0])  # the root is clamped
+    couple[arm.tips[0][2]] = np.pi * arm.sections[0].stiffness[2] / length
+    for _ in range(6):
+        f, K = arm.forces(q)
+        change = np.linalg.solve(K[np.ix_(free, free)], (couple - f)[free])
+        q[free] += change
+    assert np.abs(change).max() < 1e-9
+    np.testing.assert_allclose(q[arm.tips[0]], [0.0, 2 * length / np.pi, np.pi], atol=2e-4 * length)
+
+
+@pytest.mark.parametrize("seed", ARMS)
+def test_two_bars_on_hinges_swing_as_geometrically_exact_beams_do(
+    module: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, seed: int
+) -> None:
+    truth, beams = module("truth"), module("truth_beams")
+    monkeypatch.setattr(beams, "FINE", (5, 3))
+    monkeypatch.setattr(beams, "COARSE", (4, 2))
+    case, file = module("truth_scenes").random_case(seed), tmp_path / "scene.toml"
+    file.write_text(case.text)
+    modes = "modes={count=6, boundary='joint', enrich='inertia'}"
+    run = Pipeline(load_scene(file, [f"body.{name}.{modes}" for name in case.bars]))
+    found = truth.reference_errors(case, run, file)
+    assert {
+        "hub.force",
+        "elbow.force",
+        "bar1.tip.position",
+        "bar1.tip.acceleration",
+        "bar1.spot, von Mises stress",
+    } <= {*found}
+    for name, (error, off) in found.items():
+        close = CLOSE.get(name.rpartition(".")[2], 0.03 if "largest von Mises" in name else 0.01)
+        assert error < close + 2 * off, name
+        assert off < 0.06, name
 
 
 def test_the_elastica_keeps_its_energy_where_nothing_drives_it(module: Any) -> None:

@@ -84,11 +84,13 @@ class ElementKind:
     @cached_property
     def stress_to_nodes(self) -> Array:
         """Weights (n_local, n_q) that carry values at the `stress_points` to the element's nodes."""
+        return self.stress_weights(self.element.doflocs.T)
+
+    def stress_weights(self, X: Array) -> Array:
+        """Return weights (n, n_q) that carry values at the `stress_points` to points X (3, n) of the cell."""
         n_q = self.stress_points.shape[1]
-        at_points, at_nodes = (
-            np.stack(self.shape.stress_terms(x)[:n_q]) for x in (self.stress_points, self.element.doflocs.T)
-        )
-        return np.asarray(np.linalg.solve(at_points, at_nodes).T)
+        at_points, there = (np.stack(self.shape.stress_terms(x)[:n_q]) for x in (self.stress_points, X))
+        return np.asarray(np.linalg.solve(at_points, there).T)
 
     @cached_property
     def corners(self) -> Array:

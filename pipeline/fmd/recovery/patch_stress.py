@@ -54,6 +54,25 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     return np.asarray(fitted[0].reshape(6, -1))  # the other terms vanish at the node
 
 
+def element_stresses(space: Discretisation, material: AnyMaterial, shapes: Array, node: int) -> Array:
+    """Stress of each shape at a node in each element around it, whose mean is the averaged stress.
+
+    Parameters
+    ----------
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Displacement fields.
+
+    Returns
+    -------
+    ndarray, shape (n_elements, 6, n)
+        xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
+    """
+    elements, places = np.nonzero(space.element_nodes == node)
+    at_points = stresses(space, material, shapes, space.kind.stress_points, elements)
+    each = at_points.reshape(*at_points.shape[:2], 6, -1)
+    return np.asarray(np.einsum("eq,eqrn->ern", space.kind.stress_to_nodes[places], each))
+
+
 def _terms(order: int, x: Array) -> Array:
     """Monomials up to an order at places (n, 3), the constant first, shape (n, n_terms).
 

@@ -72,6 +72,9 @@ def element_stress(
 ) -> Array:
     """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n) [Pa per unit of the shape].
 
+    Of solids it is carried there from the elements' most accurate points: where the moment changes along a bar, the
+    middle of a long quadratic element itself has a shear stress by its bending, which these don't have.
+
     Parameters
     ----------
     upper : sequence of bool
@@ -81,20 +84,27 @@ def element_stress(
 
     middle = space.kind.corners.mean(axis=0)[:, None]
     if not len(upper):
-        return stresses(space, material, shapes, middle, elements)[:, 0]
+        at_points = stresses(space, material, shapes, space.kind.stress_points, elements)
+        return np.asarray(np.einsum("q,eqsn->esn", space.kind.stress_weights(middle)[0], at_points))
     lower, higher = (np.vstack([middle[:2], [[end]]]) for end in (0.0, 1.0))
     both = stresses(space, material, shapes, np.concatenate([lower, higher], axis=1), elements)
     return np.asarray(both[np.arange(len(elements)), np.asarray(upper, dtype=int)])
 
 
 def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
-    """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes) [Pa per unit of the shape]."""
+    """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes) [Pa per unit of the shape].
+
+    Of solids it is carried there from the elements' most accurate points; shells and beams say how it varies across.
+    """
     from fmd.fem.selection import locate_points
     from fmd.fem.strain import stresses
 
     elements, X = locate_points(space, points)
-    each = zip(elements, X, strict=True)
-    return np.stack([stresses(space, material, shapes, x[:, None], np.array([element]))[0, 0] for element, x in each])
+    if space.kind.strain_matrix is not None:
+        each = zip(elements, X, strict=True)
+        return np.stack([stresses(space, material, shapes, x[:, None], np.array([e]))[0, 0] for e, x in each])
+    at_points = stresses(space, material, shapes, space.kind.stress_points, elements)
+    return np.asarray(np.einsum("eq,eqsn->esn", space.kind.stress_weights(np.transpose(X)), at_points))
 
 
 def smooth_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
