@@ -8,7 +8,7 @@ from fmd.scene.bar import Bar, BarMesh
 from fmd.scene.beams import BeamMesh, Box, ISection, Profile, Rectangle, Shaft, ShaftSegment
 from fmd.scene.bearing_tables import BearingTable
 from fmd.scene.bodies import Solid
-from fmd.scene.constraints import Gear, Rack
+from fmd.scene.constraints import Gear, Rack, Slides
 from fmd.scene.contacts import Contact
 from fmd.scene.controllers import ExternalValue, FmuController, LagController, PidController
 from fmd.scene.curves import ForceByElongation, TimeFunction
@@ -291,6 +291,7 @@ SECTIONS = (
     *(Section(f"### {joint.title}", joint) for joint in JOINTS),
     Section("## Couplers", None, _COUPLERS),
     Section("### Gear", Gear),
+    Section("### Slides that move together", Slides),
     Section("### Rack and pinion", Rack),
     Section("## Drives", None, _DRIVES),
     Section("### Torque pulse", PulseDrive),

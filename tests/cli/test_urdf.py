@@ -9,11 +9,12 @@ from scipy.spatial.transform import Rotation
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.dynamics.kinematics import Kinematics
+from fmd.stages.visual_files import read_visual
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">
   <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
-  <link name="base_link"><inertial><mass value="4"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+  <link name="base_link"><inertial><mass value="4"/><inertia ixx="1" iyy="1.2" izz="1.1" ixy="0.3"/></inertial></link>
   <link name="upper">
     <inertial>
       <origin xyz="0.2 0.01 0.03" rpy="0.3 -0.2 0.5"/><mass value="2.5"/>
@@ -109,7 +110,7 @@ def test_a_tool_without_mass_is_a_marker_and_what_is_left_out_is_named(folder: P
     assert (scene.joint["shoulder"].damper, scene.joint["shoulder"].friction) == (0.7, 0.1)
     assert fmd("new", folder / "again.toml", "--from", folder / "arm.urdf") == 0
     said = capsys.readouterr().out
-    for named in ("<transmission>", "fore.dae", "shoulder: effort 50, velocity 3", "mass of 4 kg has no effect"):
+    for named in ("<transmission>", "fore.dae", "effort 50, velocity 3 of shoulder", "mass of 4 kg has no effect"):
         assert named in said
 
 
@@ -129,7 +130,11 @@ def test_a_link_becomes_a_flexible_bar_of_its_box(folder: Path, fmd) -> None:
         ("<mujoco/>", [], "is no URDF"),
         (ARM.replace('child link="tool0"', 'child link="tool"'), [], "is no link of the file"),
         (ARM.replace('type="prismatic"', 'type="screw"'), [], "is none of revolute"),
-        (ARM.replace('value="2.5"', 'value="heavy"'), [], "can't be read"),
+        (ARM.replace('value="2.5"', 'value="heavy"'), [], "link upper: can't be read"),
+        (ARM.replace('joint name="slide"', 'joint name="shoulder"'), [], "two are called 'shoulder'"),
+        (ARM.replace('parent link="base_link"', 'parent link="tool0"'), [], "doesn't carry: fore.arm, tool0, upper"),
+        (ARM.replace('child link="fore.arm"', 'child link="upper"'), [], "carried by none: base_link, fore.arm; twice"),
+        ('<robot><link name="cup"/></robot>', [], "it is no robot"),
         (ARM, ["--flexible", "elbow"], "is no moving link"),
         (ARM, ["--flexible", "fore.arm"], "has no box to make a flexible bar of (its shapes: cylinder, mesh)"),
     ],
@@ -139,3 +144,46 @@ def test_what_is_no_robot_is_refused(tmp_path: Path, fmd, capsys, text: str, arg
     assert fmd("new", tmp_path / "robot.toml", "--from", tmp_path / "arm.urdf", *arguments) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "robot.toml").exists()
+
+
+GRIPPER = """<robot name="gripper">
+  <link name="palm"/>
+  <link name="wheel"><inertial><mass value="0.3"/><inertia ixx="2e-4" iyy="2e-4" izz="4e-4"/></inertial></link>
+  <link name="2"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>
+    <visual><geometry><mesh filename="jaw.dae"/></geometry></visual>
+    <collision><geometry><mesh filename="package://hand/jaw.obj"/></geometry></collision></link>
+  <link name="3"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>
+    <visual><geometry><sphere radius="0"/></geometry></visual></link>
+  <link name="1"/>
+  <joint name="turn" type="continuous"><parent link="palm"/><child link="wheel"/><axis xyz="0 0 1"/></joint>
+  <joint name="1" type="prismatic"><parent link="palm"/><child link="2"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1"/><mimic joint="turn" multiplier="0.02" offset="0.001"/></joint>
+  <joint name="2" type="prismatic"><parent link="palm"/><child link="3"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1"/><mimic joint="1" multiplier="-1"/></joint>
+  <joint name="3" type="fixed"><parent link="3"/><child link="1"/><mimic joint="1"/></joint>
+</robot>"""
+
+
+def test_jaws_follow_a_wheel_and_each_other_and_are_drawn_by_what_there_is(tmp_path: Path, fmd, capsys) -> None:
+    (tmp_path / "hand.urdf").write_text(GRIPPER)
+    (tmp_path / "jaw.dae").write_text("<COLLADA/>")
+    (tmp_path / "jaw.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 0 1\nf 1/1/1 2//1 3 4\nf -4 -3 -1\n")
+    assert fmd("new", tmp_path / "hand.toml", "--from", tmp_path / "hand.urdf") == 0
+    said = capsys.readouterr().out
+    for named in ("whose files aren't .stl, .obj", "jaw.dae", "collision geometry: 2", "of no size: sphere of 3"):
+        assert named in said
+    run = Pipeline(load_scene(tmp_path / "hand.toml"))
+    rack, slides = run.scene.coupler["joint-1"], run.scene.coupler["joint-2"]
+    assert (rack.type, rack.radius, rack.offset) == ("rack", 0.02, 0.001)
+    assert (slides.type, slides.driver, slides.ratio) == ("slides", "joint-1", -1.0)
+    points, triangles = read_visual(run.scene, "link-2", 0, run.store.cache)
+    np.testing.assert_array_equal(points, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    np.testing.assert_array_equal(triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 3]])
+
+
+def test_moments_that_no_body_has_are_raised_to_the_least_possible(tmp_path: Path, fmd, capsys) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM.replace('ixx="0.002" iyy="0.01" izz="0.009"', 'ixx="2" iyy="5" izz="10"'))
+    assert fmd("new", tmp_path / "arm.toml", "--from", tmp_path / "arm.urdf") == 0
+    assert "fore.arm: no body has moments of inertia of 2, 5, 10 kg m²" in capsys.readouterr().out
+    # Of a plate in the plane of x and y, by its squares 6.5 and 3.5 of x and y: 10 is their sum.
+    assert load_scene(tmp_path / "arm.toml").body["fore-arm"].inertia == pytest.approx((3.5, 6.5, 10.0))

@@ -1,4 +1,4 @@
-"""Gears, racks, distances and points on lines in scenes, against closed forms."""
+"""Gears, slides that move together, racks, distances and points on lines in scenes, against closed forms."""
 
 from pathlib import Path
 
@@ -88,6 +88,38 @@ def test_a_gear_and_a_rack_add_their_inertia_by_the_square_of_their_ratios(tmp_p
     assert motion.joint_position("driver") == pytest.approx(angle, abs=1e-10)
     assert motion.joint_position("driven") == pytest.approx(-0.5 * angle, abs=1e-10)
     assert motion.joint_position("guide") == pytest.approx(0.1 * angle, abs=1e-10)
+
+
+JAW = """
+[body.jaw]
+shape = "point"
+mass = "1 kg"
+marker = { eye = { at = ["0 m", "0 m", "0 m"] } }
+
+[joint.jaw]
+type = "prismatic"
+parent = "ground"
+child = "jaw.eye"
+axis = [0, 1, 0]
+
+[coupler.jaws]
+type = "slides"
+joint = "jaw"
+driver = "guide"
+ratio = -3.0
+offset = "0.2 m"
+
+[drive.push]
+type = "force"
+joint = "guide"
+force = "11 N"
+"""
+
+
+def test_slides_that_move_together_add_their_masses_by_the_square_of_their_ratio(tmp_path: Path) -> None:
+    motion = run_of(tmp_path, WHEELS + JAW).motion
+    assert motion.joint_position("guide") == pytest.approx(0.5 * 11 / (2 + 9 * 1) * motion.times**2, abs=1e-10)
+    assert motion.joint_position("jaw") == pytest.approx(0.2 - 3 * motion.joint_position("guide"), abs=1e-10)
 
 
 BENDING = """

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
-from fmd.cli.robot import read_robot_xml, read_xml
+from fmd.cli.robot import naming, read_robot_xml, read_xml
 from fmd.core.errors import InputError
 
 
@@ -17,17 +15,6 @@ def read_model(path: Path) -> ElementTree.Element:
     with naming(path, ""):
         _include(top, path, path, {path.resolve()})
     return top
-
-
-@contextmanager
-def naming(path: Path, what: str) -> Iterator[None]:
-    """Name the file and the innermost element at fault."""
-    try:
-        yield
-    except KeyError as error:
-        raise InputError(str(path), what, None, f"has an element without its {error}") from None
-    except ValueError as error:
-        raise InputError(str(path), what, None, f"can't be read: {error}") from None
 
 
 def _include(top: ElementTree.Element, path: Path, within: Path, read: set[Path]) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from fmd.cli.geoms import Geom, SolidMass, add_masses
 from fmd.cli.mjcf_attributes import DISABLED, list_untaken
-from fmd.cli.mjcf_files import naming, read_model
+from fmd.cli.mjcf_files import read_model
 from fmd.cli.mjcf_turns import direction, read_turn, turn_z
 from fmd.cli.robot import (
     Pose,
@@ -25,6 +25,7 @@ from fmd.cli.robot import (
     RobotJoint,
     RobotLink,
     Shape,
+    naming,
     read_list,
     read_number,
     read_numbers,

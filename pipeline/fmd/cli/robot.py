@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -103,6 +104,17 @@ def read_robot_xml(path: Path, tag: str, what: str) -> ElementTree.Element:
     if top.tag != tag:
         raise InputError(str(path), top.tag, None, f"is no {what}, whose first element is <{tag}>")
     return top
+
+
+@contextmanager
+def naming(path: Path, what: str) -> Iterator[None]:
+    """Name the file and the innermost element at fault."""
+    try:
+        yield
+    except KeyError as error:
+        raise InputError(str(path), what, None, f"has an element without its {error}") from None
+    except ValueError as error:
+        raise InputError(str(path), what, None, f"can't be read: {error}") from None
 
 
 def read_numbers(text: str | None, default: str) -> Array:

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fmd.cli.cad_scenes import make_name
 from fmd.cli.mjcf_robot import read_mjcf
 from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape
+from fmd.cli.robot_shapes import ShapeWriter, write_lengths, write_turn
 from fmd.cli.urdf_robot import read_urdf
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
-from fmd.core.limits.scene import LIGHT_LINK, LIGHT_RADIUS, SKEW_INERTIA, STOP_ANGLE, STOP_LENGTH, STOP_LOADS
+from fmd.core.limits.scene import (
+    LIGHT_LINK,
+    LIGHT_RADIUS,
+    LONGEST_NAME,
+    SKEW_INERTIA,
+    STOP_ANGLE,
+    STOP_LENGTH,
+    STOP_LOADS,
+)
 
 _KINDS = {
     "revolute": "revolute",
@@ -27,6 +34,7 @@ _KINDS = {
     "floating": "free",
     "planar": "planar",
     "ball": "spherical",
+    "spherical": "spherical",  # of Bullet
 }
 READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
 """How a robot's file is read, by its suffix."""
@@ -75,6 +83,8 @@ class _Writer:
     def __init__(self, robot: Robot, file: Path, target: Path, flexible: Sequence[str]) -> None:
         self.robot, self.file, self.target = robot, file, target
         self.notes = list(robot.notes)
+        self.motors: dict[str, list[str]] = {}  # joints by limits
+        self.shapes = ShapeWriter(file.resolve(), target)
         for name in flexible:
             if name not in robot.links or name == robot.root:
                 names = ", ".join(link for link in robot.links if link != robot.root)
@@ -82,7 +92,7 @@ class _Writer:
         self.flexible = set(flexible)
         self.parents = {joint.child: joint for joint in robot.joints.values()}
         self.frames = {name: self._frame(name) for name in robot.links if self._carrier(name) == name}
-        self.names = {name: make_name(name) or f"link-{k}" for k, name in enumerate(robot.links)}
+        self.names, self.joint_names = _make_names(robot.links, "link"), _make_names(robot.joints, "joint")
         self.markers: dict[str, dict[str, Pose]] = {name: {} for name in self.frames}
 
     def _carrier(self, name: str) -> str:
@@ -100,8 +110,10 @@ class _Writer:
         return self._within(joint.parent).then(joint.pose)
 
     def _frame(self, name: str) -> Pose:
-        """Return the pose of a body's frame in its link's: a bar's, or turned to the principal axes of inertia."""
+        """Return the pose of a body's frame in its link's: the ground's, a bar's, or by its inertia's axes."""
         link = self.robot.links[name]
+        if name == self.robot.root:
+            return Pose()
         if name in self.flexible:
             return _frame_of_bar(self._box_of(link))
         skew = np.abs(link.inertia - np.diag(np.diag(link.inertia))).max(initial=0.0)
@@ -126,7 +138,9 @@ class _Writer:
 
     def text(self) -> str:
         """Return the scene's text."""
-        robot, root = self.robot, self._carrier(self.robot.root)
+        robot, root = self.robot, self.robot.root
+        if set(self.frames) == {root}:
+            raise InputError(str(self.file), "joint", None, "carries no link that has mass or moves: it is no robot")
         if robot.links[root].mass:
             self.notes.append(f"{root} stands on the ground: its mass of {robot.links[root].mass:g} kg has no effect")
         joints = [
@@ -134,10 +148,14 @@ class _Writer:
         ]
         for name in robot.links:
             if self._carrier(name) != name and self._carrier(name) != root:
-                self.markers[self._carrier(name)][self.names[name]] = self._in_body(name, Pose())
+                self.markers[self._carrier(name)][self._marker(name)] = self._in_body(name, Pose())
         ground = [] if root not in self.markers else self._ground(root)
         bodies = [self._body(robot.links[name]) for name in self.frames if name != root]
         tip = self._tip(root)
+        motors = [f"{limits} of {', '.join(joints)}" for limits, joints in self.motors.items()]
+        if motors:
+            self.notes.append(f"limits of motors (docs/control.md has motors): {'; '.join(motors)}")
+        self.notes += self.shapes.list_notes()
         notes = [f"# - {note}" for note in self.notes]
         head = [
             f"# Made of {self.file.name}. It falls under its weight; docs/control.md has drives and controllers.",
@@ -170,19 +188,24 @@ class _Writer:
 
         far = max((name for name in self.robot.links if self._carrier(name) != root), key=depth)
         body = self.names[self._carrier(far)]
-        return f"{body}.{self.names[far] if self._carrier(far) != far else 'origin'}"
+        return f"{body}.{self._marker(far) if self._carrier(far) != far else 'origin'}"
+
+    def _marker(self, name: str) -> str:
+        """Return the marker of a link that is one, by a name that no joint's marker there can have."""
+        taken = {"origin", *self.joint_names.values()}
+        return f"{self.names[name][: LONGEST_NAME - 6]}-frame" if self.names[name] in taken else self.names[name]
 
     def _ground(self, root: str) -> list[str]:
         tables = []
         for name, pose in self.markers[root].items():
-            tables.append(f"[ground.{name}]\n{_write({'at': _lengths(pose.at), **_turn(pose)})}")
+            tables.append(f"[ground.{name}]\n{_write({'at': write_lengths(pose.at), **_turn(pose)})}")
         return tables
 
     def _body(self, link: RobotLink) -> str:
         name, frame = self.names[link.name], self.frames[link.name]
         markers = {"origin": self._in_body(link.name, Pose()), **self.markers[link.name]}
-        shapes = [self._shape(link, shape) for shape in link.visuals or link.collisions]
-        visuals = [f"[[body.{name}.visual]]\n{_write(shape)}" for shape in shapes if shape]
+        shapes = self.shapes.draw(link, lambda shape: self._in_body(link.name, shape.pose))
+        visuals = [f"[[body.{name}.visual]]\n{_write(shape)}" for shape in shapes]
         if link.name in self.flexible:
             size = sorted(self._box_of(link).size, reverse=True)
             volume = float(np.prod(size))
@@ -204,12 +227,18 @@ class _Writer:
         if not mass > 0.0:
             mass, inertia = LIGHT_LINK, np.full(3, LIGHT_LINK * LIGHT_RADIUS**2)
             self.notes.append(f"{link.name} has no mass, which a moving body needs: {mass:g} kg is taken")
+        possible = _make_possible(inertia)
+        if not np.allclose(inertia, possible, rtol=SKEW_INERTIA, atol=0.0):
+            moments = ", ".join(f"{x:.4g}" for x in inertia)
+            self.notes.append(
+                f"{link.name}: no body has moments of inertia of {moments} kg m²: the least possible are taken"
+            )
         table = {
             "shape": "rigid",
-            "mass": f"{mass:.9g} kg",
-            "centre": _lengths(frame.axes.T @ (link.centre - frame.at)),
-            "inertia": [f"{x:.9g} kg m^2" for x in inertia],
-            "marker": {key: {"at": _lengths(pose.at), **_turn(pose)} for key, pose in markers.items()},
+            "mass": f"{mass:.15g} kg",
+            "centre": write_lengths(frame.axes.T @ (link.centre - frame.at)),
+            "inertia": [f"{x:.15g} kg m^2" for x in possible],
+            "marker": {key: {"at": write_lengths(pose.at), **_turn(pose)} for key, pose in markers.items()},
         }
         return "\n\n".join([f"[body.{name}]\n{_write(table)}", *visuals])
 
@@ -218,7 +247,7 @@ class _Writer:
         low, high = np.array([0.0, -size[1] / 2, -size[2] / 2]), np.array([size[0], size[1] / 2, size[2] / 2])
         at = np.clip(pose.at, low, high)
         near = [abs(at[0] - x) <= 0.5 * max(size[1:]) for x in (0.0, size[0])]
-        where: dict[str, Any] = {"at": _lengths(at)}
+        where: dict[str, Any] = {"at": write_lengths(at)}
         if any(near):
             where = {"face": "x-" if near[0] else "x+"}
             at = np.array([0.0 if near[0] else size[0], 0.0, 0.0])
@@ -227,7 +256,7 @@ class _Writer:
         return {**where, **_turn(pose)}
 
     def _joint(self, joint: RobotJoint, root: str) -> str:
-        name = make_name(joint.name) or "joint"
+        name = self.joint_names[joint.name]
         kind = _KINDS.get(joint.kind)
         if kind is None:
             raise InputError(str(self.file), f"joint {joint.name}", joint.kind, f"is none of {', '.join(_KINDS)}")
@@ -245,27 +274,38 @@ class _Writer:
             table |= {"friction": f"{joint.friction:.9g} {'N m' if turns else 'N'}"} if joint.friction else {}
             table |= self._stops(joint, turns)
         text = f"[joint.{name}]\n{_write(table)}"
-        if joint.mimic is None:
-            return text
+        coupler = self._coupler(joint, name, kind)
+        return f"{text}\n\n[coupler.{name}]\n{_write(coupler)}" if coupler else text
+
+    def _coupler(self, joint: RobotJoint, name: str, kind: str) -> dict[str, Any]:
+        """Return the coupler of a joint that follows another; none, and a note, where there is none."""
+        if joint.mimic is None or kind == "fixed":
+            return {}
         driver, ratio, offset = joint.mimic
-        if kind == "revolute" == _KINDS.get(self.robot.joints[driver].kind):
-            gear = {
-                "type": "gear",
-                "joint": name,
-                "driver": make_name(driver),
-                "ratio": ratio,
-                "offset": f"{offset:.12g} rad",
-            }
-            return f"{text}\n\n[coupler.{name}]\n{_write(gear)}"
-        self.notes.append(f"{joint.name} doesn't follow {driver}: only hinges follow hinges, as gears")
-        return text
+        if driver not in self.robot.joints:
+            self.notes.append(f"{joint.name} follows no other: {driver} is no joint of the file")
+            return {}
+        leader = self.joint_names[driver]
+        given = {"ratio": ratio, "offset": f"{offset:.12g} {'rad' if kind == 'revolute' else 'm'}"}
+        match kind, _KINDS.get(self.robot.joints[driver].kind):
+            case "revolute", "revolute":
+                return {"type": "gear", "joint": name, "driver": leader, **given}
+            case "prismatic", "prismatic":
+                return {"type": "slides", "joint": name, "driver": leader, **given}
+            case "prismatic", "revolute":
+                ends = {"rack": name, "pinion": leader}
+                return {"type": "rack", **ends, "radius": f"{ratio:.12g} m", "offset": given["offset"]}
+        self.notes.append(
+            f"{joint.name} doesn't follow {driver}: couplers are for hinges, slides, and slides by hinges"
+        )
+        return {}
 
     def _stops(self, joint: RobotJoint, turns: bool) -> dict[str, Any]:
         """Return the joint's stops, and its start where 0 isn't between them."""
         limits = joint.limits
         motor = [f"{key} {limits[key]:g}" for key in ("effort", "velocity") if limits.get(key)]
         if motor:
-            self.notes.append(f"{joint.name}: {', '.join(motor)} (limits of a motor: as in docs/control.md)")
+            self.motors.setdefault(", ".join(motor), []).append(joint.name)
         low, high = limits.get("lower", 0.0), limits.get("upper", 0.0)
         if joint.kind == "continuous" or not low < high:
             return {}
@@ -276,40 +316,14 @@ class _Writer:
         start = {} if low <= 0.0 <= high else {"angle" if turns else "position": f"{(low + high) / 2:.12g} {unit}"}
         return {**start, "stop": stop}
 
-    def _shape(self, link: RobotLink, shape: Shape) -> dict[str, Any] | None:
-        """Return a shape in pictures; none, and a note, for one that pictures don't have."""
-        pose = self._in_body(link.name, shape.pose)
-        if shape.kind == "box":
-            return {"type": "box", "size": _lengths(np.array(shape.size)), "at": _lengths(pose.at), **_rotation(pose)}
-        if shape.kind in ("cylinder", "sphere"):
-            radius = shape.size[0]
-            half = 0.5 * shape.size[1] if shape.kind == "cylinder" else radius
-            ends = {key: _lengths(pose.at + sign * half * pose.axes[:, 2]) for key, sign in (("start", -1), ("end", 1))}
-            if shape.kind == "sphere":
-                self.notes.append(f"{link.name}: a sphere is drawn as a cylinder of its size")
-            return {"type": "cylinder", **ends, "radius": f"{radius:.9g} m"}
-        if shape.kind != "mesh":
-            self.notes.append(f"{link.name}: the {shape.kind} is left out of pictures")
-            return None
-        file = self._find(shape.file)
-        unit = {1.0: "m", 1e-3: "mm"}.get(shape.scale[0]) if len(set(shape.scale)) == 1 else None
-        drawn = (".stl", ".step")  # the latter are parts of an assembly
-        if file is None or file.suffix.lower() not in drawn or unit is None:
-            why = "isn't there" if file is None else "only STL in m or mm is drawn"
-            self.notes.append(f"{link.name}: the shape {shape.file} is left out ({why})")
-            return None
-        path = Path(os.path.relpath(file, self.target.parent)).as_posix()
-        return {"type": "file", "file": path, "unit": unit, "at": _lengths(pose.at), **_rotation(pose)}
 
-    def _find(self, name: str) -> Path | None:
-        """Return the file of a mesh; those of packages are looked for in the folders above the URDF file."""
-        inside = name.removeprefix("file://")
-        places = [self.file.parent / inside]
-        if name.startswith("package://"):
-            package, _, inside = name.removeprefix("package://").partition("/")
-            for folder in self.file.resolve().parents:
-                places += [folder / package / inside, folder / inside]
-        return next((place for place in places if place.is_file()), None)
+def _make_names(given: Iterable[str], kind: str) -> dict[str, str]:
+    """Return different names of a scene for those of links or joints."""
+    names: dict[str, str] = {}
+    for number, name in enumerate(given):
+        plain = make_name(name) or f"{kind}-{number}"
+        names[name] = f"{plain[: LONGEST_NAME - 5]}-{number}" if plain in names.values() else plain
+    return names
 
 
 def _frame_of_bar(box: Shape) -> Pose:
@@ -321,17 +335,17 @@ def _frame_of_bar(box: Shape) -> Pose:
     return box.pose.then(Pose(axes @ along, axes))
 
 
-def _lengths(at: Array) -> list[str]:
-    return [f"{x + 0.0:.9g} m" for x in np.where(np.abs(at) < 1e-12, 0.0, at)]
+def _make_possible(moments: Array) -> Array:
+    """Return principal moments of inertia (3,), raised to the least that a body can have.
+
+    Half their sum less a moment is the integral of a coordinate's square over the mass, which can't be negative.
+    """
+    squares = np.maximum(0.5 * moments.sum() - moments, 0.0)
+    return np.asarray(squares.sum() - squares)
 
 
 def _turn(pose: Pose) -> dict[str, Any]:
-    vector = Rotation.from_matrix(pose.axes).as_rotvec()
-    return {"rotate": [f"{x + 0.0:.15g} rad" for x in vector]} if np.abs(vector).max() > 1e-12 else {}
-
-
-def _rotation(pose: Pose) -> dict[str, Any]:
-    return {"rotation": turned["rotate"]} if (turned := _turn(pose)) else {}
+    return {"rotate": turn} if (turn := write_turn(pose)) else {}
 
 
 def _write(table: dict[str, Any]) -> str:

@@ -6,15 +6,18 @@ that carries it, rotations by roll, pitch and yaw about fixed axes, moments of i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape, read_number, read_numbers, read_robot_xml
+from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape, naming, read_number, read_numbers, read_robot_xml
 from fmd.core.errors import InputError
 
+Part = TypeVar("Part", RobotLink, RobotJoint)
 KNOWN = {"robot", "link", "joint", "material"}
 
 
@@ -27,11 +30,7 @@ def read_urdf(path: Path) -> Robot:
         It can't be read, is no URDF, or its joints are no tree of its links.
     """
     top = read_robot_xml(path, "robot", "URDF")
-    try:
-        links = {link.name: link for link in map(_read_link, top.findall("link"))}
-        joints = {joint.name: joint for joint in map(_read_joint, top.findall("joint"))}
-    except (KeyError, ValueError) as error:
-        raise InputError(str(path), "", None, f"has a link or joint that can't be read: {error}") from None
+    links, joints = _read_each(path, top, "link", _read_link), _read_each(path, top, "joint", _read_joint)
     carried = [joint.child for joint in joints.values()]
     for joint in joints.values():
         for end in (joint.parent, joint.child):
@@ -39,9 +38,31 @@ def read_urdf(path: Path) -> Robot:
                 raise InputError(str(path), f"joint {joint.name}", end, "is no link of the file")
     roots = [name for name in links if name not in carried]
     if len(roots) != 1 or len(set(carried)) != len(carried):
-        raise InputError(str(path), "joint", None, "a robot's joints have to carry every link but one, once each")
+        twice = sorted({name for name in carried if carried.count(name) > 1})
+        found = f"carried by none: {', '.join(roots) or 'no link'}" + (f"; twice: {', '.join(twice)}" if twice else "")
+        raise InputError(str(path), "joint", None, f"a robot's joints carry every link but one, once each; {found}")
+    reached = {roots[0]}
+    while further := {joint.child for joint in joints.values() if joint.parent in reached} - reached:
+        reached |= further
+    if lost := sorted(set(links) - reached):
+        raise InputError(
+            str(path), "joint", None, f"joints in a loop, which {roots[0]} doesn't carry: {', '.join(lost)}"
+        )
     others = tuple(f"<{tag}> isn't read" for tag in sorted({child.tag for child in top} - KNOWN))
     return Robot(top.get("name", path.stem), links, joints, roots[0], others)
+
+
+def _read_each(
+    path: Path, top: ElementTree.Element, tag: str, read: Callable[[ElementTree.Element], Part]
+) -> dict[str, Part]:
+    parts: dict[str, Part] = {}
+    for element in top.findall(tag):
+        name = element.get("name", "")
+        with naming(path, f"{tag} {name}"):
+            if name in parts:
+                raise ValueError(f"two are called {name!r}")
+            parts[name] = read(element)
+    return parts
 
 
 def _read_pose(element: ElementTree.Element) -> Pose:

@@ -1,4 +1,4 @@
-"""Couplers of joints in a scene file: gears and racks."""
+"""Couplers of joints in a scene file: gears, slides that move together, and racks."""
 
 from __future__ import annotations
 
@@ -48,6 +48,44 @@ class Gear(SceneTable):
         return self.ratio
 
 
+class Slides(SceneTable):
+    """Slides that move together, as jaws of a gripper: ``position = ratio · position of driver + offset``.
+
+    Parameters
+    ----------
+    joint, driver : str
+        Prismatic joints that carry bodies.
+    ratio : float
+        Displacement of the first for a displacement of 1 m of the driver; below 0 against its own axis.
+    offset : float
+        Displacement of the first where the driver's is 0 [m].
+
+    Examples
+    --------
+    ::
+
+        [coupler.jaws]
+        type = "slides"
+        joint = "left"
+        driver = "right"
+        ratio = 1.0
+    """
+
+    ends: ClassVar[tuple[tuple[str, str], ...]] = (("joint", "m"), ("driver", "m"))
+    """Keys of the joint that follows and of the one that leads, with the units of their coordinates."""
+
+    type: Literal["slides"]
+    joint: JointName
+    driver: JointName
+    ratio: Number
+    offset: Length = 0.0
+
+    @property
+    def multiple(self) -> float:
+        """Displacement of the joint that follows for a displacement of 1 m of the other."""
+        return self.ratio
+
+
 class Rack(SceneTable):
     """A rack and pinion: a slide's displacement follows a hinge's angle, ``position = radius · angle + offset``.
 
@@ -88,4 +126,4 @@ class Rack(SceneTable):
         return self.radius
 
 
-AnyCoupler = Annotated[Gear | Rack, KindBy("type")]
+AnyCoupler = Annotated[Gear | Slides | Rack, KindBy("type")]

@@ -72,7 +72,7 @@ class Scene(SceneTables):
     controller : dict
         Controllers by name, whose outputs formulas of drives and of later controllers name.
     coupler : dict
-        Gears and racks by name.
+        Gears, slides that move together and racks by name.
     spring, bushing, bearing : dict
         Force elements between two places, by name.
     contact : dict

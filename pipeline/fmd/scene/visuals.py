@@ -13,7 +13,7 @@ from fmd.scene.kinds import KindBy
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import LengthUnit, Point, SourceFile, Turn, Words
 
-VISUAL_FILES = (".stl", ".step", ".stp", ".iges", ".igs", ".brep")
+VISUAL_FILES = (".stl", ".obj", ".step", ".stp", ".iges", ".igs", ".brep")
 
 
 def _check_visual_file(file: str) -> str:
@@ -135,14 +135,14 @@ class RodVisual(VisualSettings):
 
 
 class FileVisual(VisualSettings):
-    """A shape from an STL file or from CAD.
+    """A shape from an STL or OBJ file or from CAD.
 
     Parameters
     ----------
     file : str
         The file, relative to the scene's.
     unit : str
-        Unit of length of an STL file; CAD files hold their own.
+        Unit of length of an STL or OBJ file; CAD files hold their own.
     at : tuple of float
         Origin of the file in the body's frame [m].
     rotation : tuple of float

@@ -1,4 +1,4 @@
-"""Shapes of rigid bodies that come from STL and CAD files, as triangles."""
+"""Shapes of rigid bodies that come from STL, OBJ and CAD files, as triangles."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from fmd.core.files import digest_file
 from fmd.core.limits.patience import VISUAL_SECONDS
 from fmd.core.processes import ChildError, run_child
 from fmd.core.units import unit_ratio
+from fmd.fem.formats.obj import read_obj
 from fmd.fem.formats.stl import read_stl
 from fmd.scene.scene import Scene
+
+_READERS = {".stl": read_stl, ".obj": read_obj}  # of triangles, by suffix
 
 
 def find_visual_files(scene: Scene) -> dict[str, str]:
@@ -55,9 +58,9 @@ def read_visual(scene: Scene, body: str, number: int, cache: Cache) -> tuple[Arr
     key = f"body.{body}.visual.{number}.file"
     digest = find_visual_files(scene)[key]
     path = Path(scene.file).parent / visual.file
-    if path.suffix.lower() == ".stl":
+    if (read := _READERS.get(path.suffix.lower())) is not None:
         with blaming(scene.file, key, visual.file):
-            points, triangles = read_stl(path)
+            points, triangles = read(path)
         return points * unit_ratio(visual.unit, "m"), triangles
     sources = ("fmd/meshes/cad.py", "fmd/stages/visual_files.py")
     kept = stage_key("visual", {"content": digest, "kind": path.suffix.lower()}, sources, ("gmsh",))

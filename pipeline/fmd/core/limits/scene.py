@@ -33,6 +33,7 @@ LONGEST_NAME = 40  # letters of a marker's name
 WEIGHTS = 20.0  # force of the push over the part's weight as steel
 LIGHT_LINK, LIGHT_RADIUS = 1e-3, 1e-2  # mass [kg] and radius of inertia [m] of a robot's moving link that has none
 LIGHT_SHARE = 1e-6  # of the mass and inertia of a robot's body: what stands between two joints that it has
+NAMED_SHAPES = 6  # of a robot's that pictures leave out, at most
 SKEW_INERTIA = 1e-9  # products of inertia beside the moments that are none
 STOP_ANGLE, STOP_LENGTH = 0.01, 1e-3  # over which a robot's stop grows to its whole stiffness [rad or m]
 STOP_LOADS = 1.0  # largest efforts of its motor that a stop bears over that way
