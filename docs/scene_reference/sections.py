@@ -35,6 +35,7 @@ from fmd.scene.imported_bodies import (
 from fmd.scene.joints.angles import OneAngleJoint, TwoAngleJoint
 from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.joints.joint import CarryingJoint
+from fmd.scene.layers import LaminaTable, Layer, PlyStrength
 from fmd.scene.links import FaceLink, MassOnLink, TiedFace
 from fmd.scene.loads import ForceDrive, MotionDrive, PointForce, PointTorque, PulseDrive, TorqueDrive
 from fmd.scene.modes import ModeSettings, RayleighDamping, ReducedModes
@@ -62,7 +63,7 @@ from fmd.scene.scene import PublishedResults, Scene
 from fmd.scene.shells import Plate, ShellMesh, Tube
 from fmd.scene.simulation import Simulation
 from fmd.scene.state_loads import FormulaVariable, LoadOverTime
-from fmd.scene.stress_outputs import ContactPressure, Envelope, Fatigue, MeanStress, SnCurve, SurfaceField
+from fmd.scene.stress_outputs import ContactPressure, Envelope, Fatigue, MeanStress, Plies, SnCurve, SurfaceField
 from fmd.scene.visuals import BoxVisual, CylinderVisual, FileVisual, RodVisual, VisualSettings
 
 INTRODUCTION = """\
@@ -249,6 +250,9 @@ SECTIONS = (
     Section("### Mesh of a spur gear", GearTeethMesh),
     Section("### Every body from a file", Imported),
     Section("### Material of a part", Substance),
+    Section("### Layer", Layer),
+    Section("### Material of a ply", LaminaTable),
+    Section("### Strength of a ply", PlyStrength),
     Section("### Body from a mesh file", MeshedPart),
     Section("### Mesh file", MeshFile),
     Section("### Body from a CAD file", CadPart),
@@ -339,6 +343,7 @@ SECTIONS = (
     Section("### Every envelope and fatigue", SurfaceField),
     Section("### Envelope of the stress", Envelope),
     Section("### Fatigue", Fatigue),
+    Section("### Plies", Plies),
     Section("### S-N curve", SnCurve),
     Section("### Mean stress", MeanStress),
     Section("### Pressure of a contact", ContactPressure),

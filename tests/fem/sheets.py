@@ -9,7 +9,7 @@ from scipy.linalg import qr
 
 from fmd.core.arrays import Array, IntArray
 from fmd.fem.assembly import assemble
-from fmd.fem.material import Material
+from fmd.fem.material import AnyMaterial
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.fem.thicken import Sheet, thicken
@@ -22,14 +22,15 @@ def unit_grid(n_x: int, n_y: int, element: str) -> tuple[Array, IntArray]:
     return np.column_stack([X.ravel(), Y.ravel()]), grid_cells(n_x, n_y + 1, n_y, element)
 
 
-def shell_mesh(x: Array, cells: IntArray, thickness: float, **faces: IntArray) -> SolidMesh:
-    return thicken(Sheet(x, cells, np.full(len(cells), thickness), {}, faces, {}, ("bottom", "top")))
+def shell_mesh(x: Array, cells: IntArray, thickness: float, offset: float = 0.0, **faces: IntArray) -> SolidMesh:
+    t, off = (np.full(len(cells), each) for each in (thickness, offset))
+    return thicken(Sheet(x, cells, t, {}, faces, {}, ("bottom", "top"), off))
 
 
 class ShellProblem:
     """A shell with held displacements of nodes, and held turns of their directors."""
 
-    def __init__(self, x: Array, cells: IntArray, thickness: float, material: Material) -> None:
+    def __init__(self, x: Array, cells: IntArray, thickness: float, material: AnyMaterial) -> None:
         self.x = x
         self.fe: FEModel = assemble(shell_mesh(x, cells, thickness), 1, material)
         mesh = self.fe.discretisation.mesh
@@ -57,6 +58,10 @@ class ShellProblem:
 
     def solve(self, f: Array) -> Array:
         """Return displacements of nodes (n_nodes, 3) by forces on them and, before them, on all points."""
+        return self.solve_all(f)[self.n_points :]
+
+    def solve_all(self, f: Array) -> Array:
+        """Return displacements of all points and, behind them, of nodes by forces on these."""
         T, C = self.fe.T, sp.csr_array(sp.vstack(self._held))
         C = C[np.flatnonzero(abs(C).sum(axis=1) > 1e-12)]
         C = C[_independent(C)]
@@ -65,7 +70,7 @@ class ShellProblem:
         system = sp.block_array([[K, scale * C.T], [scale * C, None]], format="csc")
         full = np.concatenate([T.T @ f.ravel(), np.zeros(C.shape[0])])
         y = sla.spsolve(system, full)[: K.shape[0]]
-        return np.asarray((T @ y).reshape(-1, 3)[self.n_points :])
+        return np.asarray((T @ y).reshape(-1, 3))
 
     def load(self) -> Array:
         """Return no forces on all points, shape (n_points, 3)."""

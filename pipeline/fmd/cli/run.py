@@ -241,6 +241,10 @@ def _answers(summary: dict[str, Any]) -> list[str]:
             low, high = ("∞" if end is None else f"{end:.3g}" for end in interval)
             lasts += f" ({low} to {high})"
         lines.append(f"{file}: {lasts}")
+    for body, own in summary.get("plies", {}).items():
+        for name, worst in own.items():
+            place = f"ply {worst['ply']} ({worst['material']}, {worst['angle_deg']:.3g}°), {worst['face']} face"
+            lines.append(f"{body}: {name} index {worst['value']:.3g} in {place}, element {worst['element']}")
     for joint, position in summary["final"].get("joint_positions", {}).items():
         unit = summary["joint_units"][joint]
         differences = [f"{row['joint_differences'][joint]:.3g}" for row in summary["integrations"][1:]]

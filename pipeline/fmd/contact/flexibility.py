@@ -99,7 +99,7 @@ def contact_points(
     shapes = np.ascontiguousarray(body.shapes[at])
     surfaces = {name: np.searchsorted(at, own) for name, own in triangles.items()}
     (material, _), *others = fe.material.over(slice(None))
-    elastic = None if others else (material.E, material.nu)
+    elastic = None if others else material.isotropic
     G = G.reshape(n, 3, n, 3)
     x = body.x[at].copy()
     return ContactPoints(x, areas, shapes, G, numbers, raised, surfaces, elastic=elastic, nodes=at)

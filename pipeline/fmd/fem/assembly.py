@@ -16,7 +16,7 @@ from fmd.core.limits.memory import BLOCKS_AT_ONCE, ELEMENTS_AT_ONCE, ENHANCED_AT
 from fmd.fem.beam_mass import carry_beam_mass
 from fmd.fem.beams import BeamLine
 from fmd.fem.elements import Formulation, determinants, shape_functions
-from fmd.fem.material import AnyMaterial, Material
+from fmd.fem.material import AnyElastic, AnyMaterial, Material, batches
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.fem.shell_model import hang_on_nodes
@@ -60,9 +60,8 @@ def _stiffness(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
 
 def _mass(space: Discretisation, material: AnyMaterial) -> sp.csr_array:
     """Assemble the scalar mass matrix, shape (n_nodes, n_nodes) [kg]."""
-    products, structure = _shape_products(space), space.structure
-    each = [own.rho * structure.sums(_select(products, mine)) for own, mine in material.over(slice(None))]
-    return structure.scalar_matrix(sum(each[1:], each[0]))
+    structure = space.structure
+    return structure.scalar_matrix(structure.sums(_mass_products(space, material)))
 
 
 def _select(entries: Array, elements: IntArray | slice) -> Array:
@@ -74,8 +73,9 @@ def _select(entries: Array, elements: IntArray | slice) -> Array:
     return chosen
 
 
-def _isotropic(T: Array, material: Material) -> Array:
+def _isotropic(T: Array, material: AnyElastic) -> Array:
     """Turn sums of gradient products T (n_pairs, 3, 3) into blocks of the stiffness, in place."""
+    assert isinstance(material, Material)  # layers are of shells, whose strain is their own
     lam, mu = material.lame
     transposed, diagonal = np.arange(9).reshape(3, 3).T.ravel(), np.eye(3).ravel()
     for start in range(0, len(T), BLOCKS_AT_ONCE):
@@ -95,10 +95,8 @@ def _condensed_blocks(space: Discretisation, material: AnyMaterial) -> Array:
     n_elements, n_local = space.element_nodes.shape
     blocks = np.empty((n_elements, n_local, n_local, 3, 3))
     flat, by_pairs = blocks.reshape(n_elements, -1), _by_pairs(n_local)
-    for start in range(0, n_elements, ENHANCED_AT_ONCE):
-        part = np.arange(start, min(start + ENHANCED_AT_ONCE, n_elements))
-        stiffness = condensed_stiffness(space, material, part).reshape(len(part), -1)
-        np.take(stiffness, by_pairs, axis=1, out=flat[part[0] : part[-1] + 1], mode="clip")
+    for own, part in batches(material, n_elements, ENHANCED_AT_ONCE):
+        flat[part] = condensed_stiffness(space, own, part).reshape(len(part), -1)[:, by_pairs]
     return blocks
 
 
@@ -126,16 +124,15 @@ def _gradient_products(space: Discretisation) -> Array:
     return T
 
 
-def _shape_products(space: Discretisation) -> Array:
-    """Return ``∫ N_a N_b dV`` of each element, shape (n_elements, n_local, n_local)."""
-    X, w = space.kind.quadrature(space.kind.mass_order)
-    N, _ = shape_functions(space.kind.element, X)
-    weights = (N[:, None] * N[None]).reshape(-1, w.size) * w
-    if space.kind.is_affine:
-        X, weights = X[:, :1], weights.sum(axis=1, keepdims=True)
+def _mass_products(space: Discretisation, material: AnyMaterial) -> Array:
+    """Return ``∫ ρ N_a N_b dV`` of each element, shape (n_elements, n_local, n_local) [kg]."""
     n_elements, n_local = space.element_nodes.shape
     products = np.empty((n_elements, n_local**2))
-    for start in range(0, n_elements, ELEMENTS_AT_ONCE):
-        chunk = slice(start, start + ELEMENTS_AT_ONCE)
-        np.matmul(determinants(space.jacobians(X, chunk)), weights.T, out=products[chunk])
+    for own, part in batches(material, n_elements, ELEMENTS_AT_ONCE):
+        X, w = own.quadrature(space.kind, space.kind.mass_order)
+        N, _ = shape_functions(space.kind.element, X)
+        weights = (N[:, None] * N[None]).reshape(-1, w.size) * (w * own.density(X))
+        if space.kind.is_affine:
+            X, weights = X[:, :1], weights.sum(axis=1, keepdims=True)
+        products[part] = determinants(space.jacobians(X, part)) @ weights.T
     return products.reshape(n_elements, n_local, n_local)

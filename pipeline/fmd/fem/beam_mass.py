@@ -16,7 +16,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms, join_arms, second_of_rigid
 from fmd.fem.beams import BeamLine
-from fmd.fem.material import AnyMaterial
+from fmd.fem.material import AnyMaterial, Material
 from fmd.fem.shell_model import ShellModel
 
 _STATIONS = 0.5 + 0.5 * np.sqrt(0.6) * np.arange(-1, 2)  # exact to the fifth degree
@@ -74,6 +74,7 @@ def _numbers(line: BeamLine, material: AnyMaterial, cell: IntArray) -> _Numbers:
     found = _Numbers(np.zeros(len(cell)), np.zeros((len(cell), 2)), np.zeros((len(cell), 2)))
     everything = np.arange(len(cell))
     for own, mine in material.over(cell):
+        assert isinstance(own, Material)
         for k in np.unique(line.of[cell]):
             section = line.sections[k]
             chosen = np.intersect1d(everything[mine], np.flatnonzero(line.of[cell] == k))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class ElementKind:
         and elements, with what `fmd.fem.strain.enhanced_matrix` returns.
     stressed : callable, optional
         What is left of strains (n_elements, n_q, 3, 3) where others follow without stress, as through a shell: a
-        function of strains, Jacobians and a material.
+        function of strains, Jacobians, a material and elements.
     """
 
     name: str
@@ -121,6 +121,21 @@ class ElementKind:
                     around.append(len(self.corners) + edge[frozenset((a, b))])
             polygons.append(np.array(around, dtype=np.int64))
         return tuple(polygons)
+
+
+class ElementSpace(Protocol):
+    """Finite element space as far as elements and materials read it."""
+
+    @property
+    def kind(self) -> ElementKind:
+        """The element."""
+
+    @property
+    def corner_coordinates(self) -> Array:
+        """Positions of each element's points, shape (n_elements, n_local, 3) [m]."""
+
+    def jacobians(self, X: Array, elements: slice | IntArray = ...) -> Array:
+        """Return derivatives of position by reference coordinates, shape (n_elements, n_q, 3, 3)."""
 
 
 def shape_functions(element: Any, X: Array) -> tuple[Array, Array]:

@@ -19,10 +19,9 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import Array
 from fmd.core.limits.memory import STRESSED_AT_ONCE
+from fmd.fem.material import batches
 from fmd.fem.model import FEModel
-from fmd.fem.strain import stresses
-
-_TENSOR = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # places of the components in a vector of six
+from fmd.fem.strain import DOUBLED, TENSOR, VOIGT, stresses
 
 
 @singledispatch
@@ -40,13 +39,12 @@ def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
         Scalar matrices [N/m] in the pattern of ``fe.m``, each for all three components of a displacement.
     """
     space = fe.discretisation
-    X, w = space.kind.quadrature(space.kind.stiffness_order)
     n_elements, n_local = space.element_nodes.shape
     entries = np.empty((n_elements, n_local, n_local, u.shape[2]))
-    for start in range(0, n_elements, STRESSED_AT_ONCE):
-        part = np.arange(start, min(start + STRESSED_AT_ONCE, n_elements))
+    for own, part in batches(fe.material, n_elements, STRESSED_AT_ONCE):
+        X, w = own.quadrature(space.kind, space.kind.stiffness_order)
         g, det = space.gradients(X, part)
-        stress = stresses(space, fe.material, u, X, part)[:, :, _TENSOR] * (det * w)[..., None, None, None]
+        stress = stresses(space, fe.material, u, X, part)[:, :, TENSOR] * (det * w)[..., None, None, None]
         flat = g.swapaxes(1, 2).reshape(len(g), n_local, -1)
         for k in range(u.shape[2]):
             pulled = (g @ stress[..., k]).swapaxes(1, 2).reshape(flat.shape)
@@ -71,22 +69,18 @@ def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
         ``½ ∫ E : C E`` [J].
     """
     space = fe.discretisation
-    X, w = space.kind.quadrature(space.kind.mass_order)
     n, f, energy = len(space.x), np.zeros_like(u), 0.0
     f[:n] = geometric_stiffness(fe, u[:, :, None])[0] @ u[:n]
-    for start in range(0, len(space.element_nodes), STRESSED_AT_ONCE):
-        part = np.arange(start, min(start + STRESSED_AT_ONCE, len(space.element_nodes)))
+    for own, part in batches(fe.material, len(space.element_nodes), STRESSED_AT_ONCE):
+        X, w = own.quadrature(space.kind, space.kind.mass_order)
         g, det = space.gradients(X, part)
         nodes = space.element_nodes[part]
         slopes = np.einsum("eqia,eib->eqab", g, u[nodes], optimize=True)  # ∂_a u_b
         E = 0.5 * slopes @ slopes.swapaxes(2, 3)
-        stress = np.empty_like(E)
-        for own, mine in fe.material.over(part):
-            if space.kind.stressed is not None:  # directors don't stretch: their second-order motion takes it up
-                E[mine] = space.kind.stressed(E[mine], space.jacobians(X, part[mine]), own)
-            lam, mu = own.lame
-            stress[mine] = 2 * mu * E[mine]
-            stress[mine] += lam * np.trace(E[mine], axis1=2, axis2=3)[..., None, None] * np.eye(3)
+        if space.kind.stressed is not None:  # directors don't stretch: their second-order motion takes it up
+            E = space.kind.stressed(E, space.jacobians(X, part), own, part)
+        strain = E.reshape(*E.shape[:2], 9)[..., VOIGT] * DOUBLED
+        stress = own.stress(space, X, part, strain[..., None])[:, :, TENSOR, 0]
         volume = np.abs(det) * w
         energy += 0.5 * float(np.einsum("eqab,eqab,eq->", stress, E, volume, optimize=True))
         np.add.at(f, nodes, np.einsum("eqia,eqab,eq->eib", g, stress, volume, optimize=True))

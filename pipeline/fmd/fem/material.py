@@ -1,13 +1,78 @@
-"""Linear isotropic elastic materials, one for a body or one for each element."""
+"""Linear elastic materials, one for a body or one for each element."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+
+if TYPE_CHECKING:
+    from fmd.fem.elements import ElementKind, ElementSpace
+
+PLANE = np.array([0, 1, 3, 4, 5])  # strains xx, yy, 2yz, 2xz, 2xy of six
+
+
+def bond(R: Array) -> Array:
+    """Return the matrices (…, 6, 6) that turn strains xx, yy, zz, 2yz, 2xz, 2xy as rotations R (…, 3, 3) do vectors."""
+    a, b = [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]
+    one, other = R[..., a, :], R[..., b, :]
+    direct = one * other
+    mixed = one[..., [1, 0, 0]] * other[..., [2, 2, 1]] + one[..., [2, 2, 1]] * other[..., [1, 0, 0]]
+    N = np.concatenate([direct, 0.5 * mixed], axis=-1)
+    N[..., 3:, :] *= 2
+    return np.asarray(N)
+
+
+def plane_tensor(A: Array, across: Array) -> Array:
+    """Return tensors (…, 3, 3) with the plane part of A and shears across it, (…, 2), and no stretch through it."""
+    changed = np.zeros_like(A)
+    changed[..., :2, :2] = A[..., :2, :2]
+    changed[..., :2, 2] = changed[..., 2, :2] = across
+    return changed
+
+
+class AnyElastic(Protocol):
+    """A material of elements, isotropic or in layers."""
+
+    @property
+    def rho(self) -> float:
+        """Mean density [kg/m³]."""
+
+    @property
+    def n_layers(self) -> int:
+        """Number of layers through a shell."""
+
+    @property
+    def isotropic(self) -> tuple[float, float] | None:
+        """Young's modulus [Pa] and Poisson's ratio, if these are all that it has."""
+
+    def over(self, elements: IntArray | slice) -> Iterator[tuple[AnyElastic, IntArray | slice]]:
+        """Yield the material with all of the elements."""
+
+    def repeats(self, times: int) -> bool:
+        """Return true if it is the same in so many equal parts of the elements."""
+
+    def of_elements(self, elements: IntArray) -> AnyElastic:
+        """Return the material of some elements."""
+
+    def quadrature(self, kind: ElementKind, order: int) -> tuple[Array, Array]:
+        """Return points (3, n_q) and weights (n_q,) on the reference cell, exact to a polynomial degree."""
+
+    def density(self, X: Array) -> Array:
+        """Return the density at reference points X (3, n_q), shape (n_q,) [kg/m³]."""
+
+    def energy_root(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
+        """Return R with ``|R|²`` twice the energy of strains (n_elements, 6, n_q, n) at points X of elements."""
+
+    def stress(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
+        """Return the stress of strains at points X of elements, both of shape (n_elements, n_q, 6, n)."""
+
+    def through_shell(self, A: Array, J: Array, zeta: Array | None, elements: IntArray) -> Array:
+        """Return strains (n_elements, n_q, 3, 3) of a shell's displacement as its plane stress has them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +105,59 @@ class Material:
         """Return true: it is the same in each of the elements' equal parts."""
         return True
 
-    def first_part(self, n_elements: int) -> Material:
-        """Return the material of the first elements."""
+    def of_elements(self, elements: IntArray) -> Material:
+        """Return the material of some elements."""
         return self
+
+    @property
+    def n_layers(self) -> int:
+        """Number of layers through a shell."""
+        return 1
+
+    @property
+    def isotropic(self) -> tuple[float, float] | None:
+        """Young's modulus [Pa] and Poisson's ratio."""
+        return self.E, self.nu
+
+    def quadrature(self, kind: ElementKind, order: int) -> tuple[Array, Array]:
+        """Return points (3, n_q) and weights (n_q,) on the reference cell, exact to a polynomial degree."""
+        return kind.quadrature(order)
+
+    def density(self, X: Array) -> Array:
+        """Return the density at reference points X (3, n_q), shape (n_q,) [kg/m³]."""
+        return np.full(X.shape[1], self.rho)
+
+    def energy_root(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
+        """Return R with ``|R|²`` twice the energy of strains (n_elements, 6, n_q, n) at points X, of a like shape."""
+        root = np.linalg.cholesky(self.stiffness).T @ strain.reshape(len(strain), 6, -1)
+        return np.asarray(root.reshape(strain.shape))
+
+    def stress(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
+        """Return the stress of strains at points X of elements, both of shape (n_elements, n_q, 6, n)."""
+        return np.asarray(self.stiffness @ strain)
+
+    def through_shell(self, A: Array, J: Array, zeta: Array | None, elements: IntArray) -> Array:
+        """Return strains (n_elements, n_q, 3, 3) of a shell's displacement as its plane stress has them.
+
+        Stretch through the thickness follows from plane stress; transverse shear, the mean's, has Reissner's parabola.
+
+        Parameters
+        ----------
+        J : ndarray, shape (n_elements, n_q, 3, 3)
+            Base vectors, last axis reference, the third through the thickness.
+        zeta : ndarray, shape (n_q,), optional
+            Place across the thickness, 0 … 1; without, transverse shear is left out.
+        """
+        normal = J[..., 2] / np.linalg.norm(J[..., 2], axis=-1, keepdims=True)
+        share = np.float64(0.0) if zeta is None else (1.25 * (1 - (2 * zeta - 1) ** 2))[:, None, None]
+        n = normal[..., None]
+        across = A @ n
+        stretch = n.swapaxes(2, 3) @ across
+        transverse = (across - stretch * n) @ n.swapaxes(2, 3)
+        plane = np.trace(A, axis1=2, axis2=3)[..., None, None] - stretch
+        nu = self.nu / (1 - self.nu)
+        changed = (share - 1) * (transverse + transverse.swapaxes(2, 3))
+        return np.asarray(A + changed - (stretch + nu * plane) * (n @ n.swapaxes(2, 3)))
 
     @property
     def lame(self) -> tuple[float, float]:
@@ -61,7 +176,7 @@ class Material:
 
 @dataclass(frozen=True)
 class MaterialOfElements:
-    """Materials of a body's elements, each homogeneous and isotropic.
+    """Materials of a body's elements.
 
     Parameters
     ----------
@@ -69,10 +184,10 @@ class MaterialOfElements:
         Position in ``materials`` of each element's.
     """
 
-    materials: tuple[Material, ...]
+    materials: tuple[AnyElastic, ...]
     numbers: IntArray
 
-    def over(self, elements: IntArray | slice) -> Iterator[tuple[Material, IntArray | slice]]:
+    def over(self, elements: IntArray | slice) -> Iterator[tuple[AnyElastic, IntArray | slice]]:
         """Yield each material of the elements with the numbers of those made of it."""
         numbers = self.numbers[elements]
         for k in np.unique(numbers):
@@ -82,9 +197,18 @@ class MaterialOfElements:
         """Return true if the materials of so many equal parts of the elements, one behind the other, are the same."""
         return bool((self.numbers.reshape(times, -1) == self.numbers[: len(self.numbers) // times]).all())
 
-    def first_part(self, n_elements: int) -> MaterialOfElements:
-        """Return the materials of the first elements."""
-        return MaterialOfElements(self.materials, self.numbers[:n_elements])
+    def of_elements(self, elements: IntArray) -> MaterialOfElements:
+        """Return the materials of some elements."""
+        return MaterialOfElements(tuple(own.of_elements(elements) for own in self.materials), self.numbers[elements])
 
 
-AnyMaterial = Material | MaterialOfElements
+AnyMaterial = AnyElastic | MaterialOfElements
+
+
+def batches(material: AnyMaterial, n_elements: int, size: int) -> Iterator[tuple[AnyElastic, IntArray]]:
+    """Yield each material with some of its elements at a time, fewer of many layers."""
+    everything = np.arange(n_elements)
+    for own, mine in material.over(slice(None)):
+        numbers, step = everything[mine], max(1, size // own.n_layers)
+        for start in range(0, len(numbers), step):
+            yield own, numbers[start : start + step]

@@ -2,15 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray, read_only, require_finite, require_shape
+from fmd.core.arrays import Array, BoolArray, IntArray, read_only, require_finite, require_shape
 from fmd.core.limits.mesh import ALIKE_DIRECTORS
 from fmd.fem.cells.cell import SolidCell
 from fmd.fem.cells.table import shell_cell
+
+DeckPly = tuple[str, float, float]
+"""Material's name, thickness [m] and angle [rad] of a ply."""
+
+
+@dataclass(frozen=True)
+class Layup:
+    """Layers of a shell's elements by its deck.
+
+    Attributes
+    ----------
+    stacks : tuple
+        Plies from the lower face to the upper one.
+    numbers : ndarray, shape (n_cells,)
+        Place in ``stacks`` of each element's, -1 without layers.
+    directions : ndarray, shape (n_cells, 3)
+        Vector of each element, from whose projection onto it angles count.
+    """
+
+    stacks: tuple[tuple[DeckPly, ...], ...]
+    numbers: IntArray
+    directions: Array
+
+    def turned_over(self, turned: BoolArray) -> Layup:
+        """Return the layup of elements some of which have their normal to the other side now."""
+        over = tuple(tuple((name, t, -angle) for name, t, angle in reversed(stack)) for stack in self.stacks)
+        numbers = self.numbers + np.where(turned & (self.numbers >= 0), len(self.stacks), 0)
+        return Layup(self.stacks + over, numbers, self.directions)
 
 
 @dataclass(frozen=True)
@@ -24,6 +52,8 @@ class Midsurface:
     owner : ndarray, shape (n_points,)
         The node of each point of the mesh. A node has two points on a director through the thickness, and more where
         the shell has a fold, a branch or a jump of thickness.
+    layup : Layup, optional
+        Layers of its elements, if a deck has them.
 
     Attributes
     ----------
@@ -35,6 +65,7 @@ class Midsurface:
 
     nodes: Array
     owner: IntArray
+    layup: Layup | None = field(default=None, kw_only=True)
 
     alike: ClassVar[float] = ALIKE_DIRECTORS
     has_sections: ClassVar[bool] = False
@@ -46,7 +77,7 @@ class Midsurface:
         read_only(self.owner)
 
     def of_points(self, points: IntArray) -> Midsurface:
-        """Return that of some points of the mesh, numbered as they are given, with the nodes that these hang on."""
+        """Return that of some points of the mesh, numbered as they are given, with their nodes and without layers."""
         held, owner = np.unique(self.owner[points], return_inverse=True)
         return Midsurface(self.nodes[held], owner)
 

@@ -6,6 +6,7 @@ a solid on its true, curved or warped geometry, and a rigid motion costs no ener
 ``e_ab = ½ (g_a·u,b + g_b·u,a)`` of the displacement
 
 - the stretch through the thickness is left out, and follows from plane stress: ``ε_nn = −ν/(1−ν) (ε_11 + ε_22)``;
+  that of laminates does no work (`fmd.fem.laminate`);
 - transverse shear is interpolated between the tying points of MITC4 (Dvorkin & Bathe, Eng Comput 1, 1984) and of MITC3+
   (Lee, Lee & Bathe, Comput Struct 138, 2014), without which thin shells lock;
 - transverse shear has Reissner's parabola ``5/4 (1 − ζ²)`` through the thickness: its energy is 5/6 of that of the
@@ -16,14 +17,12 @@ a solid on its true, curved or warped geometry, and a rigid motion costs no ener
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import INNER_TYING
-from fmd.fem.elements import ElementKind, inverse_and_determinant, shape_functions
-from fmd.fem.material import Material
+from fmd.fem.elements import ElementSpace, inverse_and_determinant, shape_functions
+from fmd.fem.material import AnyElastic
 
 _COMPONENTS = ((0, 0), (1, 1), (0, 1), (0, 2), (1, 2))  # covariant: rr, ss, rs, rt, st
 _TYING4 = np.array([(0.5, 0, 0.5), (0.5, 1, 0.5), (0, 0.5, 0.5), (1, 0.5, 0.5)]).T
@@ -39,22 +38,9 @@ _TYING3 = np.array(
 ).T
 
 
-class Layer(Protocol):
-    """Finite element space of the layer between a shell's faces."""
-
-    @property
-    def kind(self) -> ElementKind:
-        """The element."""
-
-    @property
-    def corner_coordinates(self) -> Array:
-        """Positions of each element's points, shape (n_elements, n_local, 3) [m]."""
-
-    def jacobians(self, X: Array, elements: slice | IntArray = ...) -> Array:
-        """Return derivatives of position by reference coordinates, shape (n_elements, n_q, 3, 3)."""
-
-
-def quadrilateral_strain(space: Layer, material: Material, X: Array, elements: IntArray) -> tuple[Array, Array]:
+def quadrilateral_strain(
+    space: ElementSpace, material: AnyElastic, X: Array, elements: IntArray
+) -> tuple[Array, Array]:
     """Return strains [B, G] of MITC4 at points X (3, n_q), shape (n_elements, 6, n_q, 28), and determinants."""
     J, tied = space.jacobians(X, elements), space.jacobians(_TYING4, elements)
     inverse, det = inverse_and_determinant(J)
@@ -63,18 +49,17 @@ def quadrilateral_strain(space: Layer, material: Material, X: Array, elements: I
     x, y = X[0][:, None], X[1][:, None]
     e[3] = (1 - y) * shear[0][:, :1] + y * shear[0][:, 1:2]
     e[4] = (1 - x) * shear[1][:, 2:3] + x * shear[1][:, 3:]
-    normal = _unit(J[..., 2])
-    B = _combined(_tensors(inverse), e, normal, X, material)
+    B = _combined(_tensors(inverse), e, J, X, material, elements)
     # Strains of the midsurface, linear in the middle's coordinates; constant stress does no work on them.
     at_middle, det_middle = inverse_and_determinant(space.jacobians(np.full((3, 1), 0.5), elements))
     rr, ss, rs = _tensors(at_middle)[:3]
     xi, eta = ((2 * each - 1) * det_middle / det for each in X[:2])
     own = [xi[..., None, None] * rr, eta[..., None, None] * ss, xi[..., None, None] * rs, eta[..., None, None] * rs]
-    G = np.stack([_voigt(plane_stress(one, normal, 0.0, material)) for one in own], axis=-1)
+    G = np.stack([_voigt(material.through_shell(one, J, None, elements)) for one in own], axis=-1)
     return np.concatenate([B, G.swapaxes(1, 2)], axis=-1), det
 
 
-def triangle_strain(space: Layer, material: Material, X: Array, elements: IntArray) -> tuple[Array, Array]:
+def triangle_strain(space: ElementSpace, material: AnyElastic, X: Array, elements: IntArray) -> tuple[Array, Array]:
     """Return strains [B, G] of MITC3+ at points X (3, n_q), shape (n_elements, 6, n_q, 20), and determinants."""
     J, tied = space.jacobians(X, elements), space.jacobians(_TYING3, elements)
     inverse, det = inverse_and_determinant(J)
@@ -91,7 +76,7 @@ def triangle_strain(space: Layer, material: Material, X: Array, elements: IntArr
     common = (rt[2] + st[2]) / 3
     e[3] = 2 / 3 * (rt[1] - st[1] / 2) + common + twist * (3 * s - 1) / 3
     e[4] = 2 / 3 * (st[0] - rt[0] / 2) + common + twist * (1 - 3 * r) / 3
-    return _combined(_tensors(inverse), e, _unit(J[..., 2]), X, material), det
+    return _combined(_tensors(inverse), e, J, X, material, elements), det
 
 
 def _covariant(dN: Array, J: Array, which: tuple[tuple[int, int], ...] = _COMPONENTS) -> Array:
@@ -137,11 +122,9 @@ def _across(director: Array) -> Array:
     return np.stack([one, np.cross(director / size, one)], axis=1)
 
 
-def _combined(tensors: Array, e: Array, normal: Array, X: Array, material: Material) -> Array:
+def _combined(tensors: Array, e: Array, J: Array, X: Array, material: AnyElastic, elements: IntArray) -> Array:
     """Return the strains of covariant components e by Voigt's order, shape (n_elements, 6, n_q, n_columns)."""
-    zeta = 2 * X[2] - 1
-    parabola = (1.25 * (1 - zeta**2))[:, None, None]
-    W = np.stack([_voigt(plane_stress(A, normal, parabola, material)) for A in tensors], axis=-1)
+    W = np.stack([_voigt(material.through_shell(A, J, X[2], elements)) for A in tensors], axis=-1)
     return np.ascontiguousarray((W @ np.moveaxis(e, 0, 2)).swapaxes(1, 2))
 
 
@@ -151,21 +134,9 @@ def _tensors(inverse: Array) -> Array:
     return np.stack([0.5 * (one + one.swapaxes(2, 3)) for one in products])
 
 
-def plane_stress(A: Array, normal: Array, shear: Array | float, material: Material) -> Array:
-    """Return strains A (n_elements, n_q, 3, 3) with a share of their transverse shear, and without normal stress."""
-    n = normal[..., None]
-    across = A @ n
-    stretch = n.swapaxes(2, 3) @ across
-    transverse = (across - stretch * n) @ n.swapaxes(2, 3)
-    plane = np.trace(A, axis1=2, axis2=3)[..., None, None] - stretch
-    nu = material.nu / (1 - material.nu)
-    changed = (shear - 1) * (transverse + transverse.swapaxes(2, 3))
-    return np.asarray(A + changed - (stretch + nu * plane) * (n @ n.swapaxes(2, 3)))
-
-
-def across_plane_stress(A: Array, J: Array, material: Material) -> Array:
+def across_plane_stress(A: Array, J: Array, material: AnyElastic, elements: IntArray) -> Array:
     """Return what is left of strains A (n_elements, n_q, 3, 3) in a shell without stress through its thickness."""
-    return plane_stress(A, _unit(J[..., 2]), 0.0, material)
+    return material.through_shell(A, J, None, elements)
 
 
 def _voigt(A: Array) -> Array:

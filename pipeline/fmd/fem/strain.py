@@ -14,21 +14,19 @@ leave the stiffness ``∫ Bᵀ C B dV − Γᵀ H⁻¹ Γ`` on the same nodes.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import NEARLY_INCOMPRESSIBLE
 from fmd.fem.elements import inverse_and_determinant
-from fmd.fem.material import AnyMaterial, Material
+from fmd.fem.material import AnyElastic, AnyMaterial, Material
 from fmd.fem.space import Discretisation
 
-if TYPE_CHECKING:
-    from fmd.fem.space import Discretisation
-
-
 _COMPONENTS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+TENSOR = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # places of a tensor's components in a vector of six
+VOIGT = np.array([0, 4, 8, 5, 2, 1])  # places of these in a flat tensor
+DOUBLED = np.array([1.0, 1, 1, 2, 2, 2])  # a vector of strain over the tensor's components
+HALVED = 1 / DOUBLED[TENSOR]
 
 
 def condensed_stiffness(space: Discretisation, material: AnyMaterial, elements: IntArray) -> Array:
@@ -63,18 +61,20 @@ def enhanced_strains(
     return strain
 
 
-def _energy_root(space: Discretisation, material: Material, elements: IntArray) -> Array:
+def _energy_root(space: Discretisation, material: AnyElastic, elements: IntArray) -> Array:
     """Return R with ``|R (u, α)|²`` twice the strain energy, shape (n_elements, 6 n_q, n_local + n_internal)."""
-    X, w = space.kind.quadrature(space.kind.stiffness_order)
+    X, w = material.quadrature(space.kind, space.kind.stiffness_order)
     B, det = _strain_matrix(space, material, X, elements)
     B *= np.sqrt(det * w)[:, None, :, None]
-    root = np.linalg.cholesky(material.stiffness).T @ B.reshape(len(B), 6, -1)
-    return np.asarray(root.reshape(len(B), -1, B.shape[3]))
+    return material.energy_root(space, X, elements, B).reshape(len(B), -1, B.shape[3])
 
 
-def _strain_matrix(space: Discretisation, material: Material, X: Array, elements: IntArray) -> tuple[Array, Array]:
+def _strain_matrix(space: Discretisation, material: AnyElastic, X: Array, elements: IntArray) -> tuple[Array, Array]:
     """Return [B, G] and Jacobian determinants at points X as the kind of element has them."""
-    return (space.kind.strain_matrix or enhanced_matrix)(space, material, X, elements)
+    if space.kind.strain_matrix is not None:
+        return space.kind.strain_matrix(space, material, X, elements)
+    assert isinstance(material, Material)  # layers are of shells
+    return enhanced_matrix(space, material, X, elements)
 
 
 def enhanced_matrix(space: Discretisation, material: Material, X: Array, elements: IntArray) -> tuple[Array, Array]:
@@ -132,12 +132,8 @@ def strains(space: Discretisation, material: AnyMaterial, shapes: Array, X: Arra
 
 def stresses(space: Discretisation, material: AnyMaterial, shapes: Array, X: Array, elements: IntArray) -> Array:
     """Return the stresses xx, yy, zz, yz, xz, xy of fields [Pa]; parameters and shape are those of `strains`."""
-    return hooke_stress(material, elements, strains(space, material, shapes, X, elements))
-
-
-def hooke_stress(material: AnyMaterial, elements: IntArray, strain: Array) -> Array:
-    """Return the stress of strains in chosen elements by Hooke's law, both of shape (n_elements, n_points, 6, n)."""
+    strain = strains(space, material, shapes, X, elements)
     stress = np.empty_like(strain)
     for own, mine in material.over(elements):
-        stress[mine] = own.stiffness @ strain[mine]
+        stress[mine] = own.stress(space, X, elements[mine], strain[mine])
     return stress

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.limits.mesh import SHELL_FOLD
 from fmd.fem.mesh import SolidMesh, three_corners
-from fmd.fem.midsurface import Midsurface
+from fmd.fem.midsurface import Layup, Midsurface
 
 _LAYERS = {3: "wedge", 4: "hexahedron"}
 
@@ -37,6 +37,8 @@ class Sheet:
         Names of the lower and of the upper face.
     offset : ndarray, shape (n_cells,), optional
         Distance of the middle from the nodes along the normal [m].
+    layup : Layup, optional
+        Layers of its elements.
     """
 
     x: Array
@@ -47,6 +49,7 @@ class Sheet:
     patches: Mapping[str, IntArray]
     sides: tuple[str, str]
     offset: Array | None = None
+    layup: Layup | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -89,7 +92,8 @@ def thicken(sheet: Sheet) -> SolidMesh:
     faces |= {name: three_corners(pairs + k * n_pairs) for k, name in enumerate(sheet.sides) if name not in faces}
     note = f"{turned.sum()} shell elements have their normals to the other side and were turned"
     notes = sheet.notes + ((note,) if turned.any() else ())
-    return SolidMesh(points, layer, _LAYERS[n_local], sheet.parts, faces, notes=notes, midsurface=Midsurface(x, owners))
+    midsurface = Midsurface(x, owners, layup=sheet.layup and sheet.layup.turned_over(turned))
+    return SolidMesh(points, layer, _LAYERS[n_local], sheet.parts, faces, notes=notes, midsurface=midsurface)
 
 
 def _sides(cells: IntArray) -> tuple[IntArray, IntArray, IntArray]:

@@ -7,16 +7,17 @@ both.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import STRAINED_AT_ONCE
 from fmd.core.limits.recovery import EFFECTIVITY, INDEPENDENT_TERM, SAMPLES_PER_TERM
 from fmd.fem.elements import determinants, shape_functions
-from fmd.fem.strain import stresses
-from fmd.recovery.stress import modal_stress
+from fmd.fem.material import batches
+from fmd.fem.strain import DOUBLED, HALVED, TENSOR, VOIGT, strains, stresses
+from fmd.recovery.stress import nodal_strain
 
 if TYPE_CHECKING:
     from fmd.fem.material import AnyMaterial
@@ -92,7 +93,7 @@ def _terms(order: int, x: Array) -> Array:
 def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
     """Energy products of the errors of shapes, shape (n, n) [J per unit of two shapes].
 
-    The stress of the elements jumps between them; averaged at the nodes and interpolated, it is more accurate, and the
+    The strain of the elements jumps between them; averaged at the nodes and interpolated, it is more accurate, and the
     energy of the difference estimates that of the error (Zienkiewicz & Zhu, Int J Num Meth Eng 24, 1987). With unit
     modal mass, an eigenvalue is too high by its mode's own product [rad²/s²].
 
@@ -101,18 +102,26 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields.
     """
-    recovered = modal_stress(space, material, shapes, np.arange(len(space.x)))
-    X, w = space.kind.quadrature(space.kind.stiffness_order)
-    N, _ = shape_functions(space.kind.element, X)
+    recovered = nodal_strain(space, material, shapes, np.arange(len(space.x)))
     total = np.zeros((shapes.shape[2],) * 2)
-    for start in range(0, len(space.element_nodes), STRAINED_AT_ONCE):
-        part = np.arange(start, min(start + STRAINED_AT_ONCE, len(space.element_nodes)))
-        raw = stresses(space, material, shapes, X, part)
+    for own, part in batches(material, len(space.element_nodes), STRAINED_AT_ONCE):
+        X, w = own.quadrature(space.kind, space.kind.stiffness_order)
+        N, _ = shape_functions(space.kind.element, X)
+        raw = strains(space, own, shapes, X, part)
         averaged = np.einsum("aq,earn->eqrn", N, recovered[space.element_nodes[part]], optimize=True)
-        weights = np.sqrt(determinants(space.jacobians(X, part)) * w)
-        apart = weights[:, :, None, None] * (averaged - raw)
-        for own, mine in material.over(part):
-            root = np.linalg.cholesky(np.linalg.inv(own.stiffness)).T  # |root σ|² is twice the energy density
-            energy = (root @ apart[mine]).reshape(-1, shapes.shape[2])
-            total += energy.T @ energy
+        apart = averaged - raw
+        J = space.jacobians(X, part)
+        if space.kind.stressed is not None:
+            apart = _in_plane(space, own, apart, J, part)
+        apart = np.sqrt(determinants(J) * w)[:, :, None, None] * apart
+        energy = own.energy_root(space, X, part, apart.swapaxes(1, 2)).reshape(-1, shapes.shape[2])
+        total += energy.T @ energy
     return total / EFFECTIVITY
+
+
+def _in_plane(space: Discretisation, material: Any, strain: Array, J: Array, elements: IntArray) -> Array:
+    """Return strains (n_elements, n_q, 6, n) of shells or beams without transverse shear, which faces don't have."""
+    n = strain.shape[3]
+    A = strain.swapaxes(2, 3)[..., TENSOR].reshape(len(strain), -1, 3, 3) * HALVED
+    left = space.kind.stressed(A, np.repeat(J, n, axis=1), material, elements)  # type: ignore[misc]
+    return np.asarray((left.reshape(*strain.shape[:2], n, 9)[..., VOIGT] * DOUBLED).swapaxes(2, 3))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,6 +48,20 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     """
     from fmd.fem.strain import stresses
 
+    return _average_at_nodes(space, shapes, nodes, partial(stresses, space, material))
+
+
+def nodal_strain(space: Discretisation, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
+    """Strain of each shape at chosen nodes, xx, yy, zz, 2yz, 2xz, 2xy; parameters and shape as of `modal_stress`."""
+    from fmd.fem.strain import strains
+
+    return _average_at_nodes(space, shapes, nodes, partial(strains, space, material))
+
+
+def _average_at_nodes(
+    space: Discretisation, shapes: Array, nodes: IntArray, evaluate: Callable[[Array, Array, IntArray], Array]
+) -> Array:
+    """Average a quantity at nodes over the elements around them, by its function of shapes, points and elements."""
     shapes = shapes[: len(space.x)]
     require_shape("shapes", shapes, (len(space.x), 3, None))
     if len(np.unique(nodes)) < len(nodes):
@@ -59,7 +74,7 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     count = np.zeros(len(nodes) + 1)
     for start in range(0, len(elements), STRAINED_AT_ONCE):
         part = elements[start : start + STRAINED_AT_ONCE]
-        at_points = stresses(space, material, shapes, X, part)
+        at_points = evaluate(shapes, X, part)
         stress = np.einsum("aq,eqsn->easn", to_nodes, at_points, optimize=True)
         local = chosen[space.element_nodes[part]]
         np.add.at(total, local, stress)

@@ -108,7 +108,7 @@ def cut_first_sector(fe: FEModel, sectors: int) -> Sector:
     points, corners = np.unique(mesh.cells[:n_cells], return_inverse=True)
     own = SolidMesh(mesh.points[points], corners.reshape(n_cells, -1), mesh.cell_type, {}, {})
     space = fe.discretisation
-    sector = assemble(own, space.order, fe.material.first_part(n_cells), space.formulation)
+    sector = assemble(own, space.order, fe.material.of_elements(np.arange(n_cells)), space.formulation)
     tree = cKDTree(x)
     nearest = [tree.query(sector.x @ rotation_about_z(2 * np.pi * k / sectors).T) for k in range(sectors)]
     images = np.stack([image for _, image in nearest])

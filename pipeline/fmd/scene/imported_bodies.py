@@ -9,7 +9,8 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
-from fmd.scene.bodies import Deformable, DividedMesh, Solid, require_interface
+from fmd.scene.bodies import Deformable, DividedMesh, require_interface
+from fmd.scene.layers import Layerable
 from fmd.scene.links import FaceLink, MassOnLink, TiedFace
 from fmd.scene.matrix_files import MatrixFiles
 from fmd.scene.modes import ModeSettings
@@ -45,8 +46,8 @@ class MeshFile(DividedMesh, SectorMesh):
     mass_unit, force_unit : str, optional
         The file's units of mass and of force, if it has lumped masses or springs; kg and N in a file in metres.
     shell : float or str, optional
-        Thickness [m]: the file's triangles and quadrilaterals are shells. ``"deck"`` takes it from the deck's sections.
-
+        Thickness [m]: the file's triangles and quadrilaterals are shells. ``"deck"`` takes it from the deck's sections,
+        ``"layers"`` from the body's ``layers``.
     beam : str, optional
         ``"deck"``: the lines of a deck of Nastran or Abaqus are beams, with the deck's sections.
     tie : tuple of TiedFace
@@ -67,7 +68,7 @@ class MeshFile(DividedMesh, SectorMesh):
     repair: bool = False
     mass_unit: MassUnit | None = None
     force_unit: ForceUnit | None = None
-    shell: PositiveLength | Literal["deck"] | None = None
+    shell: PositiveLength | Literal["deck", "layers"] | None = None
     beam: Literal["deck"] | None = None
     tie: tuple[TiedFace, ...] = ()
 
@@ -93,8 +94,9 @@ class CadFile(SectorMesh):
         Edge length of an element [m]; around bores and fillets elements are smaller.
     order : int
         Polynomial order of the displacement in an element; 1 of shells.
-    shell : float, optional
-        Thickness [m]: the file's surfaces are the midsurfaces of shells.
+    shell : float or str, optional
+        Thickness [m]: the file's surfaces are the midsurfaces of shells. ``"layers"`` takes it from the body's
+        ``layers``.
 
     Examples
     --------
@@ -108,7 +110,7 @@ class CadFile(SectorMesh):
     cad: SourceFile
     size: PositiveLength
     order: Order = 2
-    shell: PositiveLength | None = None
+    shell: PositiveLength | Literal["layers"] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -149,7 +151,7 @@ class Substance(SceneTable):
     rho: PositiveDensity
 
 
-class Imported(Solid):
+class Imported(Layerable):
     """Keys of a body whose mesh or shape comes from a file, beside those of every flexible body.
 
     Faces and parts are known once the file is read; ``fmd mesh`` prints their names.
@@ -161,6 +163,21 @@ class Imported(Solid):
     """
 
     material: dict[PartName, Substance] = Field(default_factory=dict)
+
+    def _check(self) -> None:
+        shell = self.mesh.shell  # type: ignore[attr-defined]
+        if bool(self.layers) != (shell == "layers"):
+            raise FaultError('is "layers" of a shell with layers, and of no other body', "mesh", "shell")
+        if self.layers and self.material:
+            raise FaultError("has no effect beside layers, which have the materials of lamina", "material")
+        if self.offset and shell in (None, "deck"):
+            raise FaultError("is of a shell whose mesh has no sections of its own", "offset")
+
+    @property
+    def shell_thickness(self) -> float | None:
+        """Thickness of all its shells [m]; ``None`` if a deck has it."""
+        shell = self.mesh.shell  # type: ignore[attr-defined]
+        return {"layers": self.layered_thickness, "deck": None}.get(shell, shell)
 
     @property
     def faces(self) -> None:
@@ -199,6 +216,11 @@ class MeshedPart(Imported):
 
     shape: Literal["mesh"]
     mesh: MeshFile
+
+    @property
+    def has_own_layers(self) -> bool:
+        """True if its plies are in the scene, or may be in its deck."""
+        return bool(self.layers or (self.lamina and self.mesh.shell == "deck"))
 
     @property
     def is_beam(self) -> bool:

@@ -22,7 +22,7 @@ from fmd.scene.pictures import (
     StressPicture,
 )
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.stress_outputs import ContactPressure, Envelope, Fatigue
+from fmd.scene.stress_outputs import ContactPressure, Envelope, Fatigue, Plies
 from fmd.scene.values import BodyName, ElementName, FileCheck, JointName, MarkerName, OneOf, Text, Words
 
 # Meanings of the quantities that a chart can draw.
@@ -331,6 +331,7 @@ Output = Annotated[
     | Film
     | Envelope
     | Fatigue
+    | Plies
     | ContactPressure
     | GearMesh
     | History

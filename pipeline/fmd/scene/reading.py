@@ -199,6 +199,11 @@ class SceneTable(BaseModel):
         return self
 
 
+def example_of_key(table: type[SceneTable], key: str) -> str:
+    """Return what would work for a key of a table that is missing, for a message."""
+    return _example_of(table.model_fields[key])
+
+
 def _example_of(field: FieldInfo | None) -> str:
     """Return what would work for a key that is missing, for a message; empty if only its table's page tells."""
     for each in field.metadata if field else ():

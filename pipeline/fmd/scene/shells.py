@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar, Literal
 
 from fmd.core.units import PositiveLength
-from fmd.scene.bodies import Solid, scale_count
+from fmd.scene.bodies import scale_count
+from fmd.scene.layers import Layerable
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Count
 
@@ -35,22 +36,32 @@ class ShellMesh(SceneTable):
     divisions: tuple[Count, Count]
 
 
-class MeshedShell(Solid):
+class MeshedShell(Layerable):
     """Keys of shells whose mesh follows from their measures.
 
     Parameters
     ----------
     length : float
         Extent along x [m].
-    thickness : float
-        Thickness, half of it on each side of the midsurface [m].
+    thickness : float, optional
+        Thickness, half of it on each side of the midsurface [m]; that of the ``layers`` if there are some.
     mesh : ShellMesh
         Division into elements.
     """
 
     length: PositiveLength
-    thickness: PositiveLength
+    thickness: PositiveLength | None = None
     mesh: ShellMesh
+
+    def _check(self) -> None:
+        if (self.thickness is None) == (not self.layers):
+            wrong = "has no effect beside layers, which have thicknesses" if self.layers else "is missing, e.g. '2 mm'"
+            raise FaultError(wrong, "thickness")
+
+    @property
+    def wall(self) -> float:
+        """Thickness of the shell [m]."""
+        return self.layered_thickness if self.thickness is None else self.thickness
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -147,7 +158,7 @@ class Tube(MeshedShell):
         return ("x-", "x+", "inside", "outside")
 
     def _check(self) -> None:
-        if not self.thickness < 2 * self.radius:
+        if not self.wall < 2 * (self.radius - abs(self.offset)):
             raise FaultError("must be below twice the radius, which is that of the wall's middle", "thickness")
         if self.mesh.divisions[1] < self._fewest[1]:
             raise FaultError(f"takes at least {self._fewest[1]} elements around", "mesh", "divisions")

@@ -15,7 +15,42 @@ FieldFile = Annotated[str, FileCheck((".png", ".vtu", ".csv"))]
 Slope = Annotated[Number, Field(ge=1.0, le=100.0)]
 
 
-class SurfaceField(BodyPicture):
+class DrawnField(BodyPicture):
+    """A field on a body that the file's suffix makes a picture or something else, which takes no keys of pictures."""
+
+    def _check(self) -> None:
+        for key in {*BodyPicture.model_fields} - {"file", "body"}:
+            if key in self.model_fields_set and not self.file.endswith(".png"):
+                raise FaultError("has no effect: it belongs to a .png file", key)
+
+
+class Plies(DrawnField):
+    """Stress of a laminate's plies in their own axes over all output times, and how near it comes to their strength.
+
+    It is that in the middle of elements, at both faces of each ply. ``.csv`` is a table with the extremes of each ply,
+    ``.png`` a picture with the largest index of all plies on the undeformed body. An index of 0.5 bears twice the load.
+
+    Parameters
+    ----------
+    index : str
+        Failure index of a picture: Tsai and Hill's, or the largest share of a strength.
+
+    Examples
+    --------
+    ::
+
+        [[output]]
+        type = "plies"
+        file = "plies.csv"
+        body = "wing"
+    """
+
+    type: Literal["plies"]
+    file: Annotated[str, FileCheck((".png", ".csv"))]
+    index: Literal["Tsai-Hill", "maximum stress"] = "Tsai-Hill"
+
+
+class SurfaceField(DrawnField):
     """A field on a body's surface that the file's suffix makes a picture, a mesh or a table.
 
     ``.png`` is a picture on the undeformed body, ``.vtu`` the surface with all fields for ParaView, ``.csv`` the worst
@@ -31,9 +66,6 @@ class SurfaceField(BodyPicture):
     count: Count = 20
 
     def _check(self) -> None:
-        for key in {*BodyPicture.model_fields} - {"file", "body"}:
-            if key in self.model_fields_set and not self.file.endswith(".png"):
-                raise FaultError("has no effect: it belongs to a .png file", key)
         if "count" in self.model_fields_set and not self.file.endswith(".csv"):
             raise FaultError("has no effect: it belongs to a .csv file", "count")
 

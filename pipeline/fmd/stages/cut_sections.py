@@ -28,7 +28,6 @@ from fmd.core.limits.round_off import SOLVED
 from fmd.core.rotations import move_loads, rigid_motions
 from fmd.fem.assembly import assemble
 from fmd.fem.markers import Marker, traction_marker
-from fmd.fem.material import Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.partition import facet_areas, interior_facets
 from fmd.fem.space import Discretisation
@@ -217,10 +216,7 @@ class _Responses:
         own = SolidMesh(
             mesh.points[used], cells.reshape(-1, mesh.cells.shape[1]), mesh.cell_type, {}, {}, midsurface=midsurface
         )
-        material = part.material
-        if not isinstance(material, Material):
-            material = MaterialOfElements(material.materials, material.numbers[elements])
-        fe = assemble(own, part.order, material, part.formulation)
+        fe = assemble(own, part.order, part.material.of_elements(elements), part.formulation)
         place = cKDTree(part.space.x).query(fe.discretisation.x)[1]
         n = 3 * len(place)
         forces = (fe.K[:n, :n] @ u[place].reshape(n, -1)).reshape(len(place), 3, -1)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, blaming
+from fmd.fem.laminate import DirectionError
 from fmd.fem.surface import SurfaceTopology, surface_elements, surface_topology
 from fmd.recovery.deformation import DeformationShapes, deformation_shapes, node_deformation_shapes
 from fmd.recovery.stress import element_stress, modal_stress, point_stress
@@ -92,7 +93,8 @@ def _assemble(part: FlexiblePart) -> FEModel:
     if part.formulation == "plain" and not part.space.kind.can_be_enhanced:
         problem = f"belongs to linear hexahedra; the elements here are {part.space.kind.name}"
         raise InputError(part.file, f"body.{part.name}.mesh.formulation", "plain", problem)
-    solid = assemble(part.mesh, part.order, part.material, part.formulation)
+    with blaming(part.file, f"body.{part.name}.layer_direction", of=DirectionError):
+        solid = assemble(part.mesh, part.order, part.material, part.formulation)
     if not part.shape.link and part.mesh.connections is None:
         return solid
     from fmd.stages.markers import add_links

@@ -150,7 +150,7 @@ def test_thickness_and_offset_come_from_the_sections_of_a_deck(tmp_path: Path) -
         ("", "", "24 of its 24 shells have no thickness"),
         ("PSHELL,7,1,2.0,1,1.3", "", "PSHELL 7 has 12I/T"),
         ("PSHELL,7,1,2.0", "", "PSHELL 7 bends by another material"),
-        ("PCOMP,7", "", "PCOMP 7"),
+        ("PCOMPG,7", "", "PCOMPG 7"),
         ("PSHELL,7,1,2.0,1", "\n+,,,2.0,2.0,2.1,2.1", "element 1 has thicknesses of its own and 23 more"),
     ],
 )
@@ -168,7 +168,7 @@ def test_sections_that_are_more_than_a_thickness_are_refused(
     ("section", "message"),
     [
         ("", "says no thickness of its shells"),
-        ("*SHELL SECTION, ELSET=ALL-S4, COMPOSITE\n1.0, 3, M", "with COMPOSITE"),
+        ("*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS\n1.0, 3, M", "with NODAL THICKNESS"),
         ("*SHELL GENERAL SECTION, ELSET=ALL-S4\n1.0", "SHELL GENERAL SECTION"),
         ("*SHELL SECTION, ELSET=ALL-S4, OFFSET=EDGE\n1.0", "neither a share nor SPOS"),
         ("*SHELL SECTION, ELSET=ALL-S4\n,5", "has no thickness"),

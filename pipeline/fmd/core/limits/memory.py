@@ -15,6 +15,7 @@ BYTES_OF_NONZERO = 60.0  # for each nonzero of A while it is copied from one for
 
 # Recovery.
 STRAINED_AT_ONCE = 512  # elements whose strain or stress is found at a time
+PLIES_AT_ONCE = 2**18  # plies of elements times output times whose stress is found at a time
 DEFORMED_AT_ONCE = 64  # output times at which deformation is found at a time
 STRESSED_FRAMES = 256  # output times at which stress is found at a time
 CACHED_NUMBERS = 2**17  # numbers that fit into a core's cache

@@ -61,6 +61,7 @@ TIE_PAIRS_AT_ONCE = 1000  # pairs of facets
 INNER_TYING = 1e-4  # distance of MITC3+'s inner tying points from the centroid, as published
 SHELL_FOLD = 30.0  # between the normals of two elements, from which on a shell has a fold on their edge [degrees]
 ALIKE_DIRECTORS = 1e-3  # second over first moment of a node's directors, below which they are one line
+DIRECTION_ALONG_NORMAL = 0.05  # sine of the angle between layers' direction and the normal: less is none in the shell
 
 # Beams.
 ROUND_CORNERS = 24  # of the polygon of its area that a circle is drawn as, a multiple of 4; they are 0.6 % too far out

@@ -29,3 +29,6 @@ NEAR_LARGEST_DEFLECTION = 0.8  # of the tip's largest deflection
 FINER_TIMES = 32  # times as many times there tell what is largest between two output times
 MISSED_STRESS = 0.02  # of the largest stress, between output times
 UNRESOLVED_STRESS = 0.1  # of it: more than this is hidden by vibrations that hardly any output times follow
+
+# Plies.
+INSIDE_PLY = 1e-9  # of a ply's thickness: how far its faces are within, where two plies meet

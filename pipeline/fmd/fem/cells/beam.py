@@ -48,7 +48,7 @@ def beam_strain(space: Any, material: Material, X: Array, elements: IntArray) ->
     return np.ascontiguousarray(B.reshape(len(elements), 6, X.shape[1], 24)), det
 
 
-def uniaxial_stress(A: Array, J: Array, material: Material) -> Array:
+def uniaxial_stress(A: Array, J: Array, material: Material, elements: IntArray) -> Array:
     """Return what is left of strains A (n_elements, n_q, 3, 3) in a beam, stretch along it and free contraction."""
     along = J[..., 2] / np.linalg.norm(J[..., 2], axis=-1, keepdims=True)
     stretch = np.einsum("eqa,eqab,eqb->eq", along, A, along)[..., None, None]

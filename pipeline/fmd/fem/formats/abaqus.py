@@ -14,7 +14,7 @@ from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.abaqus_deck import Block, Deck
 from fmd.fem.formats.abaqus_links import LINK_KEYWORDS, POINT_ELEMENTS
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh, ShellSection
-from fmd.fem.formats.shell_sections import abaqus_section
+from fmd.fem.formats.shell_sections import abaqus_section, orientation_direction
 
 SUFFIXES = (".inp",)
 _SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
@@ -115,7 +115,9 @@ def _take(deck: Deck, keyword: str, options: dict[str, str], data: list[list[str
         case "PART":
             deck.parts += 1
         case "SHELL SECTION":
-            deck.shells[deck.named(options.get("ELSET", ""))] = abaqus_section(options, data)
+            deck.shells[deck.named(options.get("ELSET", ""))] = abaqus_section(options, data, deck.directions)
+        case "ORIENTATION":
+            deck.directions[options.get("NAME", "").casefold()] = orientation_direction(options, data)
         case "BEAM SECTION":
             deck.beam_sections[deck.named(options.get("ELSET", ""))] = options, data
         case "BEAM GENERAL SECTION":

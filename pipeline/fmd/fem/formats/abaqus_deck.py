@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import IntArray
+from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.files import DEEPEST_SETS
 from fmd.fem.cells.table import CELLS
 from fmd.fem.formats.abaqus_links import AbaqusLinks, DeckPoints
@@ -43,6 +43,7 @@ class Deck:
         self.others: dict[str, int] = defaultdict(int)
         self.links = AbaqusLinks()
         self.shells: dict[str, ShellSection] = {}
+        self.directions: dict[str, Array | str] = {}  # of orientations, or why one isn't read
         self.beams = DeckBeams()
         self.beam_sections: dict[str, tuple[dict[str, str], list[list[str]]]] = {}
         self.names: dict[str, str] = {}
@@ -93,6 +94,7 @@ class Deck:
             raw.facet_sets[name] = self._facets(name, rows, raw, where)
         if self.shells:
             raw.shells = of_sets(self.shells, cell_sets, [len(cells) for _, cells in blocks])
+            raw.stacks = [section.plies for section in self.shells.values()]
             raw.shell_faults = [section.fault for section in self.shells.values() if section.fault]
         raw.beams = self._beams(raw)
         self._add_links(raw, place, linked)

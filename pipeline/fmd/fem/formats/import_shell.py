@@ -12,6 +12,7 @@ from fmd.fem.formats.import_mesh import number_used, read_linked, require_one_pi
 from fmd.fem.formats.named_sets import faces_of_points
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
+from fmd.fem.midsurface import Layup
 from fmd.fem.thicken import Sheet, thicken
 
 _SHELLS = {"triangle": 3, "quad": 4}
@@ -24,6 +25,7 @@ def read_shell(
     thickness: float | None,
     mass_unit: float | None = None,
     force_unit: float | None = None,
+    offset: float = 0.0,
 ) -> SolidMesh:
     """Read the triangles and quadrilaterals of a file as shells.
 
@@ -38,6 +40,8 @@ def read_shell(
         Of all shells [m]; by default that of the deck's sections.
     mass_unit, force_unit : float, optional
         The file's units [kg], [N]. Without, lumped masses and springs are refused, but for a file in metres.
+    offset : float
+        Distance of the shells' middle from the nodes along the normal, beside that of a deck [m].
 
     Raises
     ------
@@ -47,15 +51,18 @@ def read_shell(
     gmsh = path.suffix.lower() == ".msh"  # whose named lines are curves; those of decks are beams
 
     def take(raw: RawMesh) -> tuple[Sheet, IntArray]:
-        return _sheet(raw, scale, thickness, _rims(raw) if gmsh else {})
+        return _sheet(raw, scale, (thickness, offset), _rims(raw) if gmsh else {})
 
     return read_linked(path, take, thicken, scale, mass_unit, force_unit)
 
 
-def _sheet(raw: RawMesh, scale: float, thickness: float | None, rims: dict[str, IntArray]) -> tuple[Sheet, IntArray]:
+def _sheet(
+    raw: RawMesh, scale: float, section: tuple[float | None, float], rims: dict[str, IntArray]
+) -> tuple[Sheet, IntArray]:
     """Take the shells of a raw mesh; return their sheet, and the number that each point of the file has there.
 
-    Points of no shell have -1. Faces are, beside the file's, all between the nodes of each of ``rims``.
+    Points of no shell have -1. ``section`` is thickness, if not by the file, and offset beside the file's [m].
+    Faces are, beside the file's, all between the nodes of each of ``rims``.
     """
     count, listed = raw.count_elements(), raw.list_elements()
     if any(map(is_solid, count)):
@@ -86,7 +93,7 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None, rims: dict[str, 
         )
     require_one_piece(raw, cells, "shells")
     used, place = number_used(cells, len(raw.points))
-    t, offset = _sections(raw, of, scale, thickness)
+    t, offset, layup = _sections(raw, of, scale, section[0])
     sets = {name: _members(chosen, of) for name, chosen in raw.cell_sets.items()}
     sets = {name: own for name, own in sets.items() if len(own)}
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *sets.values()]))
@@ -101,7 +108,8 @@ def _sheet(raw: RawMesh, scale: float, thickness: float | None, rims: dict[str, 
         faces,
         {name: own for name, own in sets.items() if name not in raw.point_sets},
         ("bottom", "top"),
-        offset,
+        offset + section[1],
+        layup,
         notes=tuple(notes),
     )
     return sheet, place
@@ -121,8 +129,8 @@ def _rims(raw: RawMesh) -> dict[str, IntArray]:
     return {name: np.unique(np.concatenate(nodes)) for name, nodes in rims.items()}
 
 
-def _sections(raw: RawMesh, of: IntArray, scale: float, thickness: float | None) -> tuple[Array, Array]:
-    """Return thickness and offset of each element [m]."""
+def _sections(raw: RawMesh, of: IntArray, scale: float, thickness: float | None) -> tuple[Array, Array, Layup | None]:
+    """Return thickness and offset of each element [m], and their layers, if there are any and no given thickness."""
     if not raw.shells and thickness is None:
         raise MeshFileError("says no thickness of its shells; give one, mesh.shell = '2 mm'")
     if raw.shell_faults and thickness is None:
@@ -131,15 +139,24 @@ def _sections(raw: RawMesh, of: IntArray, scale: float, thickness: float | None)
             f"sections of shells that aren't read: {raw.shell_faults[0]}{more}; give mesh.shell a thickness"
         )
     t, offset = np.full(len(of), np.nan if thickness is None else thickness), np.zeros(len(of))
-    for b, (thick, off) in enumerate(raw.shells):
+    stack, direction = np.full(len(of), -1), np.zeros((len(of), 3))
+    for b, block in enumerate(raw.shells):
         own = np.flatnonzero(of[:, 0] == b)
-        offset[own] = scale * off[of[own, 1]]
+        there = of[own, 1]
+        offset[own] = scale * block.offset[there]
         if thickness is None:
-            t[own] = scale * thick[of[own, 1]]
+            t[own], stack[own], direction[own] = (
+                scale * block.thickness[there],
+                block.stack[there],
+                block.direction[there],
+            )
     without = int(np.count_nonzero(~(t > 0)))
     if without:
         raise MeshFileError(f"{without} of its {len(t)} shells have no thickness above 0 by a section")
-    return t, offset
+    if not (stack >= 0).any():
+        return t, offset, None
+    stacks = tuple(tuple((name, scale * each, angle) for name, each, angle in plies) for plies in raw.stacks)
+    return t, offset, Layup(stacks, stack, direction)
 
 
 def _members(chosen: list[IntArray], of: IntArray) -> IntArray:

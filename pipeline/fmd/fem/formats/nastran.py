@@ -106,7 +106,6 @@ def read_nastran(text: str) -> RawMesh:
         raise MeshFileError(str(error)) from None
     raw = RawMesh(np.array(list(x.values())), others=dict(others), connections=connections)
     raw.beams = beams.finished(x, moves, known.directions)
-    raw.shells, raw.shell_faults = shells.of_blocks({kind: properties[kind] for kind in cells}), shells.faults
     for kind, rows in cells.items():
         try:
             numbers = np.array([[place[node] for node in row] for row in rows], dtype=np.int64)
@@ -114,6 +113,9 @@ def read_nastran(text: str) -> RawMesh:
             raise MeshFileError(f"an element names grid point {error}, which isn't there") from None
         order = CELLS[kind].nastran_order if kind in CELLS else ()
         raw.blocks.append((kind, numbers[:, order] if order else numbers))
+    by_block = {kind: properties[kind] for kind in cells}
+    raw.shells = shells.of_blocks(by_block, raw.blocks, raw.points, known.directions)
+    raw.stacks, raw.shell_faults = shells.stacks, shells.faults
     for b, kind in enumerate(cells):
         own = np.array(properties[kind])
         for label in np.unique(own):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.fem.connections import Connections
 from fmd.fem.formats.beam_sections import DeckBeams
+from fmd.fem.midsurface import DeckPly
 
 
 class MeshFileError(ValueError):
@@ -27,11 +29,36 @@ class ShellSection:
         Distance of the middle from the nodes along the normal, in the file's unit.
     fault : str
         What of the section isn't read; empty if all is.
+    plies : tuple of DeckPly
+        Layers from the lower face to the upper one, thicknesses in the file's unit.
+    direction : tuple of float
+        Vector from whose projection onto the shell their angles count.
     """
 
     thickness: float
     offset: float = 0.0
     fault: str = ""
+    plies: tuple[DeckPly, ...] = ()
+    direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
+
+
+class BlockShells(NamedTuple):
+    """Sections of a block's shells, lengths in the file's unit.
+
+    Attributes
+    ----------
+    thickness, offset : ndarray, shape (n,)
+        NaN where there is no section; distance of the middle from the nodes along the normal.
+    stack : ndarray, shape (n,)
+        Place of the layers of each among those of the mesh, -1 without layers.
+    direction : ndarray, shape (n, 3)
+        Vector from whose projection onto the shell the angles of layers count.
+    """
+
+    thickness: Array
+    offset: Array
+    stack: IntArray
+    direction: Array
 
 
 @dataclass
@@ -52,9 +79,10 @@ class RawMesh:
         Number of elements and links that aren't read, by type.
     connections : Connections
         Links, equations, springs and lumped masses between points, in the file's units.
-    shells : list of (ndarray, ndarray)
-        Thickness, NaN where there is none, and offset of each block's elements, in the file's unit; empty for files
-        without sections.
+    shells : list of BlockShells
+        Sections of each block's elements; empty for files without sections.
+    stacks : list of tuple
+        Layers of sections.
     shell_faults : list of str
         What of the sections of shells isn't read.
     beams : DeckBeams
@@ -72,7 +100,8 @@ class RawMesh:
     facet_sets: dict[str, list[IntArray]] = field(default_factory=dict)
     others: dict[str, int] = field(default_factory=dict)
     connections: Connections = field(default_factory=Connections)
-    shells: list[tuple[Array, Array]] = field(default_factory=list)
+    shells: list[BlockShells] = field(default_factory=list)
+    stacks: list[tuple[DeckPly, ...]] = field(default_factory=list)
     shell_faults: list[str] = field(default_factory=list)
     beams: DeckBeams = field(default_factory=DeckBeams)
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))

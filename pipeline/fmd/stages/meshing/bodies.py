@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError, blaming
 from fmd.core.units import unit_ratio
+from fmd.fem.laminate import Lamina, Laminate, Layered, Ply
 from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
+from fmd.fem.midsurface import Layup
 from fmd.fem.sectors import repeat_sector
 from fmd.scene.beams import MeshedBeam
 from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from fmd.scene.layers import LaminaTable, Layerable
 from fmd.scene.reading import suggest_name
 from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.sectors import SectorMesh
@@ -43,14 +46,14 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
         if given.beam is not None:
             return read_beams(source.path, unit, mass, force)
         if given.shell is not None:
-            return read_shell(source.path, unit, None if given.shell == "deck" else given.shell, mass, force)
+            return read_shell(source.path, unit, shape.shell_thickness, mass, force, shape.offset)
         ties = [(tie.face, tie.onto, tie.within) for tie in given.tie]
         return _complete(read_mesh(source.path, unit, given.repair, mass, force, ties), given, source)
     if shape.shape == "cad":
         assert source is not None
         table = shape.mesh
         if table.shell is not None:
-            return mesh_cad_sheet(source.path, table.size, table.shell)
+            return mesh_cad_sheet(source.path, table.size, shape.shell_thickness, shape.offset)
         sector = None if table.cyclic is None or table.cuts is None else (table.cyclic, *table.cuts)
         return _complete(mesh_cad_file(source.path, table.size, table.order, sector), table, source)
     assert not isinstance(shape, MatrixPart | ReducedPart)
@@ -62,8 +65,8 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     from fmd.fem.thicken import Sheet, thicken
 
     points, cells, edges, sides = module.sheet(shape)
-    thickness = np.full(len(cells), shape.thickness)
-    return thicken(Sheet(points, cells, thickness, {shape.shape: np.arange(len(cells))}, edges, {}, sides))
+    thickness, offset = (np.full(len(cells), each) for each in (shape.wall, shape.offset))
+    return thicken(Sheet(points, cells, thickness, {shape.shape: np.arange(len(cells))}, edges, {}, sides, offset))
 
 
 def _complete(mesh: SolidMesh, table: SectorMesh, source: SourceFiles) -> SolidMesh:
@@ -105,7 +108,13 @@ def find_material(shape: Flexible, mesh: SolidMesh, file: str, body: str) -> Any
         The mesh has no part of a name that the scene gives a material to.
     """
     assert not isinstance(shape, MatrixPart | ReducedPart)
-    whole = Material(shape.E, shape.nu, shape.rho)
+    if isinstance(shape, Layerable) and shape.layers:
+        plies = ((layer.material, layer.thickness, layer.angle) for layer in shape.layers)
+        return Layered(_laminate(shape, plies), np.tile(shape.layer_direction, (len(mesh.cells), 1)))
+    layup = mesh.midsurface.layup if mesh.midsurface else None
+    if layup is not None or (isinstance(shape, MeshedPart) and shape.mesh.shell == "deck" and shape.lamina):
+        return _material_of_deck(shape, layup, file, body)
+    whole = _whole(shape, file, body)
     if not isinstance(shape, MeshedPart | CadPart) or not shape.material:
         return whole
     numbers = np.zeros(len(mesh.cells), dtype=np.int64)
@@ -115,6 +124,45 @@ def find_material(shape: Flexible, mesh: SolidMesh, file: str, body: str) -> Any
         numbers[cells[k]] = k
     own = (Material(table.E, table.nu, table.rho) for table in shape.material.values())
     return MaterialOfElements((whole, *own), numbers)
+
+
+def _whole(shape: Any, file: str, body: str) -> Material:
+    """Return the one isotropic material of a body, which one with layers may lack."""
+    for key in ("E", "nu", "rho"):
+        if getattr(shape, key) is None:
+            raise InputError(file, f"body.{body}.{key}", None, "is missing: some of the shells have no layers")
+    return Material(shape.E, shape.nu, shape.rho)
+
+
+def _material_of_deck(shape: Any, layup: Layup | None, file: str, body: str) -> AnyMaterial:
+    """Return the material of shells some of which have layers by their deck."""
+    if layup is None:
+        problem = "has no effect: no shells have layers by the deck, and pieces of a body don't keep them; pieces = 1"
+        raise InputError(file, f"body.{body}.lamina", None, problem)
+    if shape.material:
+        raise InputError(file, f"body.{body}.material", None, "can't stand beside layers of the deck")
+    names = {name.casefold(): name for name in shape.lamina}
+    materials: list[Material | Layered] = []
+    used, numbers = np.unique(layup.numbers, return_inverse=True)
+    for number in used:
+        plies = layup.stacks[number] if number >= 0 else ()
+        if missing := next((name for name, _, _ in plies if name.casefold() not in names), None):
+            problem = "is missing: it is a material of the deck's layers; E1, E2, nu12, G12 and rho are needed"
+            raise InputError(file, f"body.{body}.lamina.{missing}", None, problem)
+        own = ((names[name.casefold()], t, angle) for name, t, angle in plies)
+        materials.append(Layered(_laminate(shape, own), layup.directions) if plies else _whole(shape, file, body))
+    return MaterialOfElements(tuple(materials), numbers.ravel())
+
+
+def _laminate(shape: Layerable, plies: Iterable[tuple[str, float, float]]) -> Laminate:
+    """Return the laminate of plies by material, thickness [m] and angle [rad], from the lower face on."""
+    return Laminate(tuple(Ply(lamina_of(shape.lamina[name]), t, angle, name) for name, t, angle in plies))
+
+
+def lamina_of(table: LaminaTable) -> Lamina:
+    """Return the material of a ply."""
+    G12, G13, G23 = table.G12, table.G13 or table.G12, table.G23 or table.G12
+    return Lamina(table.E1, table.E2, table.nu12, G12, G13, G23, table.rho)
 
 
 def find_name(names: Mapping[str, IntArray], given: str, file: str, key: str) -> str:

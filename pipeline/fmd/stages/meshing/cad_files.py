@@ -160,7 +160,7 @@ def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, s
         return replace(solid_mesh(raw, 1.0, repair=True), centres=mesh.centres)
 
 
-def mesh_cad_sheet(path: Path, size: float, thickness: float) -> SolidMesh:
+def mesh_cad_sheet(path: Path, size: float, thickness: float | None, offset: float = 0.0) -> SolidMesh:
     """Mesh the surfaces of a CAD file as shells of a thickness [m], with elements of a size [m].
 
     Raises
@@ -174,7 +174,7 @@ def mesh_cad_sheet(path: Path, size: float, thickness: float) -> SolidMesh:
         sheet = Path(folder) / "sheet.msh"
         _run_gmsh(path, sheet, repr(size), "shell")
         try:
-            return read_shell(sheet, 1.0, thickness)
+            return read_shell(sheet, 1.0, thickness, offset=offset)
         except InputError as error:
             raise InputError(str(path), "", None, error.mend) from error
 

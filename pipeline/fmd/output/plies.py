@@ -1,0 +1,157 @@
+"""Stress and failure indices of a laminate's plies: a table of their extremes, or a picture of the worst index."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.core.files import number_texts, write_table
+from fmd.fem.laminate import Layered
+from fmd.output.error_table import NOT_STATED, write_errors
+from fmd.output.mechanism_view import body_surface
+from fmd.output.output_kinds import OutputKind, read_body
+from fmd.output.pictures import camera_of
+from fmd.recovery.plies import FAILURE_INDICES, PLY_STRESSES, PlyExtremes, ply_extremes
+from fmd.render.calls import Drawer, draw_here
+from fmd.render.colours import stress_limits
+
+if TYPE_CHECKING:
+    from fmd.scene.stress_outputs import Plies
+    from fmd.stages.pipeline import Pipeline
+
+_COLUMNS = {
+    **{f"stress_{c}_{end}_pa": f"{c} {end}" for c in PLY_STRESSES for end in ("max", "min")},
+    "maximum_stress_index": "maximum stress",
+    "tsai_hill_index": "Tsai-Hill",
+}
+_KEYS = ("Xt", "Xc", "Yt", "Yc", "S")
+
+
+def write_plies(run: Pipeline, output: Plies, folder: Path) -> list[str]:
+    """Write the extremes of each ply at its faces over elements and times, and where Tsai and Hill's index is most."""
+    rows = []
+    for number, found in enumerate(find_plies(run, output.body), start=1):
+        for k, ply in enumerate(found.laminate.plies):
+            for side, face in enumerate(("lower", "upper")):
+                own = {column: found.values[name][:, k, side] for column, name in _COLUMNS.items()}
+                extremes = [values.min() if "_min_" in column else values.max() for column, values in own.items()]
+                known = np.isfinite(own["tsai_hill_index"]).all()
+                worst = int(own["tsai_hill_index" if known else "stress_11_max_pa"].argmax())
+                name = "Tsai-Hill" if known else "11 max"
+                time, x = run.motion.times[found.frames[name][worst, k, side]], _place(run, output.body, found, worst)
+                figures = next(number_texts(np.array([[np.degrees(ply.angle), *extremes, time, *x]])))
+                rows.append([str(number), str(k + 1), face, ply.name, *figures, str(found.elements[worst])])
+    header = ["laminate", "ply", "face", "material", "angle_deg", *_COLUMNS, "at_s", "x_m", "y_m", "z_m", "element"]
+    write_table(folder / output.file, header, rows)
+    why = f"{NOT_STATED}stress of plies isn't compared; as a share it is off about as the largest von Mises stress is"
+    units = {column: "Pa" if column.endswith("_pa") else "1" for column in _COLUMNS}
+    return [output.file, write_errors([(column, unit, why) for column, unit in units.items()], folder / output.file)]
+
+
+def draw_plies(run: Pipeline, output: Plies, folder: Path, draw: Drawer = draw_here) -> None:
+    """Draw the largest index of all plies at any time, the worst element's labelled."""
+    part = run.wholes[output.body]
+    nodal = np.zeros(len(part.space.x))
+    for found in find_plies(run, output.body):
+        own = _require_indices(run, output, found).max(axis=(1, 2))
+        np.maximum.at(nodal, part.space.element_nodes[found.elements], own[:, None])
+    values = nodal[part.surface.nodes]
+    worst = summarise_plies(run, output)["plies"][output.body][output.index]
+    ply = f"ply {worst['ply']} ({worst['material']}, {worst['angle_deg']:.3g}°), {worst['face']} face"
+    draw(
+        "pictures.draw_field",
+        body_surface(run, output.body),
+        values,
+        folder / output.file,
+        title=output.title or f"{run.scene.title}: {output.index} index of the worst ply at any time",
+        quantity=f"{output.index} index",
+        limits=stress_limits(values),
+        weights=values,
+        label=f"{worst['value']:.3g} in {ply}, at {1e3 * worst['time_s']:.4g} ms",
+        camera=camera_of(run, output),
+    )
+
+
+def find_plies(run: Pipeline, body: str) -> list[PlyExtremes]:
+    """Return the extremes of a body's laminates over the first run's motion, found once.
+
+    Raises
+    ------
+    InputError
+        The body has no layers, is in pieces, or is touched.
+    """
+    key = f"plies {body}"
+    if key not in run.results:
+        part, motion = run.wholes[body], run.motion
+        mend = None
+        if body not in run.parts:
+            mend = "is in pieces, and the stress of plies is that of bodies in one piece; pieces = 1"
+        elif not part.has_mesh or not any(isinstance(own, Layered) for own, _ in part.material.over(slice(None))):
+            mend = "has no layers, whose plies have stress of their own; type = 'envelope' is of every body"
+        elif run.contact_deformation(body, motion) is not None:
+            mend = "is touched, and what contacts deform isn't in the stress of plies"
+        if mend is not None:
+            raise InputError(run.scene.file, f"body.{body}", None, mend)
+        everything = np.arange(len(part.space.element_nodes))
+        run.results[key] = [
+            ply_extremes(
+                part.space, own, everything[mine], part.body.shapes, motion.modal(body), _strengths(part.shape, own)
+            )
+            for own, mine in part.material.over(slice(None))
+            if isinstance(own, Layered)
+        ]
+    found: list[PlyExtremes] = run.results[key]
+    return found
+
+
+def _strengths(shape: Any, material: Layered) -> list[Array]:
+    """Return the strengths of each ply, NaN where the scene has none [Pa]."""
+    given = [shape.lamina[ply.name].strength for ply in material.laminate.plies]
+    return [np.array([getattr(own, key) if own else np.nan for key in _KEYS]) for own in given]
+
+
+def _require_indices(run: Pipeline, output: Plies, found: PlyExtremes) -> Array:
+    """Return an output's index, (n_elements, n_plies, 2), which all plies must have."""
+    index = found.values[output.index]
+    for k, ply in enumerate(found.laminate.plies):
+        if np.isnan(index[:, k]).any():
+            problem = "is missing: failure indices take Xt, Xc, Yt, Yc and S of each ply"
+            raise InputError(run.scene.file, f"body.{output.body}.lamina.{ply.name}.strength", None, problem)
+    return index
+
+
+def _place(run: Pipeline, body: str, found: PlyExtremes, element: int) -> Array:
+    """Return the middle of an element in the part's own coordinates, shape (3,) [m]."""
+    space = run.wholes[body].space
+    return np.asarray(space.x[space.element_nodes[found.elements[element]]].mean(axis=0))
+
+
+def summarise_plies(run: Pipeline, output: Plies) -> dict[str, dict[str, Any]]:
+    """Return the worst ply of a body by each failure index, of those with strengths."""
+    worst: dict[str, Any] = {}
+    for found in find_plies(run, output.body):
+        for name in FAILURE_INDICES:
+            index = found.values[name]
+            if np.isnan(index).all():
+                continue
+            element, k, side = (int(each) for each in np.unravel_index(np.nanargmax(index), index.shape))
+            value, ply = float(index[element, k, side]), found.laminate.plies[k]
+            if value > worst.get(name, {"value": -1.0})["value"]:
+                worst[name] = {
+                    "value": value,
+                    "ply": k + 1,
+                    "face": ("lower", "upper")[side],
+                    "material": ply.name,
+                    "angle_deg": float(np.degrees(ply.angle)),
+                    "time_s": float(run.motion.times[found.frames[name][element, k, side]]),
+                    "element": int(found.elements[element]),
+                    "position_m": _place(run, output.body, found, element).tolist(),
+                }
+    return {"plies": {output.body: worst}}
+
+
+KINDS = {"plies": OutputKind(draw_plies, write_plies, reads=read_body("body", "surface"), summarise=summarise_plies)}

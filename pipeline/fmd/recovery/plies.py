@@ -1,0 +1,109 @@
+"""Stress of a laminate's plies in their own axes over a motion, and how near it comes to their strength.
+
+The index by maximum stress is the largest share of a strength. Tsai and Hill's (Azzi & Tsai, Experimental Mechanics 5,
+1965) is ``(σ₁²/X² − σ₁σ₂/X² + σ₂²/Y² + τ₁₂²/S²)^½``, X and Y by the signs of σ₁ and σ₂: at 1 a ply fails, at 0.5
+it bears twice the load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.memory import PLIES_AT_ONCE
+from fmd.core.limits.recovery import INSIDE_PLY
+from fmd.fem.strain import strains
+
+if TYPE_CHECKING:
+    from fmd.fem.laminate import Laminate, Layered
+    from fmd.fem.space import Discretisation
+
+PLY_STRESSES = ("11", "22", "23", "13", "12")
+FAILURE_INDICES = ("maximum stress", "Tsai-Hill")
+
+
+@dataclass(frozen=True)
+class PlyExtremes:
+    """Extremes over time in the middle of elements of one laminate, at the lower and the upper face of each ply.
+
+    Attributes
+    ----------
+    elements : ndarray, shape (n_elements,)
+        Their numbers.
+    values : dict of str to ndarray, shape (n_elements, n_plies, 2)
+        ``"11 max"``, ``"11 min"`` … [Pa], and ``FAILURE_INDICES``, NaN in plies without strengths.
+    frames : dict of str to ndarray, shape (n_elements, n_plies, 2)
+        Number of the output time of each.
+    """
+
+    laminate: Laminate
+    elements: IntArray
+    values: dict[str, Array]
+    frames: dict[str, IntArray]
+
+
+def modal_ply_stress(space: Discretisation, material: Layered, shapes: Array, elements: IntArray) -> Array:
+    """Return the stress of shapes in the middle of elements at both faces of each ply.
+
+    Returns
+    -------
+    ndarray, shape (n_elements, n_plies, 2, 5, n)
+        11, 22, 23, 13, 12 [Pa per unit of the shape].
+    """
+    ends = material.laminate.ends
+    inside = INSIDE_PLY * np.diff(ends)
+    zeta = np.stack([ends[:-1] + inside, ends[1:] - inside], axis=1).ravel()
+    middle = space.kind.corners.mean(axis=0)[:2]
+    X = np.stack([*(np.full_like(zeta, each) for each in middle), zeta])
+    strain = strains(space, material, shapes[: len(space.x)], X, elements)
+    stress = material.ply_stress(space, X, elements, strain)
+    return stress.reshape(len(elements), material.n_layers, 2, *stress.shape[2:])
+
+
+def ply_extremes(
+    space: Discretisation, material: Layered, elements: IntArray, shapes: Array, q: Array, strengths: Sequence[Array]
+) -> PlyExtremes:
+    """Return the extremes of elements of one laminate over a motion.
+
+    Parameters
+    ----------
+    q : ndarray, shape (n_times, n)
+        Modal coordinates.
+    strengths : sequence of ndarray, shape (5,)
+        Xt, Xc, Yt, Yc, S of each ply, NaN if unknown [Pa].
+    """
+    strength = np.array(strengths)[:, None, :, None]
+    found = [
+        [_over_time(measure) for measure in _measures(modal @ q.T, strength)]
+        for part in np.array_split(elements, max(1, len(elements) * len(q) * material.n_layers // PLIES_AT_ONCE))
+        for modal in [modal_ply_stress(space, material, shapes, part)]
+    ]
+    names = [f"{c} {end}" for c in PLY_STRESSES for end in ("max", "min")] + [*FAILURE_INDICES]
+    joined = [[np.concatenate(each) for each in zip(*own, strict=True)] for own in zip(*found, strict=True)]
+    values = {name: own[0] for name, own in zip(names, joined, strict=True)}
+    frames = {name: own[1] for name, own in zip(names, joined, strict=True)}
+    return PlyExtremes(material.laminate, elements, values, frames)
+
+
+def _measures(stress: Array, strength: Array) -> Iterator[tuple[Array, int]]:
+    """Yield quantities of stress (n_elements, n_plies, 2, 5, n_times), and 1 or −1 for their largest or smallest."""
+    for k in range(len(PLY_STRESSES)):
+        yield stress[..., k, :], 1
+        yield stress[..., k, :], -1
+    Xt, Xc, Yt, Yc, S = (strength[..., k, :] for k in range(5))
+    one, two, shear = stress[..., 0, :], stress[..., 1, :], stress[..., 4, :]
+    along, across, aside = one / np.where(one > 0, Xt, Xc), two / np.where(two > 0, Yt, Yc), shear / S
+    yield np.maximum(np.maximum(np.abs(along), np.abs(across)), np.abs(aside)), 1
+    coupled = one * two / np.where(one > 0, Xt, Xc) ** 2
+    yield np.sqrt(np.maximum(along**2 - coupled + across**2 + aside**2, 0.0)), 1
+
+
+def _over_time(measure: tuple[Array, int]) -> tuple[Array, IntArray]:
+    """Return the extreme over the last axis, and its place there."""
+    values, sign = measure
+    frame = (sign * values).argmax(axis=-1)
+    return np.take_along_axis(values, frame[..., None], axis=-1)[..., 0], frame

@@ -1,0 +1,168 @@
+"""Layers of shells in a scene file: plies of orthotropic materials, their angles and their strengths."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from fmd.core.units import Angle, Length, PositiveDensity, PositiveLength, PositiveStress
+from fmd.scene.bodies import Solid
+from fmd.scene.reading import FaultError, SceneTable, UnknownNameError, example_of_key, raise_faults
+from fmd.scene.values import Axis, Number, Poisson, Text
+
+
+class PlyStrength(SceneTable):
+    """Strengths of a ply in its own axes, each above 0.
+
+    Parameters
+    ----------
+    Xt, Xc : float
+        Along the fibres, in tension and in compression [Pa].
+    Yt, Yc : float
+        Across them [Pa].
+    S : float
+        In shear in the plane [Pa].
+
+    Examples
+    --------
+    ::
+
+        [body.wing.lamina.carbon.strength]
+        Xt = "1500 MPa"
+        Xc = "1200 MPa"
+        Yt = "50 MPa"
+        Yc = "250 MPa"
+        S = "70 MPa"
+    """
+
+    Xt: PositiveStress
+    Xc: PositiveStress
+    Yt: PositiveStress
+    Yc: PositiveStress
+    S: PositiveStress
+
+
+class LaminaTable(SceneTable):
+    """Orthotropic material of plies: 1 is along the fibres, 2 across them in the ply, 3 through it.
+
+    Parameters
+    ----------
+    E1, E2 : float
+        Young's moduli [Pa].
+    nu12 : float
+        Contraction along 2 over stretch along 1, below ``(E1/E2)^½``.
+    G12 : float
+        Shear modulus in the ply's plane [Pa].
+    G13, G23 : float, optional
+        Shear moduli through the thickness [Pa]; ``G12`` by default.
+    rho : float
+        Density [kg/m³].
+    strength : PlyStrength, optional
+        Strengths, for failure indices.
+
+    Examples
+    --------
+    ::
+
+        [body.wing.lamina.carbon]
+        E1 = "135 GPa"
+        E2 = "10 GPa"
+        nu12 = 0.3
+        G12 = "5 GPa"
+        G23 = "3.5 GPa"
+        rho = "1550 kg/m^3"
+    """
+
+    E1: PositiveStress
+    E2: PositiveStress
+    nu12: Number
+    G12: PositiveStress
+    G13: PositiveStress | None = None
+    G23: PositiveStress | None = None
+    rho: PositiveDensity
+    strength: PlyStrength | None = None
+
+    def _check(self) -> None:
+        if not self.nu12**2 < self.E1 / self.E2:
+            raise FaultError(f"must be below (E1/E2)^½ = {(self.E1 / self.E2) ** 0.5:.3g} by size", "nu12")
+
+
+class Layer(SceneTable):
+    """A ply of a laminate.
+
+    Parameters
+    ----------
+    material : str
+        Its material, a name of the body's ``lamina``.
+    thickness : float
+        Of the ply [m].
+    angle : float
+        From ``layer_direction`` to the fibres, about the shell's normal [rad].
+
+    Examples
+    --------
+    ::
+
+        [[body.wing.layers]]
+        material = "carbon"
+        thickness = "0.125 mm"
+        angle = "45 deg"
+    """
+
+    material: Text
+    thickness: PositiveLength
+    angle: Angle = 0.0
+
+
+class Layerable(Solid):
+    """Keys of bodies that may be shells of layers.
+
+    Parameters
+    ----------
+    E : float, optional
+        Young's modulus [Pa]; a body of layers has those of its ``lamina``.
+    nu : float, optional
+        Poisson's ratio.
+    rho : float, optional
+        Density [kg/m³].
+    lamina : dict of str to LaminaTable
+        Materials of plies, by name; for a deck's PCOMP and COMPOSITE the number or name of the material there.
+    layers : tuple of Layer
+        Plies from the shell's lower face to the upper one.
+    layer_direction : tuple of float
+        Vector whose projection onto the shell is the direction from which angles count.
+    offset : float
+        Distance of the shell's middle from its midsurface as given, along the normal [m].
+    """
+
+    E: PositiveStress | None = None  # type: ignore[assignment]
+    nu: Poisson | None = None  # type: ignore[assignment]
+    rho: PositiveDensity | None = None  # type: ignore[assignment]
+    lamina: dict[Text, LaminaTable] = Field(default_factory=dict)
+    layers: tuple[Layer, ...] = ()
+    layer_direction: Axis = (1.0, 0.0, 0.0)
+    offset: Length = 0.0
+
+    @property
+    def layered_thickness(self) -> float:
+        """Thickness of all layers [m]."""
+        return sum(layer.thickness for layer in self.layers)
+
+    @property
+    def has_own_layers(self) -> bool:
+        """True if its plies are in the scene or in its deck, so that it needs no other material."""
+        return bool(self.layers)
+
+    def _check(self) -> None:
+        for number, layer in enumerate(self.layers):
+            if layer.material not in self.lamina:
+                raise UnknownNameError(
+                    "material", layer.material, self.lamina, "the lamina", "layers", number, "material"
+                )
+        missing = [key for key in ("E", "nu", "rho") if getattr(self, key) is None]
+        if not self.has_own_layers:
+            raise_faults(FaultError(f"is missing{example_of_key(Solid, key)}", key) for key in missing)
+            if self.layer_direction != (1.0, 0.0, 0.0):
+                raise FaultError("has no effect: it belongs to layers", "layer_direction")
+        elif self.layers and len(missing) < 3:
+            key = next(key for key in ("E", "nu", "rho") if key not in missing)
+            raise FaultError("has no effect beside layers, which have the materials of lamina", key)

@@ -1,0 +1,178 @@
+"""Laminates: plates of three-dimensional elasticity, coupling of bending and stretch, turned axes, isotropic stacks."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh, null_space
+
+from fmd.core.arrays import Array
+from fmd.core.rotations import rotation_matrix
+from fmd.fem.assembly import assemble
+from fmd.fem.geometric_stiffness import geometric_stiffness, quadratic_strain_load
+from fmd.fem.laminate import Lamina, Laminate, Layered, Ply
+from fmd.fem.material import Material
+from fmd.recovery.patch_stress import energy_errors
+from fmd.recovery.plies import modal_ply_stress
+from fmd.reduction.eigen import FreeBodySolver
+from tests.fem.sheets import ShellProblem, shell_mesh, unit_grid
+
+CARBON = Lamina(25e9, 1e9, 0.25, 0.5e9, 0.5e9, 0.2e9, 1500.0)  # Pagano's, E2 = 1 GPa
+ALUMINIUM = Material(70e9, 0.3, 2700.0)
+both = pytest.mark.parametrize("element", ["quadrilateral", "triangle"])
+
+
+def stack(lamina: Lamina, thickness: float, *degrees: float) -> Laminate:
+    return Laminate(tuple(Ply(lamina, thickness / len(degrees), np.radians(a)) for a in degrees))
+
+
+def layered(laminate: Laminate, n_elements: int, direction: tuple[float, ...] | Array = (1.0, 0.0, 0.0)) -> Layered:
+    return Layered(laminate, np.tile(direction, (n_elements, 1)))
+
+
+class QuarterPlate(ShellProblem):
+    """A simply supported square plate of unit side by its quarter 0 … 0.5, whose edges slide along their normal."""
+
+    def __init__(self, n: int, laminate: Laminate, element: str = "quadrilateral") -> None:
+        p, cells = unit_grid(n, n, element)
+        x = np.column_stack([0.5 * p, 0 * p[:, 0]])
+        super().__init__(x, cells, laminate.thickness, layered(laminate, len(cells)))
+        self.n = n
+        for axis in (0, 1):
+            self.mirror(axis)
+            edge = np.flatnonzero(x[:, axis] == 0.5)
+            self.hold(edge, (2, 1 - axis))
+            self.hold_tips(edge, (1 - axis,))
+
+    def bend(self) -> Array:
+        """Return displacements of all points under the pressure cos(πx) cos(πy)."""
+        k, d = np.pi, 0.5 / self.n
+        along = np.cos(k * self.x[:, :2]) * 2 * (1 - np.cos(k * d)) / (k**2 * d)  # ∫ N cos(kx) of linear N
+        along[self.x[:, :2] == 0] /= 2
+        f = self.load()
+        f[self.n_points :, 2] = along.prod(axis=1)
+        return self.solve_all(f)
+
+    def first_frequency(self) -> float:
+        """Return the lowest angular frequency."""
+        T, C = self.fe.T, np.vstack([row.toarray() for row in self._held])
+        Z = null_space(C, rcond=1e-9)
+        K, M = (Z.T @ (T.T @ A @ T).toarray() @ Z for A in (self.fe.K, self.fe.M))
+        return float(eigh(K, M, eigvals_only=True, subset_by_index=[0, 0])[0] ** 0.5)
+
+
+@pytest.mark.parametrize(("ratio", "deflection", "within"), [(10, 0.743, 0.02), (20, 0.517, 0.01), (100, 0.4347, 0.01)])
+def test_a_cross_ply_plate_bends_as_in_three_dimensional_elasticity(
+    ratio: float, deflection: float, within: float
+) -> None:
+    """Pagano & Hatfield, AIAA J 10, 1972: 100 w E2 h³ / (q a⁴) of 0/90/90/0; by 5/6 it is 0.663 at 10."""
+    plate = QuarterPlate(8, stack(CARBON, 1 / ratio, 0, 90, 90, 0))
+    w = plate.bend()[plate.n_points :, 2].max()
+    assert 100 * w * 1e9 / ratio**3 == pytest.approx(deflection, rel=within)
+
+
+@pytest.mark.parametrize("degrees", [(0, 90), (0, 90, 90, 0)])
+@pytest.mark.parametrize("stiff", [0, 1])
+def test_a_cross_ply_plate_vibrates_as_in_three_dimensional_elasticity(degrees: tuple[int, ...], stiff: int) -> None:
+    """Noor, AIAA J 11, 1973: ω a²/h (ρ/E2)^½ at a/h = 5 and E1/E2 = 10 and 40."""
+    E1 = (10e9, 40e9)[stiff]
+    noor = {2: (6.9845, 8.5625), 4: (8.2103, 10.752)}[len(degrees)][stiff]
+    lamina = Lamina(E1, 1e9, 0.25, 0.6e9, 0.6e9, 0.5e9, 1000.0)
+    omega = QuarterPlate(8, stack(lamina, 0.2, *degrees)).first_frequency()
+    assert omega * 5 * (1000 / 1e9) ** 0.5 == pytest.approx(noor, rel=0.025)
+
+
+def test_stress_of_plies_is_that_of_three_dimensional_elasticity() -> None:
+    """Pagano & Hatfield at a/h = 20 and 0/90/90/0, by h²/(q a²) at the faces of plies, by h/(q a) in shear."""
+    n = 8
+    plate = QuarterPlate(n, stack(CARBON, 1 / 20, 0, 90, 90, 0))
+    u, space, material = plate.bend()[:, :, None], plate.fe.discretisation, plate.fe.material
+    assert isinstance(material, Layered)
+    middle, along_y, along_x, corner = 0, n - 1, n * (n - 1), n * n - 1
+    found = modal_ply_stress(space, material, u, np.array([middle, along_y, along_x, corner]))[..., 0]
+    near, far = np.cos(np.pi / 32), np.sin(np.pi * 15 / 32)  # the middles of these elements
+    stress = {
+        "xx": (found[0, 3, 1, 0] / near**2 / 400, 0.543, 0.06),
+        "yy": (found[0, 2, 1, 0] / near**2 / 400, 0.308, 0.05),
+        "xy": (found[3, 3, 1, 4] / far**2 / 400, 0.0230, 0.05),
+        "xz": (found[2, 1, 1, 2] / (near * far) / 20, 0.328, 0.05),
+        "yz": (found[1, 1, 1, 3] / (near * far) / 20, 0.156, 0.15),
+    }
+    ratios = {name: abs(value) / published - 1 for name, (value, published, _) in stress.items()}
+    assert all(abs(ratios[name]) < within for name, (_, _, within) in stress.items()), ratios
+
+
+def test_force_along_a_strip_of_two_crossed_plies_bends_it() -> None:
+    """ε = D N / (A D − B²), κ = −B N / (A D − B²) of plies without contraction, all constant along the strip."""
+    lamina = Lamina(100e9, 10e9, 0.0, 5e9, 5e9, 4e9, 1500.0)
+    h, L, N = 2e-3, 0.2, 3e3
+    p, cells = unit_grid(10, 2, "quadrilateral")
+    x = np.column_stack([L * p[:, 0], 0.04 * p[:, 1], 0 * p[:, 0]])
+    strip = ShellProblem(x, cells, h, layered(stack(lamina, h, 0, 90), len(cells)))
+    root, tip = (np.flatnonzero(x[:, 0] == at) for at in (0.0, L))
+    strip.hold(root, (0, 2))
+    strip.hold(root[:1], (1,))
+    strip.hold_tips(root, (0,))
+    f = strip.load()
+    f[strip.n_points + tip, 0] = N * 0.04 * np.array([0.25, 0.5, 0.25])
+    u = strip.solve(f)[tip]
+    A, B, D = (100e9 + 10e9) * h / 2, (10e9 - 100e9) * h**2 / 8, (100e9 + 10e9) * h**3 / 24
+    assert u[:, 0] == pytest.approx(D * N / (A * D - B**2) * L, rel=1e-9)
+    assert u[:, 2] == pytest.approx(B * N / (A * D - B**2) * L**2 / 2, rel=1e-9)
+    assert [own[0, 0] for own in stack(lamina, h, 0, 90).plane] == pytest.approx([A, B, D], rel=1e-12)
+
+
+@both
+def test_a_stack_of_one_isotropic_material_is_the_plain_shell(element: str) -> None:
+    G = ALUMINIUM.lame[1]
+    lamina = Lamina(ALUMINIUM.E, ALUMINIUM.E, ALUMINIUM.nu, G, G, G, ALUMINIUM.rho)
+    laminate = Laminate(tuple(Ply(lamina, t, a) for t, a in ((1e-3, 0.3), (3e-3, 1.0), (2e-3, -0.7))))
+    p, cells = unit_grid(5, 3, element)
+    p[7:-7] += np.random.default_rng(2).uniform(-0.03, 0.03, p[7:-7].shape)
+    mesh = shell_mesh(np.column_stack([p, 0 * p[:, 0]]), cells, laminate.thickness)
+    plain, plies = (assemble(mesh, 1, material) for material in (ALUMINIUM, layered(laminate, len(cells))))
+    u = FreeBodySolver(plain).modes(3).shapes
+    for one, other in (
+        (plain.K.toarray(), plies.K.toarray()),
+        (plain.m.toarray(), plies.m.toarray()),
+        (geometric_stiffness(plain, u)[2].toarray(), geometric_stiffness(plies, u)[2].toarray()),
+        (quadratic_strain_load(plain, u[..., 0])[0], quadratic_strain_load(plies, u[..., 0])[0]),
+        (energy_errors(plain.discretisation, ALUMINIUM, u), energy_errors(plies.discretisation, plies.material, u)),
+    ):
+        assert np.abs(one - other).max() < 1e-10 * np.abs(one).max()
+
+
+@both
+def test_turned_layers_direction_and_body_are_one_laminate(element: str) -> None:
+    """An angle of 30° is that of the direction; a body turned with its direction is the same body."""
+    p, cells = unit_grid(4, 3, element)
+    x = np.column_stack([p, 0.3 * p[:, 0] ** 2])
+    laminate, Q = stack(CARBON, 0.01, 0, 40, 90), rotation_matrix(np.array([[0.3, -0.7, 0.4]]))[0]
+    more = stack(CARBON, 0.01, 30, 70, 120)
+    flat = np.column_stack([p, 0 * p[:, 0]])
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+
+    def omega(x: Array, laminate: Laminate, direction: tuple[float, ...] | Array = (1.0, 0.0, 0.0)) -> Array:
+        fe = assemble(shell_mesh(x, cells, 0.01), 1, layered(laminate, len(cells), direction))
+        return FreeBodySolver(fe).modes(3).omega
+
+    # Bending modes, by which shear is corrected, are along and across the direction: not quite the same shear.
+    assert omega(flat, more) == pytest.approx(omega(flat, laminate, (c, s, 0.7)), rel=2e-4)
+    assert omega(x @ Q.T, laminate, Q[:, 0]) == pytest.approx(omega(x, laminate), rel=1e-9)
+    turned = np.roll(cells[:, ::-1], 1, axis=1)
+    over = assemble(shell_mesh(x, turned, 0.01), 1, layered(laminate.turned_over(), len(cells)))
+    assert FreeBodySolver(over).modes(3).omega == pytest.approx(omega(x, laminate), rel=1e-9)
+
+
+def test_a_direction_along_the_normal_is_refused() -> None:
+    p, cells = unit_grid(2, 2, "quadrilateral")
+    mesh = shell_mesh(np.column_stack([p, 0 * p[:, 0]]), cells, 0.01)
+    with pytest.raises(ValueError, match="is along the normal of 4 elements; take another direction"):
+        assemble(mesh, 1, layered(stack(CARBON, 0.01, 0), len(cells), (0.0, 0.0, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"), [({"E2": 0.0}, "moduli and a density above 0"), ({"nu12": 6.0}, r"nu12 = 6")]
+)
+def test_plies_that_no_material_has_are_refused(change: dict[str, float], message: str) -> None:
+    own = {key: getattr(CARBON, key) for key in ("E1", "E2", "nu12", "G12", "G13", "G23", "rho")}
+    with pytest.raises(ValueError, match=message):
+        Lamina(**own | change)

@@ -1,0 +1,135 @@
+"""Shells of layers from the scene to the stress of their plies, and scenes with layers that are wrong."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fmd
+from fmd.core.errors import InputError
+from fmd.fem.laminate import Layered
+from fmd.output.plies import draw_plies, find_plies, summarise_plies, write_plies
+from fmd.output.result import Result
+from fmd.scene.stress_outputs import Plies
+
+CARBON = {"E1": "135 GPa", "E2": "10 GPa", "nu12": 0.3, "G12": "5 GPa", "G23": "3.5 GPa", "rho": "1550 kg/m^3"}
+STRENGTH = {"Xt": "1500 MPa", "Xc": "1200 MPa", "Yt": "50 MPa", "Yc": "250 MPa", "S": "70 MPa"}
+FOAM = {"E1": "70 MPa", "E2": "70 MPa", "nu12": 0.3, "G12": "27 MPa", "rho": "60 kg/m^3"}
+LAYERS = [
+    {"material": "carbon", "thickness": "1 mm", "angle": "30 deg"},
+    {"material": "foam", "thickness": "8 mm"},
+    {"material": "carbon", "thickness": "1 mm"},
+]
+
+
+def panel(**changes: Any) -> dict[str, Any]:
+    """A sandwich plate, swung in a hub, with named elements at its faces."""
+    plate = {
+        "shape": "plate",
+        "length": "0.6 m",
+        "width": "0.2 m",
+        "mesh": {"divisions": [6, 3]},
+        "lamina": {"carbon": CARBON | {"strength": STRENGTH}, "foam": FOAM},
+        "layers": LAYERS,
+        "modes": {"count": 3, "boundary": "joint", "enrich": "none"},
+        "marker": {"root": {"face": "x-"}, "tip": {"face": "x+"}},
+        "element": {name: {"at": ["50 mm", "0 mm", z]} for name, z in (("above", "4.9 mm"), ("below", "-4.9 mm"))},
+    }
+    swing = {"formula": "0.05*(1 - cos(2*pi*t/0.1))", "unit": "rad"}
+    return {
+        "title": "Panel",
+        "body": {"panel": plate | changes},
+        "joint": {"hub": {"type": "revolute", "parent": "ground", "child": "panel.root", "axis": [0, 1, 0]}},
+        "drive": {"swing": {"type": "motion", "joint": "hub", "angle": swing}},
+        "simulation": {
+            "duration": "50 ms",
+            "output_step": "1 ms",
+            "tip": "panel.tip",
+            "run": [{"integrator": "generalized-alpha", "step": "0.2 ms"}],
+        },
+    }
+
+
+@pytest.fixture(scope="module")
+def swung() -> Result:
+    return fmd.load(panel())
+
+
+def test_stress_of_outer_plies_is_the_named_elements_in_their_axes(swung: Result) -> None:
+    """The elements' stress is along the body's axes; it is turned by hand, and the index written out."""
+    run = swung.run
+    (found,) = find_plies(run, "panel")
+    number = {name: run.part.elements[name] for name in ("above", "below")}
+    for name, k, side, angle in (("above", 2, 1, 0.0), ("below", 0, 0, np.pi / 6)):
+        xx, yy, xy = (next(iter(run.element_stress(f"panel.{name}", c).values())) for c in ("xx", "yy", "xy"))
+        c, s = np.cos(angle), np.sin(angle)
+        one = c**2 * xx + s**2 * yy + 2 * c * s * xy
+        two = s**2 * xx + c**2 * yy - 2 * c * s * xy
+        shear = (c**2 - s**2) * xy + c * s * (yy - xx)
+        X, Y = np.where(one > 0, 1500e6, 1200e6), np.where(two > 0, 50e6, 250e6)
+        index = np.sqrt(one**2 / X**2 - one * two / X**2 + two**2 / Y**2 + shear**2 / 70e6**2)
+        share = np.max([np.abs(one) / X, np.abs(two) / Y, np.abs(shear) / 70e6], axis=0)
+        expected = {"11 max": one.max(), "22 min": two.min(), "12 max": shear.max(), "Tsai-Hill": index.max()}
+        for key, value in (expected | {"maximum stress": share.max()}).items():
+            assert found.values[key][number[name], k, side] == pytest.approx(value, rel=1e-6, abs=1.0), key
+        assert found.frames["Tsai-Hill"][number[name], k, side] == index.argmax()
+
+
+def test_a_table_and_a_picture_have_the_worst_ply(swung: Result, tmp_path: Path) -> None:
+    run = swung.run
+    table = Plies(file="plies.csv", body="panel")
+    assert write_plies(run, table, tmp_path) == ["plies.csv", "plies-errors.csv"]
+    header, *rows = [line.split(",") for line in (tmp_path / "plies.csv").read_text().splitlines()]
+    assert [row[1:4] for row in rows][2:4] == [["2", "lower", "foam"], ["2", "upper", "foam"]]
+    indices = [row[header.index("tsai_hill_index")] for row in rows]
+    assert indices[2:4] == ["nan", "nan"]  # which have no strength
+    worst = summarise_plies(run, table)["plies"]["panel"]["Tsai-Hill"]
+    assert worst["value"] == pytest.approx(max(float(each) for each in indices if each != "nan"), rel=1e-8)
+    assert (worst["material"], worst["position_m"][0]) == ("carbon", pytest.approx(0.05))
+    with pytest.raises(InputError, match=r"strength: is missing: failure indices take Xt, Xc, Yt, Yc and S"):
+        draw_plies(run, Plies(file="plies.png", body="panel"), tmp_path)
+
+
+def test_a_sandwich_has_the_mass_and_the_density_of_its_layers(swung: Result) -> None:
+    part, mass = swung.run.part, 0.6 * 0.2 * (2e-3 * 1550 + 8e-3 * 60)
+    assert isinstance(part.material, Layered)
+    assert part.mass == pytest.approx(mass, rel=1e-12)
+    assert part.fe.mass == pytest.approx(mass, rel=1e-12)
+    rotary = 0.6 * 0.2 * (1550 * (10e-3**3 - 8e-3**3) + 60 * 8e-3**3) / 12  # ∫ ρ z²
+    z = part.fe.x[:, 2]
+    assert z @ part.fe.m @ z == pytest.approx(rotary, rel=1e-9)
+
+
+def test_an_offset_moves_the_shell_along_its_normal() -> None:
+    z = fmd.load(panel(offset="4 mm")).run.part.mesh.points[:, 2]
+    assert (z.min(), z.max()) == pytest.approx((-1e-3, 9e-3), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"layers": [{"material": "glass", "thickness": "1 mm"}]}, r"layers\.0\.material.*no such material"),
+        ({"layers": []}, r"E.*is missing, e\.g\."),
+        ({"layers": [], "E": "70 GPa", "nu": 0.3, "rho": "2700 kg/m^3"}, r"thickness.*is missing"),
+        ({"thickness": "2 mm"}, "has no effect beside layers, which have thicknesses"),
+        ({"E": "70 GPa"}, "has no effect beside layers, which have the materials of lamina"),
+        ({"lamina": {"carbon": CARBON | {"nu12": 4.0}, "foam": FOAM}}, r"must be below \(E1/E2\)\^½ = 3\.67"),
+        (
+            {"layer_direction": [0, 0, 1]},
+            r"layer_direction.*: is along the normal of 18 elements; take another direction",
+        ),
+    ],
+)
+def test_layers_that_are_wrong_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        fmd.load(panel(**changes)).run.part.fe  # noqa: B018
+
+
+def test_plies_are_of_bodies_with_layers_in_one_piece(tmp_path: Path) -> None:
+    plain = {"layers": [], "thickness": "10 mm", "E": "70 GPa", "nu": 0.3, "rho": "2700 kg/m^3"}
+    with pytest.raises(InputError, match="has no layers, whose plies have stress of their own"):
+        find_plies(fmd.load(panel(**plain)).run, "panel")
+    cut = {"pieces": 2, "modes": {"count": 3, "enrich": "none"}}
+    with pytest.raises(InputError, match="is in pieces, and the stress of plies is that of bodies in one piece"):
+        find_plies(fmd.load(panel(**cut)).run, "panel")
