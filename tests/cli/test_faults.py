@@ -51,9 +51,10 @@ FILES = len(KEPT) + 2  # at least: and the motion and the summary
 
 FMD = (sys.executable, "-c", "from fmd.cli.app import main; main()")
 
-# Forks a child for each line: it runs the command line with a cache of its own, and dies where the order says.
+# Forks a child for each line, or waits for one: it runs the command line with a cache of its own, in an environment and
+# with a file system of its own where the order has such, and dies where the order says.
 SERVER = """
-import json, os, signal, sys
+import ctypes, json, os, signal, subprocess, sys
 from fmd.cli.app import main
 from fmd.stages.store import StageStore
 
@@ -62,6 +63,14 @@ def die(*_):
 
 def prepare(order):
     os.environ["FMD_CACHE"] = order["cache"]
+    for name, value in order.get("environment", {}).items():
+        os.environ.pop(name, None) if value is None else os.environ.update({name: value})
+    if "mount" in order:  # seen by this process alone
+        new_names, private = 0x20000, 0x4000 | 0x40000
+        libc = ctypes.CDLL(None, use_errno=True)
+        assert libc.unshare(new_names) == 0 and libc.mount(b"none", b"/", None, private, None) == 0
+        options, folder = order["mount"]
+        subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], check=True)
     stage, when = order.get("stage"), order.get("when")
     compute, replace, count = StageStore.compute, os.replace, [0]
 
@@ -94,6 +103,9 @@ except SystemExit as stop:
 print(flush=True)
 for line in sys.stdin:
     order = json.loads(line)
+    if "wait" in order:
+        print(os.waitpid(order["wait"], 0)[1], flush=True)
+        continue
     child = os.fork()
     if not child:
         os.setpgid(0, 0)
@@ -116,7 +128,6 @@ for line in sys.stdin:
             finally:
                 os._exit(status)
     print(child, flush=True)
-    print(os.waitpid(child, 0)[1], flush=True)
 """
 
 
@@ -127,36 +138,35 @@ class Runs:
         self.folder, self.numbers = folder, iter(range(10_000))
         self.scene = folder / "small.toml"
         self.scene.write_text(SCENE)
-        self.command = ["run", str(self.scene), *SMALL, "--no-pictures", "--no-budget"]
-        self.servers = [self._server(environment) for _ in range(2)]
-
-    def _server(self, environment: dict[str, str]) -> subprocess.Popen[str]:
+        self.command = ["run", str(self.scene), *SMALL, "--no-budget"]
         first = json.dumps([*self.command, "--no-cache", "--json", "--out", str(self.new_folder())])
         command, pipe = [sys.executable, "-c", SERVER, first], subprocess.PIPE
-        server = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment)
-        assert server.stdout is not None
-        while (line := server.stdout.readline()) != "\n":  # the first run's summary
+        self.server = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment)
+        assert self.server.stdout is not None
+        while (line := self.server.stdout.readline()) != "\n":  # the first run's summary
             assert line
-        return server
+
+    def ask(self, **order: Any) -> int:
+        """Send an order; return the number that answers it."""
+        assert self.server.stdin is not None
+        assert self.server.stdout is not None
+        print(json.dumps(order), file=self.server.stdin, flush=True)
+        return int(self.server.stdout.readline())
 
     def new_folder(self) -> Path:
         folder = self.folder / f"{next(self.numbers)}"
         folder.mkdir()
         return folder
 
-    def start(self, cache: Path, out: Path, server: int = 0, **order: Any) -> Callable[[], int]:
+    def start(self, cache: Path, out: Path, *more: str, **order: Any) -> Callable[[], int]:
         """Start a run; the result waits for its end and returns its exit status, negative for a signal."""
         log = out.with_name(f"{out.name}.log")
-        order |= {"cache": str(cache), "log": str(log), "arguments": [*self.command, "--out", str(out)]}
-        stdin, stdout = self.servers[server].stdin, self.servers[server].stdout
-        assert stdin is not None
-        assert stdout is not None
-        print(json.dumps(order), file=stdin, flush=True)
-        self.child = int(stdout.readline())
-        return lambda: os.waitstatus_to_exitcode(int(stdout.readline()))
+        arguments = [*self.command, *more, "--out", str(out)]
+        self.child = child = self.ask(cache=str(cache), log=str(log), arguments=arguments, **order)
+        return lambda: os.waitstatus_to_exitcode(self.ask(wait=child))
 
-    def run(self, cache: Path, out: Path, **order: Any) -> int:
-        return self.start(cache, out, **order)()
+    def run(self, cache: Path, out: Path, *more: str, **order: Any) -> int:
+        return self.start(cache, out, *more, **order)()
 
     def results(self, cache: Path, **order: Any) -> dict[str, Any]:
         """What a whole run gives, but for its times."""
@@ -165,8 +175,7 @@ class Runs:
         return read(out)
 
     def close(self) -> None:
-        for server in self.servers:
-            server.communicate(timeout=30)
+        self.server.communicate(timeout=30)
 
 
 def said(out: Path) -> str:
@@ -248,7 +257,7 @@ def test_runs_killed_at_random_times_one_after_another_poison_nothing(runs: Runs
     runs.results(runs.new_folder())
     typical = time.perf_counter() - tick
     killed = 0
-    while killed < 12:
+    while killed < 6:
         cache, out = runs.new_folder(), runs.new_folder()
         for _ in range(8):  # in one cache, further each time
             end = runs.start(cache, out)
@@ -263,7 +272,7 @@ def test_two_runs_at_once_on_one_cache_and_one_folder_agree(runs: Runs, whole: d
     for same_out in (False, True):
         cache, out = runs.new_folder(), runs.new_folder()
         outs = [out, out if same_out else runs.new_folder()]
-        ends = [runs.start(cache, folder, server) for server, folder in enumerate(outs)]
+        ends = [runs.start(cache, folder) for folder in outs]
         assert [end() for end in ends] == [0, 0]
         assert all(read(folder) == whole for folder in outs)
         assert_sound(runs, cache, out, whole)
@@ -287,16 +296,9 @@ def test_a_full_disk_is_one_message_and_leaves_nothing_half_written(
 
 
 def test_a_disk_too_full_for_the_cache_alone_costs_only_time(runs: Runs, whole: dict[str, Any]) -> None:
-    if os.geteuid() or subprocess.run(["unshare", "-m", "true"], check=False).returncode:
-        pytest.skip("needs a file system of its own")
+    require_mounts()
     small = runs.new_folder()
-    out = runs.new_folder()
-    script = f'mount -t tmpfs -o size=16k tmpfs {small} && exec "$0" "$@"'
-    environment = os.environ | {"FMD_CACHE": str(small)}
-    command = ["unshare", "-m", "sh", "-c", script, *FMD, *runs.command, "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert read(out) == whole
+    assert runs.results(small, mount=["size=16k", str(small)]) == whole
 
 
 def test_a_cache_of_another_version_costs_only_time(runs: Runs, whole: dict[str, Any]) -> None:
@@ -312,35 +314,30 @@ def test_a_cache_of_another_version_costs_only_time(runs: Runs, whole: dict[str,
 
 
 def test_a_read_only_place_for_results_is_one_message(runs: Runs) -> None:
-    if os.geteuid() or subprocess.run(["unshare", "-m", "true"], check=False).returncode:
-        pytest.skip("needs a file system of its own")
-    out = runs.new_folder()
-    script = f'mount -t tmpfs -o ro tmpfs {out} && exec "$0" "$@"'
-    command = ["unshare", "-m", "sh", "-c", script, *FMD, *runs.command, "--out", str(out / "results")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"fmd: --out = '{out}/results': can't be written")
-    assert done.stderr.count("\n") == 1
+    require_mounts()
+    place = runs.new_folder()
+    out = place / "results"
+    assert runs.run(runs.new_folder(), out, mount=["ro", str(place)]) == 2
+    assert said(out).startswith(f"fmd: --out = '{out}': can't be written")
+    assert said(out).count("\n") == 1
 
 
-@pytest.mark.parametrize("place", ["a file", "read-only"])
-def test_a_cache_folder_that_cannot_be_written_costs_only_time(runs: Runs, whole: dict[str, Any], place: str) -> None:
+def test_a_cache_folder_that_is_a_file_costs_only_time(runs: Runs, whole: dict[str, Any]) -> None:
+    cache = runs.new_folder() / "file"
+    cache.write_text("in the way")
+    assert runs.results(cache) == whole
+    assert cache.read_text() == "in the way"
+
+
+def test_a_cache_folder_that_cannot_be_written_costs_only_time(runs: Runs, whole: dict[str, Any]) -> None:
+    require_mounts()
     cache = runs.new_folder()
-    if place == "a file":
-        cache = cache / "file"
-        cache.write_text("in the way")
-        assert runs.results(cache) == whole
-        assert cache.read_text() == "in the way"
-        return
+    assert runs.results(cache, mount=["ro", str(cache)]) == whole
+
+
+def require_mounts() -> None:
     if os.geteuid() or subprocess.run(["unshare", "-m", "true"], check=False).returncode:
         pytest.skip("needs a file system of its own")
-    out = runs.new_folder()
-    script = f'mount -t tmpfs -o ro tmpfs {cache} && exec "$0" "$@"'
-    environment = os.environ | {"FMD_CACHE": str(cache)}
-    command = ["unshare", "-m", "sh", "-c", script, *FMD, *runs.command, "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert read(out) == whole
 
 
 # Poor machines ---------------------------------------------------------------------------------------------------
@@ -395,12 +392,12 @@ def test_on_one_core_and_without_a_network_results_are_the_same(frequencies: lis
     assert frequencies_of(fmd([*MODES, "--no-cache"], *before)) == frequencies
 
 
-def test_without_a_display_pictures_are_drawn(runs: Runs, tmp_path: Path) -> None:
+def test_without_a_display_pictures_are_drawn(runs: Runs) -> None:
     picture = 'output=[{type="stress", file="stress.png", body="beam", size=[320, 240]}]'
-    small = [*runs.command[:-2], "--no-budget", "--set", picture, "--out", str(tmp_path)]
-    done = fmd(small, DISPLAY=":99", WAYLAND_DISPLAY=None)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "stress.png").stat().st_size > 1000
+    out = runs.new_folder()
+    nowhere = {"DISPLAY": ":99", "WAYLAND_DISPLAY": None}
+    assert runs.run(runs.new_folder(), out, "--set", picture, environment=nowhere) == 0, said(out)
+    assert (out / "stress.png").stat().st_size > 1000
 
 
 def test_a_missing_library_is_one_message(tmp_path: Path) -> None:

@@ -148,7 +148,16 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     film = next(k for k, output in enumerate(scene.output) if output.type == "film")
     settings = [*COARSE, *small, f"output.{film}.frames=3"]
     with pytest.raises(SystemExit, match="0"):
-        main(["run", "propeller", "--out", str(folder), *(word for text in settings for word in ("--set", text))])
+        main(
+            [
+                "run",
+                "propeller",
+                "--no-budget",
+                "--out",
+                str(folder),
+                *(word for text in settings for word in ("--set", text)),
+            ]
+        )
     return folder
 
 

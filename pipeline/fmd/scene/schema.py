@@ -11,6 +11,7 @@ import json
 import re
 import sys
 from collections.abc import Iterator
+from functools import cache
 from typing import Any, get_args
 
 from pydantic.fields import FieldInfo
@@ -39,6 +40,7 @@ _PREFIXES = (
 )
 
 
+@cache
 def write_schema() -> str:
     """Return the schema as JSON."""
     schema = Scene.model_json_schema(schema_generator=_Generator)

@@ -33,12 +33,12 @@ SOLVERS = ("cholesky", "superlu")
 
 @pytest.fixture(scope="module")
 def tetrahedra(steel: Material) -> FEModel:
-    return assemble(SolidMesh(*tetrahedral_bar(0.1, 0.09, 0.08, 0.018)), 2, steel)
+    return assemble(SolidMesh(*tetrahedral_bar(0.1, 0.09, 0.08, 0.024)), 2, steel)
 
 
 @pytest.fixture(scope="module")
 def hexahedra(steel: Material) -> FEModel:
-    return assemble(SolidMesh(*hexahedral_bar(0.3, 0.02, 0.02, (40, 4, 4))), 2, steel)
+    return assemble(SolidMesh(*hexahedral_bar(0.3, 0.02, 0.02, (28, 4, 4))), 2, steel)
 
 
 def without(monkeypatch: pytest.MonkeyPatch, *missing: str) -> None:
@@ -160,12 +160,12 @@ def test_what_does_not_fit_is_refused_before_it_is_factorised(
     tetrahedra: FEModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(factor, "SMALL_SYSTEM", 0)
-    monkeypatch.setattr(factor, "available_memory", lambda: 20e6)
+    monkeypatch.setattr(factor, "available_memory", lambda: 8e6)
     monkeypatch.setattr(factor, "_cholmod", lambda *_: pytest.fail("was factorised"))
     needs = (
         r"the factor of its \d+ unknowns needs about [\d.]+ GB of memory \(CHOLMOD, METIS order, [\d.e+]+ nonzeros\)"
     )
-    with pytest.raises(TooLargeError, match=needs + ", the machine has 0.02 GB to spare; make the mesh coarser"):
+    with pytest.raises(TooLargeError, match=needs + ", the machine has 0.01 GB to spare; make the mesh coarser"):
         factorise(positive(tetrahedra))
 
 

@@ -208,15 +208,17 @@ def _coordinate_entries(lines: Sequence[_Line], labels: IntArray, unknowns: int)
 
 def _read_matrix_market(text: str) -> sp.csr_array:
     """Read Matrix Market's coordinate form; SciPy's own reader crashes on some damaged files."""
-    head, *lines = (line for line in text.splitlines() if line.strip() and (line[:2] == "%%" or line[0] != "%"))
+    head, _, rest = text.partition("\n")
     kind, field, symmetry = [*head.lower().split(), "", "", "", "", ""][2:5]
     if kind != "coordinate" or field not in ("real", "integer") or symmetry not in ("general", "symmetric"):
         raise ValueError(f"'{head}': coordinates of real numbers are read, general or symmetric")
-    n_rows, n_columns, n_entries = map(int, lines[0].split())
-    table = np.array(" ".join(lines[1:]).split(), dtype=float)
-    if table.size != 3 * n_entries:
-        raise ValueError(f"its head speaks of {n_entries} entries, and {table.size / 3:g} are there")
-    row, column, values = table.reshape(-1, 3).T
+    if not rest.strip():
+        raise ValueError("it ends after its head")
+    table = np.loadtxt(StringIO(rest), comments="%", ndmin=2)
+    n_rows, n_columns, n_entries = map(int, table[0])
+    if table.shape != (1 + n_entries, 3):
+        raise ValueError(f"its head speaks of {n_entries} entries, and {(table.size - 3) / 3:g} are there")
+    row, column, values = table[1:].T
     row, column = (np.nan_to_num(index, nan=0.0).astype(np.int64) - 1 for index in (row, column))
     if symmetry == "symmetric":
         row, column, values = _both_halves(row, column, values)
