@@ -39,7 +39,7 @@ def test_run_without_pictures_writes_summary_and_motion(fmd, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_run_draws_everything_that_the_scene_lists(fmd, tmp_path, capsys):
-    sizes = ("0.size=[320, 180]", "4.size=[640, 360]", "5.size=[320, 180]", "5.frames=3")
+    sizes = ("3.size=[320, 180]", "4.size=[640, 360]", "5.size=[320, 180]", "5.frames=3")
     small = [word for size in sizes for word in ("--set", f"output.{size}")]
     assert fmd("run", "beam-paper", *QUICK, *small, "--no-budget", "--out", str(tmp_path)) == 0
     printed = capsys.readouterr().out

@@ -47,7 +47,7 @@ def of_positions_and_rates(A: Array, n: int) -> Array:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     n=st.integers(2, 7),
     share=st.floats(0.0, 1.0),
