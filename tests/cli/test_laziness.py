@@ -22,7 +22,7 @@ print("\\n" + json.dumps(sorted({name.partition(".")[0] for name in sys.modules}
     ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith(("fmd.", "scipy."))})))
 """
 QUICK = ["--set", "body.beam.mesh.divisions=[12, 1, 1]", "--set", "simulation.duration=50 ms"]
-FILM = '{type="film", file="motion.mp4", body="beam", frames=2, size=[320, 180]}'
+FILM = '{type="film", file="motion.mp4", body="beam", frames=2, rate=20.0, size=[320, 180]}'
 DRAWN = ["--set", f'output=[{{type="chart", file="centre.png", quantity="centre_of_mass"}}, {FILM}]']
 
 

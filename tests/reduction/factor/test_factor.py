@@ -165,7 +165,7 @@ def test_what_does_not_fit_is_refused_before_it_is_factorised(
     needs = (
         r"the factor of its \d+ unknowns needs about [\d.]+ GB of memory \(CHOLMOD, METIS order, [\d.e+]+ nonzeros\)"
     )
-    with pytest.raises(TooLargeError, match=needs + ", the machine has 0.01 GB to spare; make the mesh coarser"):
+    with pytest.raises(TooLargeError, match=needs + ", the machine has 0.008 GB to spare; make the mesh coarser"):
         factorise(positive(tetrahedra))
 
 
