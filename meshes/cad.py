@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmd.meshes.cad_midsurface import replace_by_midsurface
 from fmd.meshes.cad_names import Names, import_entities, name_pieces
 from fmd.meshes.cad_places import describe_part, find_centre, name_faces_by_place
 from fmd.meshes.gmsh_session import gmsh_model
@@ -107,8 +108,12 @@ def mesh_cad(
         return _read_out(gmsh, order, names, whole)
 
 
-def mesh_sheet(path: Path, size: float, target: Path, begin: Callable[[float], None] = lambda elements: None) -> None:
-    """Mesh the surfaces in a CAD file with quadrilaterals, and write Gmsh's own file; surfaces that touch share nodes.
+def mesh_sheet(
+    path: Path, size: float, thickness: float, target: Path, begin: Callable[[float], None] = lambda elements: None
+) -> None:
+    """Mesh the surfaces in a CAD file, or the midsurface of its solid, with quadrilaterals, and write Gmsh's own file.
+
+    Surfaces that touch share nodes.
 
     Physical groups are the surfaces, by number ``face-1`` …, name and colour, and the curves that bound one surface
     alone, ``edge-1`` ….
@@ -119,23 +124,31 @@ def mesh_sheet(path: Path, size: float, target: Path, begin: Callable[[float], N
         STEP, IGES or BREP.
     size : float
         Edge length of the elements [m], smaller where curves are round.
+    thickness : float
+        Of the solid's walls [m].
     target : Path
-        The ``.msh`` file.
+        The ``.msh`` file; a solid's volume [m³] is beside it in a ``.txt``.
     begin : callable
         Called with the number of elements that are expected, before the mesh is made.
 
     Raises
     ------
     CadError
-        The file has solids, no surface, or the size would give too many elements.
+        The file has no surface, a solid with other walls, or the size would give too many elements.
     """
     with gmsh_model("cad") as gmsh:
         surfaces = import_entities(gmsh, path, 2)
         if gmsh.model.getEntities(3):
-            raise CadError("it has solids, and shells are of midsurfaces; export these as surfaces, or leave shell out")
-        if not surfaces:
+            if surfaces:
+                raise CadError("it has solids beside surfaces; export one of them")
+            try:
+                volume = replace_by_midsurface(gmsh, thickness)
+            except ValueError as error:
+                raise CadError(str(error)) from error
+            target.with_suffix(".txt").write_text(repr(volume), encoding="utf-8")
+        elif not surfaces:
             raise CadError("there is no surface in it")
-        names = name_pieces(gmsh, path, surfaces)
+        names = name_pieces(gmsh, path, surfaces) if surfaces else {}
         expected = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / size**2
         _require_few(expected, size)
         _group_sheet(gmsh, names)
@@ -304,7 +317,8 @@ def main(arguments: list[str]) -> str | None:
     ----------
     arguments : list of str
         File, file to write, seconds for reading, seconds for meshing each element that is expected, and, to mesh it,
-        size and order of the elements, or ``shell``, and, of a sector, the number of sectors and its cuts. The system
+        size and order of the elements, or ``shell`` and the thickness, and, of a sector, the number of sectors and its
+        cuts. The system
         ends the process when that time is over, as on a damaged file.
     """
     source, target, reading, each, *sizes = arguments
@@ -314,7 +328,7 @@ def main(arguments: list[str]) -> str | None:
 
     def work() -> None:
         if sizes and sizes[1] == "shell":
-            mesh_sheet(Path(source), float(sizes[0]), Path(target), begin)
+            mesh_sheet(Path(source), float(sizes[0]), float(sizes[2]), Path(target), begin)
         elif sizes:
             sector = (int(sizes[2]), sizes[3], sizes[4]) if sizes[2:] else None
             save(mesh_cad(Path(source), float(sizes[0]), int(sizes[1]), begin, sector), Path(target))

@@ -1,6 +1,7 @@
 """Surfaces of CAD files as shells."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,21 +9,45 @@ import pytest
 from fmd import load_scene
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
+from fmd.fem.assembly import assemble
+from fmd.fem.material import Material
+from fmd.fem.mesh import SolidMesh
 from fmd.meshes.gmsh_session import gmsh_model
-from fmd.stages.meshing.cad_files import mesh_cad_sheet
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.stages.meshing.cad_files import mesh_cad_file, mesh_cad_sheet
 from fmd.stages.pipeline import Pipeline
+
+
+def bent_strip(occ: Any) -> None:
+    """A strip of 30 × 2 mm with legs of 50 and 35 mm, turned by 90° about a radius of 3 mm within, aslant in space."""
+    lines, centre = [], occ.addPoint(50, 0, 5)
+    for x in (((0, 0), (50, 0), (55, 5), (55, 40)), ((0, 2), (50, 2), (53, 5), (53, 40))):
+        a, b, c, d = (occ.addPoint(each[0], 0, each[1]) for each in x)
+        lines.append((a, d, [occ.addLine(a, b), occ.addCircleArc(b, centre, c), occ.addLine(c, d)]))
+    (a, d, outer), (e, f, inner) = lines
+    face = occ.addPlaneSurface([occ.addCurveLoop([*outer, occ.addLine(d, f), *inner[::-1], occ.addLine(e, a)])])
+    occ.rotate([entity for entity in occ.extrude([(2, face)], 0, 30, 0) if entity[0] == 3], 0, 0, 0, 1, 2, 3, 0.7)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An angle of 100 × 40 mm, with a hole of 16 mm, and 100 × 30 mm; a plate of 100 × 40 mm; a block."""
+    """An angle of 100 × 40 mm, with a hole of 16 mm, and 100 × 30 mm; a plate of 100 × 40 mm; solids."""
     folder = tmp_path_factory.mktemp("cad")
-    for name in ("angle", "plate", "block"):
+    for name in ("angle", "plate", "block", "lump", "tee", "bend", "pipe"):
         with gmsh_model(name) as gmsh:
             gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
             occ = gmsh.model.occ
             if name == "block":
                 occ.addBox(0, 0, 0, 10, 10, 10)
+            elif name == "lump":
+                occ.fuse([(3, occ.addBox(0, 0, 0, 100, 40, 2))], [(3, occ.addBox(0, 0, 0, 10, 40, 30))])
+            elif name == "tee":
+                occ.fuse([(3, occ.addBox(0, 0, 0, 100, 40, 2))], [(3, occ.addBox(0, 19, 0, 100, 2, 30))])
+                occ.cut([(3, 1)], [(3, occ.addCylinder(50, 10, -1, 0, 0, 5, 4))])
+            elif name == "bend":
+                bent_strip(occ)
+            elif name == "pipe":
+                occ.cut([(3, occ.addCylinder(0, 0, 0, 90, 0, 0, 20))], [(3, occ.addCylinder(0, 0, 0, 90, 0, 0, 18))])
             else:
                 occ.addRectangle(0, 0, 0, 100, 40)
             if name == "angle":
@@ -42,6 +67,36 @@ def test_surfaces_that_touch_are_one_sheet_of_quadrilaterals_with_named_faces_an
     assert len(rims) == 7  # three of each leg and the hole's, not the fold
     round_hole = [r for r in rims if np.ptp(np.hypot(*(mesh.points[r][:, :2] - [0.05, 0.02]).T)) < 1e-6]
     assert len(round_hole) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "area"),
+    [
+        # Middles meet: the web of the tee ends in the middle of the flange.
+        ("tee", 0.1 * (0.04 + 0.029) - np.pi * 0.004**2),
+        ("pipe", 0.09 * 2 * np.pi * 0.019),
+    ],
+)
+def test_a_solid_with_thin_walls_is_meshed_by_its_midsurface(folder: Path, name: str, area: float) -> None:
+    mesh = mesh_cad_sheet(folder / f"{name}.step", 5e-3, 2e-3)
+    assert middle_area(mesh) == pytest.approx(area, rel=4e-3)  # round walls by flat elements
+    assert any("of the solid's volume more" in note for note in mesh.notes)
+
+
+def middle_area(mesh: SolidMesh) -> float:
+    lower, upper = np.split(mesh.points[mesh.cells], 2, axis=1)
+    x = (lower + upper) / 2
+    across = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+    return float(np.linalg.norm(across, axis=1).sum() / 2)
+
+
+def test_the_midsurface_of_a_bent_strip_has_the_solids_frequencies(folder: Path) -> None:
+    steel = Material(210e9, 0.3, 7850.0)
+    sheet = mesh_cad_sheet(folder / "bend.step", 4e-3, 2e-3)
+    assert middle_area(sheet) == pytest.approx(0.03 * (0.05 + 0.035 + np.pi / 2 * 0.004), rel=1e-3)
+    shell, solid = assemble(sheet, 1, steel), assemble(mesh_cad_file(folder / "bend.step", 8e-3, 2), 2, steel)
+    one, other = (FreeBodySolver(fe).modes(5).omega for fe in (shell, solid))
+    assert one == pytest.approx(other, rel=0.01)
 
 
 def test_a_plate_of_cad_has_the_frequencies_of_the_ready_shape(folder: Path) -> None:
@@ -64,8 +119,10 @@ modes = { count = 3 }
 
 
 def test_solids_second_order_and_sectors_are_refused_as_shells(folder: Path) -> None:
-    with pytest.raises(InputError, match="it has solids, and shells are of midsurfaces"):
+    with pytest.raises(InputError, match="no two of its faces are 2 mm apart; parallel faces are 10 mm apart"):
         mesh_cad_sheet(folder / "block.step", 5e-3, 2e-3)
+    with pytest.raises(InputError, match=r"times thickness is 8000 mm³, the solid has 1\.92e\+04 mm³: walls of"):
+        mesh_cad_sheet(folder / "lump.step", 5e-3, 2e-3)
     with pytest.raises(InputError, match=r"gives about \S+ elements; 3e\+06 are the most"):
         mesh_cad_sheet(folder / "plate.step", 1e-6, 2e-3)
     for more, message in (

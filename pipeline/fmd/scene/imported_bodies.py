@@ -84,7 +84,7 @@ class MeshFile(DividedMesh, SectorMesh):
 
 
 class CadFile(SectorMesh):
-    """A CAD file whose solids are meshed with tetrahedra that follow its curved faces, or its surfaces as shells.
+    """A CAD file whose solids are meshed with tetrahedra that follow its curved faces, or which is meshed as a shell.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ class CadFile(SectorMesh):
     order : int
         Polynomial order of the displacement in an element; 1 of shells.
     shell : float or str, optional
-        Thickness [m]: the file's surfaces are the midsurfaces of shells. ``"layers"`` takes it from the body's
-        ``layers``.
+        Thickness [m]: the file's surfaces are the midsurfaces of shells, or its solid has walls of this thickness.
+        ``"layers"`` takes it from the body's ``layers``.
 
     Examples
     --------

@@ -53,6 +53,7 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
         assert source is not None
         table = shape.mesh
         if table.shell is not None:
+            assert shape.shell_thickness is not None  # which decks alone may have
             return mesh_cad_sheet(source.path, table.size, shape.shell_thickness, shape.offset)
         sector = None if table.cyclic is None or table.cuts is None else (table.cyclic, *table.cuts)
         return _complete(mesh_cad_file(source.path, table.size, table.order, sector), table, source)

@@ -160,23 +160,28 @@ def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, s
         return replace(solid_mesh(raw, 1.0, repair=True), centres=mesh.centres)
 
 
-def mesh_cad_sheet(path: Path, size: float, thickness: float | None, offset: float = 0.0) -> SolidMesh:
-    """Mesh the surfaces of a CAD file as shells of a thickness [m], with elements of a size [m].
+def mesh_cad_sheet(path: Path, size: float, thickness: float, offset: float = 0.0) -> SolidMesh:
+    """Mesh the surfaces of a CAD file, or the midsurface of its solid, as shells of a thickness, all lengths in m.
 
     Raises
     ------
     InputError
-        As `mesh_cad_file`, or the file has solids.
+        As `mesh_cad_file`, or the solid has no midsurface of this thickness.
     """
     from fmd.fem.formats.import_shell import read_shell
 
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         sheet = Path(folder) / "sheet.msh"
-        _run_gmsh(path, sheet, repr(size), "shell")
+        _run_gmsh(path, sheet, repr(size), "shell", repr(thickness))
         try:
-            return read_shell(sheet, 1.0, thickness, offset=offset)
+            mesh = read_shell(sheet, 1.0, thickness, offset=offset)
         except InputError as error:
             raise InputError(str(path), "", None, error.mend) from error
+        if not (solid := sheet.with_suffix(".txt")).exists():
+            return mesh
+        more = 100 * (mesh.volume / float(solid.read_text(encoding="utf-8")) - 1)
+        note = f"the midsurface with its thickness has {more:+.2g} % of the solid's volume more than that"
+        return replace(mesh, notes=(*mesh.notes, note))
 
 
 def describe_cad_file(path: Path) -> PartOutline:
