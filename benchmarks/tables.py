@@ -229,6 +229,11 @@ def as_written(name: str) -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
+    "shells": partial(
+        listed,
+        "shells",
+        {"case": "{case}", "element": "{element}"} | {f"{n} × {n}": f"{{n{n}}}" for n in (4, 8, 16, 32)},
+    ),
     "large-deflection": large_deflection,
     "integrators": integrators,
     "subcycling": subcycling,

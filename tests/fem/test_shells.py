@@ -15,6 +15,7 @@ from fmd.fem.model import FEModel
 from fmd.fem.strain import stresses
 from fmd.fem.thicken import Sheet, thicken
 from fmd.reduction.eigen import FreeBodySolver
+from tests.fem.published_shells import CYLINDER, HEMISPHERE, ROOF
 from tests.fem.sheets import ShellProblem, shell_mesh, unit_grid
 
 METAL = Material(200e9, 0.3, 8000.0)
@@ -190,49 +191,6 @@ def test_mass_and_inertia_are_those_of_the_layer(element: str) -> None:
     assert inertia == pytest.approx(np.diag([mass] * 3 + [across, across, along]), rel=1e-12, abs=1e-9)
 
 
-def scordelis_lo(n: int, element: str) -> float:
-    """A roof on diaphragms by its own weight: deflection of the middle of the free edge, over 0.3024."""
-    p, cells = unit_grid(n, n, element)
-    angle = np.radians(40) * p[:, 1]
-    x = np.column_stack([25 * p[:, 0], 25 * np.sin(angle), 25 * np.cos(angle)])
-    shell = ShellProblem(x, cells, 0.25, Material(4.32e8, 0.0, 1.0))
-    shell.mirror(0)
-    shell.mirror(1)
-    shell.hold(np.flatnonzero(p[:, 0] == 1), (1, 2))
-    f = shell.load()
-    f[:, 2] = -360.0 * shell.fe.m.sum(axis=1)
-    return float(-shell.solve(f)[np.abs(p - [0, 1]).sum(axis=1).argmin(), 2] / 0.3024)
-
-
-def pinched_cylinder(n: int, element: str) -> float:
-    """A cylinder with diaphragms under two forces: deflection there, over 1.8248e-5."""
-    p, cells = unit_grid(n, n, element)
-    angle = np.pi / 2 * p[:, 1]
-    x = np.column_stack([300 * p[:, 0], 300 * np.sin(angle), 300 * np.cos(angle)])
-    shell = ShellProblem(x, cells, 3.0, Material(3e6, 0.3, 1.0))
-    for axis in range(3):
-        shell.mirror(axis)
-    shell.hold(np.flatnonzero(p[:, 0] == 1), (1, 2))
-    f, loaded = shell.load(), int(np.abs(p).sum(axis=1).argmin())
-    f[shell.n_points + loaded, 2] = -0.25
-    return float(-shell.solve(f)[loaded, 2] / 1.8248e-5)
-
-
-def hemisphere(n: int, element: str) -> float:
-    """A hemisphere with a hole of 18° under four forces: deflection under one, over 0.0924."""
-    p, cells = unit_grid(n, n, element)
-    polar, around = np.radians(18 + 72 * p[:, 1]), np.pi / 2 * p[:, 0]
-    x = 10 * np.column_stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)])
-    shell = ShellProblem(x, cells, 0.04, Material(6.825e7, 0.3, 1.0))
-    shell.mirror(0)
-    shell.mirror(1)
-    out, inwards = (int(np.abs(p - end).sum(axis=1).argmin()) for end in ([0, 1], [1, 1]))
-    shell.hold(np.array([out]), (2,))
-    f = shell.load()
-    f[shell.n_points + out, 0], f[shell.n_points + inwards, 1] = 1.0, -1.0
-    return float(shell.solve(f)[out, 0] / 0.0924)
-
-
 def twisted_beam(n: int, element: str, axis: int = 1) -> float:
     """MacNeal & Harder's beam, twisted by 90°: deflection of its tip along a force, over the published one."""
     p, cells = unit_grid(2 * n, max(n // 2, 2), element)
@@ -250,9 +208,9 @@ def twisted_beam(n: int, element: str, axis: int = 1) -> float:
 
 # Bounds beside each: the published elements' own figures on these meshes (Bucalem & Bathe 1993; Lee, Lee & Bathe 2014).
 PROBLEMS: list[tuple[Callable[[int, str], float], int, dict[str, tuple[float, float]]]] = [
-    (scordelis_lo, 16, {"quadrilateral": (0.99, 1.005), "triangle": (0.93, 1.0)}),
-    (pinched_cylinder, 16, {"quadrilateral": (0.92, 0.95), "triangle": (0.87, 0.93)}),
-    (hemisphere, 16, {"quadrilateral": (0.99, 1.015), "triangle": (0.985, 1.015)}),
+    (ROOF.deflection, 16, {"quadrilateral": (0.99, 1.005), "triangle": (0.93, 1.0)}),
+    (CYLINDER.deflection, 16, {"quadrilateral": (0.92, 0.95), "triangle": (0.87, 0.93)}),
+    (HEMISPHERE.deflection, 16, {"quadrilateral": (0.99, 1.015), "triangle": (0.985, 1.015)}),
     (twisted_beam, 8, {"quadrilateral": (0.985, 1.002), "triangle": (0.86, 1.0)}),
     (lambda n, element: twisted_beam(n, element, 2), 8, {"quadrilateral": (0.99, 1.002), "triangle": (0.97, 1.0)}),
 ]

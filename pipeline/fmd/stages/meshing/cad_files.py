@@ -180,7 +180,7 @@ def mesh_cad_sheet(path: Path, size: float, thickness: float, offset: float = 0.
         if not (solid := sheet.with_suffix(".txt")).exists():
             return mesh
         more = 100 * (mesh.volume / float(solid.read_text(encoding="utf-8")) - 1)
-        note = f"the midsurface with its thickness has {more:+.2g} % of the solid's volume more than that"
+        note = f"the volume of the midsurface with its thickness differs from the solid's by {more:+.2g} %"
         return replace(mesh, notes=(*mesh.notes, note))
 
 
