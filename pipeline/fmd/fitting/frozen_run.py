@@ -111,8 +111,9 @@ class FrozenRun:
 
     @cached_property
     def plan(self) -> Plan:
-        """The first run's plan, by the method and the step that an automatic choice ended with."""
-        return repeat_choice(next(iter(self.run.plans.values())), self.run.motion.trajectory)
+        """The first run's plan, by the method and the step that an automatic choice ended with, exact enough."""
+        plan = repeat_choice(next(iter(self.run.plans.values())), self.run.motion.trajectory)
+        return replace(plan, integrator=plan.integrator.differentiable)
 
     @property
     def times(self) -> Array:

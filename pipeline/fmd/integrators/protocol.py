@@ -178,6 +178,11 @@ class Integrator(ABC):
         """Tell whether a tangent of a system's motion towards others can be marched beside it, exactly as steps go."""
         return self.marches_tangents
 
+    @property
+    def differentiable(self) -> Integrator:
+        """The method for a motion of which derivatives are taken with its steps as they are."""
+        return self
+
     def load_cycle(self, system: System) -> int:
         """Return the number of steps between two samples of the loads."""
         return 1

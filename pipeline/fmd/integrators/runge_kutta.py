@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.stepping import DERIVED, LEAST_DERIVED
 from fmd.dynamics.system import System, accelerations, velocities
 from fmd.integrators import dop853
 from fmd.integrators.adaptive import (
@@ -85,6 +86,11 @@ class RungeKutta(AdaptiveIntegrator):
 
     name = "runge-kutta"
     marches_tangents = True
+
+    @property
+    def differentiable(self) -> RungeKutta:
+        """The method with a tolerance by which errors stay small as numbers change, though its steps don't follow."""
+        return replace(self, tolerance=min(self.tolerance, max(DERIVED * self.tolerance, LEAST_DERIVED)))
 
     def order(self, system: System) -> int:
         """Return 8."""

@@ -8,6 +8,9 @@ LANE_STEPS = 500_000  # of all together, from which on a step of eight at once i
 # Adaptive steps.
 STILL_GROUP = 1e-12  # size of a group of coordinates that hasn't moved yet [SI units]
 HARDLY_MOVING = 1e-6  # of the largest value of its kind: a group that hardly moves
+# Of a run's tolerance, and at least: for motions whose derivatives are taken with their steps as they are. By 3e-6
+# derivatives of a random tree were 3e-3 off though its motion was 1e-6 off.
+DERIVED, LEAST_DERIVED = 1e-3, 1e-12
 SHORTEST_STEP = 1e-12  # of the duration: a shorter step ends the march
 SPARE_STEPS, FORGIVEN = 256.0, 2.0  # such steps after a breakpoint, as from rest under sqrt(t), and their largest error
 # Of the duration: steps from rest, whose error is beside what they move themselves, can't be below that of the time's
