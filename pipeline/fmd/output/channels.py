@@ -283,6 +283,10 @@ def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:
         return {column: (variable, values) for variable, column, values in number_columns(variables, with_sizes=True)}
 
     there = columns(run)
+
+    def reader(column: str) -> Callable[[Pipeline], Array]:
+        return lambda other: (there if other is run else columns(other))[column][1]
+
     of_vector = [column for column in there if column.startswith(f"{name}.") and not column.endswith(_SIZE)]
     chosen = [name] if name in there else of_vector
     if not chosen:
@@ -290,13 +294,8 @@ def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:
     size = max(float(np.abs(there[column][1]).max()) for column in chosen)
     kept = [column for column in chosen if column == name or np.abs(there[column][1]).max() > SUMMED * size]
     return [
-        ResultChannel(column, there[column][0].units, _reader(columns, column), errors_of=there[column][0])
-        for column in kept
+        ResultChannel(column, there[column][0].units, reader(column), errors_of=there[column][0]) for column in kept
     ]
-
-
-def _reader(columns: Callable[[Pipeline], dict[str, tuple[Variable, Array]]], name: str) -> Callable[[Pipeline], Array]:
-    return lambda other: columns(other)[name][1]
 
 
 def _formula(run: Pipeline, given: str, origin: str) -> ResultChannel:

@@ -234,18 +234,68 @@ def load_scene(
         The file can't be read, or something in it is wrong; the message names all that is, with lines, and what would
         work.
     """
-    read = read_source(source, overrides)
-    chosen = {key: table for key, table in read.data.items() if key not in without}
-    tables, tolerances, faults = split_tolerances(chosen)
-    if faults:
-        raise read.make_error(faults)
-    context = {"folder": read.folder, "units": bool(read.file)}
-    try:
-        scene = Scene.model_validate(tables, context=context)
-    except ValidationError as error:
-        raise read.make_error(Scene._list_faults(error, tables, context)) from None
-    scene._file, scene._tolerances = read.file, tolerances
-    return scene
+    return SceneReader(source, without).load(overrides)
+
+
+class SceneReader:
+    """Reads a scene with other values again and again; tables that are as they were the time before are taken from it.
+
+    The arguments are those of `load_scene`.
+    """
+
+    def __init__(self, source: str | Path | Mapping[str, Any], without: Collection[str] = ()) -> None:
+        self._source, self._without = source, without
+        self._known: dict[tuple[str, ...], tuple[str, Any]] = {}  # each table that was read, as text and checked
+
+    def load(self, overrides: Sequence[str]) -> Scene:
+        """Read the scene with some values, as `load_scene` does."""
+        read = read_source(self._source, overrides)
+        chosen = {key: table for key, table in read.data.items() if key not in self._without}
+        tables, tolerances, faults = split_tolerances(chosen)
+        if faults:
+            raise read.make_error(faults)
+        context = {"folder": read.folder, "units": bool(read.file)}
+        texts = _texts_of(tables)  # for 1, 1.0 and true are equal
+        known = {path: table for path, (text, table) in self._known.items() if texts.get(path) == text}
+        try:
+            scene = Scene.model_validate(_with_known(tables, known), context=context)
+        except ValidationError as error:
+            if known:
+                return SceneReader(self._source, self._without).load(overrides)  # whose faults are those of the file
+            raise read.make_error(Scene._list_faults(error, tables, context)) from None
+        self._known = {path: (text, _table_at(scene, path)) for path, text in texts.items()}
+        scene._file, scene._tolerances = read.file, tolerances
+        return scene
+
+
+def _texts_of(tables: Mapping[str, Any]) -> dict[tuple[str, ...], str]:
+    """Return each table that is checked by itself, as text, by its path."""
+    texts: dict[tuple[str, ...], str] = {
+        (kind, name): repr(table)
+        for kind in _NAMED
+        if isinstance(tables.get(kind), dict)
+        for name, table in tables[kind].items()
+    }
+    if "simulation" in tables:
+        texts["simulation",] = repr(tables["simulation"])
+    if "output" in tables:  # which may name the scene's only flexible body
+        texts["output",] = repr((tables["output"], tables.get("body")))
+    return texts
+
+
+def _table_at(scene: Scene, path: tuple[str, ...]) -> Any:
+    if path == ("simulation",):
+        return scene.simulation_table
+    table = getattr(scene, path[0])
+    return table[path[1]] if len(path) > 1 else table
+
+
+def _with_known(tables: Mapping[str, Any], known: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
+    """Return a scene's tables with those that are known in place of what they are read from."""
+    found = dict(tables)
+    for (kind, *names), table in known.items():
+        found[kind] = {**found[kind], names[0]: table} if names else table
+    return found
 
 
 def list_tables() -> dict[str, type[SceneTable]]:

@@ -58,10 +58,10 @@ def _divide(run: Pipeline) -> Division:
 
 
 def _build_mechanism(run: Pipeline) -> Mechanism:
-    from fmd.stages.mechanism import build_mechanism
+    from fmd.stages.like_mechanisms import build_like
     from fmd.stages.stiffening_check import keep_what_counts, with_whole_energy
 
-    mechanism = build_mechanism(run.divided_scene, run.bodies)
+    mechanism = build_like(run.built, run.divided_scene, run.bodies)
     mechanism = keep_what_counts(mechanism, run.stiffening_loads, run.scene.simulation.error)
     mechanism = with_whole_energy(mechanism) if run.whole_energy else mechanism
     if not run.scene.contact:
@@ -139,6 +139,8 @@ class Pipeline:
         Makes a context in which each run is timed; it may hold up whatever else uses the processor.
     stands_alone : bool
         False for one scene of many: its run times aren't compared, and results of the whole scene aren't kept.
+    built : list
+        Mechanisms that were built of this scene and of its variants, for `build_like`.
     store : StageStore
         Runs the stages and keeps their results.
     like : Division, optional
@@ -196,7 +198,7 @@ class Pipeline:
     ) -> None:
         self.scene, self.keep_all, self.whole_energy = scene, keep_all, False
         self.while_timed: Callable[[], AbstractContextManager[None]] = nullcontext
-        self.stands_alone = True
+        self.stands_alone, self.built = True, list[Any]()
         self.store = StageStore(cache or Cache(cache_folder() / "stages"), monitor, lambda: find_unusual(scene))
         self.wholes = {name: FlexiblePart(scene, name, self.store, (like or {}).get(name)) for name in scene.flexible}
         if division is not None:
@@ -206,12 +208,9 @@ class Pipeline:
             division = Division(scene, self.wholes)
         self.like: Division | None = None
         self.has_other_bodies, self.has_other_loads = bodies is not None, stiffening_loads is not None
-        given = {
-            Pipeline.division.name: division,
-            Pipeline.bodies.name: bodies,
-            Pipeline.stiffening_loads.name: stiffening_loads,
-        }
-        self.results: dict[str, Any] = {name: result for name, result in given.items() if result is not None}
+        names = (Pipeline.division.name, Pipeline.bodies.name, Pipeline.stiffening_loads.name)
+        given = zip(names, (division, bodies, stiffening_loads), strict=True)
+        self.results: dict[str, Any] = {name: result for name, result in given if result is not None}
         self._envelopes: dict[str, StressEnvelope] = {}
         self._limitless: dict[str, BoolArray] = {}
 
@@ -221,7 +220,7 @@ class Pipeline:
         """Return a pipeline for another scene that takes over all results that both have in common."""
         loads, cache, keep_all = stiffening_loads, self.store.cache, self.keep_all
         other = Pipeline(scene, cache, monitor, keep_all, stiffening_loads=loads, like=self.wholes)
-        other.whole_energy, other.stands_alone = self.whole_energy, self.stands_alone
+        other.whole_energy, other.stands_alone, other.built = self.whole_energy, self.stands_alone, self.built
         other.like = self.results.get(Pipeline.division.name)
         return other
 

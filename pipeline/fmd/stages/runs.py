@@ -24,6 +24,7 @@ from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
 from fmd.stages.found_together import known_marches, known_points
+from fmd.stages.like_mechanisms import build_like
 from fmd.stages.mechanism import find_start, place_joints
 from fmd.stages.plan import Growth, Plan, repeat_choice
 from fmd.stages.run_checks import (
@@ -55,7 +56,7 @@ def check_loads(run: Pipeline) -> Mapping[str, StiffeningLoads]:
         return {}
     bodies = {name: part.body for name, part in run.parts.items()}
     meshed = [name for name, part in run.parts.items() if part.can_be_stiffened or part.body.integrals.stiffening.size]
-    return check_stiffening_loads(run.divided_scene, bodies, meshed)
+    return check_stiffening_loads(run.divided_scene, bodies, meshed, partial(build_like, run.built))
 
 
 def stiffen_bodies(run: Pipeline) -> Mapping[str, FlexibleBody]:

@@ -6,7 +6,7 @@ a body's second moments, and has no stiffness left at a critical rate.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -86,7 +86,10 @@ class StiffeningLoads:
 
 
 def check_stiffening_loads(
-    scene: Scene, bodies: Mapping[str, FlexibleBody], meshed: Collection[str] | None = None
+    scene: Scene,
+    bodies: Mapping[str, FlexibleBody],
+    meshed: Collection[str] | None = None,
+    build: Callable[[Scene, Mapping[str, FlexibleBody]], Mechanism] = build_mechanism,
 ) -> dict[str, StiffeningLoads]:
     """Check the loads through each flexible body of a scene, and if they count, before anything is integrated.
 
@@ -96,6 +99,8 @@ def check_stiffening_loads(
         Its flexible bodies, reduced and not stiffened.
     meshed : collection of str, optional
         Names of bodies that have elements, and so stress; all by default.
+    build : callable
+        Builds the mechanism.
 
     Raises
     ------
@@ -105,7 +110,7 @@ def check_stiffening_loads(
     if not bodies:
         return {}
     setting, error = scene.simulation.stiffening, scene.simulation.error
-    mechanism = build_mechanism(scene, bodies)
+    mechanism = build(scene, bodies)
     require_inertia(scene, share_system(mechanism.rigid))
     rigid = movable_rigid(mechanism)
     motion = rigid_motion(rigid, *place_joints(scene, rigid), scene.simulation.duration)

@@ -11,7 +11,7 @@ from pathlib import Path
 from fmd.core.cache import stage_key
 from fmd.core.errors import InputError, blaming
 from fmd.core.limits.scene import MOST_POINTS
-from fmd.scene.scene import Scene, load_scene
+from fmd.scene.scene import Scene, SceneReader
 from fmd.scene.source_files import digest_files
 from fmd.scene.variants import with_first_run
 from fmd.sweep.designs import Design, Range, parse_range, require_points, sample_ranges
@@ -160,10 +160,11 @@ def make_points(
     """
     points: list[Point] = []
     first: InputError | None = None
+    reader = SceneReader(scene)
     for values in combine(variations) if combinations is None else combinations:
         try:
             own = [f"{v.key}={x}" for v, x in zip(variations, values, strict=True)]
-            given = load_scene(scene, [*overrides, *own])
+            given = reader.load([*overrides, *own])
             loaded = given if all_runs else with_first_run(given)
             left_out = len(given.simulation.run) - len(loaded.simulation.run) if given.moves else 0
             points.append(Point(values, loaded, point_key(loaded), left_out=left_out))

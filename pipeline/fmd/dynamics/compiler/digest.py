@@ -34,6 +34,12 @@ def digest_mechanism(inputs: Coordinates) -> str:
     return _digests[inputs.mechanism]
 
 
+def share_digest(mechanism: Mechanism, like: Mechanism) -> None:
+    """Take a mechanism's digest from one that differs in values of `Coordinates.numbers` alone, if that is known."""
+    if like in _digests:
+        _digests[mechanism] = _digests[like]
+
+
 def _digest(inputs: Coordinates) -> str:
     mechanism, pieces = inputs.mechanism, list[bytes]()
     numbers = {link.name: number for number, link in enumerate(mechanism.links)}

@@ -1,0 +1,66 @@
+"""Mechanisms of scenes that differ from others in springs, rests and dampers of joints alone: built once for all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS
+from fmd.dynamics.compiler.digest import share_digest
+from fmd.dynamics.mechanism import Mechanism
+from fmd.reduction.body import FlexibleBody
+from fmd.stages.mechanism import build_mechanism
+
+if TYPE_CHECKING:
+    from fmd.scene.scene import Scene
+
+
+Built = tuple["Scene", Mapping[str, FlexibleBody], Mechanism]
+"""A scene without numbers of joints, its reduced bodies, and its mechanism."""
+
+
+def build_like(built: list[Built], scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechanism:
+    """Return the mechanism of a scene as `build_mechanism` does; raises as that does.
+
+    That of a scene with the same bodies, and all else the same but numbers of joints, is taken with these changed. Of
+    the scene that was built last, and of those like it, ``built`` keeps one for each choice of bodies.
+    """
+    bare = _without_numbers(scene)
+    for other, theirs, mechanism in () if scene.closing else built:
+        same = theirs.keys() == bodies.keys() and all(theirs[name] is body for name, body in bodies.items())
+        if same and other == bare:
+            return with_joint_numbers(mechanism, scene)
+    if built and built[0][0] != bare:
+        built.clear()
+    mechanism = build_mechanism(scene, bodies)
+    built.append((bare, bodies, mechanism))
+    return mechanism
+
+
+def _without_numbers(scene: Scene) -> Scene:
+    """Return a scene without springs, rests and dampers of joints with one coordinate."""
+    joints = {
+        name: joint.model_copy(update=dict.fromkeys(JOINT_CONSTANTS, 0.0)) if joint.kind.unit else joint
+        for name, joint in scene.joint.items()
+    }
+    return scene.model_copy(update={"joint": joints})
+
+
+def with_joint_numbers(mechanism: Mechanism, scene: Scene) -> Mechanism:
+    """Return a mechanism with the springs, rests and dampers that the joints of a scene have.
+
+    Where none of these begins or ceases to be 0 the equations are the same, and so is their digest.
+    """
+    links, alike = list(mechanism.links), True
+    for number, link in enumerate(links):
+        if link.joint_name in scene.joint and link.unit:
+            (along,) = scene.joint[link.joint_name].along
+            pairs = [(getattr(link, key), getattr(along, key)) for key in JOINT_CONSTANTS]
+            alike = alike and all(bool(before) == bool(now) for before, now in pairs)
+            if any(before != now for before, now in pairs):
+                links[number] = replace(link, spring=along.spring, rest=along.rest, damper=along.damper)
+    found = replace(mechanism, links=links)
+    if alike:
+        share_digest(found, mechanism)
+    return found
