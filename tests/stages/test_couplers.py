@@ -101,6 +101,7 @@ type = "prismatic"
 parent = "ground"
 child = "jaw.eye"
 axis = [0, 1, 0]
+position = "0.2 m"
 
 [coupler.jaws]
 type = "slides"
