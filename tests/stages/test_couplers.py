@@ -123,6 +123,56 @@ def test_slides_that_move_together_add_their_masses_by_the_square_of_their_ratio
     assert motion.joint_position("jaw") == pytest.approx(0.2 - 3 * motion.joint_position("guide"), abs=1e-10)
 
 
+GRIPPER = """
+title = "Gripper"
+
+[body.arm]
+shape = "rigid"
+mass = "3 kg"
+inertia = ["0.05 kg m^2", "0.05 kg m^2", "0.1 kg m^2"]
+centre = ["0.2 m", "0 m", "0 m"]
+marker = { hub = { at = ["0 m", "0 m", "0 m"] }, palm = { at = ["0.4 m", "0 m", "0 m"] } }
+
+[joint.shoulder]
+type = "revolute"
+parent = "ground"
+child = "arm.hub"
+axis = [0, 1, 0]
+
+[simulation]
+duration = "0.2 s"
+output_step = "10 ms"
+tip = "arm.palm"
+gravity = ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]
+
+[[simulation.run]]
+integrator = "runge-kutta"
+"""
+FINGER = """
+[body.{name}]
+shape = "point"
+mass = "15 g"
+marker = {{ eye = {{ at = ["0 m", "0 m", "0 m"] }} }}
+
+[joint.{name}]
+type = "{type}"
+parent = "arm.palm"
+child = "{name}.eye"
+"""
+
+
+def test_slides_that_balance_each_other_at_0_cost_no_steps(tmp_path: Path) -> None:
+    """Their rates are the round-off of an inertia that the coupler takes, not a motion to be followed."""
+    ends = zip(("left", "right"), (1, -1), strict=True)
+    moving = "".join(FINGER.format(name=name, type="prismatic") + f"axis = [0, 0, {sign}]\n" for name, sign in ends)
+    coupler = '[coupler.jaws]\ntype = "slides"\njoint = "left"\ndriver = "right"\nratio = 1.0\n'
+    fixed = "".join(FINGER.format(name=name, type="fixed") for name in ("left", "right"))
+    held, free = (run_of(tmp_path, GRIPPER + text).motion for text in (fixed, moving + coupler))
+    assert free.joint_position("shoulder") == pytest.approx(held.joint_position("shoulder"), rel=1e-7)
+    assert free.joint_position("left") == pytest.approx(0.0, abs=1e-15)
+    assert free.trajectory.evaluations < 3 * held.trajectory.evaluations
+
+
 BENDING = """
 [body.bar]
 shape = "bar"

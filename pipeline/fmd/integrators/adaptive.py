@@ -323,7 +323,10 @@ class AdaptiveIntegrator(ResumableIntegrator):
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, the same for each tolerance; its first step is a tenth of the highest radian."""
         start, groups = start_state(system, q0, v0, np.zeros(system.n)), groups_of(system)
-        balance = balance_of_groups(groups, start.q.size, balanced_accelerations(system, start))
+        sizes = balanced_accelerations(system, start)
+        if system.settles:  # reactions of constraints hold what forces would accelerate
+            sizes = np.maximum(sizes, np.abs(start.a[: system.n]).max(initial=0.0))
+        balance = balance_of_groups(groups, start.q.size, sizes)
         largest = np.zeros(balance.size + self.n_own)
         keep_largest(groups, largest, np.concatenate([start.q, start.v]))
         highest = system.highest_frequency if system.n else 1.0
