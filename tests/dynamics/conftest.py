@@ -17,6 +17,7 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import constant
+from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import inertia_integrals
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.free import FREE
@@ -111,8 +112,8 @@ class PointChain:
             origin, R, inner = np.zeros(3), np.eye(3), np.zeros(0)
             if link.parent >= 0:
                 (origin, R), inner = found[link.parent], modes[link.parent]
-            shapes, rotations = link.place_shapes, link.place_rotations
-            origin = origin + R @ (link.place + (shapes @ inner if shapes.size else 0.0))
+            shapes, rotations = link.place.translation, link.place.rotation
+            origin = origin + R @ (link.place.position + (shapes @ inner if shapes.size else 0.0))
             R = R @ rotation(rotations @ inner) if rotations.size else R
             axis = link.axis / np.linalg.norm(link.axis)
             if link.joint == REVOLUTE:
@@ -242,16 +243,10 @@ class PointChain:
         links, x = [], tuple(points @ R.T for points in self.x)
         Phi = tuple(np.einsum("ab,ibk->iak", R, shapes) for shapes in self.Phi)
         for link, points, masses, shapes in zip(self.tree.links, x, self.m, Phi, strict=True):
-            links.append(
-                replace(
-                    link,
-                    integrals=inertia_integrals(points, np.diag(masses), shapes),
-                    place=R @ link.place + (shift if link.parent < 0 else 0.0),
-                    axis=R @ link.axis,
-                    place_shapes=R @ link.place_shapes,
-                    place_rotations=R @ link.place_rotations,
-                )
-            )
+            at, integrals = link.place, inertia_integrals(points, np.diag(masses), shapes)
+            moved = R @ at.position + (shift if link.parent < 0 else 0.0)
+            place = MarkerShapes(moved, R @ at.translation, R @ at.rotation)
+            links.append(replace(link, integrals=integrals, place=place, axis=R @ link.axis))
         return PointChain(Mechanism(links, self.tree.fast_joints, R @ self.tree.gravity), x, self.m, Phi)
 
     def turned_state(self, R: Array, q: Array, v: Array) -> tuple[Array, Array]:
@@ -305,18 +300,19 @@ def random_chain(name: str, seed: int = 0, gravity: tuple[float, float, float] =
             )
         of_parent = sizes[parent] if parent >= 0 else 0
         scalar = joint in (REVOLUTE, PRISMATIC)
+        place, axis = rng.normal(size=3), rng.normal(size=3)  # of any length
+        omega, damping = rng.uniform(3.0, 9.0, n), rng.uniform(0.02, 0.1, n)
+        inner = 0.3 * rng.normal(size=(3, of_parent)), 0.5 * rng.normal(size=(3, of_parent))
         links.append(
             Link(
                 f"body {k}",
                 integrals,
                 joint,
                 parent,
-                place=rng.normal(size=3),
-                axis=rng.normal(size=3),  # of any length
-                omega=rng.uniform(3.0, 9.0, n),
-                damping=rng.uniform(0.02, 0.1, n),
-                place_shapes=0.3 * rng.normal(size=(3, of_parent)),
-                place_rotations=0.5 * rng.normal(size=(3, of_parent)),
+                place=MarkerShapes(place, *inner),
+                axis=axis,
+                omega=omega,
+                damping=damping,
                 joint_rotation=0.3 * rng.normal(size=n if joint == REVOLUTE else 0),
                 spring=rng.uniform(2.0, 4.0) if scalar else 0.0,
                 rest=rng.uniform(0.1, 0.3) if scalar else 0.0,

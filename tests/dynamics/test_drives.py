@@ -90,8 +90,8 @@ class Arm:
         origin, R, inner, found = np.zeros(3), np.eye(3), np.zeros(0), []
         for link, s in zip(self.tree.links, z[:3], strict=True):
             axis = link.axis / np.linalg.norm(link.axis)
-            origin = origin + R @ (link.place + (link.place_shapes @ inner if len(inner) else 0.0))
-            R = R @ rotation(link.place_rotations @ inner) if len(inner) else R
+            origin = origin + R @ (link.place.position + (link.place.translation @ inner if len(inner) else 0.0))
+            R = R @ rotation(link.place.rotation @ inner) if len(inner) else R
             if link.joint == PRISMATIC:
                 origin = origin + R @ (s * axis)
             else:
@@ -147,9 +147,10 @@ class Arm:
         for link, (x, m, Phi) in zip(self.tree.links, self.points, strict=True):
             points.append((x @ R.T, m, np.einsum("ab,ibk->iak", R, Phi)))
             integrals = inertia_integrals(points[-1][0], np.diag(m), points[-1][2])
-            place = R @ link.place + (shift if link.parent < 0 else 0.0)
-            inner = {"place_shapes": R @ link.place_shapes, "place_rotations": R @ link.place_rotations}
-            links.append(replace(link, integrals=integrals, place=place, axis=R @ link.axis, **inner))
+            at = link.place
+            moved = R @ at.position + (shift if link.parent < 0 else 0.0)
+            place = MarkerShapes(moved, R @ at.translation, R @ at.rotation)
+            links.append(replace(link, integrals=integrals, place=place, axis=R @ link.axis))
         loads = []
         for load in self.tree.loads:
             at = load.marker
@@ -167,15 +168,13 @@ def make_arm() -> Arm:
         x, m, Phi = rng.normal(size=(8, 3)), rng.uniform(0.1, 0.5, 8), rng.normal(size=(24, n))
         L = np.linalg.cholesky(Phi.T @ (np.repeat(m, 3)[:, None] * Phi))  # unit modal masses
         Phi = np.linalg.solve(L, Phi.T).T.reshape(8, 3, n)
-        on = {"place_shapes": 0.3 * rng.normal(size=(3, 2)), "place_rotations": 0.5 * rng.normal(size=(3, 2))}
+        on = 0.3 * rng.normal(size=(3, 2)), 0.5 * rng.normal(size=(3, 2))
         integrals, place, axis = inertia_integrals(x, np.diag(m), Phi), rng.normal(size=3), rng.normal(size=3)
+        place = MarkerShapes(place, *on) if k == 2 else MarkerShapes(place)
         omega, turning = np.array([4.0, 7.0])[:n], 0.3 * rng.normal(size=n)
         spring, rest = rng.uniform(2.0, 4.0), rng.uniform(0.1, 0.3)
-        links.append(
-            Link(name, integrals, joint, k - 1, place, axis, omega, joint_rotation=turning, spring=spring, rest=rest)
-            if k < 2
-            else Link(name, integrals, joint, k - 1, place, axis, spring=spring, rest=rest, **on)
-        )
+        settings = {"spring": spring, "rest": rest, "joint_rotation": turning if k < 2 else np.zeros(0)}
+        links.append(Link(name, integrals, joint, k - 1, place, axis, omega, **settings))
         points.append((x, m, Phi))
     return Arm(Mechanism(links, gravity=WEIGHT), tuple(points))
 

@@ -15,6 +15,7 @@ from fmd.dynamics.links import Link, PointLoad, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.reactions import JointLoads, joint_loads
 from fmd.dynamics.signals.signal import constant
+from fmd.reduction.body import MarkerShapes
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
@@ -93,11 +94,11 @@ def test_each_joint_moves_the_mass_points_that_it_carries(seed: int, kind: str) 
         scale = 1.0 + np.abs(force).max() + np.abs(moment).max()
         assert on_child[:3] == pytest.approx(force, abs=1e-8 * scale)
         assert on_child[3:] == pytest.approx(moment - np.cross(frames[k][0], force), abs=1e-8 * scale)
-        place = link.place
+        place = link.place.position
         if link.parent >= 0:
             origin, R, z = frames[link.parent]
             place = origin + R @ (
-                link.place + kane.marker_motion(link.place_shapes, link.place_rotations, link.place_displacement2, z)[0]
+                place + kane.marker_motion(link.place.translation, link.place.rotation, link.place.displacement2, z)[0]
             )
         assert on_parent[:3] == pytest.approx(-force, abs=1e-8 * scale)
         assert on_parent[3:] == pytest.approx(-moment + np.cross(place, force), abs=1e-8 * scale)
@@ -110,7 +111,7 @@ def test_a_marker_moves_as_the_joint_that_sits_on_it(seed: int) -> None:
     frozen = [k for k, link in enumerate(links) if link.parent >= 0 and link.joint not in (PRISMATIC, SCREW)]
     for k in frozen:
         carrier = links[k].parent
-        markers = {**links[carrier].markers, f"joint {k}": links[k].place_marker}
+        markers = {**links[carrier].markers, f"joint {k}": links[k].place}
         links[carrier] = replace(links[carrier], markers=markers)
     q, v = made.state(seed)
     motion = Kinematics(replace(made.mechanism, links=links), np.array([TIME]), q[None], v[None])
@@ -136,7 +137,7 @@ def test_ideal_joints_do_no_work(seed: int) -> None:
     for k, link in enumerate(mechanism.links):
         on_parent, on_child = loads.reactions[f"joint {k}"][0]
         name = mechanism.links[link.parent].name if link.parent >= 0 else ""
-        place = motion.place_motion(Attachment(name, link.place_marker))
+        place = motion.place_motion(Attachment(name, link.place))
         power = [on_parent[:3] @ place.velocity[0], on_parent[3:] @ place.spin[0]]
         power += [on_child[:3] @ motion.frames[k].velocity[0], on_child[3:] @ motion.frames[k].spin[0]]
         assert sum(power) == pytest.approx(0.0, abs=1e-11 * (1.0 + np.abs(power).max()))
@@ -174,7 +175,7 @@ def test_reactions_in_a_loop_balance_each_body_and_do_no_work(spatial: bool) -> 
 def test_a_hanging_chain_carries_the_weight_below_each_joint() -> None:
     rod = rigid_integrals(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
     ends = [np.zeros(3), *3 * [np.array([1.0, 0.0, 0.0])]]
-    links = [Link(f"rod{k}", rod, REVOLUTE, k - 1, ends[k], Z, joint_name=f"{k}") for k in range(4)]
+    links = [Link(f"rod{k}", rod, REVOLUTE, k - 1, MarkerShapes(ends[k]), Z, joint_name=f"{k}") for k in range(4)]
     found = loads_at(Mechanism(links, gravity=np.array([10.0, 0.0, 0.0])), np.zeros(4), np.zeros(4))
     for k in range(4):
         assert found.reactions[f"{k}"][0, 1] == pytest.approx([-20.0 * (4 - k), 0, 0, 0, 0, 0], abs=1e-12)
@@ -214,7 +215,12 @@ def test_a_prescribed_joint_states_the_torque_that_its_motion_takes() -> None:
     rod = rigid_integrals(2.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.2, 0.2]))
     link = Link("rod", rod, REVOLUTE, axis=Z, joint_name="hinge", motion=formula(parse_formula("2*t*t")))
     load = Link(
-        "load", rigid_integrals(1.0, np.zeros(3), np.eye(3)), FIXED, 0, np.array([1.0, 0, 0]), joint_name="grip"
+        "load",
+        rigid_integrals(1.0, np.zeros(3), np.eye(3)),
+        FIXED,
+        0,
+        MarkerShapes(np.array([1.0, 0, 0])),
+        joint_name="grip",
     )
     slide = Link("slide", rigid_integrals(1.0, np.zeros(3), np.eye(3)), PRISMATIC, axis=Z, joint_name="slide")
     found = loads_at(Mechanism([link, load, slide]), np.zeros(1), np.zeros(1), 0.0)

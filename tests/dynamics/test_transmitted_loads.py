@@ -36,7 +36,17 @@ def test_joints_transmit_the_torques_that_drive_them() -> None:
     """A double pendulum in space with a spring, motors and a follower torque, integrated by DOP853."""
     links = [
         Link("upper", ROD, REVOLUTE, axis=np.array([0.0, 0.0, 1.0]), load=constant(3.0)),
-        Link("lower", ROD, REVOLUTE, 0, AT_END, np.array([0.0, 1.0, 0.0]), spring=5.0, rest=0.3, load=constant(-0.7)),
+        Link(
+            "lower",
+            ROD,
+            REVOLUTE,
+            0,
+            MarkerShapes(AT_END),
+            np.array([0.0, 1.0, 0.0]),
+            spring=5.0,
+            rest=0.3,
+            load=constant(-0.7),
+        ),
     ]
     twist = PointLoad(
         "lower", np.array([0.0, 0.6, 0.8]), constant(0.4), torque=True, following=True, marker=MarkerShapes(AT_END)
@@ -58,7 +68,7 @@ def test_joints_transmit_the_torques_that_drive_them() -> None:
 def test_a_hanging_load_pulls_with_its_weight() -> None:
     links = [
         Link("rod", ROD, FIXED),
-        Link("load", rigid_integrals(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, AT_END),
+        Link("load", rigid_integrals(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, MarkerShapes(AT_END)),
     ]
     push = PointLoad("load", np.array([0.0, 2.0, 0.0]), constant(4.0))
     rod, load = transmitted_loads(still(Mechanism(links, gravity=np.array([10.0, 0.0, 0.0]), loads=[push])))
@@ -70,7 +80,7 @@ def test_a_hanging_load_pulls_with_its_weight() -> None:
 def test_a_turning_mass_pulls_outwards() -> None:
     links = [
         Link("rod", ROD, FREE),
-        Link("load", rigid_integrals(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, AT_END),
+        Link("load", rigid_integrals(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, MarkerShapes(AT_END)),
     ]
     mechanism = Mechanism(links)
     times = np.linspace(0.0, 1.0, 2001)
@@ -92,16 +102,20 @@ def test_terms_that_no_load_makes_count_are_left_out() -> None:
     G[[0, 1], [0, 1], [1, 2], [1, 2]] = 1.0
     carrier = Link("rod", replace(integrals, G=G, S=np.zeros((3, 3))), FIXED, omega=np.array([10.0, 20.0]))
     load = Link(
-        "load", rigid_integrals(3.0, np.zeros(3), np.zeros((3, 3))), FIXED, 0, AT_END, place_displacement2=displacement2
+        "load",
+        rigid_integrals(3.0, np.zeros(3), np.zeros((3, 3))),
+        FIXED,
+        0,
+        MarkerShapes(AT_END, displacement2=displacement2),
     )
     mechanism = Mechanism([carrier, load], gravity=np.array([10.0, 0.0, 0.0]))
     loads = transmitted_loads(still(mechanism.rigid))[0]
     K = geometric_stiffness_over(mechanism, 0, loads)[0]
     assert pytest.approx(K) == -30.0 * displacement2[0]
-    left = without_negligible_terms(mechanism, 0, loads, 1e-4).links[1].place_displacement2
+    left = without_negligible_terms(mechanism, 0, loads, 1e-4).links[1].place.displacement2
     assert np.array_equal(left[:2], displacement2[:2])  # across the pull, a tenth of it is taken for granted
     assert not left[2:].any()
-    assert without_negligible_terms(mechanism, 0, loads, 100.0).links[1].place_displacement2.size == 0
+    assert without_negligible_terms(mechanism, 0, loads, 100.0).links[1].place.displacement2.size == 0
 
 
 def test_rotation_and_the_joints_moment_stiffen_by_their_own_forms() -> None:

@@ -20,7 +20,7 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.subcycling import Subcycling
-from fmd.reduction.body import FlexibleBody
+from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.hinged_body import body_of, energies, hinged
@@ -149,12 +149,10 @@ def pendulum() -> CompiledSystem:
     """Three rods on springy hinges that couple strongly: the last two are fast."""
     integrals = rigid_integrals(1.0, np.array([0.25, 0.0, 0.0]), np.diag([1e-3, 0.02, 0.02]))
     places = [np.zeros(3), np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])]
-    none = np.zeros((3, 0))
     links = [
-        Link(f"rod {k}", integrals, REVOLUTE, k - 1, place=place, axis=np.array([0.0, 0.0, 1.0]), spring=spring,
-             place_shapes=none, place_rotations=none)
+        Link(f"rod {k}", integrals, REVOLUTE, k - 1, MarkerShapes(place), np.array([0.0, 0.0, 1.0]), spring=spring)
         for k, (place, spring) in enumerate(zip(places, (20.0, 300.0, 500.0), strict=True))
-    ]  # fmt: skip
+    ]
     return CompiledSystem(Mechanism(links, ["rod 1", "rod 2"]))
 
 

@@ -49,7 +49,15 @@ def spatial() -> Motion:
     integrals = rigid_integrals(2.0, np.array([0.1, 0.2, 0.0]), np.diag([0.5, 0.6, 0.7]))
     links = [
         Link("carrier", integrals, FREE, joint_name="drift", markers=markers),
-        Link("top", integrals, SPHERICAL, 0, joint_name="top", markers=markers, place=np.array([0.0, 0.0, 1.0])),
+        Link(
+            "top",
+            integrals,
+            SPHERICAL,
+            0,
+            joint_name="top",
+            markers=markers,
+            place=MarkerShapes(np.array([0.0, 0.0, 1.0])),
+        ),
         Link("wheel", integrals, REVOLUTE, 1, joint_name="axle", markers=markers),
     ]
     mechanism, rng = Mechanism(links), np.random.default_rng(4)

@@ -137,9 +137,7 @@ def _swing(body: FlexibleBody) -> Any:
         body.integrals,
         SPHERICAL,
         parent=0,
-        place=tip.position,
-        place_shapes=tip.translation,
-        place_rotations=tip.rotation,
+        place=MarkerShapes(tip.position, tip.translation, tip.rotation),
         omega=body.omega,
     )
     tree = Mechanism([upper, lower], gravity=np.array([0.3, -9.81, 0.1]))

@@ -48,7 +48,7 @@ def rod(name: str, parent: int, place: Array, axis: Array, along: Array) -> Link
     """Return a thin rod of 1 kg from its hinge along a vector."""
     length = float(np.linalg.norm(along))
     inertia = length**2 / 12 * (np.eye(3) - np.outer(along, along) / length**2)
-    return Link(name, rigid_integrals(1.0, 0.5 * along, inertia), REVOLUTE, parent, place, axis)
+    return Link(name, rigid_integrals(1.0, 0.5 * along, inertia), REVOLUTE, parent, MarkerShapes(place), axis)
 
 
 def double_four_bar() -> Case:
@@ -117,7 +117,7 @@ def andrews_squeezer() -> Case:
             rigid_integrals(mass, np.array([*centre, 0.0]), np.diag([0.0, 0.0, moment])),
             REVOLUTE,
             parent,
-            place,
+            MarkerShapes(place),
             load=constant(0.033 if name == "K1" else 0.0),
         )
         for name, parent, place, mass, centre, moment in bodies
@@ -163,7 +163,7 @@ def flexible_slider_crank() -> Case:
     end = MarkerShapes(length * X, np.outer(X, turn[3]), np.zeros((3, 4)))
     links = [
         Link("crank", rigid_integrals(0.36, 0 * X, np.diag([0.0, 0.0, 0.002727])), REVOLUTE, motion=_steady(150.0)),
-        Link("rod", integrals, REVOLUTE, 0, 0.15 * X, omega=np.sqrt(omega2), damping=np.zeros(4)),
+        Link("rod", integrals, REVOLUTE, 0, MarkerShapes(0.15 * X), omega=np.sqrt(omega2), damping=np.zeros(4)),
         Link("slider", rigid_integrals(0.075552, 0 * X, np.zeros((3, 3))), PRISMATIC, axis=X),
     ]
     closure = close_joint(REVOLUTE, "pin", Place("rod", end), place_on("slider", 0 * X), Z)

@@ -10,6 +10,7 @@ from fmd.core.arrays import Array
 from fmd.dynamics.closures import close_joint, fixed_place
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
+from fmd.reduction.body import MarkerShapes
 from fmd.scene.joints.any_joint import JOINTS
 from fmd.scene.joints.revolute import REVOLUTE
 from fmd.scene.joints.spherical import SPHERICAL
@@ -51,7 +52,14 @@ def random_loop(seed: int, spatial: bool) -> Loop:
     gravity = rng.normal(size=3) * 9.81
     steps = np.diff(places, axis=0)
     links = [
-        Link(f"body{k}", rigid_integrals(masses[k], centres[k], inertias[k]), _KINDS[kinds[k]], k - 1, at, axes[k])
+        Link(
+            f"body{k}",
+            rigid_integrals(masses[k], centres[k], inertias[k]),
+            _KINDS[kinds[k]],
+            k - 1,
+            MarkerShapes(at),
+            axes[k],
+        )
         for k, at in enumerate([places[0], *steps[:-1]])
     ]
     end = close_joint(

@@ -94,16 +94,16 @@ def bodies(closing: bool) -> tuple[Mechanism, AbsoluteBodies, Array]:
     inertias = [np.diag(rng.uniform(0.02, 0.03, 3)) for _ in range(2)]
     gravity = np.array([3.0, -7.0, -4.0])
     integrals = [rigid_integrals(*given) for given in zip(masses, centres, inertias, strict=True)]
-    first = Link("first", integrals[0], SPHERICAL, place=places[0])
+    first = Link("first", integrals[0], SPHERICAL, place=MarkerShapes(places[0]))
     if closing:
         origins = places[[0, 2]]
-        links = [first, Link("second", integrals[1], SPHERICAL, place=places[2])]
+        links = [first, Link("second", integrals[1], SPHERICAL, place=MarkerShapes(places[2]))]
         ends = (("first", places[1]), ("second", places[1] - places[2]))
         at = [Place(name, MarkerShapes(place, NOTHING, NOTHING)) for name, place in ends]
         closures = [close_joint(CONSTANT_VELOCITY, "shafts", at[0], at[1], axis)]
     else:
         origins = places[:2]
-        links, closures = [first, Link("second", integrals[1], CONSTANT_VELOCITY, 0, places[1], axis)], []
+        links, closures = [first, Link("second", integrals[1], CONSTANT_VELOCITY, 0, MarkerShapes(places[1]), axis)], []
     gaps = _gaps(axis, places[1] - origins[0], places[1] - origins[1], places[2] if closing else None)
     reference = AbsoluteBodies(masses, list(centres), inertias, gaps, gravity)
     return Mechanism(links, gravity=gravity, closures=closures), reference, origins

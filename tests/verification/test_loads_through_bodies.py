@@ -19,6 +19,7 @@ from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.runge_kutta import RungeKutta
+from fmd.reduction.body import MarkerShapes
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.revolute import REVOLUTE
 from fmd.stages.mechanism import find_start
@@ -230,13 +231,13 @@ def chain(n_links: int, mass: float) -> Mechanism:
             rigid_integrals(MU * length, np.array([length / 2, 0.0, 0.0]), inertia),
             REVOLUTE,
             k - 1,
-            place=np.array([length if k else 0.0, 0.0, 0.0]),
+            place=MarkerShapes(np.array([length if k else 0.0, 0.0, 0.0])),
             spring=EI / length if k else 0.0,
         )
         for k in range(n_links)
     ]
     load = rigid_integrals(mass, np.zeros(3), np.zeros((3, 3)))
-    links.append(Link("load", load, FIXED, n_links - 1, place=np.array([length, 0.0, 0.0])))
+    links.append(Link("load", load, FIXED, n_links - 1, place=MarkerShapes(np.array([length, 0.0, 0.0]))))
     return Mechanism(links, gravity=np.array([0.0, -9.81, 0.0]))
 
 

@@ -47,9 +47,8 @@ def bar(name: str, parent: int, place: Array, length: float, omega: list[float],
     for k in range(len(omega)):
         shapes[:, 1, k] = np.sin((k + 1) * np.pi * x / length) * np.sqrt(2.0 / length)
     integrals = inertia_integrals(np.outer(x, X), np.diag(mass), shapes)
-    on = {} if carrier is None else {"place_shapes": carrier.translation, "place_rotations": carrier.rotation}
-    damping = np.zeros(len(omega))
-    return Link(name, integrals, REVOLUTE, parent, place, Z, np.array(omega), damping, **on)
+    at = MarkerShapes(place) if carrier is None else MarkerShapes(place, carrier.translation, carrier.rotation)
+    return Link(name, integrals, REVOLUTE, parent, at, Z, np.array(omega), np.zeros(len(omega)))
 
 
 def end_of(length: float, n: int) -> MarkerShapes:
@@ -60,9 +59,11 @@ def end_of(length: float, n: int) -> MarkerShapes:
 
 
 def slider_crank() -> tuple[Mechanism, Array]:
-    crank = Link("crank", rigid_integrals(1.0, 0.1 * X, np.diag([0.0, 0.02, 0.02])), REVOLUTE, -1, 0 * X, Z)
+    crank = Link(
+        "crank", rigid_integrals(1.0, 0.1 * X, np.diag([0.0, 0.02, 0.02])), REVOLUTE, -1, MarkerShapes(0 * X), Z
+    )
     rod = bar("rod", 0, 0.2 * X, 0.6, [80.0, 320.0, 720.0], None)
-    slider = Link("slider", rigid_integrals(0.5, 0 * X, np.zeros((3, 3))), PRISMATIC, -1, 0 * X, X)
+    slider = Link("slider", rigid_integrals(0.5, 0 * X, np.zeros((3, 3))), PRISMATIC, -1, MarkerShapes(0 * X), X)
     pin = close_joint(REVOLUTE, "pin", Place("rod", end_of(0.6, 3)), Place("slider", end_of(0.0 + 1e-9, 0)), Z)
     start = {"crank": 0.4, "rod": -0.53, "slider": 0.78}
     return Mechanism([crank, rod, slider], closures=[pin], assembled={k: (x,) for k, x in start.items()}), 20.0 * Y

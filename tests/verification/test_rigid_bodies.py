@@ -23,6 +23,7 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import evaluate
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.integrators.subcycling import Subcycling
+from fmd.reduction.body import MarkerShapes
 from fmd.scene.joints.fixed import FIXED
 from fmd.scene.joints.free import FREE
 from fmd.scene.joints.prismatic import PRISMATIC
@@ -82,7 +83,7 @@ def rod_slider() -> CompiledSystem:
     slider = rigid_integrals(5.0, NOWHERE, np.zeros((3, 3)))
     links = [
         Link("rod", rod, REVOLUTE, axis=Z, load=constant(TORQUE)),
-        Link("slider", slider, PRISMATIC, 0, place=X, axis=X, spring=1000.0),
+        Link("slider", slider, PRISMATIC, 0, place=MarkerShapes(X), axis=X, spring=1000.0),
     ]
     return CompiledSystem(Mechanism(links, fast_joints=["slider"]))
 
@@ -180,7 +181,10 @@ def double_pendulum(one: Pendulum, two: Pendulum) -> CompiledSystem:
     integrals = [
         rigid_integrals(part.mass, -part.centre * Y, part.inertia * np.diag([1.0, 0.0, 1.0])) for part in (one, two)
     ]
-    links = [Link("one", integrals[0], REVOLUTE), Link("two", integrals[1], REVOLUTE, 0, place=-one.length * Y)]
+    links = [
+        Link("one", integrals[0], REVOLUTE),
+        Link("two", integrals[1], REVOLUTE, 0, place=MarkerShapes(-one.length * Y)),
+    ]
     return CompiledSystem(Mechanism(links, gravity=-G * Y))
 
 
@@ -445,7 +449,7 @@ def test_a_body_slides_down_an_incline(method: CentralDifference | ScipyIvp) -> 
     # s = ½ (g·e) t² along the axis e, whatever the body's inertia.
     axis = np.array([0.6, 0.0, -0.8])
     integrals = rigid_integrals(MASS, WHERE, np.diag(INERTIA))
-    sledge = Link("sledge", integrals, PRISMATIC, place=np.array([1.0, 2.0, 3.0]), axis=axis)
+    sledge = Link("sledge", integrals, PRISMATIC, place=MarkerShapes(np.array([1.0, 2.0, 3.0])), axis=axis)
     tree = CompiledSystem(Mechanism([sledge], gravity=DOWN))
     times = np.linspace(0.0, 2.0, 21)
     march = method.march(tree, np.zeros(1), np.zeros(1), times)
@@ -479,7 +483,7 @@ def boxes_welded() -> tuple[list[Link], list[Link]]:
         arm = where - centre
         total += inertia + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     integrals = [rigid_integrals(mass, c, inertia) for mass, c, inertia in zip(masses, centres, inertias, strict=True)]
-    two = [Link("one", integrals[0], FREE), Link("two", integrals[1], FIXED, 0, place=place)]
+    two = [Link("one", integrals[0], FREE), Link("two", integrals[1], FIXED, 0, place=MarkerShapes(place))]
     return two, [Link("one", rigid_integrals(5.0, centre, total), FREE)]
 
 
@@ -503,8 +507,8 @@ def test_a_body_carried_by_welded_ones_moves_as_on_one(joint: int) -> None:
     place, integrals = np.array([0.2, 0.7, -0.4]), rigid_integrals(1.5, WHERE, np.diag(INERTIA))
     axis = np.array([1.0, 2.0, -2.0])
     chains = []
-    for links, offset in ((two, two[1].place), (one, NOWHERE)):
-        carried = Link("next", integrals, joint, len(links) - 1, place=place - offset, axis=axis)
+    for links, offset in ((two, two[1].place.position), (one, NOWHERE)):
+        carried = Link("next", integrals, joint, len(links) - 1, place=MarkerShapes(place - offset), axis=axis)
         chains.append(CompiledSystem(Mechanism([*links, carried], gravity=DOWN)))
     rng = np.random.default_rng(4)
     q, v = rng.normal(size=chains[0].n_positions), rng.normal(size=chains[0].n)

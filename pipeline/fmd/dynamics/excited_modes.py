@@ -145,7 +145,7 @@ def _common_axis(mechanism: Mechanism, body: int) -> Array | None:
         carrier = turned[link.parent] if link.parent >= 0 else np.eye(3)
         turned.append(carrier @ link.place_axes)
         axes += [turned[-1] @ link.direction(step) for step in link.joint.turns]
-        axes += list((carrier @ link.place_rotations).T)
+        axes += list((carrier @ link.place.rotation).T)
     for link, into_space in zip(mechanism.links, turned, strict=True):
         for at in mechanism.closed_places(link.name):
             axes += list((into_space @ at.rotation).T)

@@ -231,7 +231,7 @@ class Kinematics:
         """Position of a marker in the undeformed part, from the joint at its first piece [m], shape (3,)."""
         position, first = self.mechanism.links[body].markers[name].position, self.mechanism.first_piece(body)
         while body != first:
-            position, body = position + self.mechanism.links[body].place, self.mechanism.links[body].parent
+            position, body = position + self.mechanism.links[body].place.position, self.mechanism.links[body].parent
         return np.asarray(position)
 
     def deflection(self, body: int, name: str) -> Array:

@@ -32,18 +32,14 @@ class Link:
         Its coordinates and motion.
     parent : int
         Number of the body that carries it, -1 for the ground; smaller than its own.
-    place : ndarray, shape (3,)
-        The joint in the parent's frame [m].
+    place : MarkerShapes
+        The joint's place on the parent: in its frame, and its motion by the parent's modes.
     axis : ndarray, shape (3,)
         Direction of the joint's axis, in the joint's axes.
     omega : ndarray, shape (n,)
         Modal angular frequencies [rad/s], ascending.
     damping : ndarray, shape (n,)
         Modal damping ratios.
-    place_shapes, place_rotations : ndarray, shape (3, n_parent)
-        Displacement and rotation of the joint's place for unit modal coordinates of the parent.
-    place_displacement2 : ndarray, shape (6, n_parent, n_parent)
-        Their second order, as in `MarkerShapes.displacement2`; empty if it is left out.
     joint_rotation : ndarray, shape (n,)
         Rotation of the body's own section at a hinge about its axis, for unit modal coordinates.
     joint_displacement2 : ndarray, shape (n, n)
@@ -80,13 +76,10 @@ class Link:
     integrals: InertiaIntegrals
     joint: JointKind
     parent: int = -1
-    place: Array = field(default_factory=lambda: np.zeros(3))
+    place: MarkerShapes = field(default_factory=lambda: MarkerShapes(np.zeros(3)))
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     omega: Array = field(default_factory=lambda: np.zeros(0))
     damping: Array = field(default_factory=lambda: np.zeros(0))
-    place_shapes: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    place_rotations: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    place_displacement2: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
     joint_rotation: Array = field(default_factory=lambda: np.zeros(0))
     joint_displacement2: Array = field(default_factory=lambda: np.zeros((0, 0)))
     spring: float = 0.0
@@ -104,11 +97,6 @@ class Link:
     part: str = ""
     effort: StateFunction | None = None
     state: StateFunction | float | None = None
-
-    @property
-    def place_marker(self) -> MarkerShapes:
-        """Motion of the joint's place on the parent."""
-        return MarkerShapes(self.place, self.place_shapes, self.place_rotations, self.place_displacement2)
 
     @property
     def unit(self) -> str:
@@ -150,7 +138,7 @@ class Link:
 
     def with_modes(self, kept: IntArray, of_parent: IntArray) -> Link:
         """Return the link with some of its modes alone on a parent with some, by their numbers; without markers."""
-        integrals, at, place = self.integrals, np.r_[0, 1 + kept], self.place_marker.with_modes(of_parent)
+        integrals, at = self.integrals, np.r_[0, 1 + kept]
 
         def pairs(forms: Array) -> Array:
             return forms[..., kept[:, None], kept] if forms.size else forms
@@ -169,9 +157,7 @@ class Link:
             damping=self.damping[kept] if len(self.damping) else self.damping,
             joint_rotation=self.joint_rotation[kept] if len(self.joint_rotation) else self.joint_rotation,
             joint_displacement2=pairs(self.joint_displacement2),
-            place_shapes=place.translation,
-            place_rotations=place.rotation,
-            place_displacement2=place.displacement2,
+            place=self.place.with_modes(of_parent),
             markers={},
             section="",
         )
@@ -188,9 +174,9 @@ class Link:
             raise ValueError(
                 f"{self.name} has {len(self.omega)} frequencies and {self.integrals.G.shape[-1] - 1} shapes"
             )
-        for name in ("place_shapes", "place_rotations", "place_displacement2"):
-            if (found := getattr(self, name).shape[1]) not in (0, parent_modes):
-                raise ValueError(f"{name} of {self.name} has {found} columns, its parent {parent_modes} modes")
+        for name in ("translation", "rotation", "displacement2"):
+            if (found := getattr(self.place, name).shape[1]) not in (0, parent_modes):
+                raise ValueError(f"{name} of {self.name}'s place has {found} columns, its parent {parent_modes} modes")
         along = self.spring or self.damper or self.motion or self.effort or self.load != constant(0.0)
         if along and not self.unit:
             raise ValueError(f"the joint of {self.name} takes no spring, damper, load or motion: it has no axis")

@@ -178,7 +178,7 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
 
     for k, link in enumerate(links):
         if link.parent == body:
-            links[k] = replace(link, place_displacement2=counting_marker(link.place_marker).displacement2)
+            links[k] = replace(link, place=counting_marker(link.place))
     for k, load in enumerate(points):
         if load.body == links[body].name:
             points[k] = replace(load, marker=counting_marker(load.marker))
@@ -222,7 +222,7 @@ def loaded_places(mechanism: Mechanism, body: int) -> LoadedPlaces:
         (key, side, place.marker) for key, places in pairs for side, place in enumerate(places) if place.body == name
     ]
     loads = [load for load in mechanism.loads if load.body == name]
-    markers = [mechanism.links[k].place_marker for k in carried] + [load.marker for load in loads]
+    markers = [mechanism.links[k].place for k in carried] + [load.marker for load in loads]
     return LoadedPlaces(carried, loads, joined, markers + [at for *_, at in joined])
 
 
@@ -249,7 +249,7 @@ def _on_carrier(motion: Kinematics, body: int, force: Array, moment: Array) -> t
     """Force and moment by which a body pulls at the place of its joint on the one that carries it, in space."""
     link = motion.mechanism.links[body]
     carrier = motion.frames[link.parent]
-    place = carrier.origin + carrier.rotation @ link.place
+    place = carrier.origin + carrier.rotation @ link.place.position
     return -force, -moment - np.cross(motion.frames[body].origin - place, force)
 
 

@@ -227,7 +227,7 @@ class Motion:
         """Angular velocity of the centre of mass about the first joint's axis, ``e·(r × v)/|e × r|²`` [rad/s]."""
         joint = self.mechanism.links[0]
         axis = joint.place_axes @ joint.axis / np.linalg.norm(joint.axis)
-        arm = np.cross(axis, self.centre_of_mass - joint.place)
+        arm = np.cross(axis, self.centre_of_mass - joint.place.position)
         moment, square = (arm * self.centre_velocity).sum(axis=1), (arm**2).sum(axis=1)
         return np.asarray(np.divide(moment, square, out=np.zeros(len(square)), where=square > 0.0))
 

@@ -218,15 +218,9 @@ def _link(scene: Scene, places: _Places, functions: FunctionBuilder, body: str) 
         settings |= {"joint_rotation": reduced.joint_rotation, "joint_displacement2": reduced.joint_displacement2}
     parent = places.parent(body)
     if parent != "ground":
-        at = places.marker(joint.parent)
-        settings |= {"parent": places.order.index(parent), "place": at.position}
-        settings |= {
-            "place_shapes": at.translation,
-            "place_rotations": at.rotation,
-            "place_displacement2": at.displacement2,
-        }
+        settings |= {"parent": places.order.index(parent), "place": places.marker(joint.parent)}
     else:
-        settings["place"] = ground_place(scene, joint.parent)[0]
+        settings["place"] = MarkerShapes(ground_place(scene, joint.parent)[0])
     return Link(body, integrals, joint.kind, **settings)
 
 

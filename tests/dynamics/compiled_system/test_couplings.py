@@ -15,6 +15,7 @@ from fmd.dynamics.signals.signal import formula, half_sine
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
+from fmd.reduction.body import MarkerShapes
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
 from fmd.scene.joints.spherical import SPHERICAL
@@ -45,7 +46,9 @@ def test_in_the_free_frame_they_couple_with_the_angle_alone() -> None:
 
 
 def test_rods_in_a_chain_couple_by_a_mass_matrix_that_changes() -> None:
-    links = [Link(f"rod {k}", ROD, REVOLUTE, k - 1, place=0.5 * X * (k > 0), spring=1.0) for k in range(3)]
+    links = [
+        Link(f"rod {k}", ROD, REVOLUTE, k - 1, place=MarkerShapes(0.5 * X * (k > 0)), spring=1.0) for k in range(3)
+    ]
     couplings = CompiledSystem(Mechanism(links, ["rod 1", "rod 2"])).couplings
     assert couplings.inertial
     assert couplings.mass is None
@@ -66,7 +69,10 @@ def test_a_slider_across_its_cart_has_a_constant_mass_of_its_own() -> None:
 
 def test_a_slider_on_a_turning_rod_drags_the_rod_by_its_rate() -> None:
     # −2 m r ṙ θ̇ acts on the angle, and m r θ̇² on the slider: no fast rate in the fast equation.
-    links = [Link("rod", ROD, REVOLUTE), Link("slider", POINT, PRISMATIC, 0, place=X, axis=X, spring=1000.0)]
+    links = [
+        Link("rod", ROD, REVOLUTE),
+        Link("slider", POINT, PRISMATIC, 0, place=MarkerShapes(X), axis=X, spring=1000.0),
+    ]
     couplings = CompiledSystem(Mechanism(links, ["slider"])).couplings
     assert couplings.dragging
     assert not (couplings.inertial)

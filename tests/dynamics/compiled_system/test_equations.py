@@ -12,6 +12,7 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.kinematics import Kinematics
 from fmd.integrators.protocol import evaluate, evaluate_velocities
+from fmd.reduction.body import MarkerShapes
 
 Make = Callable[..., Any]
 
@@ -63,7 +64,7 @@ def test_a_place_turned_by_the_modes_is_right_at_angles_of_any_size(chain: Make,
     q, v = some.state(0, 1.0)
     (first, *_, last), inner = some.positions_of(np.arange(len(q)))[1], np.array([1.0, 0.7])
     q[first[0] : last[-1] + 1] = 0.0
-    q[first] = size * inner / np.linalg.norm(link.place_rotations @ inner)
+    q[first] = size * inner / np.linalg.norm(link.place.rotation @ inner)
     want = by_points(some, q, v)
     assert accelerations(some.system, q, v) == pytest.approx(want, abs=1e-12 * np.abs(want).max())
 
@@ -75,15 +76,13 @@ def test_shapes_that_are_left_out_count_as_zero(chain: Make, name: str) -> None:
             link,
             damping=0 * link.damping,
             joint_rotation=0 * link.joint_rotation,
-            place_shapes=0 * link.place_shapes,
-            place_rotations=0 * link.place_rotations,
+            place=replace(link.place, translation=0 * link.place.translation, rotation=0 * link.place.rotation),
         )
         for link in whole.tree.links
     ]
-    none = np.zeros((3, 0))
-    bare = whole.with_links(
-        damping=np.zeros(0), joint_rotation=np.zeros(0), place_shapes=none, place_rotations=none
-    ).tree
+    none: dict[str, Array] = {"damping": np.zeros(0), "joint_rotation": np.zeros(0)}
+    links_without = [replace(link, place=MarkerShapes(link.place.position), **none) for link in whole.tree.links]
+    bare = replace(whole.tree, links=links_without)
     zeros = replace(whole.tree, links=links)
     q, v = whole.state(17)
     assert np.array_equal(accelerations(CompiledSystem(bare), q, v), accelerations(CompiledSystem(zeros), q, v))
@@ -105,7 +104,7 @@ def test_the_undeformed_chain_has_all_frames_parallel_to_the_ground(chain: Make,
     places: dict[int, Array] = {-1: np.zeros(3)}
     frames = Kinematics(tree, np.zeros(1), tree.rest_positions[None], np.zeros((1, tree.n))).frames
     for k, link in enumerate(tree.links):
-        places[k] = places[link.parent] + link.place
+        places[k] = places[link.parent] + link.place.position
         assert frames[k].origin[0] == pytest.approx(places[k], abs=1e-15)
         assert np.array_equal(frames[k].rotation[0], np.eye(3))
 

@@ -118,7 +118,7 @@ def test_a_free_chain_moves_alike_from_a_turned_and_moved_start(
     turned = replace(some, tree=replace(some.tree, gravity=TURN @ some.tree.gravity))
     q, v = some.state(9)
     other_q, other_v = q.copy(), v.copy()
-    place = some.tree.links[0].place
+    place = some.tree.links[0].place.position
     other_q[:3] = TURN @ (place + q[:3]) + SHIFT - place
     other_q[3:7] = (Rotation.from_matrix(TURN) * Rotation.from_quat(q[3:7])).as_quat()
     other_v[:3] = TURN @ v[:3]

@@ -85,8 +85,9 @@ def frames(made: PointMechanism, t: complex, q: Array) -> list[tuple[Array, Arra
         origin, R, inner = np.zeros(3), np.eye(3), np.zeros(0)
         if link.parent >= 0:
             origin, R, inner = out[link.parent]
-        bent, turned = marker_motion(link.place_shapes, link.place_rotations, link.place_displacement2, inner)
-        origin, R = origin + R @ (link.place + bent), R @ rotation(turned) @ link.place_axes
+        at = link.place
+        bent, turned = marker_motion(at.translation, at.rotation, at.displacement2, inner)
+        origin, R = origin + R @ (at.position + bent), R @ rotation(turned) @ link.place_axes
         axis = link.axis / np.linalg.norm(link.axis)
         s = q[mechanism.layout.position[k] : mechanism.layout.position[k] + link.n_positions]
         if link.motion is not None:

@@ -156,18 +156,19 @@ def _random_link(
         axis = np.eye(3)[rng.integers(3)]
     along = kind in (REVOLUTE, PRISMATIC)
     turn = rng.normal(size=3) * ([0, 0, 1] if plane else [1, 1, 1]) * (rng.random() < 0.4)
+    place, omega = rng.normal(size=3) * [1, 1, not plane], np.sort(rng.uniform(3.0, 9.0, n))
+    damping = rng.uniform(0.02, 0.1, n) if rng.random() < 0.7 else np.zeros(0)
+    moved = 0.3 * rng.normal(size=(3, n_parent)) * np.array([[1], [1], [not plane]])
     link = Link(
         f"body {number}",
         integrals,
         kind,
         parent,
-        place=rng.normal(size=3) * [1, 1, not plane],
+        place=MarkerShapes(place, moved, _random_rotations(n_parent, np.asarray(axis), rng, plane)),
         place_axes=expm(np.cross(np.eye(3), turn)),
         axis=np.asarray(axis),
-        omega=np.sort(rng.uniform(3.0, 9.0, n)),
-        damping=rng.uniform(0.02, 0.1, n) if rng.random() < 0.7 else np.zeros(0),
-        place_shapes=0.3 * rng.normal(size=(3, n_parent)) * np.array([[1], [1], [not plane]]),
-        place_rotations=_random_rotations(n_parent, np.asarray(axis), rng, plane),
+        omega=omega,
+        damping=damping,
         joint_rotation=0.3 * rng.normal(size=n if kind == REVOLUTE and rng.random() < 0.6 else 0),
         spring=rng.uniform(2.0, 4.0) if along and rng.random() < 0.6 else 0.0,
         rest=rng.uniform(0.1, 0.3) if along else 0.0,
@@ -251,12 +252,8 @@ def _with_second_order(
     for k, link in enumerate(links):
         n = len(links[link.parent].omega) if link.parent >= 0 else 0
         if n and rng.random() < 0.7:
-            links[k] = replace(
-                link,
-                place_displacement2=_random_displacement2(6, n, rng) * _IN_PLANE
-                if plane
-                else _random_displacement2(6, n, rng),
-            )
+            forms = _random_displacement2(6, n, rng) * (_IN_PLANE if plane else 1.0)
+            links[k] = replace(link, place=replace(link.place, displacement2=forms))
     counts = {link.name: len(link.omega) for link in links}
     loads = []
     for load in mechanism.loads:

@@ -190,7 +190,8 @@ def with_other_numbers(mechanism: Mechanism, factor: float) -> Mechanism:
     for link in mechanism.links:
         integrals = replace(link.integrals, mass=factor * link.integrals.mass, S=factor * link.integrals.S)
         integrals = replace(integrals, G=factor * integrals.G) if not len(link.omega) else link.integrals
-        own = replace(link, integrals=integrals, place=factor * link.place, omega=factor * link.omega)
+        place = replace(link.place, position=factor * link.place.position)
+        own = replace(link, integrals=integrals, place=place, omega=factor * link.omega)
         links.append(replace(own, spring=factor * link.spring, rest=factor * link.rest, damper=factor * link.damper))
     points = [replace(load.marker, position=factor * load.marker.position) for load in mechanism.loads]
     loads = [replace(load, marker=point) for load, point in zip(mechanism.loads, points, strict=True)]
@@ -236,7 +237,7 @@ def test_every_constant_of_a_mechanism_is_in_its_digest() -> None:
         changed(one, omega=1.01 * first.omega),
         changed(one, spring=1.0, damper=0.0),
         changed(one, spring=0.0, damper=1.0),
-        changed(one, place=first.place + 1e-9),
+        changed(one, place=replace(first.place, position=first.place.position + 1e-9)),
         changed(one, axis=first.axis[::-1]),
         changed(one, integrals=replace(first.integrals, mass=first.integrals.mass + 1.0)),
         changed(one, load=constant(1.5)),

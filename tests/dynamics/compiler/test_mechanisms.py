@@ -22,7 +22,7 @@ def traits(seed: int) -> Iterator[tuple[object, ...]]:
             "second order",
             *(
                 bool(form.any())
-                for form in (link.integrals.displacement2, link.joint_displacement2, link.place_displacement2)
+                for form in (link.integrals.displacement2, link.joint_displacement2, link.place.displacement2)
             ),
         )
     for load in made.mechanism.loads:

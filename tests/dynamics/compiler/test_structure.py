@@ -11,6 +11,7 @@ from fmd.dynamics.compiler.cleaning import orthonormal_rows
 from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
 from fmd.dynamics.links import Link
 from fmd.dynamics.mechanism import Mechanism
+from fmd.reduction.body import MarkerShapes
 from fmd.reduction.inertia import inertia_integrals
 from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.compiler import lagrange
@@ -34,9 +35,9 @@ def plane_arm(lift: float = 0.0, n: int = 4) -> Mechanism:
         Phi = np.linalg.solve(L, flat.T).T.reshape(12, 3, n)
         shapes, turns = 0.3 * rng.normal(size=(3, n)), 0.4 * rng.normal(size=(3, n))
         shapes[2], turns[:2] = up[0], up[1:]
-        markers = {"place": np.array([1.0, 0.2, lift]), "place_shapes": shapes, "place_rotations": turns} if k else {}
+        place = MarkerShapes(np.array([1.0, 0.2, lift]), shapes, turns) if k else MarkerShapes(np.zeros(3))
         integrals, omega = inertia_integrals(x, np.diag(m), Phi), rng.uniform(3.0, 9.0, n)
-        links.append(Link(f"body {k}", integrals, REVOLUTE, k - 1, omega=omega, **markers))
+        links.append(Link(f"body {k}", integrals, REVOLUTE, k - 1, place, omega=omega))
     return Mechanism(links)
 
 
@@ -80,7 +81,13 @@ def test_cleaning_changes_no_mechanism_beyond_its_threshold(seed: int) -> None:
     def noisy(values: Array) -> Array:
         return values + 0.1 * SOLVED * np.abs(values).max(initial=0.0) * rng.uniform(-1, 1, values.shape)
 
-    links = [replace(link, place_shapes=noisy(link.place_shapes), place=noisy(link.place)) for link in mechanism.links]
+    links = [
+        replace(
+            link,
+            place=replace(link.place, translation=noisy(link.place.translation), position=noisy(link.place.position)),
+        )
+        for link in mechanism.links
+    ]
     moved = replace(mechanism, links=links)
     a, b = (compile_interpreted(compile_mechanism(one), q, v) for one in (mechanism, moved))
     assert difference(b, a) < 1e3 * SOLVED  # what the condition of the mechanism makes of it

@@ -103,7 +103,7 @@ def _stiffened(mechanism: Mechanism) -> list[int]:
         if link.integrals.stiffening.size
         or link.integrals.displacement2.size
         or link.integrals.rotation2.size
-        or link.place_displacement2.size
+        or link.place.displacement2.size
     ]
 
 

@@ -157,7 +157,7 @@ def _trace_frame(inputs: Coordinates, number: int, link: Link, parent: MovingFra
     n_parent = len(parent.link.omega) if parent else 0
     none = graph.zeros(0)
     q, v, spin = (parent.q, parent.v, parent.spin) if parent else (none, none, zero3)
-    marker = trace_marker(graph, clean_marker(link.place_marker, n_parent, inputs.threshold), q, v)
+    marker = trace_marker(graph, clean_marker(link.place, n_parent, inputs.threshold), q, v)
     beta = marker_bias(spin, marker)
     motion = _trace_joint(inputs, number, link, marker)
     w = times(transpose(motion.R), add(spin, marker.turned))  # of the joint's frame on the parent, in the body's axes
