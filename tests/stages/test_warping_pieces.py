@@ -1,12 +1,14 @@
 """Thin walls in pieces: shells are cut as solids are, and cuts keep warping common where it is wanted."""
 
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
 import pytest
 from scipy.linalg import eigh, null_space
 
+import fmd
 from fmd import Pipeline, load_scene
 from fmd.core.errors import InputError
 from fmd.output.summary import _division_warnings
@@ -109,11 +111,37 @@ def test_a_cut_along_a_fold_is_refused(tmp_path: Path) -> None:
         _ = run.division
 
 
-def test_a_support_of_shells_in_pieces_is_refused_by_its_key(tmp_path: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"body\.walls\.support: isn't taken with pieces of shells yet; leave pieces out"
-    ):
-        _ = channel(tmp_path, "body.walls.support=[{face='x-'}]").division
+def strip(pieces: int, support: dict[str, Any]) -> Pipeline:
+    """A plate with a support beside its joint, in the middle of the first of two pieces."""
+    plate = {
+        "shape": "plate",
+        "length": "0.6 m",
+        "width": "0.2 m",
+        "thickness": "5 mm",
+        "mesh": {"divisions": [12, 4]},
+        "E": "70 GPa",
+        "nu": 0.3,
+        "rho": "2700 kg/m^3",
+        "modes": {"count": 12},
+        "marker": {"root": {"node": ["0.1 m", "0 m", "0 m"]}, "tip": {"face": "x+"}},
+        "support": [{"face": "x-"}, support],
+    }
+    cut = {"pieces": pieces, "sections": "warping"} if pieces > 1 else {}
+    clamp = {"type": "fixed", "parent": "ground", "child": "strip.root"}
+    steps = {"duration": "1 ms", "output_step": "1 ms", "tip": "strip.tip", "run": [{"integrator": "auto"}]}
+    scene = {"title": "Strip", "body": {"strip": plate | cut}, "joint": {"clamp": clamp}, "simulation": steps}
+    return fmd.load(scene).run
+
+
+def test_a_support_of_shells_in_pieces_is_taken_on_the_first_piece() -> None:
+    """At its faces, and by a point in the midsurface, whose nodes are numbered behind those of the faces."""
+    near, far = ({"point": [x, "0.1 m", "0 m"], "fixed": ["z"]} for x in ("0.2 m", "0.5 m"))
+    one, two = (
+        eigh(K, M, eigvals_only=True)[:4] ** 0.5 for M, K in (strip(n, near).reference_matrices for n in (1, 2))
+    )
+    assert two == pytest.approx(one, rel=1e-4)
+    with pytest.raises(InputError, match=r"body\.strip\.support: a support fixes nodes of several pieces"):
+        _ = strip(2, far).division
 
 
 def test_warping_is_of_modes_of_every_family(tmp_path: Path) -> None:

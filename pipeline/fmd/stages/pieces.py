@@ -112,10 +112,10 @@ def _require_common_points(space: Discretisation, labels: IntArray, elements: In
 def _require_supports_on_first(part: FlexiblePart, labels: IntArray) -> None:
     if not part.shape.support:
         return
-    if part.mesh.midsurface is not None:
-        problem = "isn't taken with pieces of shells yet; leave pieces out, or hold the body by its joint"
-        raise InputError(part.file, f"body.{part.name}.support", None, problem)
     fixed = np.unique(fixed_unknowns(part.shape, part.space, part.file, part.name) // 3)
+    if (midsurface := part.mesh.midsurface) is not None:  # nodes are numbered behind points
+        n = len(midsurface.owner)
+        fixed = np.union1d(fixed[fixed < n], np.flatnonzero(np.isin(midsurface.owner, fixed[fixed >= n] - n)))
     touched = np.isin(part.space.element_nodes[labels == 0], fixed)
     if np.isin(fixed, part.space.element_nodes[labels == 0][touched]).all():
         return
