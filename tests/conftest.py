@@ -79,7 +79,7 @@ def with_own_cache() -> Callable[[Path], dict[str, str]]:
 
 
 QUICKLY_COMPILED = {
-    *("dynamics", "fitting", "integrators", "responses"),
+    *("contact", "dynamics", "fitting", "integrators", "responses"),
     *("test_large_deflection", "test_stretched_bars"),  # a function of its own for each scene, which is hardly marched
 }
 """Rooms and files whose marches are short; in stages longer ones cost more than compiling."""
