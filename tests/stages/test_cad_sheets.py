@@ -131,3 +131,9 @@ def test_solids_second_order_and_sectors_are_refused_as_shells(folder: Path) -> 
     ):
         with pytest.raises(InputError, match=message):
             load_scene(folder / "cad.toml", [f'body.p.mesh={{cad="plate.step",size="5 mm",shell="2 mm",{more}}}'])
+    cad = 'body.p.mesh={cad="plate.step",size="5 mm",shell="layers"}'
+    with pytest.raises(InputError, match="takes the thickness of the body's layers, and there are none"):
+        load_scene(folder / "cad.toml", [cad])
+    ply = 'body.p.lamina={a={E1="9 GPa",E2="9 GPa",nu12=0.3,G12="3 GPa",rho="1500 kg/m^3"}}'
+    with pytest.raises(InputError, match="must be 'layers', which have the thickness of a body with layers"):
+        load_scene(folder / "cad.toml", [ply, 'body.p.layers=[{material="a",thickness="1 mm"}]'])

@@ -166,8 +166,10 @@ class Imported(Layerable):
 
     def _check(self) -> None:
         shell = self.mesh.shell  # type: ignore[attr-defined]
-        if bool(self.layers) != (shell == "layers"):
-            raise FaultError('is "layers" of a shell with layers, and of no other body', "mesh", "shell")
+        if self.layers and shell != "layers":
+            raise FaultError("must be 'layers', which have the thickness of a body with layers", "mesh", "shell")
+        if shell == "layers" and not self.layers:
+            raise FaultError("takes the thickness of the body's layers, and there are none", "mesh", "shell")
         if self.layers and self.material:
             raise FaultError("has no effect beside layers, which have the materials of lamina", "material")
         if self.offset and shell in (None, "deck"):
