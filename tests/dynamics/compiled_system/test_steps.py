@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
+from fmd.dynamics.compiled_system import system as system_module
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.links import Link, rigid_integrals
 from fmd.dynamics.mechanism import Mechanism
@@ -174,3 +175,17 @@ def test_a_slow_oscillator_limits_the_sub_cycled_step_by_its_own_long_one() -> N
     integrals = rigid_integrals(2.0, np.zeros(3), np.eye(3))
     system = CompiledSystem(Mechanism([Link("a", integrals, PRISMATIC, spring=8.0)]))
     assert Subcycling(1.0, 10).largest_step(system) == pytest.approx(0.1, rel=1e-12)
+
+
+def test_a_long_mechanism_steps_by_its_accelerations_as_by_a_function_of_its_own(
+    chain: Make, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    some = chain(name, gravity=WEIGHT)
+    method, start = CentralDifference(2e-3), some.state(10)
+    own = method.march(some.system, *start, TIMES)
+    monkeypatch.setattr(system_module, "MOST_IN_LEAP", 0)
+    by_accelerations = CompiledSystem(some.system.mechanism)
+    assert not by_accelerations.leapfrog().leap
+    found = method.march(by_accelerations, *start, TIMES)
+    for a, b in ((found.q, own.q), (found.v, own.v)):
+        assert np.abs(a - b).max() < 1e-9 * np.abs(b).max()

@@ -89,3 +89,25 @@ def test_values_that_no_part_takes_any_more_leave_room() -> None:
     assert cut is not None
     given = sum(len(cut.functions[call.function].outputs) for call in cut.calls)
     assert cut.sizes["plain"] < given
+
+
+def test_a_program_in_lanes_counts_the_registers_that_they_take() -> None:
+    program = CompiledMechanism(chain(6)).program("inertia")
+    lanes = program.operations(4) - program.operations(LANES)
+    assert program.operations(LANES) == program.flops
+    assert 0 < lanes < program.flops  # what doesn't depend on the directions is computed once
+
+
+def test_a_function_copies_a_bounded_number_of_registers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "MOST_COPIED", 6)
+    made = CompiledMechanism(chain(6))
+    program, n = made.program("inertia"), made.mechanism.n
+    cut = parts.cut_program(program, 4)
+    assert cut is not None
+    for side in cut.after:  # of lanes alone, two registers each: a group ends with what goes beyond its bound
+        registers = [2 * len(places) for _, (_, places) in side.outputs]
+        assert sum(registers[:-1]) <= 6
+    rng = np.random.default_rng(3)
+    given = {"inputs": made.signal_values(TIME), "q": rng.normal(size=n), "da": rng.normal(size=(n, LANES))}
+    found, expected = filled(program, "dr", n, **given)
+    assert difference(found, expected) < 1e-12

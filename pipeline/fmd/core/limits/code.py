@@ -10,9 +10,11 @@ STRUCTURAL = (0.0, 1.0, -1.0)  # numbers that stand in code themselves: what the
 DOUBLES_IN_LINE = 8  # of the processor's cache
 
 # Long programs.
-LONG_PROGRAM = 10_000  # operations, some 80 kB of machine code: from here on, parts that are alike share it
+LONG_PROGRAM = 12_000  # operations, some 80 kB of machine code: from here on, parts that are alike share it
 MOST_IN_PART = 2500  # operations of a part: LLVM's time for a function grows faster than it does
-MOST_COPIED = 64  # values that one function copies to or from the parts' arrays: LLVM compares each with all others
+MOST_COPIED = (
+    32  # vector registers that one function copies to or from the parts' arrays: LLVM compares each with all others
+)
 MOST_ON_STACK = 1 << 19  # doubles between a program's parts: half of the 8 MB that a thread's stack has
 STANDING = (*STRUCTURAL, 0.5)  # numbers that stand in shared code: as an exponent, 0.5 is a square root
 
@@ -27,6 +29,7 @@ SQUARE_SIDE = 8  # rows and columns of the square blocks of a product that is wr
 
 # Loads in fixed steps.
 MOST_TOGETHER = 16  # fast coordinates: beyond, one function of all that is held compiles for too long
+MOST_IN_LEAP = 60_000  # bytes of code of accelerations: beyond, a step that calls it is as fast as one of its own
 MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long
 

@@ -61,7 +61,7 @@ class ClosedParameters(CompiledParameters):
 
 @dataclass(frozen=True)
 class Leapfrog(Table):
-    """A mechanism's leapfrog step, in one function where no rotation in space is a quaternion."""
+    """A mechanism's leapfrog step, in one function where it is short and no rotation in space is a quaternion."""
 
     leap: int  # address of the compiled function, 0 if there is none
     step: Array  # (1,): length of a step [s]

@@ -15,7 +15,7 @@ import fmd.dynamics.compiled_system.kernels
 import fmd.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
-from fmd.core.limits.code import BYTES_OF_OPERATION, MOST_TOGETHER, MOST_UNROLLED
+from fmd.core.limits.code import BYTES_OF_OPERATION, MOST_IN_LEAP, MOST_TOGETHER, MOST_UNROLLED
 from fmd.core.limits.stepping import MOST_TRIALS, SHARE_AHEAD, STEPS_AHEAD, STEPS_IN_ACTION
 from fmd.dynamics.compiled_system.couplings import Couplings, find_couplings, find_inertial_coupling
 from fmd.dynamics.compiled_system.parameters import (
@@ -226,7 +226,8 @@ class CompiledSystem(ReferenceState):
     def _leapfrog(self) -> Leapfrog:
         step, v_now = aligned(1, self.n)
         plain = not (len(self._parameters.quaternions) or self.compiled.rows)
-        return Leapfrog(self.compiled.address("leap") if plain else 0, step, v_now)
+        own = plain and self.compiled.n_bytes("accelerations") < MOST_IN_LEAP
+        return Leapfrog(self.compiled.address("leap") if own else 0, step, v_now)
 
     def frozen(self, cycle: float) -> FrozenCycle | ClosedCycle:
         """Fresh storage for the fast coordinates' equation over a major cycle of a duration [s]."""

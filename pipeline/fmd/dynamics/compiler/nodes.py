@@ -98,15 +98,15 @@ class NodeTable:
                     stack += [(argument, False) for argument in reversed(self.nodes[node].arguments)]
         return list(order)
 
-    def between_marks(self, outputs: Iterable[int]) -> list[list[int]]:
-        """Return the nodes that the outputs depend on, ascending, from mark to mark."""
+    def between_marks(self, numbers: Iterable[int]) -> list[list[int]]:
+        """Return nodes ascending, from mark to mark."""
         found: dict[int, list[int]] = {}
-        for number in sorted(self.live(outputs)):
+        for number in sorted(numbers):
             found.setdefault(bisect_right(self.marks, number), []).append(number)
         return list(found.values())
 
     def live_by_marks(self, outputs: Iterable[int]) -> Iterator[int]:
         """Go through the nodes that the outputs depend on, and mark what is made meanwhile where they are marked."""
-        for numbers in self.between_marks(outputs):
+        for numbers in self.between_marks(self.live(outputs)):
             self.mark()
             yield from numbers

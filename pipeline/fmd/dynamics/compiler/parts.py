@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from itertools import pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,6 +29,7 @@ PLAIN, WIDE = "plain", "wide"
 SPACING = 1 << 20
 """From one value to the next in a shared function's numbering of places; each call says where they are."""
 
+_T = TypeVar("_T")
 _INPUTS, _CONSTANTS = ("input", "vector input"), ("number", "array")
 
 
@@ -75,7 +77,7 @@ def cut_program(program: Program, register: int) -> Parts | None:
     That is also one whose parts would give each other more than a stack holds.
     """
     nodes = program.graph.nodes
-    if len(program.nodes) < LONG_PROGRAM or program.guard is not None:
+    if program.operations(register) < LONG_PROGRAM or program.guard is not None:
         return None
     if any(nodes[number].operation in OSCILLATED for number in program.nodes):
         return None
@@ -88,7 +90,7 @@ class _Cutter:
 
     def __init__(self, program: Program, register: int) -> None:
         self._program, self._graph, self._register = program, program.graph, register
-        self._wide = _in_lanes(program)
+        self._wide = program.in_lanes
         self._first: dict[int, int] = {}
         self._varying: dict[int, tuple[BoolArray, Array]] = {}
         self._free: dict[tuple[str, int], list[int]] = {}
@@ -124,19 +126,25 @@ class _Cutter:
             for number in taken[k]:
                 if last[number] == k and number in home:
                     self._free.setdefault(self._room(number), []).append(self._first[number])
-        before = [self._before(f"before{k}", inputs[k : k + MOST_COPIED]) for k in range(0, len(inputs), MOST_COPIED)]
-        outputs = self._program.outputs
-        after = [self._after(f"after{k}", outputs[k : k + MOST_COPIED]) for k in range(0, len(outputs), MOST_COPIED)]
+        before = [self._before(f"before{k}", own) for k, own in enumerate(self._in_groups(inputs, int))]
+        groups = self._in_groups(self._program.outputs, lambda output: output.value.node)
+        after = [self._after(f"after{k}", own) for k, own in enumerate(groups)]
         return Parts(before, after, functions, calls, self._sizes)
 
     def _parts(self) -> list[list[int]]:
         """Return the nodes that are computed between two marks, in order, and no more than a part may have."""
         out, nodes = [], self._graph.nodes
-        for found in self._graph.between_marks(output.value.node for output in self._program.outputs):
+        for found in self._graph.between_marks(self._program.nodes):
             numbers = [number for number in found if nodes[number].operation not in (*_INPUTS, *_CONSTANTS)]
             size = -(-len(numbers) // max(1, -(-len(numbers) // MOST_IN_PART)))
             out += [numbers[first : first + size] for first in range(0, len(numbers), size or 1)]
         return out
+
+    def _in_groups(self, copied: Sequence[_T], node_of: Callable[[_T], int]) -> list[Sequence[_T]]:
+        """Divide what is copied into groups of a bounded number of vector registers."""
+        ends = np.cumsum([-(-self._room(node_of(each))[1] // self._register) for each in copied]) // MOST_COPIED
+        firsts = [0, *(np.flatnonzero(np.diff(ends)) + 1).tolist(), len(copied)]
+        return [copied[first:end] for first, end in pairwise(firsts) if first < end]
 
     def _room(self, number: int) -> tuple[str, int]:
         """Return the array that a value goes to, and how many doubles it takes there."""
@@ -199,16 +207,6 @@ class _Cutter:
     def _beside(self, copy: _Copy, name: str) -> Program:
         arguments, lanes = self._program.arguments, self._program.lanes
         return copy.program(name, (*arguments, PLAIN, WIDE), (*lanes, WIDE))
-
-
-def _in_lanes(program: Program) -> set[int]:
-    """Return the nodes of a program that differ from lane to lane."""
-    wide = set[int]()
-    for number in program.nodes:
-        operation, arguments, data, _ = program.graph.nodes[number]
-        if data[0] in program.lanes if operation in _INPUTS else not wide.isdisjoint(arguments):  # type: ignore[index]
-            wide.add(number)
-    return wide
 
 
 class _Copy:

@@ -63,6 +63,22 @@ class Program:
         """Number of additions and multiplications; a division, a sine or a cosine counts as one."""
         return sum(_flops(self.graph, number) for number in self.nodes)
 
+    @cached_property
+    def in_lanes(self) -> set[int]:
+        """Numbers of the nodes that differ from lane to lane."""
+        wide = set[int]()
+        for number in self.nodes:
+            operation, arguments, data, _ = self.graph.nodes[number]
+            inputs = operation in ("input", "vector input")
+            if data[0] in self.lanes if inputs else not wide.isdisjoint(arguments):  # type: ignore[index]
+                wide.add(number)
+        return wide
+
+    def operations(self, register: int) -> int:
+        """Return `flops`, those in lanes as often as lanes take vector registers of so many doubles."""
+        times = LANES // register
+        return self.flops + (times - 1) * sum(_flops(self.graph, number) for number in self.in_lanes)
+
 
 def _flops(graph: Graph, number: int) -> int:
     operation, arguments, data, size = graph.nodes[number]
