@@ -12,9 +12,7 @@ DOUBLES_IN_LINE = 8  # of the processor's cache
 # Long programs.
 LONG_PROGRAM = 12_000  # operations, some 80 kB of machine code: from here on, parts that are alike share it
 MOST_IN_PART = 2500  # operations of a part: LLVM's time for a function grows faster than it does
-MOST_COPIED = (
-    32  # vector registers that one function copies to or from the parts' arrays: LLVM compares each with all others
-)
+MOST_COPIED = 32  # vector registers that a function copies to or from the parts' arrays: LLVM compares all pairs
 MOST_ON_STACK = 1 << 19  # doubles between a program's parts: half of the 8 MB that a thread's stack has
 STANDING = (*STRUCTURAL, 0.5)  # numbers that stand in shared code: as an exponent, 0.5 is a square root
 
