@@ -2,6 +2,7 @@
 
 import pytest
 
+from fmd.cli import run
 from fmd.cli.tables import new_table, open_console, tell_apart
 
 WORDS = ["a quantity with a rather long name", "another one that goes on for quite a while", "x" * 60, "y" * 60]
@@ -46,3 +47,23 @@ def test_a_width_that_is_given_is_kept(capsys: pytest.CaptureFixture[str], monke
     monkeypatch.setenv("COLUMNS", "100")
     open_console().print(" ".join(WORDS))
     assert max(len(line) for line in capsys.readouterr().out.splitlines()) <= 100
+
+
+@pytest.mark.parametrize(
+    ("own", "errors", "line"),
+    [
+        ({"begin_s": None}, {}, "nothing touches"),
+        ({}, {}, "0.25 to 1.5 s, largest force 1235 N, impulse 5 N s"),
+        (
+            {},
+            {"largest_force_n": {"total": 12.0}, "impulse_n_s": {"total": None}},
+            "0.25 to 1.5 s, largest force 1235 ± 12 N, impulse 5 N s",
+        ),
+    ],
+)
+def test_a_contact_is_told_with_the_errors_that_are_stated(
+    own: dict[str, None], errors: dict[str, dict[str, float | None]], line: str
+) -> None:
+    """The impulse is the size of its vector, 3-4-5."""
+    touched = {"begin_s": 0.25, "end_s": 1.5, "largest_force_n": 1234.56, "impulse_n_s": [3.0, 0.0, -4.0]}
+    assert run._describe_contact(touched | own, errors) == line
