@@ -17,6 +17,13 @@ from fmd.reduction.eigen import FreeBodySolver
 from fmd.stages.meshing.cad_files import mesh_cad_file, mesh_cad_sheet
 from fmd.stages.pipeline import Pipeline
 
+METAL = """
+E = "70 GPa"
+nu = 0.3
+rho = "2700 kg/m^3"
+modes = { count = 3 }
+"""
+
 
 def bent_strip(occ: Any) -> None:
     """A strip of 30 × 2 mm with legs of 50 and 35 mm, turned by 90° about a radius of 3 mm within, aslant in space."""
@@ -55,6 +62,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 occ.rotate([(2, occ.addRectangle(0, 0, 0, 100, 30))], 0, 0, 0, 1, 0, 0, np.pi / 2)
             occ.synchronize()
             gmsh.write(str(folder / f"{name}.step"))
+    mesh = 'mesh = { cad = "plate.step", size = "5 mm", shell = "2 mm" }'
+    (folder / "cad.toml").write_text(f'title = "cad"\n[body.p]\n{mesh}{METAL}')
     return folder
 
 
@@ -100,18 +109,9 @@ def test_the_midsurface_of_a_bent_strip_has_the_solids_frequencies(folder: Path)
 
 
 def test_a_plate_of_cad_has_the_frequencies_of_the_ready_shape(folder: Path) -> None:
-    common = """
-E = "70 GPa"
-nu = 0.3
-rho = "2700 kg/m^3"
-modes = { count = 3 }
-"""
-    (folder / "cad.toml").write_text(
-        f'title = "cad"\n[body.p]\nmesh = {{ cad = "plate.step", size = "5 mm", shell = "2 mm" }}{common}'
-    )
     (folder / "own.toml").write_text(
         'title = "own"\n[body.p]\nshape = "plate"\nlength = "100 mm"\nwidth = "40 mm"\nthickness = "2 mm"\n'
-        f"mesh = {{ divisions = [20, 8] }}{common}"
+        f"mesh = {{ divisions = [20, 8] }}{METAL}"
     )
     cad, own = (Pipeline(load_scene(folder / f"{name}.toml"), Cache(None)).parts["p"] for name in ("cad", "own"))
     assert cad.modes.frequencies_hz == pytest.approx(own.modes.frequencies_hz, rel=5e-3)
@@ -134,6 +134,8 @@ def test_solids_second_order_and_sectors_are_refused_as_shells(folder: Path) -> 
     cad = 'body.p.mesh={cad="plate.step",size="5 mm",shell="layers"}'
     with pytest.raises(InputError, match="takes the thickness of the body's layers, and there are none"):
         load_scene(folder / "cad.toml", [cad])
-    ply = 'body.p.lamina={a={E1="9 GPa",E2="9 GPa",nu12=0.3,G12="3 GPa",rho="1500 kg/m^3"}}'
+    plies = {"lamina": {"a": {"E1": 9e9, "E2": 9e9, "nu12": 0.3, "G12": 3e9, "rho": 1500.0}}}
+    body = {"layers": [{"material": "a", "thickness": "1 mm"}], "modes": {"count": 3}} | plies
+    mesh = {"cad": str(folder / "plate.step"), "size": "5 mm", "shell": "2 mm"}
     with pytest.raises(InputError, match="must be 'layers', which have the thickness of a body with layers"):
-        load_scene(folder / "cad.toml", [ply, 'body.p.layers=[{material="a",thickness="1 mm"}]'])
+        load_scene({"title": "Plies", "body": {"p": body | {"mesh": mesh}}})
