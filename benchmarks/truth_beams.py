@@ -232,18 +232,15 @@ class Arm:
         return q, v, CubicSpline(times, v)(times, 1)
 
     def stresses(self, q: Array, bar: int, spot: tuple[float, float]) -> tuple[float, float]:
-        """Return the von Mises stress at a place (x, y) of a bar, and the largest at the elements' ends [Pa]."""
+        """Return the von Mises stress at a place (x, y) of a bar, and the largest at its elements' ends [Pa]."""
         section, mine = self.sections[bar], self.bar == bar
         forces = (np.stack(self.strains(q)[:3], axis=-1) * self.D[:, None])[mine]
-        to = np.array([-1.0, 1.0])
-        line = np.stack([(POINTS[1] - to), (to - POINTS[0])], axis=1) / (POINTS[1] - POINTS[0])
-        ends = np.einsum("pg,egi->epi", line, forces)
-        bending = np.abs(ends[..., 2]) * section.depth / 2 / section.inertia
-        largest = (np.abs(ends[..., 0]) / section.area + bending).max()
-        place = spot[0] / section.length * self.n_elements
-        element = min(int(place), self.n_elements - 1)
-        xi = 2 * (place - element) - 1
-        N, V, moment = np.array([POINTS[1] - xi, xi - POINTS[0]]) / (POINTS[1] - POINTS[0]) @ forces[element]
+        ends = np.linspace(0.0, section.length, self.n_elements + 1)
+        points = ends[:-1, None] + (POINTS + 1) / 2 * ends[1]  # where the elements are most accurate
+        along = CubicSpline(points.ravel(), forces.reshape(-1, 3))
+        normal, _, bending = np.abs(along(ends)).T
+        largest = (normal / section.area + bending * section.depth / 2 / section.inertia).max()
+        N, V, moment = along(spot[0])
         sigma = N / section.area - moment * spot[1] / section.inertia
         tau = 1.5 * V / section.area * (1 - (2 * spot[1] / section.depth) ** 2)
         return float(np.hypot(sigma, np.sqrt(3) * tau)), float(largest)

@@ -11,9 +11,12 @@ from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_error
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL
 from fmd.accuracy.estimators import Estimates
 from fmd.accuracy.time_limit import LeftOutError, TimeLimit
+from fmd.accuracy.truncation import _work_of_vibrations
 from fmd.core.cache import Cache
 from fmd.recovery.motion import Motion
+from fmd.scene.variants import enrich_bases
 from fmd.stages.plan import Plan
+from fmd.stages.runs import plan_like
 
 BEAM = [
     "body.beam.mesh.divisions=[8, 1, 1]",
@@ -80,11 +83,12 @@ def test_the_time_limit_is_three_times_that_of_the_run_and_less_for_long_ones(
     assert allowed_seconds(run) == pytest.approx(budget_seconds)
 
 
+@pytest.mark.parametrize("method", ["central-difference", "runge-kutta"])
 def test_a_richer_basis_whose_short_steps_will_not_end_in_time_is_marched_by_long_implicit_ones_at_once(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
-    """Its stable steps are far shorter than the run's, and a march that the limit stops would have spent all time."""
-    run = Pipeline(load_scene("beam-paper", [*BEAM, "simulation.run=[{integrator='central-difference'}]"]), Cache(None))
+    """Its steps are far shorter than the run's, and a march that the limit stops would have spent all time."""
+    run = Pipeline(load_scene("beam-paper", [*BEAM, f"simulation.run=[{{integrator='{method}'}}]"]), Cache(None))
     motion = run.fine_motion
     run.results[Pipeline.fine_motion.name] = replace(motion, trajectory=replace(motion.trajectory, seconds=900.0))
     estimates, marched = Estimates(run, TimeLimit(1000.0)), []
@@ -96,3 +100,15 @@ def test_a_richer_basis_whose_short_steps_will_not_end_in_time_is_marched_by_lon
     monkeypatch.setattr(estimates, "march", march)
     assert all(isinstance(error, float) for error in estimates._truncation().values())
     assert marched == ["generalized-alpha"] * 2
+
+
+def test_the_work_of_a_richer_basis_whose_vibrations_are_followed_is_forecast() -> None:
+    march = "simulation.run=[{integrator='runge-kutta', tolerance=1e-7}]"
+    estimates = Estimates(Pipeline(load_scene("beam-paper", [*BEAM, march]), Cache(None)))
+    rich = estimates.run.variant(enrich_bases(estimates.run.scene))
+    theirs, own = (
+        each.trajectory.evaluations
+        for each in (estimates.march(rich, plan_like(estimates.plan, rich)), estimates.run.fine_motion)
+    )
+    size = rich.system.n / estimates.plan.system.n
+    assert 0.3 < _work_of_vibrations(estimates, rich) / (theirs / own * size**2) < 3.0

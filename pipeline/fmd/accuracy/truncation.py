@@ -14,7 +14,9 @@ from fmd.core.errors import AccuracyError
 from fmd.core.limits.errors import (
     COMPARED_IMPLICIT_STEPS,
     DOUBTED,
+    EVALUATIONS_A_STEP,
     FINER_WORK,
+    FOLLOWED,
     LARGE_BASIS,
     LOWEST_SHAPES,
     MOST_REFINEMENTS,
@@ -23,6 +25,7 @@ from fmd.core.limits.errors import (
 from fmd.core.limits.stability import SURELY_STABLE
 from fmd.core.limits.stepping import IMPLICIT_STEPS_IN_ACTION
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.runge_kutta import RungeKutta
 from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
@@ -137,14 +140,25 @@ def _comparable(of: Comparison, rich: Pipeline) -> tuple[Plan, Motion | None]:
     Raises
     ------
     LeftOutError
-        Both marches by the shorter step would take longer than the time limit leaves.
+        The march of a method that chooses its steps, or both by the shorter step, would take longer than the time limit
+        leaves. It is told before their machine code is made, which may take as long.
     """
     method: Any = of.plan.integrator
     limit = SURELY_STABLE * method.largest_step(rich.system)
     if not method.step > limit:
+        of.limit.require(_work_of_vibrations(of, rich) * of.run.fine_motion.trajectory.seconds)
         return plan_like(of.plan, rich), None
     size = rich.system.n / of.plan.system.n  # a step takes about its square; the richer march is repeated finer
     work = method.step / limit * (1 + (1 + FINER_WORK) * size**2)
     of.limit.require(work * of.run.fine_motion.trajectory.seconds)
     shorter = replace(of.plan, integrator=replace(method, step=limit))
     return plan_like(shorter, rich), of.march(of.run, shorter)
+
+
+def _work_of_vibrations(of: Comparison, rich: Pipeline) -> float:
+    """Return the work of the Runge-Kutta method on a richer basis over the run's own, where steps follow vibrations."""
+    if not isinstance(of.plan.integrator, RungeKutta):
+        return 1.0
+    steps = rich.system.highest_frequency * float(of.run.output_times[-1]) / FOLLOWED
+    more = EVALUATIONS_A_STEP * steps / of.run.fine_motion.trajectory.evaluations
+    return max(more, 1.0) * (rich.system.n / of.plan.system.n) ** 2

@@ -52,6 +52,9 @@ ACROSS_SHARE = 2.0  # of that time, for more elements from side to side
 OF_TOLERANCE = 0.01  # less of an adaptive method's tolerance isn't accepted
 FINER_WORK = 2.0  # work of a march that is finer in time, over the run's
 FINER_TOLERANCE = 0.1  # tolerance of the finer march over the run's
+# Radians of the highest frequency in a step that follows it, of which three bases had 0.8 to 1.5, and evaluations of
+# a step of the Runge-Kutta method.
+FOLLOWED, EVALUATIONS_A_STEP = 1.0, 12
 COMPARED_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
 # Change by a richer basis from which on its march is doubted, and the part of it that half of the step may change.
 DOUBTED, RESOLVED_PART = 0.01, 0.3
