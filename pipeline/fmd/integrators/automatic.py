@@ -174,7 +174,8 @@ class Automatic(Integrator):
         if report.failure and (report.failures > 1 or np.isinf(report.difference)):
             raise report.failure
         raise AccuracyError(
-            f"{self.name}: the last two marches differ by {report.difference:.1e}, above {self.error:.0e}"
+            f"{self.name}: the last two marches differ by {report.difference:.1e}, above {self.error:.0e}; if shocks, "
+            "as at stops, make the motion chaotic, take a shorter duration or more damping"
         )
 
     def _methods(
