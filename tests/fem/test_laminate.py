@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh, null_space
+from scipy.linalg import eigh, expm, null_space
+from scipy.optimize import brentq
 
 from fmd.core.arrays import Array
 from fmd.core.rotations import rotation_matrix
@@ -59,25 +60,49 @@ class QuarterPlate(ShellProblem):
         return float(eigh(K, M, eigvals_only=True, subset_by_index=[0, 0])[0] ** 0.5)
 
 
-@pytest.mark.parametrize(("ratio", "deflection", "within"), [(10, 0.743, 0.02), (20, 0.517, 0.01), (100, 0.4347, 0.01)])
-def test_a_cross_ply_plate_bends_as_in_three_dimensional_elasticity(
-    ratio: float, deflection: float, within: float
-) -> None:
-    """Pagano & Hatfield, AIAA J 10, 1972: 100 w E2 h³ / (q a⁴) of 0/90/90/0; by 5/6 it is 0.663 at 10."""
+def elasticity(lamina: Lamina, h: float, degrees: tuple[int, ...], square: float = 0.0) -> Array:
+    """Return P (6, 6) from the lower to the upper face of a plate of unit side in three-dimensional elasticity.
+
+    States are amplitudes of u, v, w, σzz, τxz, τyz over a half sine each way (Pagano, J Compos Mater 4, 1970); plies
+    are alike across their fibres, with a contraction of 0.25. ``square`` is density times squared frequency.
+    """
+    E1, E2, nu, a = lamina.E1, lamina.E2, 0.25, np.pi
+    C = np.linalg.inv([[1 / E1, -nu / E1, -nu / E1], [-nu / E1, 1 / E2, -nu / E2], [-nu / E1, -nu / E2, 1 / E2]])
+    P = np.eye(6)
+    for turned in degrees:
+        order = [1, 0, 2] if turned else [0, 1, 2]
+        c, (Gx, Gy) = C[np.ix_(order, order)], np.array([lamina.G13, lamina.G23])[order[:2]]
+        plane = c[:2, :2] - np.outer(c[:2, 2], c[2, :2]) / c[2, 2] + lamina.G12 * (1 - np.eye(2))
+        M = np.zeros((6, 6))
+        M[[0, 1], 2], M[0, 4], M[1, 5] = -a, 1 / Gx, 1 / Gy
+        M[2, :2], M[2, 3], M[3, 2], M[3, 4:] = a * c[:2, 2] / c[2, 2], 1 / c[2, 2], -square, a
+        M[4:, :2] = a**2 * (plane + lamina.G12 * np.eye(2)) - square * np.eye(2)
+        M[4:, 3] = -a * c[:2, 2] / c[2, 2]
+        P = expm(M * h / len(degrees)) @ P
+    return np.asarray(P)
+
+
+@pytest.mark.parametrize(("ratio", "within"), [(10, 0.015), (20, 0.01), (100, 0.01)])
+def test_a_cross_ply_plate_bends_as_in_three_dimensional_elasticity(ratio: float, within: float) -> None:
+    """Deflection of the middle surface; transverse shear corrected by 5/6 leaves it 10 % too small at 10."""
     plate = QuarterPlate(8, stack(CARBON, 1 / ratio, 0, 90, 90, 0))
     w = plate.bend()[plate.n_points :, 2].max()
-    assert 100 * w * 1e9 / ratio**3 == pytest.approx(deflection, rel=within)
+    lower = np.linalg.solve(elasticity(CARBON, 1 / ratio, (0, 90, 90, 0))[3:, :3], [1.0, 0.0, 0.0])
+    middle = elasticity(CARBON, 0.5 / ratio, (0, 90))[:, :3] @ lower
+    assert w == pytest.approx(abs(middle[2]), rel=within)
 
 
 @pytest.mark.parametrize("degrees", [(0, 90), (0, 90, 90, 0)])
-@pytest.mark.parametrize("stiff", [0, 1])
-def test_a_cross_ply_plate_vibrates_as_in_three_dimensional_elasticity(degrees: tuple[int, ...], stiff: int) -> None:
-    """Noor, AIAA J 11, 1973: ω a²/h (ρ/E2)^½ at a/h = 5 and E1/E2 = 10 and 40."""
-    E1 = (10e9, 40e9)[stiff]
-    noor = {2: (6.9845, 8.5625), 4: (8.2103, 10.752)}[len(degrees)][stiff]
+@pytest.mark.parametrize("E1", [10e9, 40e9])
+def test_a_cross_ply_plate_vibrates_as_in_three_dimensional_elasticity(degrees: tuple[int, ...], E1: float) -> None:
+    """At a/h = 5, where the faces are free of traction for one frequency near that of the shell."""
     lamina = Lamina(E1, 1e9, 0.25, 0.6e9, 0.6e9, 0.5e9, 1000.0)
     omega = QuarterPlate(8, stack(lamina, 0.2, *degrees)).first_frequency()
-    assert omega * 5 * (1000 / 1e9) ** 0.5 == pytest.approx(noor, rel=0.025)
+
+    def traction(share: float) -> float:
+        return float(np.linalg.det(elasticity(lamina, 0.2, degrees, 1000.0 * (share * omega) ** 2)[3:, :3] / 1e9))
+
+    assert brentq(traction, 0.9, 1.1) == pytest.approx(1.0, abs=0.025)
 
 
 def test_stress_of_plies_is_that_of_three_dimensional_elasticity() -> None:
