@@ -68,6 +68,16 @@ def test_a_reader_who_has_had_enough_is_no_fault_of_the_machine(more: list[str],
     assert (tmp_path / "summary.json").exists()
 
 
+def test_no_garbage_is_looked_for_at_the_end() -> None:
+    # what is registered first is called last
+    asked = "import atexit, gc; atexit.register(lambda: print(gc.get_freeze_count(), len(gc.get_objects())))"
+    begun = f"{asked}; from fmd.cli.start import main; main()"
+    done = subprocess.run([sys.executable, "-c", begun, "--version"], capture_output=True, text=True, check=True)
+    frozen, collected = map(int, done.stdout.splitlines()[-1].split())
+    assert frozen > 10_000
+    assert collected < 100
+
+
 def test_a_failure_of_numerical_libraries_is_one_message(fmd, capsys, monkeypatch) -> None:
     def fail(*_):
         raise np.linalg.LinAlgError("Singular matrix")
