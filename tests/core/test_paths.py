@@ -15,7 +15,7 @@ from fmd.core.paths import KERNEL_SOURCES, cache_folder, kernel_folder, source_d
 
 def test_a_change_in_the_source_changes_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(folders, "_ROOT", tmp_path)
-    monkeypatch.setattr(folders, "_read_source", folders._read_source.__wrapped__)  # read anew, as by another run
+    monkeypatch.setattr(folders, "_digest_source", folders._digest_source.__wrapped__)  # read anew, as by another run
     digest = source_digest.__wrapped__
     part = tmp_path / "part"
     (part / "__pycache__").mkdir(parents=True)

@@ -15,7 +15,7 @@ import platformdirs
 
 _ROOT = Path(__file__).parents[2]
 # Modules of numbers, as sources import them: by their own name, or for the numbers in them.
-_NUMBERS, _WORDS = re.compile(rb"^from fmd\.core\.limits(?:\.\w+)? import (?:\([^)]*\)|.*)", re.M), re.compile(rb"\w+")
+_NUMBERS, _WORDS = re.compile(rb"\nfrom fmd\.core\.limits(?:\.\w+)? import (?:\([^)]*\)|.*)"), re.compile(rb"\w+")
 
 _private: dict[Path, bool] = {}  # folders that were looked at in this run
 
@@ -112,8 +112,8 @@ def source_digest(*names: str) -> str:
         if not place.exists():
             raise FileNotFoundError(f"{name}: no such source in {_ROOT}; a stage's key names it")
         for path in _list_sources(str(place)):
-            source, named = _read_source(path)
-            digest.update(source)
+            content, named = _digest_source(path)
+            digest.update(content)
             numbers |= named
     for path in _list_sources(str(_ROOT / "fmd" / "core" / "limits")):
         if Path(path).stem.encode() in numbers:
@@ -131,12 +131,13 @@ def _list_sources(place: str) -> tuple[str, ...]:
 
 
 @cache
-def _read_source(path: str) -> tuple[bytes, set[bytes]]:
-    """Return a source, which many stages' keys name, and the words of its imports from `fmd.core.limits`."""
+def _digest_source(path: str) -> tuple[bytes, set[bytes]]:
+    """Digest a source, which many stages' keys name, and return the words of its imports from `fmd.core.limits`."""
     with open(path, "rb") as file:
         source = file.read()
-    named = _NUMBERS.findall(source) if b"core.limits" in source else ()
-    return source, {name for match in named for name in _WORDS.findall(match)}
+    named = _NUMBERS.findall(b"\n" + source) if b"core.limits" in source else ()
+    content = hashlib.blake2b(source, digest_size=16).digest()
+    return content, {name for match in named for name in _WORDS.findall(match)}
 
 
 def kernel_folder() -> Path:
