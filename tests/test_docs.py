@@ -15,9 +15,9 @@ import pytest
 
 from docs.json_reference import write_page
 from fmd.cli.app import app
-from fmd.cli.sensitivities import split_names
-from fmd.output.channels import require_results
+from fmd.scene.result_names import require_results
 from fmd.scene.scene import load_scene
+from fmd.sweep.points import split_names
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from fmd.core.errors import InputError
-from fmd.scene.magnitudes import find_unusual
+from fmd.scene.magnitudes import _walk, find_unusual
 from fmd.scene.scene import load_scene
 from fmd.scene.toml_files import list_ready_scenes
 
@@ -47,8 +49,14 @@ def test_rates_loads_and_numbers_have_limits_too(override: str, said: str) -> No
 
 
 @pytest.mark.parametrize("name", list_ready_scenes())
-def test_nothing_in_the_ready_scenes_is_unusual(name: str) -> None:
-    assert [*find_unusual(load_scene(name))] == []
+def test_nothing_in_the_ready_scenes_is_unusual_and_each_of_their_numbers_is_looked_at(name: str) -> None:
+    def numbers(value: Any) -> list[float]:
+        inner = [*value.values()] if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+        return [value] if isinstance(value, float) else [x for item in inner for x in numbers(item)]
+
+    scene = load_scene(name)
+    assert [*find_unusual(scene)] == []
+    assert sorted(value for *_, value, _ in _walk(scene, (), "")) == sorted(numbers(scene.model_dump()))
 
 
 @pytest.mark.parametrize(

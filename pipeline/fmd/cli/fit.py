@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, SceneName, Several, print_json
-from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_records, print_warnings, tell_apart
 from fmd.core.errors import InputError, blaming
 from fmd.core.files import refusing
 from fmd.core.limits.fitting import SAME_CHI2
 from fmd.core.units import parse_percentage, parse_quantity
 from fmd.scene.fit import FitTable
+from fmd.sweep.points import split_names
 
 if TYPE_CHECKING:
     from fmd.fitting.fit import Fit

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, Names, SceneName, Several, print_json
-from fmd.cli.sensitivities import split_names
 from fmd.cli.tables import open_console, print_files, print_records, print_table, print_warnings
 from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.limits.fitting import FRONT
+from fmd.sweep.points import split_names
 
 if TYPE_CHECKING:
     from fmd.fitting.optimise import Optimum
@@ -46,7 +46,7 @@ def optimise(
     from fmd.fitting.optimise import optimise_scene, read_limits
     from fmd.fitting.pareto import find_front
     from fmd.fitting.varied import read_varied
-    from fmd.output.channels import require_results
+    from fmd.scene.result_names import require_results
 
     signed = ((minimise or [], 1), (maximise or [], -1))
     aims = [(name, sign) for given, sign in signed for name in given]

@@ -13,7 +13,7 @@ from fmd.core.errors import InputError
 from fmd.core.files import refusing
 from fmd.core.html import scaled
 from fmd.core.limits.fitting import FEWEST_SAMPLES
-from fmd.sweep.points import split_at_commas
+from fmd.sweep.points import split_names
 
 if TYPE_CHECKING:
     from fmd.core.arrays import Array
@@ -84,14 +84,6 @@ def _sample(run: Pipeline, found: Sequence[Sensitivity], count: int) -> dict[str
         raise InputError("--sample", "", count, mend)
     channels = {each.channel.name: each.channel for each in found}
     return sample_tolerances(run, [*channels.values()], parameters, tolerances, count)
-
-
-def split_names(option: str, texts: Sequence[str]) -> list[str]:
-    """Return names that are given with commas between them, or by several options."""
-    names = [name.strip() for text in texts for name in split_at_commas(text)]
-    if not all(names):
-        raise InputError(option, "", ",".join(texts), "has an empty name; give names with commas between them")
-    return names
 
 
 def _print(found: Sequence[Sensitivity], rows: Sequence[dict[str, Any]]) -> None:

@@ -17,10 +17,11 @@ from fmd.core.files import refusing
 from fmd.core.html import scaled
 from fmd.core.limits.shown import SWEPT_JOINTS, SWEPT_ROWS
 from fmd.core.progress import Bars
+from fmd.scene.result_names import require_results
 from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally, prepare_workers
 from fmd.sweep.plot import JOINT_FIGURE, draw_sweep
-from fmd.sweep.points import Point, choose_values, make_points
+from fmd.sweep.points import Point, choose_values, make_points, split_names
 from fmd.sweep.record import Wanted
 from fmd.sweep.study import Compute, Sweep, run_sweep
 from fmd.sweep.table import SweepTable, write_tables
@@ -128,9 +129,6 @@ def _read_results(of: Sequence[str], chosen: Sequence[Point]) -> tuple[str, ...]
     """Read the names of the results of ``--of``, which the first scene that isn't refused must have."""
     if not of:
         return ()
-    from fmd.cli.sensitivities import split_names
-    from fmd.output.channels import require_results
-
     results = tuple(dict.fromkeys(split_names("--of", of)))
     require_results(next(point.scene for point in chosen if point.scene is not None), results)
     return results

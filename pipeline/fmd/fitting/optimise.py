@@ -16,7 +16,8 @@ from fmd.core.errors import AccuracyError, InputError, blaming
 from fmd.core.limits.fitting import ENDLESS, MET, MOST_BANDS, MOST_DESIGNS, OPTIMUM, STATIONARY
 from fmd.fitting.designs import Design, DesignSpace
 from fmd.fitting.varied import VariedNumber, read_bounds, read_number
-from fmd.output.channels import find_channels, require_results
+from fmd.output.channels import find_channels
+from fmd.scene.result_names import require_results
 from fmd.stages.pipeline import Pipeline
 
 _LIMIT = re.compile(r"\s*(\S+?)\s*(>=|<=)\s*(.+?)\s*")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,27 +18,13 @@ from fmd.output.stress_fields import find_fatigue, lives_at
 from fmd.recovery.motion_file import Variable
 from fmd.recovery.stress import von_mises
 from fmd.scene.histories import Quantities
-from fmd.scene.outputs import FrequencyResponseChart
 from fmd.scene.reading import suggest_name
+from fmd.scene.result_names import BY, OF_A_BODY, listed_response, read_formula, require_quantity
 from fmd.scene.rigid_bodies import Undeformable
-from fmd.scene.scene import Scene
 from fmd.scene.stress_outputs import Fatigue
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.state_functions import read_observed
 
-_OF_A_BODY = ("stress", "life", "frequency")
-_MARKERS = ("position", "displacement", "velocity", "acceleration")
-_ALONG_JOINTS = (
-    "position",
-    "rate",
-    "coordinates",
-    "rates",
-    "orientation",
-    "angular_velocity",
-    "displacement",
-    "velocity",
-)
-_BY, _SIZE = " by ", ".size"
+_SIZE = ".size"
 
 
 @dataclass(frozen=True)
@@ -105,9 +90,9 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     """
     if "=" in name:
         return [_formula(run, name, origin)]
-    if _BY in name:
+    if BY in name:
         return [_response(run, name, origin)]
-    if name.split(".", maxsplit=1)[0] in _OF_A_BODY and len(run.wholes) == 1:
+    if name.split(".", maxsplit=1)[0] in OF_A_BODY and len(run.wholes) == 1:
         name = f"{next(iter(run.wholes))}.{name}"
     parts = name.split(".")
     if len(parts) == 3 and parts[0] in run.wholes and parts[1] == "frequency":
@@ -128,32 +113,6 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
     if len(parts) == 2 and parts[0] in run.wholes and parts[1] == "life":
         return [_life(run, parts[0], origin)]
     return _histories(run, name, origin)
-
-
-def takes_motion(name: str) -> bool:
-    """Return false for a name of results that bodies have by themselves: frequencies, masses, frequency responses."""
-    if "=" in name:
-        return True
-    parts = name.split(".")
-    return not (_BY in name or parts[-1] == "mass" or "frequency" in parts[:2] or parts[0] == "critical_speed")
-
-
-def is_of_parts(name: str) -> bool:
-    """Return true for a name of results that bodies have without a mechanism: masses and frequencies."""
-    return not takes_motion(name) and _BY not in name and name.split(".", maxsplit=1)[0] != "critical_speed"
-
-
-def require_results(scene: Scene, names: Sequence[str], origin: str = "--of") -> None:
-    """Raise ``InputError`` for a name of an option that no result has, before anything is computed."""
-    for name in names:
-        first, _, last = name.partition(".")
-        of_body = first in _OF_A_BODY or (first in scene.body and last.partition(".")[0] in (*_OF_A_BODY, "mass"))
-        if "=" in name:
-            _read_formula(scene, name, origin)
-        elif _BY in name:
-            _listed_response(scene, name, origin)
-        elif not (of_body or first == "critical_speed" or name in ("tip", "mass")):
-            _require_quantity(scene, name, origin)
 
 
 def _tip(run: Pipeline, origin: str) -> ResultChannel:
@@ -276,7 +235,7 @@ def _life(run: Pipeline, body: str, origin: str) -> ResultChannel:
 
 
 def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:
-    quantities = Quantities.model_validate({"file": "", **_require_quantity(run.scene, name, origin)})
+    quantities = Quantities.model_validate({"file": "", **require_quantity(run.scene, name, origin)})
 
     def columns(other: Pipeline) -> dict[str, tuple[Variable, Array]]:
         variables = history_variables(other, quantities, other.motion)
@@ -300,25 +259,13 @@ def _histories(run: Pipeline, name: str, origin: str) -> list[ResultChannel]:
 
 def _formula(run: Pipeline, given: str, origin: str) -> ResultChannel:
     """Return a formula of the motion in SI units as a history."""
-    name, text = _read_formula(run.scene, given, origin)
+    name, text = read_formula(run.scene, given, origin)
     return ResultChannel(name, "", lambda other: formula_history(other, text, other.motion))
-
-
-def _read_formula(scene: Scene, given: str, origin: str) -> tuple[str, str]:
-    """Return name and text of a formula of the motion."""
-    name, _, text = (part.strip() for part in given.partition("="))
-    if not name:
-        raise InputError(origin, name, text, "a formula needs a name, name = formula")
-    try:
-        read_observed(scene, text)
-    except InputError as error:
-        raise InputError(origin, name, text, error.mend) from None
-    return name, text
 
 
 def _response(run: Pipeline, name: str, origin: str) -> ResultChannel:
     """Return the largest magnitude of a frequency response that the scene lists."""
-    listed, k = _listed_response(run.scene, name, origin)
+    listed, k = listed_response(run.scene, name, origin)
     here = compute_scene_response(run, listed)
 
     def read(other: Pipeline) -> Array:
@@ -326,51 +273,3 @@ def _response(run: Pipeline, name: str, origin: str) -> ResultChannel:
         return np.asarray(np.abs(found.values[:, k, 0]).max())
 
     return ResultChannel(name, response_unit(here.outputs[k][1], here.inputs[0][1]), read, moves=False)
-
-
-def _asked_quantity(scene: Scene, name: str) -> dict[str, Any] | None:
-    """Return the keys of a history that holds a quantity; ``None`` if no quantity has such a name."""
-    if name in ("kinetic_energy", "potential_energy"):
-        return {"quantities": ["energy"]}
-    parts = name.split(".")
-    first, second, kind = parts[0], ".".join(parts[:2]), parts[2] if len(parts) > 2 else ""
-    if first in scene.body and kind in _MARKERS and parts[1] in scene.body[first].marker:
-        return {"quantities": [f"marker_{kind}"], "markers": [second]}
-    if first in scene.flexible and kind and parts[1] in getattr(scene.body[first], "element", {}):
-        return {"quantities": ["element_stress"], "elements": [second], "components": [kind.replace("_", " ")]}
-    if first in scene.joint and len(parts) > 1:
-        if parts[1] in ("force", "moment"):
-            return {"quantities": ["joint_reaction"], "joints": [first]}
-        if parts[1] in _ALONG_JOINTS:
-            return {"quantities": ["joint_position", "joint_rate"], "joints": [first]}
-    return None
-
-
-def _listed_response(scene: Scene, name: str, origin: str) -> tuple[FrequencyResponseChart, int]:
-    """Return the output of the scene that has a frequency response, and the response's number there."""
-    pairs = {
-        f"{output}{_BY}{each.input}": (each, k)
-        for each in scene.output
-        if isinstance(each, FrequencyResponseChart)
-        for k, output in enumerate(each.outputs)
-    }
-    if name not in pairs:
-        raise InputError(
-            origin, name, None, f"no [[output]] of type frf has it; {suggest_name(name, pairs, 'there are')}"
-        )
-    return pairs[name]
-
-
-def _require_quantity(scene: Scene, name: str, origin: str) -> dict[str, Any]:
-    asked = _asked_quantity(scene, name)
-    if asked is None:
-        raise InputError(origin, name, None, f"no such result; {suggest_name(name, _examples(scene), 'such as')}")
-    return asked
-
-
-def _examples(scene: Scene) -> list[str]:
-    """Return names of results that a run has."""
-    found = ["tip", "mass", *(f"{body}.{kind}" for body in scene.flexible for kind in ("stress", "frequency.1"))]
-    found += [f"{joint}.{kind}" for joint in scene.joint for kind in ("force", "position")]
-    markers = [f"{body}.{marker}" for body, table in scene.body.items() for marker in table.marker]
-    return [*found, *(f"{marker}.position" for marker in markers)]

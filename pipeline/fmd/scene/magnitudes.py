@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 import numpy as np
 
@@ -60,7 +60,8 @@ def _walk(
     """Go through all numbers of a table and of those in it, with their paths, keys and kinds of quantity."""
     if isinstance(value, SceneTable):
         for name, shown, own in _kinds_of_fields(type(value)):
-            yield from _walk(getattr(value, name), (*path, shown), shown, own)
+            if (inner := getattr(value, name)) is not None:
+                yield from _walk(inner, (*path, shown), shown, own)
     elif isinstance(value, Mapping):
         for name, item in value.items():
             yield from _walk(item, (*path, str(name)), key, kinds)
@@ -73,11 +74,20 @@ def _walk(
 
 @cache
 def _kinds_of_fields(table: type[SceneTable]) -> tuple[tuple[str, str, frozenset[str]], ...]:
-    """Return name, key and kinds of quantities of each field of a table."""
+    """Return name, key and kinds of quantities of each field of a table that may hold numbers with a fraction."""
     return tuple(
         (name, field.alias or name, frozenset(_kinds(field.annotation, field.metadata)))
         for name, field in table.model_fields.items()
+        if _may_hold_numbers(field.annotation)
     )
+
+
+def _may_hold_numbers(annotation: Any) -> bool:
+    """Tell whether a field may hold numbers with a fraction; one of texts, whole numbers or choices doesn't."""
+    if get_origin(annotation) is Literal:
+        return False
+    inner = get_args(annotation)[:1] if get_origin(annotation) is Annotated else get_args(annotation)
+    return any(map(_may_hold_numbers, inner)) if inner else annotation not in (str, int, bool, type(None), ...)
 
 
 def _kinds(annotation: Any, metadata: Any = ()) -> Iterator[str]:

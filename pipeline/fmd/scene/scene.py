@@ -17,7 +17,7 @@ from fmd.core.html import facts, scaled
 from fmd.core.units import PositiveFrequency, Share
 from fmd.scene.cross_checks import CrossCheck
 from fmd.scene.reading import Fault, FaultError, SceneTable, kinds_as_meant, list_faults, raise_faults
-from fmd.scene.scene_files import read_source
+from fmd.scene.scene_files import read_unchanged
 from fmd.scene.scene_tables import SceneTables
 from fmd.scene.simulation import Simulation
 from fmd.scene.tolerances import split_tolerances
@@ -245,42 +245,56 @@ class SceneReader:
 
     def __init__(self, source: str | Path | Mapping[str, Any], without: Collection[str] = ()) -> None:
         self._source, self._without = source, without
-        self._known: dict[tuple[str, ...], tuple[str, Any]] = {}  # each table that was read, as text and checked
+        self._read = read_unchanged(source)
+        self._known: dict[tuple[str, ...], tuple[Any, Any]] = {}  # each table, as it was read and checked
 
     def load(self, overrides: Sequence[str]) -> Scene:
         """Read the scene with some values, as `load_scene` does."""
-        read = read_source(self._source, overrides)
+        read = self._read.with_values(overrides)
         chosen = {key: table for key, table in read.data.items() if key not in self._without}
         tables, tolerances, faults = split_tolerances(chosen)
         if faults:
             raise read.make_error(faults)
         context = {"folder": read.folder, "units": bool(read.file)}
-        texts = _texts_of(tables)  # for 1, 1.0 and true are equal
-        known = {path: table for path, (text, table) in self._known.items() if texts.get(path) == text}
+        given = _tables_by_path(tables)
+        known = {path: own for path, (before, own) in self._known.items() if _are_same(given.get(path), before)}
         try:
             scene = Scene.model_validate(_with_known(tables, known), context=context)
         except ValidationError as error:
             if known:
                 return SceneReader(self._source, self._without).load(overrides)  # whose faults are those of the file
             raise read.make_error(Scene._list_faults(error, tables, context)) from None
-        self._known = {path: (text, _table_at(scene, path)) for path, text in texts.items()}
+        self._known = {path: (table, _table_at(scene, path)) for path, table in given.items()}
         scene._file, scene._tolerances = read.file, tolerances
         return scene
 
 
-def _texts_of(tables: Mapping[str, Any]) -> dict[tuple[str, ...], str]:
-    """Return each table that is checked by itself, as text, by its path."""
-    texts: dict[tuple[str, ...], str] = {
-        (kind, name): repr(table)
+def _tables_by_path(tables: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:
+    """Return each table that is checked by itself, by its path."""
+    found: dict[tuple[str, ...], Any] = {
+        (kind, name): table
         for kind in _NAMED
         if isinstance(tables.get(kind), dict)
         for name, table in tables[kind].items()
     }
     if "simulation" in tables:
-        texts["simulation",] = repr(tables["simulation"])
+        found["simulation",] = tables["simulation"]
     if "output" in tables:  # which may name the scene's only flexible body
-        texts["output",] = repr((tables["output"], tables.get("body")))
-    return texts
+        found["output",] = [tables["output"], tables.get("body")]
+    return found
+
+
+def _are_same(one: Any, other: Any) -> bool:
+    """Tell whether what was read is the same; 1, 1.0 and true are equal, and so are 0.0 and -0.0, but not the same."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, dict):
+        return [*one] == [*other] and all(map(_are_same, one.values(), other.values()))
+    if isinstance(one, list):
+        return len(one) == len(other) and all(map(_are_same, one, other))
+    if isinstance(one, float):
+        return bool(one.hex() == other.hex())
+    return one is other or (isinstance(one, str | int) and one == other)
 
 
 def _table_at(scene: Scene, path: tuple[str, ...]) -> Any:

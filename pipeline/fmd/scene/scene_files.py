@@ -13,7 +13,7 @@ from typing import Any
 from fmd.core.errors import InputError
 from fmd.scene.inheritance import complete_bodies, find_template, move_files
 from fmd.scene.reading import Fault, Place, find_caller, join_errors, suggest_name
-from fmd.scene.toml_files import find_scene, list_ready_scenes, parse_value, read_with_lines
+from fmd.scene.toml_files import copy_tables, find_scene, list_ready_scenes, parse_value, read_with_lines
 from fmd.scene.toml_lines import KeyPath
 
 _SET = "--set"
@@ -41,6 +41,16 @@ class SceneSource:
     data: dict[str, Any]
     places: Places
 
+    def with_values(self, overrides: Sequence[str]) -> SceneSource:
+        """Return a scene that was read, with values instead of its own, and with what bodies have from others."""
+        data, places = copy_tables(self.data), dict(self.places)
+        for text in overrides:
+            _place_value(places, _set_value(data, text, _SET), (_SET, None))
+        whole = complete_bodies(data, self.file)
+        for body, own in whole.get("body", {}).items() if whole is not data else ():
+            _place_inherited(places, data["body"], body) if isinstance(own, dict) else None
+        return SceneSource(self.file, self.folder, whole, places)
+
     def make_error(self, faults: Sequence[Fault]) -> InputError:
         """Make one error of all faults, each with its file and line."""
         return join_errors(faults, self.data, self._find_place)
@@ -54,18 +64,15 @@ class SceneSource:
 
 def read_source(source: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> SceneSource:
     """Read a scene and apply overrides; the arguments are those of ``fmd.scene.scene.load_scene``."""
+    return read_unchanged(source).with_values(overrides)
+
+
+def read_unchanged(source: str | Path | Mapping[str, Any]) -> SceneSource:
+    """Read a scene and its base; what its bodies have from others isn't in it yet."""
     if isinstance(source, Mapping):
-        file, folder, (data, places) = "", Path(), _complete(deepcopy(dict(source)), {(): find_caller()}, Path(), ())
-    else:
-        found = find_scene(str(source))
-        file, folder = str(found), Path(str(found)).parent
-        data, places = _read_with_base(found, ())
-    for text in overrides:
-        _place_value(places, _set_value(data, text, _SET), (_SET, None))
-    whole = complete_bodies(data, file)
-    for body, own in whole.get("body", {}).items() if whole is not data else ():
-        _place_inherited(places, data["body"], body) if isinstance(own, dict) else None
-    return SceneSource(file, folder, whole, places)
+        return SceneSource("", Path(), *_complete(deepcopy(dict(source)), {(): find_caller()}, Path(), ()))
+    found = find_scene(str(source))
+    return SceneSource(str(found), Path(str(found)).parent, *_read_with_base(found, ()))
 
 
 def with_line(error: InputError, overrides: Sequence[str]) -> InputError:

@@ -58,7 +58,7 @@ def read_with_lines(source: Traversable) -> tuple[dict[str, Any], Mapping[KeyPat
     """
     file = str(source)
     text = _read(file, source)
-    return _copy(_parse(file, text)), find_lines(text)
+    return copy_tables(_parse(file, text)), find_lines(text)
 
 
 def _read(file: str, source: Traversable) -> str:
@@ -79,11 +79,11 @@ def _read(file: str, source: Traversable) -> str:
         raise InputError(file, "", None, "isn't text in UTF-8; a scene file is TOML") from None
 
 
-def _copy(node: Any) -> Any:
+def copy_tables(node: Any) -> Any:
     """Copy what TOML has, in a fifth of the time of ``deepcopy``: a sweep copies its scene for each point."""
     if isinstance(node, dict):
-        return {key: _copy(value) for key, value in node.items()}
-    return [_copy(value) for value in node] if isinstance(node, list) else node
+        return {key: copy_tables(value) for key, value in node.items()}
+    return [copy_tables(value) for value in node] if isinstance(node, list) else node
 
 
 @lru_cache(maxsize=SCENES_KEPT)

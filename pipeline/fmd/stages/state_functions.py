@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError
 from fmd.core.formula import Formula
 from fmd.core.state_formula import StateFormula, parse_state_formula
 from fmd.dynamics.closures import Place
@@ -25,7 +25,7 @@ from fmd.dynamics.state_functions import (
     StateFunction,
     add_functions,
 )
-from fmd.scene.cross_checks import CrossCheck
+from fmd.scene.result_names import read_observed
 from fmd.scene.state_loads import OWN, FormulaVariable, FormulaVariables, LoadOverTime
 
 if TYPE_CHECKING:
@@ -99,23 +99,6 @@ class FunctionBuilder:
         if measured.axis < 0:
             return JointValue(_carried_by(self.scene, measured.place), measured.order)
         return PlaceValue(self.locate(measured.place)[0], measured.axis, measured.order)
-
-
-def read_observed(scene: Scene, text: str) -> tuple[FormulaVariables, StateFormula]:
-    """Read a formula of the motion that stands in no scene, but is of one.
-
-    Raises
-    ------
-    InputError
-        It isn't one, or names what the scene doesn't have.
-    """
-    table = FormulaVariables()
-    with blaming(scene.file, "observe", text):
-        parsed = table.parse(text)
-        faults = CrossCheck(scene).find_unknown_parts(table, text)
-    if faults:
-        raise InputError(scene.file, "observe", text, str(faults[0]))
-    return table, parsed
 
 
 def combine_functions(text: str, variables: Mapping[str, Measured | float]) -> StateFunction:

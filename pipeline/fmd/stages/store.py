@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -24,6 +25,15 @@ _WITH_THREADS = ("numpy", "scipy.linalg", "scipy.sparse.linalg", "gmsh", "petsc4
 def _thread_pools(loaded: tuple[str, ...]) -> ThreadpoolController:
     """Return the libraries with threads of their own; to look for them takes 2 ms, and so is done once they change."""
     return ThreadpoolController()
+
+
+def _one_thread() -> AbstractContextManager[object]:
+    """Return a context with one thread: the products here are small, and two threads of BLAS only spin.
+
+    To set the numbers, and to put them back, takes fifteen times as long as to ask for them.
+    """
+    pools = _thread_pools(tuple(name for name in _WITH_THREADS if name in sys.modules))
+    return nullcontext() if all(pool.num_threads == 1 for pool in pools.lib_controllers) else pools.limit(limits=1)
 
 
 @dataclass
@@ -128,9 +138,8 @@ class StageStore:
         """Compute a stage, and log its time, also if it fails: that of stages that it needs in turn isn't its own."""
         others = sum(self.log.seconds.values())
         tick = time.perf_counter()
-        pools = _thread_pools(tuple(name for name in _WITH_THREADS if name in sys.modules))
         try:
-            with self.monitor(stage), pools.limit(limits=1):  # the products here are small: two BLAS threads only spin
+            with self.monitor(stage), _one_thread():
                 return compute()
         except Exception as error:
             for text in self.remarks():

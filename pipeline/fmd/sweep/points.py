@@ -196,6 +196,14 @@ def _naming_vary(error: InputError, variations: Sequence[Variation]) -> InputErr
     return error
 
 
+def split_names(option: str, texts: Sequence[str]) -> list[str]:
+    """Return names that are given with commas between them, or by several options."""
+    names = [name.strip() for text in texts for name in split_at_commas(text)]
+    if not all(names):
+        raise InputError(option, "", ",".join(texts), "has an empty name; give names with commas between them")
+    return names
+
+
 def split_at_commas(text: str) -> list[str]:
     """Split a text at its commas, but for those within brackets or quotes."""
     parts, depth, quote = [""], 0, ""

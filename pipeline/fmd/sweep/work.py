@@ -11,11 +11,11 @@ from fmd.accuracy.error_budget import allowed_seconds
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.accuracy.time_limit import FAULTS
 from fmd.core.errors import AccuracyError, InputError
-from fmd.output.channels import is_of_parts, takes_motion
 from fmd.output.frequencies import mode_warnings
 from fmd.output.result_figures import result_figures
 from fmd.output.stress_warnings import stress_warnings
 from fmd.output.summary import model_warnings, run_warnings, summarise_solved
+from fmd.scene.result_names import is_of_parts, takes_motion
 from fmd.scene.scene import Scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.variants import share_growth, share_marches

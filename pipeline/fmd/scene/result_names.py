@@ -1,0 +1,132 @@
+"""Names of a run's results, which are checked by the scene alone, before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from fmd.core.errors import InputError, blaming
+from fmd.core.state_formula import StateFormula
+from fmd.scene.cross_checks import CrossCheck
+from fmd.scene.outputs import FrequencyResponseChart
+from fmd.scene.reading import suggest_name
+from fmd.scene.scene import Scene
+from fmd.scene.state_loads import FormulaVariables
+
+OF_A_BODY = ("stress", "life", "frequency")
+_MARKERS = ("position", "displacement", "velocity", "acceleration")
+_ALONG_JOINTS = (
+    "position",
+    "rate",
+    "coordinates",
+    "rates",
+    "orientation",
+    "angular_velocity",
+    "displacement",
+    "velocity",
+)
+BY = " by "
+
+
+def require_results(scene: Scene, names: Sequence[str], origin: str = "--of") -> None:
+    """Raise ``InputError`` for a name of an option that no result has, before anything is computed."""
+    for name in names:
+        first, _, last = name.partition(".")
+        of_body = first in OF_A_BODY or (first in scene.body and last.partition(".")[0] in (*OF_A_BODY, "mass"))
+        if "=" in name:
+            read_formula(scene, name, origin)
+        elif BY in name:
+            listed_response(scene, name, origin)
+        elif not (of_body or first == "critical_speed" or name in ("tip", "mass")):
+            require_quantity(scene, name, origin)
+
+
+def takes_motion(name: str) -> bool:
+    """Return false for a name of results that bodies have by themselves: frequencies, masses, frequency responses."""
+    if "=" in name:
+        return True
+    parts = name.split(".")
+    return not (BY in name or parts[-1] == "mass" or "frequency" in parts[:2] or parts[0] == "critical_speed")
+
+
+def is_of_parts(name: str) -> bool:
+    """Return true for a name of results that bodies have without a mechanism: masses and frequencies."""
+    return not takes_motion(name) and BY not in name and name.split(".", maxsplit=1)[0] != "critical_speed"
+
+
+def read_formula(scene: Scene, given: str, origin: str) -> tuple[str, str]:
+    """Return name and text of a formula of the motion."""
+    name, _, text = (part.strip() for part in given.partition("="))
+    if not name:
+        raise InputError(origin, name, text, "a formula needs a name, name = formula")
+    try:
+        read_observed(scene, text)
+    except InputError as error:
+        raise InputError(origin, name, text, error.mend) from None
+    return name, text
+
+
+def read_observed(scene: Scene, text: str) -> tuple[FormulaVariables, StateFormula]:
+    """Read a formula of the motion that stands in no scene, but is of one.
+
+    Raises
+    ------
+    InputError
+        It isn't one, or names what the scene doesn't have.
+    """
+    table = FormulaVariables()
+    with blaming(scene.file, "observe", text):
+        parsed = table.parse(text)
+        faults = CrossCheck(scene).find_unknown_parts(table, text)
+    if faults:
+        raise InputError(scene.file, "observe", text, str(faults[0]))
+    return table, parsed
+
+
+def listed_response(scene: Scene, name: str, origin: str) -> tuple[FrequencyResponseChart, int]:
+    """Return the output of the scene that has a frequency response, and the response's number there."""
+    pairs = {
+        f"{output}{BY}{each.input}": (each, k)
+        for each in scene.output
+        if isinstance(each, FrequencyResponseChart)
+        for k, output in enumerate(each.outputs)
+    }
+    if name not in pairs:
+        raise InputError(
+            origin, name, None, f"no [[output]] of type frf has it; {suggest_name(name, pairs, 'there are')}"
+        )
+    return pairs[name]
+
+
+def require_quantity(scene: Scene, name: str, origin: str) -> dict[str, Any]:
+    """Return the keys of a history that holds a quantity; raises ``InputError`` if no quantity has such a name."""
+    asked = _asked_quantity(scene, name)
+    if asked is None:
+        raise InputError(origin, name, None, f"no such result; {suggest_name(name, _examples(scene), 'such as')}")
+    return asked
+
+
+def _asked_quantity(scene: Scene, name: str) -> dict[str, Any] | None:
+    """Return the keys of a history that holds a quantity; ``None`` if no quantity has such a name."""
+    if name in ("kinetic_energy", "potential_energy"):
+        return {"quantities": ["energy"]}
+    parts = name.split(".")
+    first, second, kind = parts[0], ".".join(parts[:2]), parts[2] if len(parts) > 2 else ""
+    if first in scene.body and kind in _MARKERS and parts[1] in scene.body[first].marker:
+        return {"quantities": [f"marker_{kind}"], "markers": [second]}
+    if first in scene.flexible and kind and parts[1] in getattr(scene.body[first], "element", {}):
+        return {"quantities": ["element_stress"], "elements": [second], "components": [kind.replace("_", " ")]}
+    if first in scene.joint and len(parts) > 1:
+        if parts[1] in ("force", "moment"):
+            return {"quantities": ["joint_reaction"], "joints": [first]}
+        if parts[1] in _ALONG_JOINTS:
+            return {"quantities": ["joint_position", "joint_rate"], "joints": [first]}
+    return None
+
+
+def _examples(scene: Scene) -> list[str]:
+    """Return names of results that a run has."""
+    found = ["tip", "mass", *(f"{body}.{kind}" for body in scene.flexible for kind in ("stress", "frequency.1"))]
+    found += [f"{joint}.{kind}" for joint in scene.joint for kind in ("force", "position")]
+    markers = [f"{body}.{marker}" for body, table in scene.body.items() for marker in table.marker]
+    return [*found, *(f"{marker}.position" for marker in markers)]
