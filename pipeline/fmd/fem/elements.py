@@ -46,6 +46,9 @@ class ElementKind:
     stressed : callable, optional
         What is left of strains (n_elements, n_q, 3, 3) where others follow without stress, as through a shell: a
         function of strains, Jacobians, a material and elements.
+    from_middle : callable, optional
+        Strains whose transverse shear is that of the middle of a shell, as they are at places across it: a function of
+        what ``stressed`` takes, and of the places.
     """
 
     name: str
@@ -61,6 +64,7 @@ class ElementKind:
     can_be_enhanced: bool = False
     strain_matrix: Callable[..., tuple[Array, Array]] | None = None
     stressed: Callable[..., Array] | None = None
+    from_middle: Callable[..., Array] | None = None
 
     @cached_property
     def element(self) -> Any:

@@ -246,7 +246,9 @@ class Layered:
         C = np.array([each.lamina.stiffness for each in self.laminate.plies])[ply]
         return np.asarray((C @ bond(turn @ frames)[..., PLANE, :]) @ strain)
 
-    def through_shell(self, A: Array, J: Array, zeta: Array | None, elements: IntArray) -> Array:
+    def through_shell(
+        self, A: Array, J: Array, zeta: Array | None, elements: IntArray, given_at: float | None = None
+    ) -> Array:
         """Return strains (n_elements, n_q, 3, 3) of a shell's displacement with the plies' transverse shear.
 
         Parameters are those of `Material.through_shell`. Stretch through the thickness is left out: its stress is none.
@@ -254,6 +256,8 @@ class Layered:
         R = self.frames(J, elements)
         local = R @ A @ R.swapaxes(2, 3)
         share = np.zeros((1, 2, 2)) if zeta is None else self.laminate.shear_strain(zeta)
+        if given_at is not None:
+            share = share @ np.linalg.inv(self.laminate.shear_strain(np.array([given_at])))
         across = (share @ local[..., :2, 2:])[..., 0]
         return np.asarray(R.swapaxes(2, 3) @ plane_tensor(local, across) @ R)
 

@@ -71,7 +71,9 @@ class AnyElastic(Protocol):
     def stress(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
         """Return the stress of strains at points X of elements, both of shape (n_elements, n_q, 6, n)."""
 
-    def through_shell(self, A: Array, J: Array, zeta: Array | None, elements: IntArray) -> Array:
+    def through_shell(
+        self, A: Array, J: Array, zeta: Array | None, elements: IntArray, given_at: float | None = None
+    ) -> Array:
         """Return strains (n_elements, n_q, 3, 3) of a shell's displacement as its plane stress has them."""
 
 
@@ -136,10 +138,12 @@ class Material:
         """Return the stress of strains at points X of elements, both of shape (n_elements, n_q, 6, n)."""
         return np.asarray(self.stiffness @ strain)
 
-    def through_shell(self, A: Array, J: Array, zeta: Array | None, elements: IntArray) -> Array:
+    def through_shell(
+        self, A: Array, J: Array, zeta: Array | None, elements: IntArray, given_at: float | None = None
+    ) -> Array:
         """Return strains (n_elements, n_q, 3, 3) of a shell's displacement as its plane stress has them.
 
-        Stretch through the thickness follows from plane stress; transverse shear, the mean's, has Reissner's parabola.
+        Stretch through the thickness follows from plane stress; transverse shear has Reissner's parabola.
 
         Parameters
         ----------
@@ -147,9 +151,13 @@ class Material:
             Base vectors, last axis reference, the third through the thickness.
         zeta : ndarray, shape (n_q,), optional
             Place across the thickness, 0 … 1; without, transverse shear is left out.
+        given_at : float, optional
+            Place whose transverse shear A has; without, it has the mean's.
         """
         normal = J[..., 2] / np.linalg.norm(J[..., 2], axis=-1, keepdims=True)
         share = np.float64(0.0) if zeta is None else (1.25 * (1 - (2 * zeta - 1) ** 2))[:, None, None]
+        if given_at is not None:
+            share = share / (1.25 * (1 - (2 * given_at - 1) ** 2))
         n = normal[..., None]
         across = A @ n
         stretch = n.swapaxes(2, 3) @ across

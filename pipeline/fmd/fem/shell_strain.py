@@ -139,6 +139,11 @@ def across_plane_stress(A: Array, J: Array, material: AnyElastic, elements: IntA
     return material.through_shell(A, J, None, elements)
 
 
+def from_middle(A: Array, J: Array, material: AnyElastic, elements: IntArray, zeta: Array) -> Array:
+    """Return strains A, whose transverse shear is that of the shell's middle, as they are at places across it."""
+    return material.through_shell(A, J, zeta, elements, 0.5)
+
+
 def _voigt(A: Array) -> Array:
     """Return symmetric tensors (…, 3, 3) as xx, yy, zz, 2yz, 2xz, 2xy, shape (…, 6)."""
     return np.stack([*(A[..., k, k] for k in range(3)), 2 * A[..., 1, 2], 2 * A[..., 0, 2], 2 * A[..., 0, 1]], axis=-1)

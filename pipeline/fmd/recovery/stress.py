@@ -48,20 +48,23 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     """
     from fmd.fem.strain import stresses
 
-    return _average_at_nodes(space, shapes, nodes, partial(stresses, space, material))
+    return average_at_nodes(space, shapes, nodes, partial(stresses, space, material))
 
 
-def nodal_strain(space: Discretisation, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
-    """Strain of each shape at chosen nodes, xx, yy, zz, 2yz, 2xz, 2xy; parameters and shape as of `modal_stress`."""
-    from fmd.fem.strain import strains
-
-    return _average_at_nodes(space, shapes, nodes, partial(strains, space, material))
-
-
-def _average_at_nodes(
-    space: Discretisation, shapes: Array, nodes: IntArray, evaluate: Callable[[Array, Array, IntArray], Array]
+def average_at_nodes(
+    space: Discretisation,
+    shapes: Array,
+    nodes: IntArray,
+    evaluate: Callable[[Array, Array, IntArray], Array],
+    among: IntArray | slice = slice(None),
 ) -> Array:
-    """Average a quantity at nodes over the elements around them, by its function of shapes, points and elements."""
+    """Average a quantity at nodes over the elements around them, by its function of shapes, points and elements.
+
+    Parameters
+    ----------
+    among : ndarray or slice
+        Numbers of the elements that count; nodes of none have 0.
+    """
     shapes = shapes[: len(space.x)]
     require_shape("shapes", shapes, (len(space.x), 3, None))
     if len(np.unique(nodes)) < len(nodes):
@@ -69,7 +72,8 @@ def _average_at_nodes(
     X, to_nodes = space.kind.stress_points, space.kind.stress_to_nodes
     chosen = np.full(len(space.x), -1)
     chosen[nodes] = np.arange(len(nodes))
-    elements = np.flatnonzero((chosen[space.element_nodes] >= 0).any(axis=1))
+    everything = np.arange(len(space.element_nodes))[among]
+    elements = everything[(chosen[space.element_nodes[everything]] >= 0).any(axis=1)]
     total = np.zeros((len(nodes) + 1, 6, shapes.shape[2]))  # the last row gathers all other nodes
     count = np.zeros(len(nodes) + 1)
     for start in range(0, len(elements), STRAINED_AT_ONCE):
@@ -79,7 +83,7 @@ def _average_at_nodes(
         local = chosen[space.element_nodes[part]]
         np.add.at(total, local, stress)
         np.add.at(count, local, 1.0)
-    return np.asarray(total[:-1] / count[:-1, None, None])
+    return np.asarray(total[:-1] / np.maximum(count[:-1, None, None], 1.0))
 
 
 def element_stress(

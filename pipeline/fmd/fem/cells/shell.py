@@ -12,7 +12,7 @@ from fmd.fem.cells.hexahedron import Hexahedron
 from fmd.fem.cells.shape import OwnElement, skfem_quadrature
 from fmd.fem.cells.wedge import Wedge, WedgeElement
 from fmd.fem.elements import ElementKind
-from fmd.fem.shell_strain import across_plane_stress, quadrilateral_strain, triangle_strain
+from fmd.fem.shell_strain import across_plane_stress, from_middle, quadrilateral_strain, triangle_strain
 
 
 def _layered(cell: str, order: int, ends: Array | tuple[float, ...] = (0.0, 1.0)) -> tuple[Array, Array]:
@@ -90,9 +90,21 @@ _MITC4 = ElementKind(
     3,
     strain_matrix=quadrilateral_strain,
     stressed=across_plane_stress,
+    from_middle=from_middle,
 )
 _MITC3 = ElementKind(
-    "mitc3+", 13, ShellTriangle, 1, _TRI, _TRI, 4, 3, 2, strain_matrix=triangle_strain, stressed=across_plane_stress
+    "mitc3+",
+    13,
+    ShellTriangle,
+    1,
+    _TRI,
+    _TRI,
+    4,
+    3,
+    2,
+    strain_matrix=triangle_strain,
+    stressed=across_plane_stress,
+    from_middle=from_middle,
 )
 
 SHELLS = {
