@@ -153,8 +153,8 @@ def _free(touch: Callable[[Array], Any], away: Callable[[Array], Any]) -> Sets:
     }
 
 
-def by_us(case: Case, folder: Path) -> tuple[float, Array, Array]:
-    """Return the force on the driven body [N], and places [mm] and pressures [MPa] of points."""
+def place_parts(case: Case, folder: Path) -> tuple[Pipeline, dict[str, Array]]:
+    """Return the scene of a case, and where each body's frame is in its mesh [m]."""
     scene: dict[str, Any] = {"title": case.name, "body": {}, "joint": {}, "ground": {}}
     for k, part in enumerate(case.parts):
         path = folder / f"part{k}.inp"
@@ -179,12 +179,11 @@ def by_us(case: Case, folder: Path) -> tuple[float, Array, Array]:
         place = origins[f"p{k}"].copy()
         place[case.axis] += 1e-3 * case.drive * (k == 0)
         scene["ground"][f"g{k}"]["at"] = place.round(12).tolist()
-    run = Pipeline(load_scene(scene), Cache(None))
-    return _at_rest(run, origins)
+    return Pipeline(load_scene(scene), Cache(None)), origins
 
 
-def _at_rest(run: Pipeline, origins: dict[str, Array]) -> tuple[float, Array, Array]:
-    """Find the modes at rest, and return what `by_us` does."""
+def find_rest(run: Pipeline, origins: dict[str, Array]) -> tuple[float, Array, Array]:
+    """Find the modes at rest; return the force on the driven body [N], places [mm] and pressures [MPa] of points."""
     p, n = run.system.parameters, run.mechanism.n
     q, M = run.start[0].copy(), run.system.mass_matrix(run.start[0])
     modes = np.concatenate([run.mechanism.modes_of(link) for link in range(2)])
@@ -283,7 +282,7 @@ def _read_frd(path: Path) -> dict[str, dict[int, list[float]]]:
 
 def compare(case: Case, folder: Path) -> dict[str, str]:
     """Return the row of a case."""
-    ours, places, mine = by_us(case, folder)
+    ours, places, mine = find_rest(*place_parts(case, folder))
     theirs, of_nodes, pressures = by_calculix(case, folder)
     (k,) = (k for k in range(2) if pressures[k].any())
     other = pressures[k][cKDTree(of_nodes[k]).query(places)[1]]

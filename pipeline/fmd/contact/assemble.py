@@ -174,6 +174,7 @@ def _triangles(surfaces: Sequence[ContactSurface], first: IntArray) -> dict[str,
         "corner": corner,
         "rim": np.concatenate([own.rim for own in surfaces]),
         "ball": np.zeros((len(corner), 4)),
+        "ridge": np.zeros((9, 3)),
     }
 
 

@@ -70,6 +70,7 @@ class ContactTable(Table):
     corner: IntArray  # (n_triangles, 3): nodes
     rim: IntArray  # (n_triangles, 6): 1 for each side, then each corner, that is on its face's rim
     ball: Array  # (n_triangles, 4): centre in space and radius
+    ridge: Array  # (9, 3): normals at a triangle's sides and corners, how near these are, and means by that
     # Points.
     node: IntArray  # (n,)
     surface: IntArray  # (n,)

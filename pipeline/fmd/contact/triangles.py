@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from fmd.contact.ridges import round_ridge
 from fmd.contact.tables import ContactTable
 from fmd.core.arrays import Array
 from fmd.core.limits.contact import BEYOND_RIM, DEEP_ENTRY, FACING
@@ -110,17 +111,18 @@ def _set_normal(c: ContactTable, f: int, i: int, square: float, height: float) -
     area = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     size, beside = math.sqrt(area), math.sqrt(max(0.0, square - height * height))
     n0, n1, n2 = n0 / area, n1 / area, n2 / area
-    if beside > SUMMED * size:
-        if _on_rim(c, f, i):
-            if beside > BEYOND_RIM * size:
-                return -1.0
-        else:
-            distance = math.copysign(math.sqrt(square), height)
-            w0, w1, w2 = c.weights[i, 0], c.weights[i, 1], c.weights[i, 2]
-            n0 = (c.place[p, 0] - w0 * c.place[a, 0] - w1 * c.place[b, 0] - w2 * c.place[d, 0]) / distance
-            n1 = (c.place[p, 1] - w0 * c.place[a, 1] - w1 * c.place[b, 1] - w2 * c.place[d, 1]) / distance
-            n2 = (c.place[p, 2] - w0 * c.place[a, 2] - w1 * c.place[b, 2] - w2 * c.place[d, 2]) / distance
+    on_rim = beside > SUMMED * size and _on_rim(c, f, i)
+    if on_rim and beside > BEYOND_RIM * size:
+        return -1.0
+    if beside > SUMMED * size and not on_rim:
+        distance = math.copysign(math.sqrt(square), height)
+        w0, w1, w2 = c.weights[i, 0], c.weights[i, 1], c.weights[i, 2]
+        n0 = (c.place[p, 0] - w0 * c.place[a, 0] - w1 * c.place[b, 0] - w2 * c.place[d, 0]) / distance
+        n1 = (c.place[p, 1] - w0 * c.place[a, 1] - w1 * c.place[b, 1] - w2 * c.place[d, 1]) / distance
+        n2 = (c.place[p, 2] - w0 * c.place[a, 2] - w1 * c.place[b, 2] - w2 * c.place[d, 2]) / distance
     set_axes(c, i, n0, n1, n2)
+    if round_ridge(c, f, i, height, on_rim):
+        set_axes(c, i, c.axes[i, 0, 0], c.axes[i, 0, 1], c.axes[i, 0, 2])
     return float(size)
 
 

@@ -45,6 +45,9 @@ DEPTH_FRAMES = 120  # output times at which depths between nodes are looked for
 
 # Contact of two bodies.
 SHARP_EDGE = 30.0  # [degrees]: corners of triangles whose normals differ by more are looked for on the other face
+RIDGE_BEGIN = 0.01  # of a triangle's height: a place by a side that is nearer than that is on the side
+RIDGE_END = 0.05  # of the same: from here on the triangle's own normal holds
+LEAST_RIDGE = 1e-3  # [rad]: half the angle between triangles, below which they count as flat
 EDGE_SOFTNESS = 1.0  # of the own flexibility of a point on an edge: more for such a contact, beside the face's points
 BEYOND_RIM = 0.02  # of a triangle's size: how far beyond a face's rim a point still touches it
 FACING = 0.2  # cosine of the angle between outward normals, above which surfaces don't face each other
