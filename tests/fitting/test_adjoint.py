@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import fmd as package
-from fmd.fitting import adjoint, frozen_run
+from fmd.core.errors import StabilityError
+from fmd.fitting import adjoint, frozen_run, result_function
 from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import find_parameter
 from fmd.fitting.tangents import march_tangents
 from fmd.integrators import adjoint as march_adjoint
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.output.channels import find_all_channels
 from tests.fitting.test_tangents import (
     CENTRES,
@@ -26,6 +28,7 @@ from tests.fitting.test_tangents import (
     chain,
     four_bar,
     numbers_of_random,
+    revolute,
     spatial,
     spatial_chain,
 )
@@ -36,6 +39,17 @@ TURNING = [SPRINGS[0], *OTHERS, "joint.drive.rate", "body.coupler.inertia.1"]
 MORE = ("joint.drive.rate=-0.3 rad/s", "joint.pin.rest=-50 deg")  # negative numbers, as well
 SHORT = "simulation.duration=0.06 s"
 LOOPS = (four_bar, spatial)
+
+
+def driven(method: str) -> dict[str, Any]:
+    """The four-bar with a crank that a motor turns: a mechanism without a freedom."""
+    tables = four_bar(method)
+    tables["joint"]["drive"] = revolute("ground", "crank.a")
+    angle = {"formula": "1.4 + 0.3*sin(30*t)", "unit": "rad"}
+    tables["drive"] = {"turn": {"type": "motion", "joint": "drive", "angle": angle}}
+    return tables
+
+
 SIZES = ["body.coupler.mass", "body.crank.marker.b.at.0"]
 
 
@@ -62,6 +76,7 @@ def differ(frozen: FrozenRun, keys: list[str]) -> tuple[Any, Any]:
         (spatial_chain, TURNING, 750, MORE[:1]),
         (four_bar, [SPRINGS[0], SIZES[1]], 5000, [SHORT]),
         pytest.param(four_bar, [*SPRINGS, *OTHERS, *SIZES], 2**20, [SHORT], marks=pytest.mark.long),
+        (driven, SIZES[1:], 2**20, [SHORT]),
         (spatial, SPATIAL[1:3], 2**20, [SHORT]),
         (balanced, CENTRES, 2**20, [SHORT]),
         *(
@@ -117,6 +132,30 @@ def test_an_adjoint_says_when_a_long_step_closes_loops_otherwise_and_differences
     free = package.ResultFunction(package.load(chain("central-difference")), of=["crank.b.position.y"], to=SPRINGS[:1])
     free.vjp(free.start, np.ones(len(free(free.start))))
     assert free.lacking.startswith("corrections left 0.0e+00 of the adjoint's weights")
+
+
+def test_an_adjoint_refuses_what_it_can_not_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Corrections that have left NaN, and steps that were not found; other errors of a gradient go on to the user."""
+    run = package.load(chain("generalized-alpha"), SHORT).run
+    system, q0, v0 = next(iter(run.plans.values())).marched
+    method, times = GeneralizedAlpha(1e-3), np.array([0.01, 0.02])
+    weights = np.ones((2, system.n_positions)), np.ones((2, system.n))
+    with pytest.raises(package.AccuracyError, match="the step at t = 0 s was not found; take a smaller step"):
+        march_adjoint.pull_back(method, system, q0, v0 + 1e120, times, *weights, [])
+    unknown = (np.zeros(system.n_positions), np.zeros(system.n), np.nan)
+    with monkeypatch.context() as context:
+        context.setattr(march_adjoint, "take_back", lambda *_: unknown)
+        with pytest.raises(march_adjoint.NotTakenBackError, match="corrections left nan"):
+            march_adjoint.pull_back(method, system, q0, v0, times, *weights, [])
+
+    def fail(*_: Any) -> None:
+        raise StabilityError("it diverges")
+
+    monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 1)
+    monkeypatch.setattr(result_function, "find_gradient", fail)
+    function = package.ResultFunction(package.load(chain("central-difference")), of=["crank.b.position.y"], to=SPRINGS)
+    with pytest.raises(StabilityError, match="it diverges"):
+        function.vjp(function.start, np.ones(len(function(function.start))))
 
 
 RANDOM = [(3, ""), *((1, run) for run in OTHER_METHODS)]

@@ -10,12 +10,13 @@ import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.arrays import Array, require_finite, require_shape
-from fmd.core.errors import AccuracyError
+from fmd.dynamics.compiled_system.closed_tangents import LinearisedAnewError
 from fmd.fitting.adjoint import find_gradient, lacks_adjoint
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.fitting.sensitivities import change_of
 from fmd.fitting.tangents import say_what_lacks_tangents
+from fmd.integrators.adjoint import NotTakenBackError
 from fmd.output.channels import find_all_channels
 from fmd.stages.pipeline import Pipeline
 
@@ -108,7 +109,7 @@ class ResultFunction:
             return np.asarray(weights @ self.jacobian(x))
         try:
             known = find_gradient(self._frozen, motion, self._parameters, self._channels, weights)
-        except AccuracyError as error:
+        except (LinearisedAnewError, NotTakenBackError) as error:
             self.lacking = str(error)
             return np.asarray(weights @ self.jacobian(x))
         if not known and motion.plan is not None:

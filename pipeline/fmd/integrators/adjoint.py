@@ -31,6 +31,10 @@ from fmd.kernels.kernel import kernel
 from fmd.kernels.library import call_native
 
 
+class NotTakenBackError(AccuracyError):
+    """The steps of a march can't be taken back; its tangents don't depend on that."""
+
+
 @dataclass(frozen=True)
 class WeightedMarch:
     """A march, and the weights of its output in a sum.
@@ -158,8 +162,10 @@ def pull_back(
     ------
     StabilityError
         The adjoint grows without bounds.
-    AccuracyError
-        Loops were closed otherwise than a step's transpose takes it, or corrections left too much.
+    LinearisedAnewError
+        Loops were closed otherwise than a step's transpose takes it.
+    NotTakenBackError
+        Corrections left too much.
     """
     system = system_along(system, directions)
     output = [np.ascontiguousarray(x, dtype=float) for x in (times, by_q, by_v)]
@@ -169,8 +175,8 @@ def pull_back(
     if not np.isfinite(found).all():
         raise StabilityError("the adjoint of the march grows without bounds; a shorter step may help")
     require_one_linearisation(p)
-    if left > WEIGHTS_LEFT:
-        raise AccuracyError(f"corrections left {left:.1e} of the adjoint's weights; take a shorter step")
+    if not left <= WEIGHTS_LEFT:  # NaN, too
+        raise NotTakenBackError(f"corrections left {left:.1e} of the adjoint's weights; take a shorter step")
     return found
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import AccuracyError
 from fmd.core.limits.newton import STALLED, STEP_ITERATIONS
 from fmd.core.limits.round_off import EXACT, SUMMED
 from fmd.dynamics.compiled_system.adjoint_kernels import (
@@ -252,13 +253,21 @@ def _take_march_back(method: GeneralizedAlpha, march: WeightedMarch, sums: Sums)
     p, state, counts = march.parameters, method.start(system, march.q0, march.v0), np.array([0.0, np.nan])
     start = [np.array(x) for x in (march.q0, march.v0, state.a[: system.n])]
     begins = list[State]()
+
+    def keep(state: State, first: int) -> None:
+        count = min(kept, n_steps - first)
+        done = _keep_steps(method.steps(system, counts, state), p, b, first, count)
+        if done < count:
+            at = f"t = {(first + done) * method.step:.6g} s"
+            raise AccuracyError(f"{method.name}: the step at {at} was not found; take a smaller step")
+
     for first in range(0, n_steps, kept):
         begins.append(state.copy())
-        _keep_steps(method.steps(system, counts, state), p, b, first, min(kept, n_steps - first))
+        keep(state, first)
     for number, begin in reversed([*enumerate(begins)]):
         first, count = number * kept, min(kept, n_steps - number * kept)
         if number < len(begins) - 1:
-            _keep_steps(method.steps(system, counts, begin), p, b, first, count)
+            keep(begin, first)
         _take_steps_back(b, p, s, first, count)
         sums.take(s.known)
     _take_start_back(b, p, s, *start)

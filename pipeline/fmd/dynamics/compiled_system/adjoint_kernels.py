@@ -84,7 +84,7 @@ class StepsBack(Table):
     multiplier: Array
     other: Array
     none: Array
-    left: Array  # (2,): largest part of weights that corrections have left, and the size of the last ones
+    left: Array  # (2,): largest part of weights that corrections have left, and their size in the last
     known: Evaluations
 
 

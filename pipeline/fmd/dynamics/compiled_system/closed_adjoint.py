@@ -145,7 +145,6 @@ def _keep(s: StepsBack, t: float, q: Array, v: Array, a: Array) -> int:
 def _find_weights(p: ClosedParameters, s: StepsBack, weights: Array) -> float:
     """Find weights of constraints so that ``Xᵀ`` of others and of theirs is 0; return the largest that was not."""
     whole, widest = p.whole, 0.0
-    s.left[1] = 0.0
     for k in range(whole.rank[0]):
         row = whole.order[k]
         total, size = 0.0, 0.0
@@ -162,7 +161,10 @@ def _find_weights(p: ClosedParameters, s: StepsBack, weights: Array) -> float:
 
 @inner
 def _note_left(s: StepsBack, widest: float) -> None:
-    """Note what the last correction has left of weights, beside what was summed there."""
+    """Note what the last correction has left of weights, beside the largest sum of parts of any correction.
+
+    Of a mechanism without a freedom the last one's are 0 themselves.
+    """
     if not widest <= s.left[0] * s.left[1]:
         s.left[0] = widest / s.left[1]
 
@@ -175,6 +177,7 @@ def _close_back(p: ClosedParameters, s: StepsBack, t: float, q: Array, v: Array,
     v, have the weights ``rates``.
     """
     last, widest = math.inf, 0.0
+    s.left[1] = 0.0
     set_inputs(p, t)
     _clear(s.g)
     for _ in range(2 * PROJECTIONS):
@@ -218,6 +221,7 @@ def _project_back(p: ClosedParameters, s: StepsBack, t: float, q: Array, v: Arra
 def _close_rates_back(p: ClosedParameters, s: StepsBack, q: Array, v: Array, dv: Array) -> None:
     """Take derivatives by rates that are projected back to those by the rates before it."""
     last, widest = math.inf, 0.0
+    s.left[1] = 0.0
     _clear(s.g)
     _clear(s.rates)
     for _ in range(2 * PROJECTIONS):
