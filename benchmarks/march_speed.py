@@ -22,6 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,10 @@ METHODS_OF = {
 RATIOS = {"reversible": (" 10:1",)}
 METHODS = tuple(label + ratio for label in METHODS_OF for ratio in RATIOS.get(label, ("",)))
 TOO_LONG = {("ten links", "exponential-rosenbrock")}  # an earlier version takes minutes
+LINKS = {"chain": 10, "long chain": 30}  # numbers of links
 READY = ("rod-slider", "beam-paper", "arm", "spin-up", "propeller", "propeller-torque", "propeller-gust")
+COMPILED = {scene: scene for scene in READY}
+COMPILED |= {"beam-paper": "beam", "chain": "ten links", "long chain": "thirty links"}
 
 
 def chain_of_links(count: int) -> str:
@@ -112,9 +116,9 @@ def open_scene(scene: str, overrides: list[str]) -> tuple[Any, Any]:
     """Return a scene's pipeline and the system that its integrators march, of whichever version this process has."""
     from fmd import Pipeline, load_scene
 
-    if scene == "chain":
+    if scene in LINKS:
         path = Path(tempfile.mkdtemp()) / "chain.toml"
-        path.write_text(chain_of_links(10))
+        path.write_text(chain_of_links(LINKS[scene]))
         scene = str(path)
     run = Pipeline(load_scene(scene, overrides))
     return run, run.system if hasattr(run, "system") else run.mechanism
@@ -160,7 +164,7 @@ def serve() -> None:
 
 def compile_all(scene: str) -> dict[str, float]:
     """Return the processor seconds for tracing and compiling all of a scene's motions, and their number."""
-    from fmd.dynamics.compiler import compiled, store
+    from fmd.dynamics.compiler import compiled, signal_code, store
 
     spent, count = 0.0, 0
 
@@ -175,7 +179,7 @@ def compile_all(scene: str) -> dict[str, float]:
         return load_timed
 
     store.read_code = lambda path: None  # as if nothing was kept
-    compiled.load_object, compiled.load_program = timed(compiled.load_object), timed(compiled.load_program)
+    compiled.load_program = signal_code.load_program = timed(store.load_program)
     run, system = open_scene(scene, list(few_modes(scene)))
     if scene == "chain":
         make_method("central-difference", 1e-6).march(system, *run.start, np.array([0.0, 1e-4]))
@@ -270,12 +274,12 @@ def measure_dgemm() -> float:
     return 2 * 0.5**3 / min(seconds)
 
 
-def measure_compiling(version: Version) -> list[dict[str, str]]:
-    """Compile what the ready scenes and the chain march with, each in a process of its own."""
+def measure_compiling(version: Version, scenes: Sequence[str]) -> list[dict[str, str]]:
+    """Compile what scenes march with, each in a process of its own."""
     rows = []
-    for scene in (*READY, "chain"):
+    for scene in scenes:
         found = version.call("--compile", scene)
-        row = {"scene": "ten links" if scene == "chain" else scene, "coordinates": f"{found['n']:.0f}"}
+        row = {"scene": COMPILED[scene], "coordinates": f"{found['n']:.0f}"}
         rows.append(row | {"functions": f"{found['functions']:.0f}", "seconds": f"{found['seconds']:.2f}"})
         print(*rows[-1].values(), sep="  ", flush=True)
     return rows
@@ -297,12 +301,15 @@ def main() -> None:
     else:
         reader = argparse.ArgumentParser()
         reader.add_argument("--before", type=Path, help="a checkout of the earlier version; without, compiling alone")
-        reader.add_argument("scenes", nargs="*", help=f"some of {', '.join(SCENES)}", metavar="SCENE")
+        reader.add_argument(
+            "scenes", nargs="*", help=f"some of {', '.join(SCENES)}; without, {', '.join(COMPILED)}", metavar="SCENE"
+        )
         chosen = reader.parse_args()
         with tempfile.TemporaryDirectory() as folder:
             if chosen.before is None:
-                rows = measure_compiling(Version(ROOT, os.environ.get("FMD_CACHE", folder)))
-                renew("compiling.csv", rows, (*READY, "ten links"))
+                here = Version(ROOT, os.environ.get("FMD_CACHE", folder))
+                rows = measure_compiling(here, chosen.scenes or tuple(COMPILED))
+                renew("compiling.csv", rows, tuple(COMPILED.values()))
                 return
             versions = [Version(chosen.before.resolve(), f"{folder}/before"), Version(ROOT, f"{folder}/now")]
             if os.environ.get("FMD_CACHE"):

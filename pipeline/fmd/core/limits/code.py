@@ -10,7 +10,7 @@ STRUCTURAL = (0.0, 1.0, -1.0)  # numbers that stand in code themselves: what the
 DOUBLES_IN_LINE = 8  # of the processor's cache
 
 # Long programs.
-LONG_PROGRAM = 12_000  # operations, some 80 kB of machine code: from here on, parts that are alike share it
+LONG_PROGRAM = 12_000  # operations, some 70 kB of machine code: from here on, parts that are alike share it
 MOST_IN_PART = 2500  # operations of a part: LLVM's time for a function grows faster than it does
 MOST_COPIED = 32  # vector registers that a function copies to or from the parts' arrays: LLVM compares all pairs
 MOST_ON_STACK = 1 << 19  # doubles between a program's parts: half of the 8 MB that a thread's stack has
