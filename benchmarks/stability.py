@@ -37,7 +37,8 @@ from fmd.stability.tangent import (
     OperatingPoint,
     scheme_growth_rates,
     scheme_tangents,
-    system_growth_rates,
+    slope_growth_rates,
+    system_slopes,
 )
 from tests.linear_system import LinearSystem
 
@@ -302,7 +303,7 @@ def _disturbed(case: StressCase) -> tuple[Array, Array]:
 def _march_adaptively(case: StressCase, method: Integrator, steps: int) -> StressTestRow:
     """March over many periods, within a number of explicit steps; predicted by the equations of motion."""
     duration = min(1e3 * 2 * np.pi / case.lowest, steps * 2 / case.system.highest_frequency)
-    folds = float(system_growth_rates(case.system, [case.at])[0, 0]) * duration
+    folds = float(slope_growth_rates(system_slopes(case.system, [case.at]))[0, 0]) * duration
     predicted = "lives" if folds < _GROWN - _UNSURE else "diverges" if folds > _GROWN + _UNSURE else "either"
     label = (case.family, case.name, method.name, 1, 0.0, 0, predicted)
     times = np.linspace(0.0, duration, _LOOKS)

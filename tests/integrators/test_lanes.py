@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators import central_difference
@@ -21,9 +22,21 @@ METHOD, TIMES = CentralDifference(0.002), np.array([0.0, 0.0031, 0.0032, 0.05, 0
 STIFFER = 1e9  # times a spring: no step is stable
 
 
+SEEDS = (3, 4, 5, 9, 13)  # of random mechanisms with numbers, whose steps can be taken in lanes
+
+
 @pytest.fixture(autouse=True)
-def always_in_lanes(monkeypatch: pytest.MonkeyPatch) -> None:
+def groups(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """March in lanes however few the steps are, and note the number of groups of each call."""
+    found, march = list[int](), central_difference.march_lanes
+
+    def march_counted(steps: Any, samples: Any, starts: Any, rows: IntArray, n_steps: int) -> None:
+        found.append(len(rows))
+        march(steps, samples, starts, rows, n_steps)
+
     monkeypatch.setattr(central_difference, "LANE_STEPS", 1)
+    monkeypatch.setattr(central_difference, "march_lanes", march_counted)
+    return found
 
 
 def sprung(seed: int) -> PointMechanism:
@@ -38,12 +51,6 @@ def sprung(seed: int) -> PointMechanism:
     return replace(made, mechanism=replace(made.mechanism, links=links))
 
 
-def seeds_in_lanes() -> list[int]:
-    """Seeds of random mechanisms with numbers, whose steps can be taken in lanes."""
-    made = {seed: CompiledSystem(sprung(seed).mechanism) for seed in range(60)}
-    return [seed for seed, own in made.items() if not own.settles and len(own.compiled.numbers)][:5]
-
-
 def variants(seed: int, count: int) -> tuple[CompiledSystem, list[CompiledSystem], Array]:
     """A system, others with numbers of their own, and a state of each with its numbers behind it."""
     made, rng = sprung(seed), np.random.default_rng([seed, 7])
@@ -54,13 +61,18 @@ def variants(seed: int, count: int) -> tuple[CompiledSystem, list[CompiledSystem
     return first, own, np.array(states)
 
 
-@pytest.mark.parametrize("seed", seeds_in_lanes())
-def test_each_lane_moves_as_its_mechanism_does_alone_beside_one_that_diverges(seed: int) -> None:
-    first, systems, states = variants(seed, 11)  # more than eight lanes
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("count", [11, 14])  # a group of eight, and too few for another; two groups
+def test_each_lane_moves_as_its_mechanism_does_alone_beside_one_that_diverges(
+    seed: int, count: int, groups: list[int]
+) -> None:
+    first, systems, states = variants(seed, count)
+    assert first.leap_in_lanes
     number = first.compiled.numbers.size
     lost = 4
     states[lost, -number:] *= STIFFER
     found = METHOD.marches(first, states, TIMES)
+    assert groups == [count // 7]
     for k, (march, system) in enumerate(zip(found, systems, strict=True)):
         if k == lost:
             assert march is None
@@ -76,13 +88,13 @@ def test_each_lane_moves_as_its_mechanism_does_alone_beside_one_that_diverges(se
         assert march.evaluations == alone.evaluations
 
 
-def test_lanes_begin_at_steps_of_their_own_and_one_that_diverges_is_told() -> None:
-    seed = seeds_in_lanes()[0]
-    first, _, states = variants(seed, 10)
+def test_lanes_begin_at_steps_of_their_own_and_one_that_diverges_is_told(groups: list[int]) -> None:
+    first, _, states = variants(SEEDS[0], 17)
     start, values = METHOD.start(first, *np.split(states[0, : first.n_positions + first.n], 2)), states
     values = METHOD.starts(first, states)
-    steps = np.array([0, 5, 0, 5, 40, 0, 0, 5, 5, 0])
+    steps = np.array([0, 5, 0, 5, 40, 0, 0, 5, 5, 0, 5, 0, 5, 0, 0, 0, 5])
     found = METHOD.ends(first, start, values, steps, 20)
+    assert groups == [2]  # eight of nine that begin at 0, seven at 5, none at 40
     number = first.compiled.numbers.size
     for row, own, step in zip(found, values, steps.tolist(), strict=True):
         system = CompiledSystem(first.compiled.with_numbers(own[-number:]))
@@ -97,7 +109,8 @@ def test_lanes_begin_at_steps_of_their_own_and_one_that_diverges_is_told() -> No
 
 def test_marches_side_by_side_begin_together_and_none_is_left_out() -> None:
     first = np.repeat([0, 7, 3], [9, 1, 8])
-    groups = arrange_lanes(first)
-    assert groups.shape == (4, 8)
-    assert {*groups.ravel().tolist()} == {*range(18)}
-    assert all(len({*first[group].tolist()}) == 1 for group in groups)
+    rows, alone = arrange_lanes(first)
+    assert rows.shape == (2, 8)
+    assert first[alone].tolist() == [0, 7]
+    assert sorted([*np.unique(rows).tolist(), *alone.tolist()]) == [*range(18)]
+    assert all(len({*first[row].tolist()}) == 1 for row in rows)

@@ -19,7 +19,7 @@ from fmd.stability.tangent import (
     differentiate_states,
     scheme_growth_rates,
     scheme_tangents,
-    system_growth_rates,
+    slope_growth_rates,
     system_slopes,
 )
 from tests.linear_system import LinearSystem
@@ -48,7 +48,7 @@ def test_vibrations_grow_in_marches_as_the_tangent_says(
 def test_the_growth_of_the_equations_is_that_of_their_eigenvalues() -> None:
     # A mass on a spring that pushes, −4 N/m on 1 kg, grows by 2 per second; one on a spring that pulls doesn't.
     system = LinearSystem(np.eye(2), np.diag([-4.0, 9.0]), 1)
-    assert system_growth_rates(system, [REST])[0] == pytest.approx([2, 0, 0, -2], abs=1e-6)
+    assert slope_growth_rates(system_slopes(system, [REST]))[0] == pytest.approx([2, 0, 0, -2], abs=1e-6)
 
 
 def test_the_tangent_of_a_linear_system_is_its_amplification_matrix() -> None:
@@ -99,7 +99,7 @@ def test_a_method_that_keeps_two_accelerations_has_a_tangent_of_both() -> None:
 def test_damping_shows_as_decay_in_both() -> None:
     # ẍ + 2 δ ẋ + x = 0 decays by δ; central difference follows it to second order.
     system = LinearSystem(np.eye(2), np.eye(2), 1, 0.2 * np.eye(2))
-    assert system_growth_rates(system, [REST])[0] == pytest.approx(np.full(4, -0.1), abs=1e-6)
+    assert slope_growth_rates(system_slopes(system, [REST]))[0] == pytest.approx(np.full(4, -0.1), abs=1e-6)
     assert scheme_growth_rates(CentralDifference(0.01), system, [REST], 1.0)[0, :4] == pytest.approx(-0.1, abs=1e-4)
 
 

@@ -101,16 +101,21 @@ class CentralDifference(FixedStepIntegrator):
         self, system: System, start: State, values: Array, first: IntArray, n_cycles: int, times: Array
     ) -> tuple[Array, Array, Array, IntArray, float]:
         """March from each of many `State.values`, eight at once where they are many and have numbers of their own."""
-        several = values.shape[1] > start.values.size and len(first) * n_cycles >= LANE_STEPS
+        groups, alone = arrange_lanes(first)
+        several = values.shape[1] > start.values.size and groups.size * n_cycles >= LANE_STEPS
         leap = system.leap_in_lanes if several else 0
         if not leap:
             return super().march_each(system, start, values, first, n_cycles, times)
         p, samples = system.parameters, make_samples(start, times, self.step)
-        starts, groups = make_starts(start, values, first, times, p), arrange_lanes(first)
+        starts = make_starts(start, values, first, times, p)
         tick = time.perf_counter()
         march_lanes(make_lanes(leap, p, self.step, start.v.size), samples, starts, groups, n_cycles)
-        seconds = (time.perf_counter() - tick) / len(first)
-        return starts.values, starts.sampled_q, starts.sampled_v, starts.done, seconds
+        found = starts.values, starts.sampled_q, starts.sampled_v, starts.done
+        if len(alone):
+            *few, _ = super().march_each(system, start, values[alone], first[alone], n_cycles, times)
+            for whole, own in zip(found, few, strict=True):
+                whole[alone] = own
+        return *found, (time.perf_counter() - tick) / len(first)
 
 
 @dataclass(frozen=True)

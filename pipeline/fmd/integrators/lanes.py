@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.stepping import RUNAWAY
+from fmd.core.limits.stepping import FEWEST_LANES, RUNAWAY
 from fmd.dynamics.compiler.program import LANES
 from fmd.integrators.march_tables import Samples, Starts
 from fmd.kernels.kernel import kernel
@@ -59,14 +59,19 @@ def make_lanes(leap: int, p: object, h: float, n: int) -> LaneSteps:
     return LaneSteps(leap, signals, h, values.copy(), inputs, clock, step, q, v, a, q_now, total)
 
 
-def arrange_lanes(first: IntArray) -> IntArray:
-    """Return which marches go side by side, (n_groups, 8): those of one first step; the last fills lanes left over."""
-    groups = []
+def arrange_lanes(first: IntArray) -> tuple[IntArray, IntArray]:
+    """Return which marches go side by side, (n_groups, 8), those of one first step, and which go alone.
+
+    The last of a group fills lanes left over. Those that would fill too few go alone.
+    """
+    groups, alone = [np.zeros((0, LANES), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for step in np.unique(first):
         own = np.flatnonzero(first == step)
-        filled = np.concatenate([own, np.repeat(own[-1:], -len(own) % LANES)])
-        groups.append(filled.reshape(-1, LANES))
-    return np.concatenate(groups)
+        over = len(own) % LANES
+        own, few = np.split(own, [len(own) - over]) if over < FEWEST_LANES else (own, own[:0])
+        groups.append(np.concatenate([own, np.repeat(own[-1:], -len(own) % LANES)]).reshape(-1, LANES))
+        alone.append(few)
+    return np.concatenate(groups), np.concatenate(alone)
 
 
 @kernel

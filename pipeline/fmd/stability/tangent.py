@@ -49,17 +49,6 @@ class OperatingPoint:
         return np.concatenate([self.q, self.v, self.numbers])
 
 
-def system_growth_rates(system: System, points: Sequence[OperatingPoint]) -> Array:
-    """Return the growth rates of small vibrations by the linearised equations of motion.
-
-    Returns
-    -------
-    ndarray, shape (n_points, n_positions + n)
-        Real parts of the eigenvalues [1/s], descending.
-    """
-    return slope_growth_rates(system_slopes(system, points))
-
-
 def system_slopes(system: System, points: Sequence[OperatingPoint]) -> Array:
     """Return the equations of motion linearised at points, shape (n_points, n_positions + n, n_positions + n)."""
     nudges = np.repeat([NUDGE, RATE_NUDGE], [system.n_positions, system.n])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 # Many marches.
 LANE_STEPS = 500_000  # of all together, from which on a step of eight at once is worth its compiling
+FEWEST_LANES = 6  # of the eight of a step: with fewer, marches one after the other are sooner done
 
 # Adaptive steps.
 STILL_GROUP = 1e-12  # size of a group of coordinates that hasn't moved yet [SI units]
