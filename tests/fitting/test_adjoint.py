@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -16,7 +17,9 @@ from fmd.fitting.frozen_run import FrozenRun
 from fmd.fitting.parameters import find_parameter
 from fmd.fitting.tangents import march_tangents
 from fmd.integrators import adjoint as march_adjoint
+from fmd.integrators import runge_kutta_adjoint
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
+from fmd.integrators.runge_kutta import RungeKutta
 from fmd.output.channels import find_all_channels
 from tests.fitting.test_tangents import (
     CENTRES,
@@ -115,17 +118,35 @@ def test_adjoints_of_other_methods_are_the_transposes_of_their_tangents(
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
+LONG = ("simulation.step=10 ms", "simulation.duration=0.06 s")
+
+
+def long_steps() -> dict[str, Any]:
+    scene = four_bar("central-difference") | {"title": "Long steps"}
+    scene["simulation"]["run"] = [{"integrator": "central-difference"}]
+    return scene
+
+
+def test_numbers_that_change_shapes_have_a_reason_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    frozen = FrozenRun(package.load(long_steps(), *LONG).run)
+    spring, other = (find_parameter(frozen.run.scene, key) for key in SPRINGS)
+    direction = frozen.direction
+    monkeypatch.setattr(frozen, "direction", lambda *given: direction(*given) if given[1] is spring else None)
+    motion = frozen.at({}, by=[spring, other])
+    assert frozen.beside(motion, spring).lacking.startswith("loops were linearised anew within ")
+    assert frozen.beside(motion, other).lacking.startswith("shapes of bodies")
+
+
 def test_an_adjoint_says_when_a_long_step_closes_loops_otherwise_and_differences_serve(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(adjoint, "FEWEST_BY_ADJOINT", 1)
-    long = ("simulation.step=10 ms", "simulation.duration=0.06 s")
-    scene = four_bar("central-difference") | {"title": "Long steps"}
-    scene["simulation"]["run"] = [{"integrator": "central-difference"}]
-    function = package.ResultFunction(package.load(scene, *long), of=["crank.b.position.y"], to=SPRINGS[:1])
+    function = package.ResultFunction(package.load(long_steps(), *LONG), of=["crank.b.position.y"], to=SPRINGS[:1])
     weights = np.ones(len(function(function.start)))
     found = function.vjp(function.start, weights)
-    assert function.lacking.startswith("loops were linearised anew within ")
+    assert re.fullmatch(
+        r"loops were linearised anew within \d+ projections; take a step below 0\.01 s", function.lacking
+    )
     (high,), (low,) = (([function(function.start * (1.0 + side)) @ weights]) for side in (1e-4, -1e-4))
     np.testing.assert_allclose(found * function.start, (high - low) / 2e-4, rtol=1e-5)
     monkeypatch.setattr(march_adjoint, "WEIGHTS_LEFT", -1.0)
@@ -142,6 +163,10 @@ def test_an_adjoint_refuses_what_it_can_not_check(monkeypatch: pytest.MonkeyPatc
     weights = np.ones((2, system.n_positions)), np.ones((2, system.n))
     with pytest.raises(package.AccuracyError, match="the step at t = 0 s was not found; take a smaller step"):
         march_adjoint.pull_back(method, system, q0, v0 + 1e120, times, *weights, [])
+    with monkeypatch.context() as context:
+        context.setattr(runge_kutta_adjoint, "MOST_BEGINS_KEPT", 2 * (system.n_positions + system.n))
+        with pytest.raises(march_adjoint.NotTakenBackError, match="runge-kutta: more than 2 steps aren't kept"):
+            march_adjoint.pull_back(RungeKutta(1e-8), system, q0, v0, times, *weights, [])
     unknown = (np.zeros(system.n_positions), np.zeros(system.n), np.nan)
     with monkeypatch.context() as context:
         context.setattr(march_adjoint, "take_back", lambda *_: unknown)

@@ -58,7 +58,7 @@ def test_derivatives_of_a_random_rigid_scene_are_differences_of_its_marches(
 def test_derivatives_of_a_run_by_auto_are_those_of_the_motion_though_steps_stay(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """By the tolerance of the run itself, 3e-6, they were 3e-3 off, and the motion 1e-6."""
+    """By the tolerance of the run itself they were far off, see `fmd.core.limits.stepping`."""
     run, found = package.load(read_random(3, monkeypatch)).run, []
     for tolerance in (None, 1e-12):
         frozen = FrozenRun(run)

@@ -70,8 +70,8 @@ class FrozenMotion:
     tangents : dict of Parameter to Tangent or None
         Derivatives of the motion by numbers, times their sizes, as far as they have been asked for; ``None`` where
         there is no tangent.
-    lacking : list of str
-        Why tangents that have been marched aren't those of the motion.
+    lacking : dict of Parameter to str
+        Why tangents that have been marched by some numbers aren't those of the motion.
     variants : dict of tuple to Beside
         The scene beside it, by a number and the share of it: of the last eight numbers, which march together.
     parts : list of PartedMarch
@@ -83,7 +83,7 @@ class FrozenMotion:
     plan: Plan | None = None
     by: tuple[Parameter, ...] = ()
     tangents: dict[Parameter, Tangent | None] = field(default_factory=dict)
-    lacking: list[str] = field(default_factory=list)
+    lacking: dict[Parameter, str] = field(default_factory=dict)
     variants: dict[tuple[Parameter, float], Beside] = field(default_factory=dict)
     parts: list[PartedMarch] = field(default_factory=list)
 
@@ -180,7 +180,7 @@ class FrozenRun:
             found = self._variants(motion, parameter, share * DIFFERENCE)
             trajectories = [self._march(plan) for plan in found.plans]
         assert motion.plan is not None
-        lacking = motion.lacking[0] if motion.lacking else say_what_lacks_tangents(motion.plan)
+        lacking = motion.lacking.get(parameter) or say_what_lacks_tangents(motion.plan)
         return replace(self._with_motions(found, trajectories), lacking=lacking)
 
     def _tangent(self, motion: FrozenMotion, parameter: Parameter) -> Tangent | None:
@@ -194,7 +194,7 @@ class FrozenRun:
             try:
                 found = march_tangents(motion.plan, list(known.values()), self.times)
             except LinearisedAnewError as error:
-                motion.lacking.append(str(error))
+                motion.lacking.update(dict.fromkeys(known, str(error)))
                 known = {}
             self.marches += -(-len(known) // LANES)
             motion.tangents.update(dict.fromkeys(wanted) | dict(zip(known, found, strict=True)))

@@ -163,7 +163,7 @@ def march_tangents(plan: Plan, directions: Sequence[Direction], times: Array) ->
         both: Any = TangentSystem(system, chosen)
         q1, v1 = both.join(q0, v0)
         march = plan.integrator.march(both, q1, v1, times)
-        require_one_linearisation(both.parameters)
+        require_one_linearisation(both.parameters, plan.integrator.refinement)
         q, v = both.part(march.q, march.v)
         found += [Tangent(_spread(plan, q[:, :, k], 0), _spread(plan, v[:, :, k], 1)) for k in range(len(chosen))]
     return found

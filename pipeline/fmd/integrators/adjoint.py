@@ -2,7 +2,8 @@
 
 Steps are taken back from the last one, each by the transpose of its own derivative (Griewank & Walther, *Evaluating
 Derivatives*, SIAM, 2008, chapters 3 and 12), see `fmd.dynamics.compiled_system.adjoint_kernels`. How, is registered for
-each method. The motion is marched anew in sections, so that memory holds one section's steps.
+each method. The motion is marched anew in sections, so that memory holds one section's steps;
+of a method that chooses its steps it holds the states at which all of them begin, too.
 """
 
 from __future__ import annotations
@@ -165,7 +166,7 @@ def pull_back(
     LinearisedAnewError
         Loops were closed otherwise than a step's transpose takes it.
     NotTakenBackError
-        Corrections left too much.
+        Corrections left too much, or a method that chooses its steps took too many to keep their begins.
     """
     system = system_along(system, directions)
     output = [np.ascontiguousarray(x, dtype=float) for x in (times, by_q, by_v)]
@@ -173,10 +174,10 @@ def pull_back(
     dq, dv, left = take_back(method, WeightedMarch(system, p, q0, v0, *output), sums)
     found = np.asarray(sums.found + [dq @ each.q + dv @ each.v for each in directions])
     if not np.isfinite(found).all():
-        raise StabilityError("the adjoint of the march grows without bounds; a shorter step may help")
-    require_one_linearisation(p)
+        raise StabilityError(f"the adjoint of the march grows without bounds; {method.refinement}")
+    require_one_linearisation(p, method.refinement)
     if not left <= WEIGHTS_LEFT:  # NaN, too
-        raise NotTakenBackError(f"corrections left {left:.1e} of the adjoint's weights; take a shorter step")
+        raise NotTakenBackError(f"corrections left {left:.1e} of the adjoint's weights; {method.refinement}")
     return found
 
 

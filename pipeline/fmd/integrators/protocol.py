@@ -183,6 +183,11 @@ class Integrator(ABC):
         """The method for a motion of which derivatives are taken with its steps as they are."""
         return self
 
+    @property
+    def refinement(self) -> str:
+        """What makes its steps shorter, as messages say it."""
+        return f"take a step below {self.step:.4g} s" if self.step else "take a smaller tolerance"
+
     def load_cycle(self, system: System) -> int:
         """Return the number of steps between two samples of the loads."""
         return 1

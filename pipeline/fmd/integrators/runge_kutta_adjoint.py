@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.memory import MOST_BEGINS_KEPT
 from fmd.dynamics.compiled_system.adjoint_kernels import (
     StepsBack,
     accelerate_back,
@@ -25,7 +26,7 @@ from fmd.dynamics.compiled_system.adjoint_kernels import (
 from fmd.dynamics.system import accelerations, advance, velocities
 from fmd.integrators import dop853
 from fmd.integrators.adaptive import begin_steps, march_steps, require_steps
-from fmd.integrators.adjoint import Sums, WeightedMarch, make_room, take_back
+from fmd.integrators.adjoint import NotTakenBackError, Sums, WeightedMarch, make_room, take_back
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.integrators.step_control import just_after, just_before
 from fmd.kernels.kernel import inner, kernel
@@ -181,8 +182,11 @@ def _record_steps(method: RungeKutta, march: WeightedMarch) -> tuple[Array, Arra
     state = method.start(march.system, march.q0, march.v0).copy()
     m, p, steps = method.room(march.system), march.parameters, method.begin(march.system, state, march.times[-1:])
     begins, states = list[float](), list[Array]()
+    most = MOST_BEGINS_KEPT // max(1, state.q.size + state.v.size)
     while steps.cursor[0] < 1:
         stop = begin_steps(march.system, p, steps, None)
+        if len(begins) == most:
+            raise NotTakenBackError(f"{method.name}: more than {most} steps aren't kept to go back along them")
         begins.append(float(steps.clock[0]))
         states.append(np.concatenate([state.q, state.v]))
         require_steps(method.name, steps, int(march_steps(m, p, steps, stop, 1)))

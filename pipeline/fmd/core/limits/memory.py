@@ -31,6 +31,7 @@ MOST_LOADED = 256  # programs that stay loaded in a process, the last used last
 STATES_AT_ONCE = 1024
 VALUES_AT_ONCE = 2**22  # numbers of states that are disturbed together, one state after the other
 MOST_STEPS_KEPT = 2**20  # numbers of a kind that are kept of a march's steps to go back along them
+MOST_BEGINS_KEPT = 2**24  # numbers of the states at which chosen steps begin, which are kept of a whole march
 
 # Sweeps.
 POINTS_AT_ONCE = 64  # points that share their work in a process: from half as many on, a point takes no less

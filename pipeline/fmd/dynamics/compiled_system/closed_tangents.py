@@ -27,12 +27,12 @@ class LinearisedAnewError(AccuracyError):
     """A projection linearised the constraints more than once: derivatives take its multipliers for those of one."""
 
 
-def require_one_linearisation(p: CompiledParameters | TangentParameters) -> None:
-    """Raise `LinearisedAnewError` where a march has linearised constraints anew within a projection."""
+def require_one_linearisation(p: CompiledParameters | TangentParameters, refinement: str) -> None:
+    """Raise `LinearisedAnewError` where a march has linearised constraints anew within a projection, with a mend."""
     own = p.own if isinstance(p, ClosedTangentParameters) else p
     if isinstance(own, ClosedParameters) and own.whole.anew[0] > 0:
         count = int(own.whole.anew[0])
-        raise LinearisedAnewError(f"loops were linearised anew within {count} projections; take a shorter step")
+        raise LinearisedAnewError(f"loops were linearised anew within {count} projections; {refinement}")
 
 
 @dataclass(frozen=True)
