@@ -13,8 +13,9 @@ from fmd.fem.assembly import assemble
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
 from fmd.meshes.gmsh_session import gmsh_model
+from fmd.output.frequencies import mode_warnings
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.stages.meshing.cad_files import mesh_cad_file, mesh_cad_sheet
+from fmd.stages.meshing.cad_files import UNLIKE_SOLID, mesh_cad_file, mesh_cad_sheet
 from fmd.stages.pipeline import Pipeline
 
 METAL = """
@@ -89,7 +90,17 @@ def test_surfaces_that_touch_are_one_sheet_of_quadrilaterals_with_named_faces_an
 def test_a_solid_with_thin_walls_is_meshed_by_its_midsurface(folder: Path, name: str, area: float) -> None:
     mesh = mesh_cad_sheet(folder / f"{name}.step", 5e-3, 2e-3)
     assert middle_area(mesh) == pytest.approx(area, rel=4e-3)  # round walls by flat elements
-    assert any("differs from the solid's by" in note for note in mesh.notes)
+    (note,) = (note for note in mesh.notes if "differs from the solid's by" in note)
+    assert note.endswith(UNLIKE_SOLID) is (name == "tee")
+
+
+def test_volume_that_a_midsurface_has_too_much_is_a_warning(folder: Path) -> None:
+    """The web has 1 mm of its height in the flange, 1.5 % of the whole."""
+    scene = f'title = "tee"\n[body.p]\nmesh = {{ cad = "tee.step", size = "20 mm", shell = "2 mm" }}{METAL}'
+    (folder / "tee.toml").write_text(scene)
+    warnings = mode_warnings(Pipeline(load_scene(folder / "tee.toml"), Cache(None)))
+    (text,) = (each["text"] for each in warnings if each["code"] == "midsurface-volume")
+    assert "p: the volume of the midsurface with its thickness differs from the solid's by +1." in text
 
 
 def middle_area(mesh: SolidMesh) -> float:

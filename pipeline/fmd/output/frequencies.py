@@ -11,6 +11,7 @@ from fmd.core.limits.scene import LUMPING_COUNTS, POOR_QUALITY
 from fmd.reduction.rotating import rotating_modes
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.magnitudes import UNUSUAL, find_unusual
+from fmd.stages.meshing.cad_files import UNLIKE_SOLID
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
@@ -74,6 +75,11 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
                 f"{name}: {lost[0].removeprefix('mended: ')}; what links and masses do takes link and mass of the body"
             )
             found.append({"code": "left-out", "body": name, "text": text})
+        found += [
+            {"code": "midsurface-volume", "body": name, "text": f"{name}: {note}"}
+            for note in part.mesh_notes
+            if note.endswith(UNLIKE_SOLID)
+        ]
         if len(run.pieces_of(name)) > 1:  # whose modes are those of its pieces
             continue
         if (cost := _cost_of_lumping(part)) > LUMPING_COUNTS:

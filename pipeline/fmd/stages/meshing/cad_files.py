@@ -17,12 +17,13 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError, blaming
 from fmd.core.limits.mesh import CAD_DIGITS, CAD_ELEMENTS
 from fmd.core.limits.patience import CAD_SECONDS, CAD_SECONDS_PER_ELEMENT, READING_BYTES, READING_SECONDS
-from fmd.core.limits.scene import LONGEST_NAME
+from fmd.core.limits.scene import LONGEST_NAME, MIDSURFACE_COUNTS
 from fmd.core.memory import available_memory
 from fmd.core.processes import ChildError, run_child
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
 
+UNLIKE_SOLID = ", by ribs, fillets or corners, and so does its mass; what they do for stiffness isn't there"
 _TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
 
 
@@ -179,8 +180,10 @@ def mesh_cad_sheet(path: Path, size: float, thickness: float, offset: float = 0.
             raise InputError(str(path), "", None, error.mend) from error
         if not (solid := sheet.with_suffix(".txt")).exists():
             return mesh
-        more = 100 * (mesh.volume / float(solid.read_text(encoding="utf-8")) - 1)
-        note = f"the volume of the midsurface with its thickness differs from the solid's by {more:+.2g} %"
+        more = mesh.volume / float(solid.read_text(encoding="utf-8")) - 1
+        note = f"the volume of the midsurface with its thickness differs from the solid's by {100 * more:+.2g} %"
+        if abs(more) > MIDSURFACE_COUNTS:
+            note += UNLIKE_SOLID
         return replace(mesh, notes=(*mesh.notes, note))
 
 
