@@ -97,7 +97,7 @@ def elastic_stress(lamina: Lamina, h: float, degrees: tuple[int, ...], ply: int)
     return {"xx": plane[0], "yy": plane[1], "xy": lamina.G12 * np.pi * (u + v), "xz": xz, "yz": yz}
 
 
-@pytest.mark.parametrize(("ratio", "within"), [(10, 0.015), (20, 0.01), (100, 0.01)])
+@pytest.mark.parametrize(("ratio", "within"), [(4, 0.085), (10, 0.015), (20, 0.01), (100, 0.01)])
 def test_a_cross_ply_plate_bends_as_in_three_dimensional_elasticity(ratio: float, within: float) -> None:
     """Deflection of the middle surface; transverse shear corrected by 5/6 leaves it 10 % too small at 10."""
     plate = QuarterPlate(8, stack(CARBON, 1 / ratio, 0, 90, 90, 0))

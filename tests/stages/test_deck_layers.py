@@ -10,6 +10,8 @@ import fmd
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.fem.assembly import assemble
+from fmd.fem.formats.nastran import read_nastran
+from fmd.fem.formats.shell_sections import orientation_direction
 from fmd.fem.laminate import Lamina, Laminate, Layered, Ply
 from fmd.reduction.eigen import FreeBodySolver
 from tests.fem.formats.test_import_shell import panel, write_abaqus
@@ -67,6 +69,16 @@ def test_symmetric_layers_and_materials_axes_of_nastran(tmp_path: Path) -> None:
     assert part(deck, lamina=lamina).material.materials[0].directions[0] == pytest.approx(
         [np.cos(np.pi / 18), np.sin(np.pi / 18), 0.0]
     )
+
+
+def test_angles_on_triangles_of_nastran_turn_about_their_normal() -> None:
+    deck = "GRID,1,,0.,0.,0.\nGRID,2,,2.,0.,0.\nGRID,3,,0.,1.,0.\nCTRIA3,1,7,1,2,3,30.\nPCOMP,7\n+,1,1.0"
+    (shells,) = read_nastran(f"BEGIN BULK\n{deck}\nENDDATA").shells
+    assert shells.direction[0] == pytest.approx([np.cos(np.pi / 6), 0.5, 0.0])
+
+
+def test_orientations_that_no_shell_names_may_be_of_any_form() -> None:
+    assert "isn't by numbers" in orientation_direction({"NAME": "OF-SOLIDS"}, [["distribution-1"]])
 
 
 def test_layers_of_abaqus_have_an_orientation_and_an_offset(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from fmd.scene.stress_outputs import Plies
 CARBON = {"E1": "135 GPa", "E2": "10 GPa", "nu12": 0.3, "G12": "5 GPa", "G23": "3.5 GPa", "rho": "1550 kg/m^3"}
 STRENGTH = {"Xt": "1500 MPa", "Xc": "1200 MPa", "Yt": "50 MPa", "Yc": "250 MPa", "S": "70 MPa"}
 FOAM = {"E1": "70 MPa", "E2": "70 MPa", "nu12": 0.3, "G12": "27 MPa", "rho": "60 kg/m^3"}
+METAL = {"E": "70 GPa", "nu": 0.3, "rho": "2700 kg/m^3"}
 LAYERS = [
     {"material": "carbon", "thickness": "1 mm", "angle": "30 deg"},
     {"material": "foam", "thickness": "8 mm"},
@@ -111,7 +112,8 @@ def test_an_offset_moves_the_shell_along_its_normal() -> None:
     [
         ({"layers": [{"material": "glass", "thickness": "1 mm"}]}, r"layers\.0\.material.*no such material"),
         ({"layers": []}, r"E.*is missing, e\.g\."),
-        ({"layers": [], "E": "70 GPa", "nu": 0.3, "rho": "2700 kg/m^3"}, r"thickness.*is missing"),
+        ({"layers": [], "lamina": {}} | METAL, r"thickness.*is missing"),
+        ({"layers": [], "thickness": "2 mm"} | METAL, r"lamina: has no effect: its materials are those of layers"),
         ({"thickness": "2 mm"}, "has no effect beside layers, which have thicknesses"),
         ({"E": "70 GPa"}, "has no effect beside layers, which have the materials of lamina"),
         ({"lamina": {"carbon": CARBON | {"nu12": 4.0}, "foam": FOAM}}, r"must be below \(E1/E2\)\^½ = 3\.67"),
@@ -127,7 +129,7 @@ def test_layers_that_are_wrong_are_refused(changes: dict[str, Any], message: str
 
 
 def test_plies_are_of_bodies_with_layers_in_one_piece(tmp_path: Path) -> None:
-    plain = {"layers": [], "thickness": "10 mm", "E": "70 GPa", "nu": 0.3, "rho": "2700 kg/m^3"}
+    plain = {"layers": [], "lamina": {}, "thickness": "10 mm"} | METAL
     with pytest.raises(InputError, match="has no layers, whose plies have stress of their own"):
         find_plies(fmd.load(panel(**plain)).run, "panel")
     cut = {"pieces": 2, "modes": {"count": 3, "enrich": "none"}}

@@ -273,7 +273,7 @@ class Layered:
         d = np.broadcast_to(self.directions[elements][:, None], n.shape)
         along = d - (d * n).sum(axis=-1, keepdims=True) * n
         size, whole = np.linalg.norm(along, axis=-1, keepdims=True), np.linalg.norm(d, axis=-1, keepdims=True)
-        if (bad := (size < DIRECTION_ALONG_NORMAL * whole).any(axis=(1, 2))).any():
+        if (bad := ~(size >= DIRECTION_ALONG_NORMAL * whole).all(axis=(1, 2))).any():
             raise DirectionError(f"is along the normal of {np.count_nonzero(bad)} elements; take another direction")
         along = along / size
         return np.stack([along, np.cross(n, along), n], axis=-2)

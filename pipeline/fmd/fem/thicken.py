@@ -39,6 +39,8 @@ class Sheet:
         Distance of the middle from the nodes along the normal [m].
     layup : Layup, optional
         Layers of its elements.
+    shift : float
+        Distance of the whole shell's middle besides, along the normals as they are after turning [m].
     """
 
     x: Array
@@ -51,6 +53,7 @@ class Sheet:
     offset: Array | None = None
     layup: Layup | None = None
     notes: tuple[str, ...] = ()
+    shift: float = 0.0
 
 
 def thicken(sheet: Sheet) -> SolidMesh:
@@ -74,6 +77,7 @@ def thicken(sheet: Sheet) -> SolidMesh:
     directors = total / np.linalg.norm(total, axis=1, keepdims=True)
     # Corners with a common director have points of their own where thickness or offset jumps.
     offset = np.zeros(len(cells)) if sheet.offset is None else np.where(turned, -sheet.offset, sheet.offset)
+    offset = offset + sheet.shift
     section = np.unique(np.stack([sheet.thickness, offset]), axis=1, return_inverse=True)[1].ravel()
     keys = smooth * (section.max() + 1) + np.repeat(section, n_local)
     _, first, pair = np.unique(keys, return_index=True, return_inverse=True)

@@ -47,7 +47,7 @@ def write_plies(run: Pipeline, output: Plies, folder: Path) -> list[str]:
                 rows.append([str(number), str(k + 1), face, ply.name, *figures, str(found.elements[worst])])
     header = ["laminate", "ply", "face", "material", "angle_deg", *_COLUMNS, "at_s", "x_m", "y_m", "z_m", "element"]
     write_table(folder / output.file, header, rows)
-    why = f"{NOT_STATED}stress of plies isn't compared; as a share it is off about as the largest von Mises stress is"
+    why = f"{NOT_STATED}stress of plies isn't compared"
     units = {column: "Pa" if column.endswith("_pa") else "1" for column in _COLUMNS}
     return [output.file, write_errors([(column, unit, why) for column, unit in units.items()], folder / output.file)]
 

@@ -163,6 +163,8 @@ class Layerable(Solid):
             raise_faults(FaultError(f"is missing{example_of_key(Solid, key)}", key) for key in missing)
             if self.layer_direction != (1.0, 0.0, 0.0):
                 raise FaultError("has no effect: it belongs to layers", "layer_direction")
+            if self.lamina:
+                raise FaultError("has no effect: its materials are those of layers", "lamina")
         elif self.layers and len(missing) < 3:
             key = next(key for key in ("E", "nu", "rho") if key not in missing)
             raise FaultError("has no effect beside layers, which have the materials of lamina", key)

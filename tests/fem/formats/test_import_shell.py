@@ -67,6 +67,16 @@ def test_each_format_gives_the_same_shell(tmp_path: Path, form: str, element: st
     assert frequencies(mesh) == pytest.approx(frequencies(shell_mesh(x / 1e3, cells, 2e-3)), rel=1e-6)
 
 
+def test_an_offset_of_a_sheet_whose_normals_are_mixed_is_to_one_side(tmp_path: Path) -> None:
+    x, cells = panel()
+    mixed = np.where(np.arange(len(cells))[:, None] < len(cells) // 2, cells, cells[:, ::-1])
+    points = []
+    for name, own in (("one", cells), ("mixed", mixed)):
+        write_abaqus(tmp_path / f"{name}.inp", x, {"S4": own})
+        points.append(np.sort(read_shell(tmp_path / f"{name}.inp", 1e-3, 2e-3, offset=5e-3).points, axis=0))
+    assert points[0] == pytest.approx(points[1], abs=1e-12)
+
+
 def test_node_sets_and_element_sets_are_faces_and_parts(tmp_path: Path) -> None:
     x, cells = panel()
     write_abaqus(tmp_path / "panel.inp", x, {"S4": cells}, "*ELSET, ELSET=PAD\n1, 2")

@@ -108,9 +108,10 @@ def _sheet(
         faces,
         {name: own for name, own in sets.items() if name not in raw.point_sets},
         ("bottom", "top"),
-        offset + section[1],
+        offset,
         layup,
         notes=tuple(notes),
+        shift=section[1],
     )
     return sheet, place
 

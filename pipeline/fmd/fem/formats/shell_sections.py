@@ -90,7 +90,8 @@ class NastranShells:
             if system is None:
                 self.faults.append(f"layers along a round system, MCID {turn}")
             return _ALONG_X if system is None else system[:, 0]
-        side, normal = x[1] - x[0], np.cross(x[2] - x[0], x[-1] - x[1 if len(x) == 4 else 0])
+        side = x[1] - x[0]
+        normal = np.cross(side if len(x) == 3 else x[2] - x[0], x[-1] - x[len(x) - 3])
         side, normal = side / np.linalg.norm(side), normal / np.linalg.norm(normal)
         angle = np.radians(read_field(turn))
         return np.asarray(np.cos(angle) * side + np.sin(angle) * np.cross(normal, side))
@@ -121,10 +122,13 @@ def _composite(fields: list[str], faults: list[str]) -> ShellSection:
 
 def orientation_direction(options: Mapping[str, str], data: list[list[str]]) -> Array | str:
     """Return the vector along local direction 1 of shells by Abaqus' ``*ORIENTATION``, or why it isn't read."""
-    numbers = [[read_real(item) if item else 0.0 for item in row] for row in data[:2]]
-    axis, angle = (numbers[1] + [0.0, 0.0])[:2] if len(numbers) > 1 else (1.0, 0.0)
     if options.get("SYSTEM", "RECTANGULAR").upper() != "RECTANGULAR" or "DEFINITION" in options:
         return "a system that isn't rectangular, or isn't by coordinates"
+    try:
+        numbers = [[read_real(item) if item else 0.0 for item in row] for row in data[:2]]
+    except ValueError as error:  # no fault of a deck whose shells don't name it
+        return f"which isn't by numbers: {error}"
+    axis, angle = (numbers[1] + [0.0, 0.0])[:2] if len(numbers) > 1 else (1.0, 0.0)
     if angle or len(numbers) < 1 or len(numbers[0]) < 6:
         return "a turn about an axis, or no two points"
     a, b, c = (np.array((numbers[0] + [0.0] * 3)[k : k + 3]) for k in (0, 3, 6))
