@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from math import acos, cos, pi, sin, sqrt, tan
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,25 +13,29 @@ from fmd.contact.gear_pair import GearMeshAnswer, ToothFlexibility, mesh_gears
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.involute import GearPair, Tooth, involute, tight_distance
+from fmd.output.gear_mesh import MeshedGears, compute_gear_mesh, write_gear_mesh
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.tooth_flexibility import find_tooth_flexibility
 
-COARSE = "body.pinion.mesh={flank=4,fillet=6,across=6,rim=5,along=1}"
+MESH = "={flank=4,fillet=6,across=6,rim=5,along=1}"
+COARSE = f"body.pinion.mesh{MESH}", f"body.wheel.mesh{MESH}"
 LOAD, WIDTH = 3500.0, 0.02
 STANDARD = {"module": 0.003, "alpha": pi / 9, "addendum": 1.0, "dedendum": 1.25, "rounding": 0.38}
 
 
 @cache
 def pinion() -> tuple[Pipeline, ToothFlexibility]:
-    run = Pipeline(load_scene("gears", [COARSE]), Cache(None))
+    run = Pipeline(load_scene("gears", [*COARSE, "output.0.points=8"]), Cache(None))
     return run, find_tooth_flexibility(run.wholes["pinion"], run.scene.body["pinion"])
 
 
 @cache
 def equal_gears(points: int = 40) -> tuple[GearPair, GearMeshAnswer]:
     own = pinion()[1]
-    pair = GearPair(own.tooth, own.tooth, tight_distance(own.tooth, own.tooth))
+    distance = tight_distance(own.tooth, own.tooth)
+    assert distance is not None
+    pair = GearPair(own.tooth, own.tooth, distance)
     return pair, mesh_gears(pair, (own, own), WIDTH, LOAD, points)
 
 
@@ -54,7 +59,10 @@ def test_rigid_flanks_touch_on_the_path_alone_and_never_overlap_at_the_exact_rat
 ) -> None:
     """The pinion's flank is seen from the wheel's tooth: at each radius its angle beyond the tooth's is the gap."""
     one, other = (Tooth(teeth=n, shift=x, **STANDARD) for n, x in zip(teeth, shifts, strict=True))
-    pair = GearPair(one, other, tight_distance(one, other) + wider)
+    tight = tight_distance(one, other)
+    assert tight is not None
+    assert abs(GearPair(one, other, tight).backlash) < 1e-12
+    pair = GearPair(one, other, tight + wider)
     pitch = pair.distance / (1 + teeth[1] / teeth[0])
     flank = one.flank(np.linspace(one.form_roll, one.tip_roll, 4000))
     begin, end = (place / one.base_radius - tan(pair.alpha) for place in pair.path)  # angles from the pitch point
@@ -175,6 +183,35 @@ def test_error_vanishes_as_the_gears_become_rigid() -> None:
     assert 0.0 < found.error.max() < 3e-6 * soft.error.max()
 
 
+def test_output_of_a_mesh_has_a_table_and_errors_that_hold(tmp_path: Path) -> None:
+    """Of a load that all angles' forces sum to, and a mean error by load over stiffness; finer angles are within."""
+    run = pinion()[0]
+    (output,) = (own for own in run.scene.output if own.type == "gear-mesh")
+    found = compute_gear_mesh(run, output)
+    summary = write_gear_mesh(run, output, found, tmp_path, chart=False)
+    rows = np.genfromtxt(tmp_path / "mesh.csv", delimiter=",", names=True)
+    assert rows["share_1"] + np.nan_to_num(rows["share_2"]) == pytest.approx(1.0, rel=1e-8)
+    assert summary["load_n"] == pytest.approx(100.0 / (0.03 * cos(pi / 9)))
+    assert summary["transmission_error_m"] == pytest.approx(1e-6 * rows["transmission_error_um"].mean(), rel=1e-6)
+    assert summary["warnings"] == []
+    assert all(0.0 < error < 0.5 * summary[name] for name, error in summary["errors"].items())
+    coarsest = MeshedGears(found.pair, found.load, found.fine, None)
+    (warning,) = write_gear_mesh(run, output, coarsest, tmp_path, chart=False)["warnings"]
+    assert "more of them help" in warning
+
+
+def test_a_pair_that_another_one_moves_apart_carries_nothing() -> None:
+    """Rims that are far softer than teeth let a loaded pair take the next one along farther than its own flanks."""
+    own, pair = pinion()[1], equal_gears()[0]
+    factors = np.array([7.33, 1.0, 7.33])[:, None, None, None, None]
+    soft = ToothFlexibility(own.tooth, own.middle, own.moved * factors, own.stress, own.E, own.nu)
+    found = mesh_gears(pair, (soft, soft), WIDTH, LOAD, 10)
+    both = found.s + pair.pinion.base_pitch <= pair.path[1]
+    assert (found.forces[both] == 0.0).any()
+    assert (found.forces >= 0.0).all()
+    assert found.forces.sum(axis=1) == pytest.approx(LOAD)
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
@@ -193,3 +230,14 @@ def test_error_vanishes_as_the_gears_become_rigid() -> None:
 def test_gears_that_cannot_mesh_are_refused(override: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         load_scene("gears", [override])
+
+
+def test_gears_with_backlash_at_any_distance_need_one_and_take_any_that_is_wide_enough() -> None:
+    """At ``inv α + 2 Σx tan α/Σz < 0`` no working angle is without backlash; base circles still have to be apart."""
+    low = [f"body.{name}.{key}" for name in ("pinion", "wheel") for key in ("teeth=40", "shift=-1.0")]
+    with pytest.raises(InputError, match=r"have backlash at any distance of their axes; more than 112\.76 mm"):
+        load_scene("gears", low)
+    with pytest.raises(InputError, match=r"lets the teeth jam; more than 112\.7631 mm works"):
+        load_scene("gears", [*low, "output.0.distance='112 mm'"])
+    tooth = Tooth(teeth=40, shift=-1.0, **STANDARD)
+    assert GearPair(tooth, tooth, 0.114).backlash > 0.0

@@ -18,6 +18,7 @@ from fmd.core.arrays import Array, read_only
 from fmd.core.errors import AccuracyError
 from fmd.core.involute import GearPair, Tooth
 from fmd.core.limits.contact import GEAR_FORCES_SETTLE, GEAR_PASSES
+from fmd.fem.strain import TENSOR
 
 
 @dataclass(frozen=True)
@@ -183,19 +184,21 @@ def _quadratic(count: int, place: float) -> Array:
 def _divide(
     contacts: Sequence[_Contact], flexibilities: Sequence[ToothFlexibility], pair: GearPair, width: float, load: float
 ) -> tuple[Array, float]:
-    """Divide a load over contacts so that all yield alike; return their forces and what they yield."""
-    bulk = _bulk(contacts, flexibilities)
-    forces = np.full(len(contacts), load / len(contacts))
+    """Divide a load over contacts so that all yield alike; return their forces, 0 of those that part, and the yield."""
+    bulk, forces = _bulk(contacts, flexibilities), np.full(len(contacts), load / len(contacts))
+    touching = np.arange(len(contacts))
     for _ in range(GEAR_PASSES):
-        local = [_local(each, flexibilities, width, force) for each, force in zip(contacts, forces, strict=True)]
-        given = np.linalg.solve(bulk + np.diag(local), np.ones(len(contacts)))
+        local = [_local(contacts[k], flexibilities, width, float(forces[k])) for k in touching.tolist()]
+        given = np.linalg.solve(bulk[np.ix_(touching, touching)] + np.diag(local), np.ones(len(touching)))
         yielded = load / given.sum()
-        change, forces = np.abs(yielded * given - forces).max(), yielded * given
-        if forces.min() <= 0.0:
-            break
-        if change < GEAR_FORCES_SETTLE * load:
+        before, forces = forces, np.zeros(len(contacts))
+        forces[touching] = yielded * given
+        if given.min() <= 0.0:
+            touching = np.delete(touching, given.argmin())
+            forces[:] = load / len(touching)
+        elif np.abs(forces - before).max() < GEAR_FORCES_SETTLE * load:
             return forces, float(yielded)
-    raise AccuracyError(f"the load's shares of {len(contacts)} pairs of teeth don't settle; a smaller torque may do")
+    raise AccuracyError(f"the load's shares of {len(contacts)} pairs of teeth don't settle, at {pair.distance:.6g} m")
 
 
 def _bulk(contacts: Sequence[_Contact], flexibilities: Sequence[ToothFlexibility]) -> Array:
@@ -231,6 +234,6 @@ def _root_stress(contacts: Sequence[_Contact], flexibilities: Sequence[ToothFlex
             for j, (loaded, force) in enumerate(zip(contacts, forces, strict=True)):
                 tooth = own.stress.shape[0] // 2 + sense * (k - j)
                 tensor += force * np.einsum("ncsb,sb->nc", own.stress[tooth], loaded.loads[g])
-            full = tensor[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+            full = tensor[:, TENSOR]
             found[g, k] = np.linalg.eigvalsh(full)[:, -1].max()
     return found

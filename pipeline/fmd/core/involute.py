@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
+from fmd.core.limits.contact import ROLL_PASSES, ROUNDED_ROLL
+from fmd.core.newton import Tolerance, solve
 
 
 @dataclass(frozen=True)
@@ -163,14 +165,20 @@ class GearPair:
         return 2.0 * math.pi * ratio - sum(thickness)
 
 
-def tight_distance(pinion: Tooth, wheel: Tooth) -> float:
-    """Return the distance of the axes at which two gears mesh without backlash [m]."""
+def tight_distance(pinion: Tooth, wheel: Tooth) -> float | None:
+    """Return the distance of the axes at which two gears mesh without backlash [m]; none if they have it at all."""
     teeth, alpha = pinion.teeth + wheel.teeth, pinion.alpha
     wanted = involute(math.tan(alpha)) + 2.0 * (pinion.shift + wheel.shift) * math.tan(alpha) / teeth
-    roll = math.tan(alpha)
-    for _ in range(60):  # Newton's method; the involute function is convex
-        roll -= (involute(roll) - wanted) * (1.0 + roll**2) / roll**2
-    return (pinion.base_radius + wheel.base_radius) * math.hypot(1.0, roll)
+    if wanted <= 0.0:
+        return None
+    found = solve(
+        math.tan(alpha),
+        lambda roll: np.array([involute(roll) - wanted]),
+        lambda roll, left: -left * (1.0 + roll**2) / roll**2,
+        lambda roll, change: roll + float(change[0]),
+        Tolerance(ROLL_PASSES, relative=ROUNDED_ROLL),
+    )
+    return (pinion.base_radius + wheel.base_radius) * math.hypot(1.0, found.state)
 
 
 def involute(roll: float) -> float:

@@ -23,7 +23,8 @@ from fmd.stages.pipeline import Pipeline
 from fmd.stages.tooth_flexibility import find_tooth_flexibility
 
 if TYPE_CHECKING:
-    from fmd.scene.gears import GearMesh
+    from fmd.scene.gears import GearMesh, GearTeethMesh
+    from fmd.scene.scene import Scene
 
 _NAMES = {
     "transmission_error_m": ("mean transmission error", "m"),
@@ -34,6 +35,8 @@ _NAMES = {
     "wheel_root_stress_pa": ("largest stress at the wheel's roots", "Pa"),
     "pressure_pa": ("largest pressure between flanks", "Pa"),
 }
+
+_TOO_COARSE = "errors of gears aren't stated: there are too few elements to compare with fewer; more of them help"
 
 
 @dataclass(frozen=True)
@@ -58,11 +61,11 @@ class MeshedGears:
 
     @property
     def errors(self) -> dict[str, float | None]:
-        """Their errors by the mesh: what coarser elements change, which is more than what is left."""
+        """Their errors: what coarser elements and half of the angles change, which is more than what is left."""
         if self.coarse is None:
             return dict.fromkeys(_NAMES)
-        other = _figures(self.coarse)
-        return {name: abs(value - other[name]) for name, value in self.figures.items()}
+        coarse, half = _figures(self.coarse), _figures(self.fine, every=2)
+        return {name: abs(x - coarse[name]) + abs(x - half[name]) for name, x in self.figures.items()}
 
     @property
     def angle(self) -> Array:
@@ -70,14 +73,15 @@ class MeshedGears:
         return np.asarray((self.fine.s - self.pair.path[0]) / self.pair.pinion.base_radius)
 
 
-def _figures(found: GearMeshAnswer) -> dict[str, float]:
+def _figures(found: GearMeshAnswer, every: int = 1) -> dict[str, float]:
+    """Return figures of all angles, or of every second one."""
     values = (
-        found.error.mean(),
-        np.ptp(found.error),
-        found.stiffness.mean(),
-        found.single.max(),
-        *found.root_stress.max(axis=(1, 2)),
-        found.pressure.max(),
+        found.error[::every].mean(),
+        np.ptp(found.error[::every]),
+        found.stiffness[::every].mean(),
+        found.single[::every].max(),
+        *found.root_stress[:, ::every].max(axis=(1, 2)),
+        found.pressure[::every].max(),
     )
     return dict(zip(_NAMES, map(float, values), strict=True))
 
@@ -92,8 +96,13 @@ def compute_gear_mesh(run: Pipeline, output: GearMesh) -> MeshedGears:
         both = [flexibilities[name] for name in (output.pinion, output.wheel)]
         return pair, load, mesh_gears(pair, both, pinion.width, load, output.points)
 
+    def meshed(scene: Scene) -> list[GearTeethMesh]:
+        return [gear.mesh for gear in find_pair(output, scene.body)[:2]]
+
     coarser = refine_meshes(run.scene, 1.0 / COARSER_GEARS)
-    return MeshedGears(*mesh(run), None if coarser is None else mesh(Pipeline(coarser, Cache(None)))[2])
+    if coarser is None or any(x == y for x, y in zip(meshed(coarser), meshed(run.scene), strict=True)):
+        return MeshedGears(*mesh(run), None)
+    return MeshedGears(*mesh(run), mesh(Pipeline(coarser, Cache(None)))[2])
 
 
 def write_gear_mesh(run: Pipeline, output: GearMesh, found: MeshedGears, folder: Path, chart: bool) -> dict[str, Any]:
@@ -124,7 +133,7 @@ def write_gear_mesh(run: Pipeline, output: GearMesh, found: MeshedGears, folder:
         "load_n": found.load,
         **found.figures,
         "errors": found.errors,
-        "warnings": [],
+        "warnings": [] if found.coarse else [_TOO_COARSE],
         "files": files,
     }
 
@@ -132,7 +141,7 @@ def write_gear_mesh(run: Pipeline, output: GearMesh, found: MeshedGears, folder:
 def tabulate_gear_mesh(summary: dict[str, Any]) -> dict[str, Any]:
     """Return the table of the figures of two gears in mesh."""
     rows = [(name, *_with_error(summary, key, unit)) for key, (name, unit) in _NAMES.items()]
-    return {"header": ("figure", "value", "error by the mesh"), "rows": rows}
+    return {"header": ("figure", "value", "error by mesh and angles"), "rows": rows}
 
 
 def describe_gear_mesh(summary: dict[str, Any]) -> list[str]:

@@ -142,7 +142,6 @@ class SpurGear(Solid):
         return {"mesh": self.mesh.model_copy(update=counts)}
 
     def _check(self) -> None:
-        super()._check()
         tooth = self.tooth
         if tooth.land < 0.0 or self.rounding >= self.dedendum:
             raise FaultError("is too large for the rack's depth and space; 0.38 is that of ISO 53", "rounding")
@@ -219,9 +218,13 @@ def find_pair(output: GearMesh, bodies: Mapping[str, Any]) -> tuple[SpurGear, Sp
                 f"has a {key} of {own:.6g} and the pinion one of {other:.6g}, which must be equal", "wheel"
             )
     tight = tight_distance(pinion.tooth, wheel.tooth)
-    pair = GearPair(pinion.tooth, wheel.tooth, tight if output.distance is None else output.distance)
-    nearest = f"{1e3 * tight:.7g} mm is without backlash"
-    if pair.distance < tight * (1.0 - JAMMED):
+    least = pinion.tooth.base_radius + wheel.tooth.base_radius
+    if tight is None and output.distance is None:
+        fault = "is needed, since gears of such shifts have backlash at any distance of their axes; more than"
+        raise FaultError(f"{fault} {1e3 * least:.5g} mm, or larger shifts, help", "distance")
+    nearest = f"more than {1e3 * least:.7g} mm works" if tight is None else f"{1e3 * tight:.7g} mm is without backlash"
+    pair = GearPair(pinion.tooth, wheel.tooth, output.distance or tight or least)
+    if pair.distance < max(least, (tight or least) * (1.0 - JAMMED)):
         raise FaultError(f"lets the teeth jam; {nearest}", "distance")
     if pair.contact_ratio < 1.0:
         fault = f"leaves a contact ratio of {pair.contact_ratio:.3g}, so that teeth part before the next ones touch"

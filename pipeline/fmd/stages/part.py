@@ -60,6 +60,7 @@ if TYPE_CHECKING:
 
 NO_MESH = "is given by its {}: without elements it has no mesh, no stress and no picture"
 _BASIS = ("fmd/stages/basis.py", "fmd/stages/markers.py", "fmd/stages/reduced_files.py")
+_SHAPES = ("fmd/meshes", "fmd/core/involute.py")
 _REDUCTION = ("fmd/fem", "fmd/reduction", *_BASIS)
 _STRESS = ("fmd/fem", "fmd/recovery/stress.py")
 _DEFORMATION = ("fmd/fem", "fmd/recovery/deformation.py")
@@ -186,21 +187,21 @@ class FlexiblePart(KeyedPart):
         _compute_mesh,
         (),
         mesh_inputs,
-        ("fmd/meshes", "fmd/stages/meshing", "fmd/fem"),
+        (*_SHAPES, "fmd/stages/meshing", "fmd/fem"),
         ("gmsh", "meshio"),
         applies=_has_mesh,
     )
     # Never kept, since what follows is.
     fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=assembly_inputs)
     modes: Stage[Modes] = Stage(
-        "modes", _compute_modes, ("mesh", "assembly"), modes_inputs, ("fmd/meshes", *_REDUCTION), ALL_PACKAGES
+        "modes", _compute_modes, ("mesh", "assembly"), modes_inputs, (*_SHAPES, *_REDUCTION), ALL_PACKAGES
     )
     body: Stage[FlexibleBody] = Stage("body", _reduce, ("mesh", "assembly", "modes"), body_inputs, _REDUCTION)
     second_order: Stage[SecondOrder] = Stage(
         "stiffening", _stiffen, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION, ALL_PACKAGES
     )
     surface: Stage[SurfaceTopology] = Stage(
-        "surface", _find_surface, ("mesh",), mesh_inputs, ("fmd/meshes", "fmd/fem"), applies=_has_mesh
+        "surface", _find_surface, ("mesh",), mesh_inputs, (*_SHAPES, "fmd/fem"), applies=_has_mesh
     )
     surface_stress: Stage[Array] = Stage(
         "stress", _recover_surface_stress, ("mesh", "surface", "body"), digest_of_body, _STRESS, applies=_has_mesh

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from fmd.contact.gear_pair import ToothFlexibility
 from fmd.core.arrays import Array, IntArray
+from fmd.fem.strain import TENSOR
 from fmd.meshes.spur_gear import tooth_block
 from fmd.recovery.stress import modal_stress
 
@@ -25,11 +26,11 @@ def find_tooth_flexibility(part: FlexiblePart, gear: SpurGear) -> ToothFlexibili
     flank = _functionals(gear, tree, block[2 * gear.mesh.fillet :, -1])
     loads = np.zeros((len(fe.x), 3, flank.shape[0], 2))
     for a in range(2):
-        loads[:, a, :, a] = flank.T
+        loads[: tree.n, a, :, a] = flank.T
     free = np.flatnonzero(np.repeat(np.hypot(*fe.x[:, :2].T) > 0.5 * gear.bore * (1.0 + 1e-9), 3))
     u = np.zeros((3 * len(fe.x), 2 * flank.shape[0]))
     u[free] = part.model.factorise(fe.K[free][:, free]).solve(loads.reshape(u.shape)[free])
-    shapes = u.reshape(len(fe.x), 3, -1)
+    shapes = u.reshape(len(fe.x), 3, -1)[: tree.n]  # without nodes of links
     middle = block[:, gear.mesh.across]
     moved = [
         np.einsum("ij,rn,njl->ril", turn[:2, :2].T, _functionals(gear, tree, middle @ turn[:2, :2].T), shapes[:, :2])
@@ -91,7 +92,7 @@ def _roots(part: FlexiblePart, gear: SpurGear, turns: list[Array]) -> list[tuple
 
 def _turned(stress: Array, turn: Array) -> Array:
     """Return stresses (n_points, 6, n) in the axes of a turned tooth."""
-    full = np.einsum("ia,nijl,jb->nabl", turn, stress[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]], turn)
+    full = np.einsum("ia,nijl,jb->nabl", turn, stress[:, TENSOR], turn)
     return np.stack([full[:, a, b] for a, b in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))], axis=1)
 
 

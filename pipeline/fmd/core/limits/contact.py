@@ -82,6 +82,8 @@ UNSEEN_WEIGHT = 1e-6  # of a node: one with less everywhere is left out
 GEAR_FORCES_SETTLE = 1e-10  # of the load: change of the forces on pairs of teeth, below which they have settled
 GEAR_PASSES = 100  # in which they have to
 COARSER_GEARS = 1.5  # elements each way over those that the error by the mesh is found with
+ROLL_PASSES = 100  # of Newton's method for the roll angle without backlash
+ROUNDED_ROLL = 1e-12  # of this angle: a correction that is its round-off
 JAMMED = 1e-9  # of the distance of axes without backlash: less by more jams the teeth
 
 # Rigid bodies.
