@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from fmd import Pipeline, load_scene
@@ -179,6 +180,40 @@ def test_jaws_follow_a_wheel_and_each_other_and_are_drawn_by_what_there_is(tmp_p
     points, triangles = read_visual(run.scene, "link-2", 0, run.store.cache)
     np.testing.assert_array_equal(points, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     np.testing.assert_array_equal(triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 3]])
+
+
+def jaw(name: str, side: int, more: str = "") -> str:
+    """Return a jaw of 15 g on a slide along the axis about which the arm falls, closed at 0."""
+    return f"""<link name="{name}"><inertial><mass value="0.015"/><inertia ixx="2e-6" iyy="2e-6" izz="8e-7"/></inertial>
+    </link><joint name="{name}" type="prismatic"><parent link="arm"/><child link="{name}"/><origin xyz="0.4 0 0"/>
+    <axis xyz="0 {side} 0"/><limit lower="0" upper="0.04" effort="100" velocity="0.2"/>{more}</joint>"""
+
+
+FALLING = f"""<robot name="falling"><link name="base"/>
+  <link name="arm"><inertial><origin xyz="0.2 0 0"/><mass value="3"/><inertia ixx="1e-3" iyy="0.04" izz="0.04"/>
+    </inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="0.8" effort="80" velocity="3"/></joint>
+  {jaw("left", 1)}{jaw("right", -1, '<mimic joint="left"/>')}</robot>"""
+
+
+def test_a_robot_with_closed_jaws_falls_on_a_stop_by_the_scene_as_it_is_written(tmp_path: Path, fmd) -> None:
+    """The jaws' round-off was compared with itself, and `auto` ended after millions of steps."""
+    (tmp_path / "falling.urdf").write_text(FALLING)
+    assert fmd("new", tmp_path / "falling.toml", "--from", tmp_path / "falling.urdf") == 0
+    motion = Pipeline(load_scene(tmp_path / "falling.toml", ["output=[]"])).motion
+    inertia, moment, k, width = 0.04 + 3 * 0.2**2 + 0.03 * 0.4**2 + 4e-6, 9.81 * (3 * 0.2 + 0.03 * 0.4), 8000.0, 0.01
+
+    def slope(t: float, y: Array) -> list[float]:
+        beyond = max(y[0] - 0.8, 0.0)
+        push = k * (beyond**2 / (2 * width) if beyond < width else beyond - width / 2)
+        return [y[1], (moment * np.cos(y[0]) - push) / inertia]
+
+    exact = solve_ivp(slope, (0, 1), [0.0, 0.0], "DOP853", motion.times, rtol=1e-10, atol=1e-12)
+    assert exact.y[0].max() > 0.8
+    np.testing.assert_allclose(motion.joint_position("shoulder"), exact.y[0], atol=2e-3)
+    np.testing.assert_allclose(motion.joint_position("left"), 0.0, atol=1e-15)
+    assert motion.trajectory.evaluations < 30_000
 
 
 def test_moments_that_no_body_has_are_raised_to_the_least_possible(tmp_path: Path, fmd, capsys) -> None:

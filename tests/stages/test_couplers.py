@@ -148,6 +148,17 @@ gravity = ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]
 [[simulation.run]]
 integrator = "runge-kutta"
 """
+DRIVEN = """
+[drive.turn]
+type = "motion"
+joint = "shoulder"
+angle = { formula = "0.1*t", unit = "rad" }
+"""
+STOPPED = """
+[joint.shoulder.stop]
+high = "0.2 rad"
+stiffness = "1e6 N m/rad"
+"""
 FINGER = """
 [body.{name}]
 shape = "point"
@@ -161,16 +172,17 @@ child = "{name}.eye"
 """
 
 
-def test_slides_that_balance_each_other_at_0_cost_no_steps(tmp_path: Path) -> None:
+@pytest.mark.parametrize("driven", ["", DRIVEN, STOPPED])
+def test_slides_that_balance_each_other_at_0_cost_no_steps(tmp_path: Path, driven: str) -> None:
     """Their rates are the round-off of an inertia that the coupler takes, not a motion to be followed."""
     ends = zip(("left", "right"), (1, -1), strict=True)
     moving = "".join(FINGER.format(name=name, type="prismatic") + f"axis = [0, 0, {sign}]\n" for name, sign in ends)
     coupler = '[coupler.jaws]\ntype = "slides"\njoint = "left"\ndriver = "right"\nratio = 1.0\n'
     fixed = "".join(FINGER.format(name=name, type="fixed") for name in ("left", "right"))
-    held, free = (run_of(tmp_path, GRIPPER + text).motion for text in (fixed, moving + coupler))
-    assert free.joint_position("shoulder") == pytest.approx(held.joint_position("shoulder"), rel=1e-7)
+    held, free = (run_of(tmp_path, GRIPPER + driven + text).motion for text in (fixed, moving + coupler))
+    assert free.joint_position("shoulder") == pytest.approx(held.joint_position("shoulder"), rel=1e-7, abs=5e-7)
     assert free.joint_position("left") == pytest.approx(0.0, abs=1e-15)
-    assert free.trajectory.evaluations < 3 * held.trajectory.evaluations
+    assert free.trajectory.evaluations < max(3 * held.trajectory.evaluations, 300)
 
 
 BENDING = """

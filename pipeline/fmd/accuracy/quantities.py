@@ -11,6 +11,7 @@ from fmd.accuracy.error_estimates import OrientationQuantity, Quantity
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.errors import SAME_FREQUENCY_OF_MESHES
 from fmd.core.limits.round_off import EXACT, SUMMED
+from fmd.core.limits.stepping import STILL_GROUP
 from fmd.core.rotations import quaternion_of_matrix
 from fmd.recovery.stress import StressHistory, von_mises
 
@@ -59,8 +60,11 @@ def motion_quantities(run: Pipeline, motion: Motion, fine: Motion) -> Quantities
             continue
         unit = motion.joint_unit(name)
         what = "angle" if unit == "rad" else "position"
-        found.append(Quantity(f"{name}, {what}", unit, motion.joint_position(name)))
-        found.append(Quantity(f"{name}, rate", f"{unit}/s", motion.joint_rate(name)))
+        position, rate = motion.joint_position(name), motion.joint_rate(name)
+        if np.abs(position).max() <= STILL_GROUP:  # a coupler or a loop holds it at 0: the rest is round-off
+            position, rate = np.zeros_like(position), np.zeros_like(rate)
+        found.append(Quantity(f"{name}, {what}", unit, position))
+        found.append(Quantity(f"{name}, rate", f"{unit}/s", rate))
     found += _lies_in_space(motion)
     if len(motion.tip_link.omega):
         found.append(Quantity("tip, deflection", "m", motion.tip_deflection))

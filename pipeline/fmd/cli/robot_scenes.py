@@ -177,6 +177,11 @@ class _Writer:
             'file = "motion.mp4"',
             "frames = 50",
             "rate = 25.0",
+            "",
+            "[[output]]",
+            'type = "history"',
+            'file = "joints.png"',
+            'quantities = ["joint_position"]',
         ]
         return "\n\n".join(["\n".join(head), *bodies, *ground, *joints, "\n".join(end)]) + "\n"
 

@@ -33,6 +33,16 @@ def project(p: Any, t: float, q: Array, v: Array) -> None:
 
 
 @singledispatch
+def note_held(p: Any, groups: IntArray, largest: Array, held: Array) -> None:
+    """Raise ``held`` to how much constraints changed the accelerations that were evaluated last, by groups of rates.
+
+    Those count that haven't moved: ``largest``, (n_groups,), is no more than `STILL_GROUP`. ``groups``, (n,), has the
+    group of each rate, -1 of none. Nothing happens without loops.
+    """
+    raise NotImplementedError
+
+
+@singledispatch
 def project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Close the residuals of loops at the end of a leapfrog step h, at time t [s], by forces along Jᵀ at its begin.
 

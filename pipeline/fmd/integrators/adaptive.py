@@ -55,6 +55,8 @@ from fmd.integrators.step_control import (
     just_before,
     keep_largest,
     kinds_of,
+    note_balance,
+    raise_balance,
     step_factor,
     step_within,
 )
@@ -105,7 +107,8 @@ class AdaptiveMarch(Table):
     kinds, most : ndarray, shapes (n_groups,) and (n_kinds,)
         Kind of each group, and room for the largest value of each kind; empty where each kind has one group.
     balance : ndarray, shape (n_groups,)
-        Accelerations that balance at the march's start, as `balance_of_groups` has them.
+        Accelerations that balance at the march's start, as `balance_of_groups` has them, or that constraints have
+        held of groups that haven't moved.
     largest, trial : ndarray
         Largest values of the groups so far, with numbers of the method's own behind, and with the trial step's end.
     begin, new, out : ndarray, shape (n_positions + n,)
@@ -220,6 +223,8 @@ def march_steps(m: Any, p: Any, s: AdaptiveMarch, stop: float, n_steps: int) -> 
                 s.spare[0], factor = s.spare[0] - 1.0, 1.0
                 break
             h = max(h * min(factor, 0.9), smallest)
+        if s.settles:
+            note_balance(p, s.groups, n_positions, s.largest, s.balance)
         if cursor[0] < times.size and times[cursor[0]] <= reached:
             prepare_samples(m, p, s, t, h)
         while cursor[0] < times.size and times[cursor[0]] <= reached:
@@ -323,12 +328,12 @@ class AdaptiveIntegrator(ResumableIntegrator):
     def start(self, system: System, q0: Array, v0: Array) -> State:
         """Return the state at time 0, the same for each tolerance; its first step is a tenth of the highest radian."""
         start, groups = start_state(system, q0, v0, np.zeros(system.n)), groups_of(system)
-        sizes = balanced_accelerations(system, start)
-        if system.settles:  # reactions of constraints hold what forces would accelerate
-            sizes = np.maximum(sizes, np.abs(start.a[: system.n]).max(initial=0.0))
-        balance = balance_of_groups(groups, start.q.size, sizes)
-        largest = np.zeros(balance.size + self.n_own)
+        held = np.zeros(int(groups.max(initial=-1)) + 1)
+        largest = np.zeros(held.size + self.n_own)
         keep_largest(groups, largest, np.concatenate([start.q, start.v]))
+        raise_balance(system.parameters, groups, start.q.size, largest, held)
+        balanced = balance_of_groups(groups, start.q.size, balanced_accelerations(system, start))
+        balance = np.maximum(balanced, held)
         highest = system.highest_frequency if system.n else 1.0
         return replace(start, next_step=0.1 / highest if highest > 1e-3 else 1e-2, memory=np.r_[balance, largest])
 

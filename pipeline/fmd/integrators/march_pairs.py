@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.stepping import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS
+from fmd.core.limits.stepping import FEWEST_TIMES, MARGIN, MOST_TIMES, OF_RATES, STAYS, STILL_GROUP
 from fmd.dynamics.system import System
 from fmd.integrators.protocol import Trajectory
 from fmd.integrators.step_control import groups_of
@@ -136,6 +136,8 @@ def compared_times(times: Array, least: int) -> Array:
 def _largest_difference(q: Array, other: Array, at: IntArray, groups: IntArray, least: Array) -> tuple[float, Array]:
     """Return the largest difference of two motions, each coordinate's over its group's largest value, and these.
 
+    A group that hasn't moved has the size `STILL_GROUP`: its values are round-off, as where a coupler holds them at 0.
+
     Parameters
     ----------
     q, other : ndarray, shapes (n_some, n) and (n_times, n)
@@ -163,6 +165,6 @@ def _compare(q: Array, other: Array, at: IntArray, groups: IntArray, least: Arra
     worst = 0.0
     for k in range(at.size):
         for i in range(groups.size):
-            apart = abs(q[k, i] - other[at[k], i]) / max(largest[groups[i]], 1e-300)
+            apart = abs(q[k, i] - other[at[k], i]) / max(largest[groups[i]], STILL_GROUP)
             worst = max(worst, apart) if math.isfinite(apart) else math.inf
     return worst

@@ -19,6 +19,7 @@ from fmd.dynamics.system import (
     accelerations,
     advance,
     note_contacts,
+    note_held,
     project,
     project_onto_constraints,
     remember_contacts,
@@ -398,6 +399,11 @@ def _project(p: Any, t: float, q: Array, v: Array) -> None:
 @project_onto_constraints.register(Table)
 def _project_onto_constraints(p: Any, t: float, h: float, q: Array, v: Array, a: Array) -> None:
     """Leave a step as it is, likewise."""
+
+
+@note_held.register(Table)
+def _note_held(p: Any, groups: IntArray, largest: Array, held: Array) -> None:
+    """Note nothing, likewise."""
 
 
 @remember_contacts.register(Table)

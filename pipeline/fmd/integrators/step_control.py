@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.stepping import RATE_ROUND_OFF, STEP_SAFETY, STILL_GROUP
-from fmd.dynamics.system import System
+from fmd.dynamics.system import System, note_held
 from fmd.kernels.kernel import inner, kernel
 
 
@@ -63,6 +64,23 @@ def balance_of_groups(groups: IntArray, n_positions: int, sizes: Array) -> Array
     both = min(n_moved, len(found) - n_moved)
     found[:both] = found[n_moved : n_moved + both]
     return found
+
+
+@inner
+def note_balance(p: Any, groups: IntArray, n_positions: int, largest: Array, balance: Array) -> None:
+    """Raise the balance of groups that rest to what constraints held of the accelerations that were evaluated last."""
+    note_held(p, groups[n_positions:], largest, balance)
+    n_moved = 0
+    for i in range(n_positions):
+        n_moved = max(n_moved, groups[i] + 1)
+    for k in range(min(n_moved, balance.size - n_moved)):
+        balance[k] = max(balance[k], balance[n_moved + k])
+
+
+@kernel
+def raise_balance(p: Any, groups: IntArray, n_positions: int, largest: Array, balance: Array) -> None:
+    """Raise the balance of groups as `note_balance` does."""
+    note_balance(p, groups, n_positions, largest, balance)
 
 
 @inner

@@ -12,14 +12,15 @@ import math
 from functools import singledispatch
 from typing import Any
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.newton import NOT_PROJECTED, PROJECTED, PROJECTIONS, RELINEARISED
 from fmd.core.limits.rank import DEPENDENT_PIVOT, NO_PIVOT
+from fmd.core.limits.stepping import STILL_GROUP
 from fmd.core.newton import settles
 from fmd.dynamics.compiled_system.kernels import set_inputs
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, Multipliers, TreeParameters
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_held, project, project_onto_constraints
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.library import call_native
 
@@ -135,6 +136,22 @@ def _widest(values: Array) -> float:
         if not abs(values[k]) <= widest:
             widest = abs(values[k])
     return widest
+
+
+@note_held.register(ClosedParameters)
+def _note_held(p: ClosedParameters, groups: IntArray, largest: Array, held: Array) -> None:
+    note_pushes(p.whole, groups, largest, held)
+
+
+@inner
+def note_pushes(m: Multipliers, groups: IntArray, largest: Array, held: Array) -> None:
+    """Raise ``held`` to the sizes of ``push`` in groups that haven't moved.
+
+    Those that move have no need of it, and pushes beside a singular position would let errors pass there.
+    """
+    for i in range(m.push.size):
+        if groups[i] >= 0 and largest[groups[i]] <= STILL_GROUP:
+            held[groups[i]] = max(held[groups[i]], abs(m.push[i]))
 
 
 @project.register(ClosedParameters)

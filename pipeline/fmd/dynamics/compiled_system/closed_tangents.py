@@ -11,14 +11,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.newton import PROJECTIONS, STALLED
-from fmd.dynamics.compiled_system.closed import project_positions, project_rates, pull, push
+from fmd.dynamics.compiled_system.closed import note_pushes, project_positions, project_rates, pull, push
 from fmd.dynamics.compiled_system.parameters import ClosedParameters, CompiledParameters, Leapfrog
 from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy, pulled, set_time, take_state
 from fmd.dynamics.compiler.program import LANES
-from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints
+from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_held, project, project_onto_constraints
 from fmd.kernels.kernel import inner
 from fmd.kernels.library import call_native
 
@@ -235,6 +235,12 @@ def _find_changes(p: ClosedTangentParameters, q: Array, v: Array, wanted: Array)
         for lane in range(LANES):
             widest = max(widest, abs(wanted[k, lane]))
     return widest
+
+
+@note_held.register(ClosedTangentParameters)
+def _note_held(p: ClosedTangentParameters, groups: IntArray, largest: Array, held: Array) -> None:
+    pull(p.own.whole, p.multiplier, p.own.whole.push)  # the last one was that of a tangent
+    note_pushes(p.own.whole, groups, largest, held)
 
 
 @project.register(ClosedTangentParameters)
