@@ -12,6 +12,7 @@ from fmd.fem.laminate import Layered
 from fmd.output.plies import draw_plies, find_plies, summarise_plies, write_plies
 from fmd.output.result import Result
 from fmd.scene.stress_outputs import Plies
+from fmd.stages.part_inputs import assembly_inputs, mesh_inputs
 
 CARBON = {"E1": "135 GPa", "E2": "10 GPa", "nu12": 0.3, "G12": "5 GPa", "G23": "3.5 GPa", "rho": "1550 kg/m^3"}
 STRENGTH = {"Xt": "1500 MPa", "Xc": "1200 MPa", "Yt": "50 MPa", "Yc": "250 MPa", "S": "70 MPa"}
@@ -100,6 +101,19 @@ def test_a_sandwich_has_the_mass_and_the_density_of_its_layers(swung: Result) ->
     rotary = 0.6 * 0.2 * (1550 * (10e-3**3 - 8e-3**3) + 60 * 8e-3**3) / 12  # ∫ ρ z²
     z = part.fe.x[:, 2]
     assert z @ part.fe.m @ z == pytest.approx(rotary, rel=1e-9)
+
+
+def test_strengths_keep_mesh_and_matrices(swung: Result) -> None:
+    stronger = {"carbon": CARBON | {"strength": STRENGTH | {"S": "90 MPa"}}, "foam": FOAM}
+    one, other, softer = (
+        swung.run.part,
+        fmd.load(panel(lamina=stronger)).run.part,
+        fmd.load(panel(lamina=stronger | {"foam": FOAM | {"E1": "60 MPa"}})).run.part,
+    )
+    assert one.shape.lamina != other.shape.lamina
+    assert mesh_inputs(one) == mesh_inputs(other)
+    assert assembly_inputs(one) == assembly_inputs(other)
+    assert assembly_inputs(one) != assembly_inputs(softer)
 
 
 def test_an_offset_moves_the_shell_along_its_normal() -> None:

@@ -69,6 +69,7 @@ def assembly_inputs(part: KeyedPart) -> Any:
 def _identify(part: KeyedPart, without: dict[str, Any]) -> Any:
     """Return all that a stage's result depends on: a part's table but for some keys, its files and its piece."""
     without |= {"pieces": True, "sections": True}  # which a piece's mesh and markers know
+    without |= {"lamina": {"__all__": {"strength"}}}  # of which only the plies' indices know
     table = part.shape.model_dump(mode="json", exclude=without)
     if part.piece:
         table["piece"] = part.piece.digest
