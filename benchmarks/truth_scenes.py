@@ -23,6 +23,7 @@ MATERIALS = ((210e9, 0.3, 7850.0), (70e9, 0.33, 2700.0), (3e9, 0.35, 1200.0))  #
 GRAVITY = 9.81
 MIXED = 1000  # seed from which on scenes are mixed
 ARMS = 2000  # seed from which on they are arms
+ROLLED = 30.0  # times as stiff as the other: what an arm's stiffer bar may count, lest a load rolls the other up
 LOOPS = 0.25  # share of them with a loop
 JUMPS = 0.04  # share of prescribed motions that jump, which nothing can follow
 
@@ -294,8 +295,10 @@ def arm_scene(rng: np.random.Generator, seed: int) -> Table:
     inertia = [bar.mass * bar.length**2 / 3 for bar in bars]
     inertia[1] += tip * bars[1].length ** 2
     inertia[0] += (bars[1].mass + tip) * bars[0].length ** 2
-    torques = [min(4 * angle * own / over**2, 0.2 * bar.bending / bar.length)
-               for own, bar in zip(inertia, bars, strict=True)]  # fmt: skip
+    stiffness = [bar.bending / bar.length for bar in bars]
+    stiffness = [min(own, ROLLED * min(stiffness)) for own in stiffness]  # torques and forces bend the other bar, too
+    torques = [min(4 * angle * own / over**2, 0.2 * bending)
+               for own, bending in zip(inertia, stiffness, strict=True)]  # fmt: skip
     drive: Table = {}
     if rng.random() < 0.5:
         turn = {"formula": spin_up(2 * angle / duration, over), "unit": "rad"}
@@ -308,7 +311,7 @@ def arm_scene(rng: np.random.Generator, seed: int) -> Table:
     if rng.random() < 0.4:
         joint["elbow"]["spring"] = quantity(bars[1].bending / bars[1].length * float(rng.uniform(0.02, 0.5)), "N m/rad")
     if rng.random() < 0.4:
-        force, way = 0.1 * bars[1].bending / bars[1].length ** 2 * float(rng.uniform(0.1, 1)), rng.normal(size=2)
+        force, way = 0.1 * stiffness[1] / bars[1].length * float(rng.uniform(0.1, 1)), rng.normal(size=2)
         drive["push"] = {"type": "point force", "marker": "bar1.tip", "direction": [*map(float, way.round(2)), 0.0]}
         drive["push"]["force"] = swell(force, over, "N")
     return {

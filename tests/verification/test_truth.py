@@ -145,7 +145,10 @@ def test_two_bars_on_hinges_swing_as_geometrically_exact_beams_do(
     truth, beams = module("truth"), module("truth_beams")
     monkeypatch.setattr(beams, "FINE", (5, 3))
     monkeypatch.setattr(beams, "COARSE", (4, 2))
+    monkeypatch.setattr(beams, "OUTPUTS", 60)  # the first of a hundred
     case, file = module("truth_scenes").random_case(seed), tmp_path / "scene.toml"
+    simulation = case.table["simulation"]
+    simulation["duration"] = f"{60 * beams.number(simulation['output_step']):.5g} s"
     file.write_text(case.text)
     modes = "modes={count=6, boundary='joint', enrich='inertia'}"
     run = Pipeline(load_scene(file, [f"body.{name}.{modes}" for name in case.bars]))

@@ -19,7 +19,7 @@ from fmd.accuracy.changed_bodies import soften_body
 from fmd.accuracy.coarse_mesh import Pair, make_coarse_pair, make_pair_across
 from fmd.accuracy.comparison import Comparison, change_fineness
 from fmd.accuracy.corner_stress import CornerStress, find_corner_stress
-from fmd.accuracy.error_estimates import NO_PART, NO_VIBRATION, OTHER_LOOPS, shifted_frequencies
+from fmd.accuracy.error_estimates import NO_PART, NO_VIBRATION, OTHER_LOOPS, Quantity, shifted_frequencies
 from fmd.accuracy.mesh_excess import find_excess
 from fmd.accuracy.model_errors import ModelErrors
 from fmd.accuracy.quantities import find_counterparts, mesh_quantities
@@ -39,7 +39,7 @@ from fmd.core.limits.errors import (
     SAFETY,
 )
 from fmd.integrators.march_pairs import motion_difference
-from fmd.recovery.stress import von_mises
+from fmd.recovery.stress import excess_in_middle, von_mises
 from fmd.scene.variants import change_modes, enrich_bases
 from fmd.stages.runs import plan_like
 
@@ -79,7 +79,7 @@ class Estimates(Comparison):
         self._shifts: dict[str, float] = {}  # changes of the motion by shifted frequencies
         self._across: Pair | None = None  # the run and its scene with more elements from side to side
         self._shapes: dict[str, float] = {}  # errors by shapes of the mesh
-        self._behind_rigid_faces: set[str] = set()  # largest stresses next to one
+        self._by_recovery: set[str] = set()  # stresses whose recovery another mesh tells nothing of
 
     def by_source(self) -> dict[str, dict[str, float | str]]:
         """Return the relative errors of the quantities by source, or the reason why there is no estimate.
@@ -287,7 +287,7 @@ class Estimates(Comparison):
         for name, error in self._changes_by_shapes(pair).items():
             shape = error / pair.gains[self.quantities[name].kind]
             if isinstance(again := recovery.get(name), float):
-                if name not in self._behind_rigid_faces:
+                if name not in self._by_recovery:
                     recovery[name] = again = min(again, MOST_OF_CHANGE * shape)
                 shape = max(shape - again, 0.0)
             self._shapes[name] = math.hypot(self._shapes.get(name, 0.0), shape)
@@ -330,8 +330,32 @@ class Estimates(Comparison):
             if _is_next_to_rigid_face(part, node):
                 each = von_mises(element_stresses(part.space, part.material, field, node)[:, :, 0])
                 apart = max(apart / 2, float(np.abs(each - worst).max()))
-                self._behind_rigid_faces.add(f"{name}, largest von Mises stress")
+                self._by_recovery.add(f"{name}, largest von Mises stress")
             errors[f"{name}, largest von Mises stress"] = apart / worst
+            errors |= self._recovery_in_elements(part)
+        return errors
+
+    def _recovery_in_elements(self, part: FlexiblePart) -> dict[str, float | str]:
+        """Estimate how far stress in the middle of quadratic elements is from that of a curve through those in its row.
+
+        A coarser mesh tells little of it, since the same place isn't in the middle of its elements.
+        """
+        errors: dict[str, float | str] = {}
+        if not part.elements or part.space.order == 1 or part.space.kind.strain_matrix is not None:
+            return errors
+        q = self.motion.modal(part.name)
+        for (element, number), own in zip(part.elements.items(), part.element_stress, strict=True):
+            beyond = excess_in_middle(part.space, part.material, part.body.shapes, number)
+            if not beyond.any():
+                continue
+            label = f"{part.name}.{element}, von Mises stress"
+            for name, largest in ((label, False), (f"{label}, largest", True)):
+                stress, better = (
+                    Quantity(name, "Pa", von_mises((each @ q.T)[None])[0], largest) for each in (own, own - beyond)
+                )
+                errors[name] = stress.change(better)
+                self.correct(name, better.scale - stress.scale)
+                self._by_recovery.add(name)
         return errors
 
 

@@ -20,6 +20,7 @@ SAMPLES_PER_TERM = 3  # points of stress for each term of the polynomial that is
 INDEPENDENT_TERM = 0.02  # of a term's norm over the points: with less outside the others it is left out
 
 # Stress.
+IN_A_ROW = 0.9  # cosine of the angle by which three elements in a row may turn
 NEAR_LARGEST_STRESS = 0.8  # of the largest von Mises stress
 APART = 0.1  # of the larger stress
 BESIDE_POINT = 0.5  # of the edge of a cube of the part's volume: stress so near a loaded point isn't the largest
