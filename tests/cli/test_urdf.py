@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from fmd import Pipeline, load_scene
+from fmd.cli.robot_scenes import _make_names
 from fmd.core.arrays import Array
 from fmd.dynamics.kinematics import Kinematics
 from fmd.stages.visual_files import read_visual
@@ -214,6 +215,12 @@ def test_a_robot_with_closed_jaws_falls_on_a_stop_by_the_scene_as_it_is_written(
     np.testing.assert_allclose(motion.joint_position("shoulder"), exact.y[0], atol=2e-3)
     np.testing.assert_allclose(motion.joint_position("left"), 0.0, atol=1e-15)
     assert motion.trajectory.evaluations < 30_000
+
+
+def test_names_that_become_alike_stay_different() -> None:
+    names = _make_names(["root", "a-3", "a", "a."], "link")
+    assert len(set(names.values())) == 4
+    assert (names["root"], names["a-3"], names["a"]) == ("root", "a-3", "a")
 
 
 def test_moments_that_no_body_has_are_raised_to_the_least_possible(tmp_path: Path, fmd, capsys) -> None:

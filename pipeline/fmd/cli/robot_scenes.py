@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -326,8 +327,11 @@ def _make_names(given: Iterable[str], kind: str) -> dict[str, str]:
     """Return different names of a scene for those of links or joints."""
     names: dict[str, str] = {}
     for number, name in enumerate(given):
-        plain = make_name(name) or f"{kind}-{number}"
-        names[name] = f"{plain[: LONGEST_NAME - 5]}-{number}" if plain in names.values() else plain
+        plain = own = make_name(name) or f"{kind}-{number}"
+        others = (f"{own[: LONGEST_NAME - 5]}-{k}" for k in count(number))
+        while plain in names.values():
+            plain = next(others)
+        names[name] = plain
     return names
 
 
