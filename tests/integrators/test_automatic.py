@@ -94,6 +94,11 @@ def test_where_nothing_is_free_to_move_there_is_nothing_to_compare(tmp_path: Pat
     assert found.trajectory.q.shape == (11, 0)
 
 
+def test_a_march_ends_with_more_steps_than_are_worth_it(arm: Pipeline) -> None:
+    with pytest.raises(StabilityError, match="exponential-rosenbrock takes more than 3 steps"):
+        ExponentialRosenbrock(1e-8, most_steps=3).march(arm.system, *arm.start, TIMES)
+
+
 def test_explicit_steps_are_weighed_by_the_mechanisms_own_equations(arm: Pipeline) -> None:
     """A coarse count of operations chose the Runge-Kutta method where central difference takes a third of its work."""
     for scene in ("arm", "spin-up", "rod-slider"):

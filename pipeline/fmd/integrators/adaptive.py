@@ -302,11 +302,14 @@ class AdaptiveIntegrator(ResumableIntegrator):
     ----------
     tolerance : float
         Of each step, relative to the largest value of a coordinate's group.
+    most_steps : float
+        With more of them a march is ended; no number, unless another method takes over.
     n_own : int
         Length of what such a method remembers beside the largest values.
     """
 
     tolerance: float
+    most_steps: float = math.inf
     step = 0.0
     n_own = 0
 
@@ -371,6 +374,8 @@ class AdaptiveIntegrator(ResumableIntegrator):
                     StabilityError(f"{self.name} takes steps of {clock[1]:.1e} s", float(clock[0]), state.q)
                 )
             left.require_end(state.step, state.time)
+            if state.step - start.step > self.most_steps:
+                raise StabilityError(f"{self.name} takes more than {self.most_steps:.3g} steps", state.time)
             if progress and (sampling is None or unreported > CHUNK_SECONDS or cursor[0] >= times.size):
                 progress(min(1.0, clock[0] / end) if end else 1.0)
                 unreported = 0.0

@@ -105,8 +105,8 @@ class Automatic(Integrator):
     generalised-α marches by shorter and shorter steps, as long as those that the error still asks for cost less than
     stable ones of central difference; then that method, as long as its steps cost less than the Runge–Kutta method's;
     then this one. Where stable steps are many, a trial over the first part of the motion may find the exponential
-    Rosenbrock method cheaper than all of these. Costs are counted, not timed, so that the choice hardly depends on the
-    machine.
+    Rosenbrock method cheaper than these last two, which take over if its march costs more after all. Costs are counted,
+    not timed, so that the choice hardly depends on the machine.
 
     Parameters
     ----------
@@ -211,32 +211,49 @@ class Automatic(Integrator):
             yield from self._implicit_methods(system, q0, v0, IMPLICIT_SHARE * cost, report)
             if cost > WORTH_A_TRIAL * rosenbrock_cost(system, 1.0):
                 end = min(TRIAL * self.duration, float(times[-1]))
-                adaptive = self._choose_adaptive(system, q0, v0, cost, end, progress)
-            if adaptive is RungeKutta:
-                allowed = WORTHWHILE * stable_steps(system, self.duration) * explicit_cost(system)
-                yield from self._leapfrog_methods(system, leapfrog_steps, allowed, report)
+                explicit = min(cost, explicit_pair_cost(system, self.duration))
+                most = self._steps_worth_taking(system, q0, v0, explicit, end, progress)
+                if most:
+                    yield from self._adaptive_marches(ExponentialRosenbrock, system, q0, v0, report, most)
+            allowed = WORTHWHILE * stable_steps(system, self.duration) * explicit_cost(system)
+            yield from self._leapfrog_methods(system, leapfrog_steps, allowed, report)
+        yield from self._adaptive_marches(adaptive, system, q0, v0, report)
+
+    def _adaptive_marches(
+        self,
+        method: type[RungeKutta | ExponentialRosenbrock],
+        system: System,
+        q0: Array,
+        v0: Array,
+        report: Pairs,
+        most_steps: float = math.inf,
+    ) -> Iterator[_Marches]:
+        """Yield a method by finer and finer tolerances, until marches fail or take more steps than are worth it."""
         report.start_anew()
-        cost = explicit_pair_cost(system, self.duration) / 2 if adaptive is RungeKutta else np.inf
-        start = adaptive().start(system, q0, v0)
-        methods = tuple(self._adaptive_methods(adaptive))
+        cost = explicit_pair_cost(system, self.duration) / 2 if method is RungeKutta else np.inf
+        start = method().start(system, q0, v0)
+        methods = tuple(self._adaptive_methods(method, most_steps))
         yield _Marches(methods[:2], cost, start)
-        for method in methods[2:]:
+        for each in methods[2:]:
             if report.failures > 1:  # it isn't the tolerance
                 return
-            yield _Marches((method,), cost, start)
+            yield _Marches((each,), cost, start)
 
     def _stiff(self, system: System) -> bool:
         return stable_steps(system, self.duration) > FEW_STEPS
 
     def _adaptive_methods(
-        self, method: type[RungeKutta | ExponentialRosenbrock]
+        self, method: type[RungeKutta | ExponentialRosenbrock], most_steps: float
     ) -> Iterator[RungeKutta | ExponentialRosenbrock]:
         """Yield a method by finer and finer tolerances; where these don't bound its steps, the highest frequency does.
 
         Else two marches by the longest stable steps would agree that both lose the fastest vibrations.
         """
         for k, tolerance in enumerate(self._tolerances(_FINER[method])):
-            yield RungeKutta(tolerance, DAMPED / NEARLY**k) if method is RungeKutta else method(tolerance)
+            if method is RungeKutta:
+                yield RungeKutta(tolerance, DAMPED / NEARLY**k)
+            else:
+                yield ExponentialRosenbrock(tolerance, most_steps)
 
     def _tolerances(self, finer: float) -> list[float]:
         """Return tolerances from coarse to the finest one, which comes once: twice it would agree with itself."""
@@ -321,20 +338,24 @@ class Automatic(Integrator):
         """
         return _Marches((method(NEARLY * self.duration / steps), method(self.duration / steps)), cost)
 
-    def _choose_adaptive(
+    def _steps_worth_taking(
         self, system: System, q0: Array, v0: Array, explicit: float, end: float, progress: Progress | None
-    ) -> type[RungeKutta | ExponentialRosenbrock]:
-        """Choose between explicit methods by their cost and the Rosenbrock method by the steps it takes to ``end``."""
+    ) -> float:
+        """Return the steps of the Rosenbrock method that cost what explicit methods do; 0 if its march takes more.
+
+        The steps that it takes to ``end`` tell. What begins to act later may make them shorter, and then their number
+        ends its march.
+        """
         method = ExponentialRosenbrock(self.error * FIRST_TOLERANCE)
         try:
             # Its progress is that of a march to the end, which may be ended where that would take too long.
             watch = None if progress is None else lambda done: progress(end / self.duration * done)
             trial = method.march(system, q0, v0, np.array([end]), watch)
         except StabilityError:
-            return RungeKutta
+            return 0.0
         step = max(trial.step, 1e-300)
-        cheaper = 2 * self.duration / step * rosenbrock_cost(system, step) < explicit
-        return ExponentialRosenbrock if cheaper else RungeKutta
+        most = explicit / rosenbrock_cost(system, step)
+        return most if 2 * self.duration / step < most else 0.0
 
 
 def _gain(coarse: Trajectory, system: System) -> Gain:

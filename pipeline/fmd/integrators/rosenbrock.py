@@ -45,6 +45,7 @@ class ExponentialRosenbrock(AdaptiveIntegrator):
     """Exponential Rosenbrock method of order 4 that chooses its steps by a relative ``tolerance`` of each."""
 
     tolerance: float = 1e-6
+    most_steps: float = math.inf
 
     name = "exponential-rosenbrock"
     n_own = 2  # the largest of all rates and accelerations, for round-off
