@@ -34,15 +34,15 @@ def read_obj(path: Path) -> tuple[Array, IntArray]:
             elif kind == "f":
                 given = [int(word.partition("/")[0]) for word in words]
                 # Counted from 1, or backwards from the last vertex so far.
-                face = [n - 1 if n > 0 else len(points) + n for n in given]
+                face = [n - 1 if n > 0 else len(points) + n if n < 0 else -1 for n in given]
                 triangles += [(face[0], one, other) for one, other in pairwise(face[1:])]
         except ValueError:
             raise ValueError(f"can't be read in line {number}") from None
-    places, corners = np.array(points), np.array(triangles, dtype=np.int64)
     if not triangles:
         raise ValueError("holds no faces")
-    if not (corners.min() >= 0 and corners.max() < len(points)):
+    if not all(0 <= corner < len(points) for triangle in triangles for corner in triangle):
         raise ValueError("has a face with a vertex that isn't there")
+    places, corners = np.array(points), np.array(triangles, dtype=np.int64)
     if not np.isfinite(places).all():
         raise ValueError("has a coordinate that isn't finite")
     return places, corners
