@@ -289,6 +289,18 @@ TABLES: dict[str, Callable[[], str]] = {
             "rms of nodes' differences, over the largest": "{rms_of_largest}",
         },
     ),
+    "gears": partial(
+        listed,
+        "gears",
+        {
+            "teeth": "{teeth}",
+            "figure": "{figure}",
+            "of ISO 6336": "{beside}",
+            "ISO 6336": "{iso}",
+            "here": "{fmd}",
+            "on finer elements": "{finer}",
+        },
+    ),
     "derivatives": derivatives,
     "gradients": gradients,
     "eigen": eigen,

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
-from math import acos, cos, pi, sin, sqrt, tan
+from math import cos, pi, sin, tan
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.gears import disc_twist, iso_root_stress, iso_stiffness
 from fmd.contact.gear_pair import GearMeshAnswer, ToothFlexibility, mesh_gears
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
-from fmd.core.involute import GearPair, Tooth, involute, tight_distance
+from fmd.core.involute import GearPair, Tooth, tight_distance
 from fmd.output.gear_mesh import MeshedGears, compute_gear_mesh, write_gear_mesh
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
@@ -134,44 +135,19 @@ def test_equal_gears_share_the_load_as_mirror_images() -> None:
 def test_stiffness_is_that_of_iso_6336_beside_the_discs_own_twist() -> None:
     """ISO 6336-1, method B: theoretical single stiffness, and that of the mesh; the twist is a thick ring's."""
     pair, found = equal_gears()
-    z = 20.0
-    theory = 1e9 / (0.04723 + 0.15551 / z + 0.25791 / z) * (1 + 0.5 * (1.2 - 1.25))  # N/m per m of width
+    theory, _, whole = iso_stiffness(pair)
     run, own = pinion()
-    tooth, gear = own.tooth, run.wholes["pinion"].shape
-    shear = own.E / (2 * (1 + own.nu))
-    twist = 2 * tooth.base_radius**2 / (4 * pi * shear) * (4 / gear.bore**2 - 1 / tooth.root_radius**2)
+    twist = 2 * disc_twist(run.scene.body["pinion"], own)
     single = 1 / (WIDTH / found.single.max() - twist)
     assert single == pytest.approx(theory, rel=0.05)
-    whole = 0.8 * theory * (0.75 * pair.contact_ratio + 0.25)
     assert found.stiffness.mean() / WIDTH == pytest.approx(whole, rel=0.1)
 
 
 def test_stress_at_the_root_is_that_of_iso_6336_3() -> None:
     """Nominal stress by Y_F and Y_S, method B, for the load at the outer point of single contact."""
     pair, found = equal_gears()
-    form, correction = _iso_root(pair.pinion, pair.contact_ratio)
-    nominal = LOAD * cos(pi / 9) / (WIDTH * 0.003) * form * correction
+    nominal = iso_root_stress(pair.pinion, pair.contact_ratio, LOAD, WIDTH)
     assert found.root_stress.max() == pytest.approx(nominal, rel=0.1)
-
-
-def _iso_root(tooth: Tooth, contact_ratio: float) -> tuple[float, float]:
-    """Return Y_F and Y_S of ISO 6336-3:2006, clauses 6 and 7."""
-    h, rho, x, z, alpha = tooth.dedendum, tooth.rounding, tooth.shift, tooth.teeth, tooth.alpha
-    E = pi / 4 - h * tan(alpha) - (1 - sin(alpha)) * rho / cos(alpha)
-    G, theta = rho - h + x, pi / 6
-    for _ in range(50):
-        theta = 2 * G / z * tan(theta) - 2 / z * (pi / 2 - E) + pi / 3
-    s = z * sin(pi / 3 - theta) + sqrt(3) * (G / cos(theta) - rho)
-    radius = rho + 2 * G**2 / (cos(theta) * (z * cos(theta) ** 2 - 2 * G))
-    base, tip = 2 * tooth.base_radius, 2 * tooth.tip_radius
-    outer = 2 * sqrt((sqrt(tip**2 - base**2) / 2 - tooth.base_pitch * (contact_ratio - 1)) ** 2 + base**2 / 4)
-    angle = acos(base / outer)
-    gamma = (pi / 2 + 2 * x * tan(alpha)) / z + involute(tan(alpha)) - involute(tan(angle))
-    lean = angle - gamma
-    arm = (cos(gamma) - sin(gamma) * tan(lean)) * outer / tooth.module - z * cos(pi / 3 - theta) - G / cos(theta) + rho
-    arm /= 2
-    form = 6 * arm * cos(lean) / (s**2 * cos(alpha))
-    return form, (1.2 + 0.13 * s / arm) * (s / (2 * radius)) ** (1 / (1.21 + 2.3 * arm / s))
 
 
 def test_error_vanishes_as_the_gears_become_rigid() -> None:
@@ -210,6 +186,21 @@ def test_a_pair_that_another_one_moves_apart_carries_nothing() -> None:
     assert (found.forces[both] == 0.0).any()
     assert (found.forces >= 0.0).all()
     assert found.forces.sum(axis=1) == pytest.approx(LOAD)
+
+
+@pytest.mark.parametrize("kind", ["rigid", "average"])
+def test_a_link_on_the_bore_leaves_the_teeth_as_they_are(kind: str) -> None:
+    """The bore is held; the link's points, on arms longer than its radius, have no stiffness of their own."""
+    bare = "body.pinion.mesh={flank=2,fillet=2,across=2,rim=2,along=1}"
+    link = f"body.pinion.link={{axle={{face='bore',type='{kind}'}}}}", "body.pinion.marker.bore={link='axle'}"
+    found = []
+    for changes in ([bare], [bare, *link]):
+        run = Pipeline(load_scene("gears", changes), Cache(None))
+        found.append(find_tooth_flexibility(run.wholes["pinion"], run.scene.body["pinion"]))
+    assert len(run.wholes["pinion"].fe.x) == len(run.wholes["pinion"].space.x) + 7
+    for name in ("moved", "stress"):
+        values, wanted = (getattr(own, name) for own in found[::-1])
+        assert values == pytest.approx(wanted, abs=1e-9 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize(

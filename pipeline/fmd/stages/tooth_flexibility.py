@@ -19,18 +19,21 @@ if TYPE_CHECKING:
 
 
 def find_tooth_flexibility(part: FlexiblePart, gear: SpurGear) -> ToothFlexibility:
-    """Load the flank of a gear's middle tooth, with its bore held, and return what that moves and stresses."""
-    fe, block = part.fe, tooth_block(gear)
-    tree, beside = cKDTree(part.space.x), gear.meshed_teeth // 2
+    """Load the flank of a gear's middle tooth, with its bore held, and return what that moves and stresses.
+
+    Points of links, which are behind the mesh's nodes and have no stiffness of their own, are left out.
+    """
+    x, block = part.space.x, tooth_block(gear)
+    tree, beside = cKDTree(x), gear.meshed_teeth // 2
     turns = [_turn(2.0 * np.pi * k / gear.teeth) for k in range(-beside, beside + 1)]
     flank = _functionals(gear, tree, block[2 * gear.mesh.fillet :, -1])
-    loads = np.zeros((len(fe.x), 3, flank.shape[0], 2))
+    loads = np.zeros((len(x), 3, flank.shape[0], 2))
     for a in range(2):
-        loads[: tree.n, a, :, a] = flank.T
-    free = np.flatnonzero(np.repeat(np.hypot(*fe.x[:, :2].T) > 0.5 * gear.bore * (1.0 + 1e-9), 3))
-    u = np.zeros((3 * len(fe.x), 2 * flank.shape[0]))
-    u[free] = part.model.factorise(fe.K[free][:, free]).solve(loads.reshape(u.shape)[free])
-    shapes = u.reshape(len(fe.x), 3, -1)[: tree.n]  # without nodes of links
+        loads[:, a, :, a] = flank.T
+    free = np.flatnonzero(np.repeat(np.hypot(*x[:, :2].T) > 0.5 * gear.bore * (1.0 + 1e-9), 3))
+    u = np.zeros((3 * len(x), 2 * flank.shape[0]))
+    u[free] = part.model.factorise(part.fe.K[free][:, free]).solve(loads.reshape(u.shape)[free])
+    shapes = u.reshape(len(x), 3, -1)
     middle = block[:, gear.mesh.across]
     moved = [
         np.einsum("ij,rn,njl->ril", turn[:2, :2].T, _functionals(gear, tree, middle @ turn[:2, :2].T), shapes[:, :2])
