@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.meshes.cad_midsurface import replace_by_midsurface
-from fmd.meshes.cad_names import Names, import_entities, name_pieces
-from fmd.meshes.cad_places import describe_part, find_centre, name_faces_by_place
+from fmd.meshes.cad_names import Names, import_entities, name_pieces, names_of_entities
+from fmd.meshes.cad_places import describe_part, find_centre, name_faces_by_place, name_of_face
 from fmd.meshes.gmsh_session import gmsh_model
 
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
@@ -127,7 +127,7 @@ def mesh_sheet(
     thickness : float
         Of the solid's walls [m].
     target : Path
-        The ``.msh`` file; a solid's volume [m³] is beside it in a ``.txt``.
+        The ``.msh`` file; of a solid a ``.json`` is beside it, as `_replace_solid` returns.
     begin : callable
         Called with the number of elements that are expected, before the mesh is made.
 
@@ -141,11 +141,8 @@ def mesh_sheet(
         if gmsh.model.getEntities(3):
             if surfaces:
                 raise CadError("it has solids beside surfaces; export one of them")
-            try:
-                volume = replace_by_midsurface(gmsh, thickness)
-            except ValueError as error:
-                raise CadError(str(error)) from error
-            target.with_suffix(".txt").write_text(repr(volume), encoding="utf-8")
+            solid = _replace_solid(gmsh, path, thickness)
+            target.with_suffix(".json").write_text(json.dumps(solid), encoding="utf-8")
         elif not surfaces:
             raise CadError("there is no surface in it")
         names = name_pieces(gmsh, path, surfaces) if surfaces else {}
@@ -163,6 +160,17 @@ def mesh_sheet(
         begin(expected)
         gmsh.model.mesh.generate(2)
         gmsh.write(str(target))
+
+
+def _replace_solid(gmsh: Any, path: Path, thickness: float) -> dict[str, Any]:
+    """Replace a solid by its midsurface; return its ``volume`` [m³] and names of faces that aren't in it, ``lost``."""
+    names = names_of_entities(gmsh, path)
+    whole = _name_by_place(gmsh, names)
+    try:
+        volume, lost = replace_by_midsurface(gmsh, thickness)
+    except ValueError as error:
+        raise CadError(str(error)) from error
+    return {"volume": volume, "lost": list(dict.fromkeys(name_of_face(tag, whole, names) for tag in lost))}
 
 
 def _require_few(expected: float, size: float) -> None:
@@ -234,12 +242,17 @@ def _open(gmsh: Any, path: Path) -> tuple[Names, dict[int, int]]:
     if not solids:
         raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
     names = name_pieces(gmsh, path, solids)
+    return names, _name_by_place(gmsh, names)
+
+
+def _name_by_place(gmsh: Any, names: Names) -> dict[int, int]:
+    """Add names by their places to those of faces, and return the face of each surface."""
     whole = whole_faces(gmsh)
     taken = {name for own in names.values() for name in own}
     for tag, name in name_faces_by_place(gmsh, whole).items():
         if name not in taken:
             names.setdefault((2, tag), []).append(name)
-    return names, whole
+    return whole
 
 
 def _read_out(gmsh: Any, order: int, names: Names, whole: Mapping[int, int]) -> CadMesh:

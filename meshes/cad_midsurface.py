@@ -45,9 +45,26 @@ class Wall(NamedTuple):
     bounds: tuple[NDArray[np.float64], ...] = ()
     angle: float = 0.0
 
+    def foot(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the nearest point on the whole plane or cylinder, and the unit vector across it there."""
+        between = x - self.origin
+        if not self.radius:
+            return x - (between @ self.axis) * self.axis, self.axis
+        aside = between - (between @ self.axis) * self.axis
+        r = float(np.linalg.norm(aside))
+        across = aside / r if r else self.bounds[0]
+        return x + (self.radius - r) * across, across
 
-def replace_by_midsurface(gmsh: Any, thickness: float) -> float:
-    """Replace the only solid of the current model by its midsurface, and return the solid's volume [m³].
+
+def replace_by_midsurface(gmsh: Any, thickness: float) -> tuple[float, list[int]]:
+    """Replace the only solid of the current model by its midsurface.
+
+    Returns
+    -------
+    volume : float
+        Of the solid [m³].
+    lost : list of int
+        Tags of the solid's faces most of whose points aren't within half a thickness of a wall's middle.
 
     Raises
     ------
@@ -60,10 +77,11 @@ def replace_by_midsurface(gmsh: Any, thickness: float) -> float:
         raise ValueError(f"it has {len(solids)} solids, and a midsurface is found of one; mesh each as a body")
     occ, solid = gmsh.model.occ, solids[0]
     volume, box = occ.getMass(*solid), np.array(gmsh.model.getBoundingBox(*solid)).reshape(2, 3)
-    walls = [wall for _, face in gmsh.model.getEntities(2) if (wall := _wall(gmsh, face)) is not None]
+    faces = [face for _, face in gmsh.model.getEntities(2)]
+    walls = [wall for face in faces if (wall := _wall(gmsh, face)) is not None]
     reach = float(np.linalg.norm(box[1] - box[0]))
-    patches, cutters = list[int](), list[int]()
-    for middle in _middles(walls, thickness):
+    patches, cutters, middles = list[int](), list[int](), list(_middles(walls, thickness))
+    for middle in middles:
         if middle.radius:
             patches.append(_cylinder(occ, middle, box.mean(axis=0), reach))
             cutters += [_radial(occ, middle, turn, thickness, box.mean(axis=0), reach) for turn in (0.0, middle.angle)]
@@ -79,16 +97,17 @@ def replace_by_midsurface(gmsh: Any, thickness: float) -> float:
     left = {piece for own in into[len(pieces) :] for piece in own} - of_patches
     wrong = {piece for piece in of_patches if not _is_middle(gmsh, piece[1], solid[1], thickness)}
     area = sum(occ.getMass(*piece) for piece in of_patches - wrong)
-    occ.remove([solid, *left, *wrong], recursive=True)
-    occ.remove([curve for curve in occ.getEntities(1) if curve not in _rims(gmsh, occ)], recursive=True)
-    occ.synchronize()
     if abs(area * thickness / volume - 1) > _MOST_ELSEWHERE:
         raise ValueError(
             f"midsurface times thickness is {1e9 * area * thickness:.4g} mm³, the solid has {1e9 * volume:.4g} mm³: "
             f"walls of another thickness, ribs, fillets or lumps aren't in it ({_distances(walls)}); export "
             "midsurfaces, or leave shell out"
         )
-    return float(volume)
+    lost = [face for face in faces if _is_lost(gmsh, face, middles, solid[1], thickness)]
+    occ.remove([solid, *left, *wrong], recursive=True)
+    occ.remove([curve for curve in occ.getEntities(1) if curve not in _rims(gmsh, occ)], recursive=True)
+    occ.synchronize()
+    return float(volume), lost
 
 
 def _rims(gmsh: Any, occ: Any) -> set[tuple[int, int]]:
@@ -152,7 +171,7 @@ def _apart(one: Wall, other: Wall) -> float:
         return abs(float(between @ one.axis))
     aside = between - (between @ one.axis) * one.axis
     gap = abs(one.radius - other.radius)
-    return gap if np.linalg.norm(aside) < _ALIKE * max(gap, _PARALLEL) else np.inf
+    return gap if np.linalg.norm(aside) < _ALIKE * gap else np.inf
 
 
 def _same(one: Wall, other: Wall, thickness: float) -> bool:
@@ -208,13 +227,34 @@ def _radial(occ: Any, wall: Wall, turn: float, thickness: float, centre: NDArray
 
 def _is_middle(gmsh: Any, piece: int, solid: int, thickness: float) -> bool:
     """Return true if the solid's faces are half a thickness away on both sides of most of a piece."""
-    yes = no = 0
-    for x in _points_on(gmsh, piece):
-        n = np.array(gmsh.model.getNormal(piece, gmsh.model.getParametrization(2, piece, x.tolist())))
-        inside, outside = (
-            [bool(gmsh.model.isInside(3, solid, (x + s * share * thickness / 2 * n).tolist())) for s in (-1, 1)]
-            for share in (1 - _NEAR_FACE, 1 + _NEAR_FACE)
+    good = [_is_halfway(gmsh, x, _normal(gmsh, piece, x), solid, thickness) for x in _points_on(gmsh, piece)]
+    return 2 * sum(good) > len(good)
+
+
+def _is_lost(gmsh: Any, face: int, middles: list[Wall], solid: int, thickness: float) -> bool:
+    """Return true if most points of a solid's face aren't within half a thickness of a wall's middle."""
+    found = []
+    for x in _points_on(gmsh, face):
+        within = _NEAR_FACE * thickness / 2 * _normal(gmsh, face, x)  # or without, where no wall is
+        feet = ((y, middle.foot(y)) for y in (x - within, x + within) for middle in middles)
+        found.append(
+            any(
+                np.linalg.norm(y - foot) <= thickness / 2 and _is_halfway(gmsh, foot, across, solid, thickness)
+                for y, (foot, across) in feet
+            )
         )
-        good = all(inside) and not any(outside)
-        yes, no = yes + good, no + (not good)
-    return yes > no
+    return 2 * sum(found) < len(found)
+
+
+def _normal(gmsh: Any, face: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the unit normal of a face at a point."""
+    return np.array(gmsh.model.getNormal(face, gmsh.model.getParametrization(2, face, x.tolist())))
+
+
+def _is_halfway(gmsh: Any, x: NDArray[np.float64], n: NDArray[np.float64], solid: int, thickness: float) -> bool:
+    """Return true if the solid's faces are half a thickness away from a point along a unit vector, both ways."""
+    inside, outside = (
+        [bool(gmsh.model.isInside(3, solid, (x + s * share * thickness / 2 * n).tolist())) for s in (-1, 1)]
+        for share in (1 - _NEAR_FACE, 1 + _NEAR_FACE)
+    )
+    return all(inside) and not any(outside)

@@ -104,8 +104,7 @@ def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int,
     """
     surfaces: dict[str, list[int]] = {}
     for tag in whole:
-        own = [name for name in names.get((2, tag), []) if not name.startswith("#")]
-        surfaces.setdefault(next(iter(own), f"face-{whole[tag]}"), []).append(tag)
+        surfaces.setdefault(name_of_face(tag, whole, names), []).append(tag)
     faces = []
     for name, tags in surfaces.items():
         area, *centre = find_centre(gmsh, tags)
@@ -116,6 +115,12 @@ def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int,
     volume = float(sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids))
     low, high = _box(gmsh)
     return {"solids": len(solids), "volume": volume, "low": _triple(low), "high": _triple(high), "faces": faces}
+
+
+def name_of_face(tag: int, whole: Mapping[int, int], names: Mapping[tuple[int, int], list[str]]) -> str:
+    """Return the first name of a surface that is no colour, else that by the number of its face."""
+    own = (name for name in names.get((2, tag), []) if not name.startswith("#"))
+    return next(own, f"face-{whole[tag]}")
 
 
 def _triple(x: NDArray[np.float64]) -> tuple[float, float, float]:

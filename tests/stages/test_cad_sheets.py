@@ -15,7 +15,7 @@ from fmd.fem.mesh import SolidMesh
 from fmd.meshes.gmsh_session import gmsh_model
 from fmd.output.frequencies import mode_warnings
 from fmd.reduction.eigen import FreeBodySolver
-from fmd.stages.meshing.cad_files import UNLIKE_SOLID, mesh_cad_file, mesh_cad_sheet
+from fmd.stages.meshing.cad_files import UNLIKE_SOLID, describe_cad_file, mesh_cad_file, mesh_cad_sheet
 from fmd.stages.pipeline import Pipeline
 
 METAL = """
@@ -41,7 +41,7 @@ def bent_strip(occ: Any) -> None:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An angle of 100 × 40 mm, with a hole of 16 mm, and 100 × 30 mm; a plate of 100 × 40 mm; solids."""
     folder = tmp_path_factory.mktemp("cad")
-    for name in ("angle", "plate", "block", "lump", "tee", "bend", "pipe"):
+    for name in ("angle", "plate", "block", "lump", "boss", "tee", "bend", "pipe"):
         with gmsh_model(name) as gmsh:
             gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
             occ = gmsh.model.occ
@@ -49,6 +49,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 occ.addBox(0, 0, 0, 10, 10, 10)
             elif name == "lump":
                 occ.fuse([(3, occ.addBox(0, 0, 0, 100, 40, 2))], [(3, occ.addBox(0, 0, 0, 10, 40, 30))])
+            elif name == "boss":
+                occ.fuse([(3, occ.addBox(0, 0, 0, 100, 40, 2))], [(3, occ.addBox(60, 10, 1, 5, 6, 9))])
             elif name == "tee":
                 occ.fuse([(3, occ.addBox(0, 0, 0, 100, 40, 2))], [(3, occ.addBox(0, 19, 0, 100, 2, 30))])
                 occ.cut([(3, 1)], [(3, occ.addCylinder(50, 10, -1, 0, 0, 5, 4))])
@@ -92,6 +94,7 @@ def test_a_solid_with_thin_walls_is_meshed_by_its_midsurface(folder: Path, name:
     assert middle_area(mesh) == pytest.approx(area, rel=4e-3)  # round walls by flat elements
     (note,) = (note for note in mesh.notes if "differs from the solid's by" in note)
     assert note.endswith(UNLIKE_SOLID) is (name == "tee")
+    assert "no shell" not in note  # at rims, at the hole, in the corner of the tee
 
 
 def test_volume_that_a_midsurface_has_too_much_is_a_warning(folder: Path) -> None:
@@ -101,6 +104,16 @@ def test_volume_that_a_midsurface_has_too_much_is_a_warning(folder: Path) -> Non
     warnings = mode_warnings(Pipeline(load_scene(folder / "tee.toml"), Cache(None)))
     (text,) = (each["text"] for each in warnings if each["code"] == "midsurface-volume")
     assert "p: the volume of the midsurface with its thickness differs from the solid's by +1." in text
+
+
+def test_faces_of_the_solid_that_no_shell_is_near_are_named(folder: Path) -> None:
+    """A boss of 5 × 6 × 8 mm³ on the plate of 8000 mm³ is in no wall; its faces are those beyond the plate's."""
+    faces = describe_cad_file(folder / "boss.step").faces
+    beyond = [face.name for face in faces if face.centre[2] > 2.1e-3]
+    assert len(beyond) == 5
+    note = mesh_cad_sheet(folder / "boss.step", 5e-3, 2e-3).notes[-1]
+    assert f"by -2.9 % (no shell is half a thickness from its faces {', '.join(beyond)})" in note
+    assert note.endswith(UNLIKE_SOLID)
 
 
 def middle_area(mesh: SolidMesh) -> float:

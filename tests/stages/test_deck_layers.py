@@ -109,6 +109,18 @@ def test_layers_of_decks_that_are_not_read_are_refused(tmp_path: Path, propertie
         part(tmp_path / "panel.bdf", lamina={"1": CARBON | {"rho": "1550 kg/m^3"}}).fe  # noqa: B018
 
 
+@pytest.mark.parametrize("direction", [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0)])
+def test_a_direction_of_layers_is_refused_where_the_deck_has_theirs(
+    tmp_path: Path, direction: tuple[float, ...]
+) -> None:
+    write_nastran(tmp_path / "panel.bdf", "PCOMP,7\n+,1,1.0\nPCOMP,8\n+,1,1.0")
+    lamina = {"1": CARBON | {"rho": "1550 kg/m^3"}}
+    with pytest.raises(
+        InputError, match=r"layer_direction.*: has no effect: it belongs to layers, and those of a deck"
+    ):
+        part(tmp_path / "panel.bdf", lamina=lamina, layer_direction=direction)
+
+
 @pytest.mark.parametrize(
     ("section", "message"),
     [

@@ -128,6 +128,10 @@ def test_an_offset_moves_the_shell_along_its_normal() -> None:
         ({"layers": []}, r"E.*is missing, e\.g\."),
         ({"layers": [], "lamina": {}} | METAL, r"thickness.*is missing"),
         ({"layers": [], "thickness": "2 mm"} | METAL, r"lamina: has no effect: its materials are those of layers"),
+        (
+            {"layers": [], "lamina": {}, "thickness": "2 mm", "layer_direction": [0, 1, 0]} | METAL,
+            "layer_direction.*: has no effect: it belongs to layers",
+        ),
         ({"thickness": "2 mm"}, "has no effect beside layers, which have thicknesses"),
         ({"E": "70 GPa"}, "has no effect beside layers, which have the materials of lamina"),
         ({"lamina": {"carbon": CARBON | {"nu12": 4.0}, "foam": FOAM}}, r"must be below \(E1/E2\)\^½ = 3\.67"),

@@ -161,10 +161,12 @@ class Layerable(Solid):
         missing = [key for key in ("E", "nu", "rho") if getattr(self, key) is None]
         if not self.has_own_layers:
             raise_faults(FaultError(f"is missing{example_of_key(Solid, key)}", key) for key in missing)
-            if self.layer_direction != (1.0, 0.0, 0.0):
-                raise FaultError("has no effect: it belongs to layers", "layer_direction")
             if self.lamina:
                 raise FaultError("has no effect: its materials are those of layers", "lamina")
         elif self.layers and len(missing) < 3:
             key = next(key for key in ("E", "nu", "rho") if key not in missing)
             raise FaultError("has no effect beside layers, which have the materials of lamina", key)
+        if not self.layers and "layer_direction" in self.model_fields_set:
+            raise FaultError(
+                "has no effect: it belongs to layers, and those of a deck have their own", "layer_direction"
+            )

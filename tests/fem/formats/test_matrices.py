@@ -13,6 +13,7 @@ from scipy.linalg import eigh
 from fmd.core.errors import AccuracyError, InputError
 from fmd.fem.formats.matrices import node_marker, nodes_in_plane, read_matrices
 from fmd.fem.formats.matrix_model import MatrixModel
+from fmd.fem.formats.matrix_readers import read_rows
 from fmd.fem.markers import face_marker
 from fmd.fem.model import FEModel
 
@@ -84,6 +85,39 @@ def test_lines_that_do_not_fit_their_format_are_named(files: tuple[Path, Path, P
         K.write_text(text)
         with pytest.raises(InputError, match=message):
             read_matrices(K, *files[1:], UNITS)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("% none\n\n% at all\n", "three whole numbers, come after its head; nothing is there"),
+        ("inf 1 1\n1 1 2.0\n", "three whole numbers, come after its head; 'inf 1 1' is there"),
+        ("2.7 2 1\n1 1 2.0\n", "three whole numbers, come after its head; '2.7 2 1' is there"),
+        ("2 2\n1 1 2.0\n", "three whole numbers, come after its head; '2 2' is there"),
+        ("2 -2 1\n1 1 2.0\n", "three whole numbers, come after its head; '2 -2 1' is there"),
+        ("% a\n2 2 2\n1 1 2.0\n\n1 2\n", "line 6 isn't row, column, value: '1 2'"),
+        ("2 2 2\n1 1 2.0 % a\n1 2 x\n", "line 4 isn't row, column, value: '1 2 x'"),
+        ("2 2 2\n1 1 2.0\n", "its sizes speak of 2 entries, and 1 are there"),
+        ("2 2 0\n1 1 2.0\n", "its sizes speak of 0 entries, and 1 are there"),
+        ("2 3 2\n1 1 2.0\n1.5 1 2.0\n", "entry 2 has row 1.5 and column 1; whole numbers from 1 to 2 and from 1 to 3"),
+        ("2 2 1\ninf nan 2.0\n", "entry 1 has row inf and column nan; whole numbers from 1 to 2"),
+        ("2 2 1\n0 1 2.0\n", "entry 1 has row 0 and column 1; whole numbers from 1 to 2"),
+        ("999999999 2 1\n1 1 2.0\n", "it has 999999999 rows and 2 columns, over"),
+    ],
+)
+def test_what_is_wrong_with_a_matrix_market_file_is_said_by_line_or_entry(
+    text: str, message: str, tmp_path: Path
+) -> None:
+    (tmp_path / "odd.mtx").write_text(f"%%MatrixMarket matrix coordinate real general\n{text}")
+    with pytest.raises(InputError) as caught:
+        read_rows(tmp_path / "odd.mtx")
+    assert message in str(caught.value)
+
+
+def test_a_matrix_market_file_without_entries_is_a_matrix_of_zeros(tmp_path: Path) -> None:
+    (tmp_path / "zeros.mtx").write_text("%%MatrixMarket matrix coordinate real symmetric\n% a\n 2  3 0 % b\n")
+    found = read_rows(tmp_path / "zeros.mtx")
+    assert (found.shape, found.nnz) == ((2, 3), 0)
 
 
 def test_units_are_those_of_the_files(files: tuple[Path, Path, Path], small_bar: FEModel) -> None:

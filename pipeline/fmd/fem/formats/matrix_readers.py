@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from io import StringIO
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from fmd.fem.formats.node_places import read_matrix_text
 
 _UNREADABLE = "can't be read as a matrix"  # whatever NumPy, SciPy and zipfile raise of damaged bytes
 _WHAT = {3: "displacements", 6: "displacements and rotations"}  # unknowns of a node
+_SHOWN = 40  # characters of a line that a message shows
 _Line = tuple[int, list[str]]  # number and items of a line of text
 _OUTPUTS = {".op4": read_op4, ".op2": read_op2}
 
@@ -208,21 +210,55 @@ def _coordinate_entries(lines: Sequence[_Line], labels: IntArray, unknowns: int)
 
 def _read_matrix_market(text: str) -> sp.csr_array:
     """Read Matrix Market's coordinate form; SciPy's own reader crashes on some damaged files."""
-    head, _, rest = text.partition("\n")
+    lines = StringIO(text)
+    head = lines.readline().rstrip()
     kind, field, symmetry = [*head.lower().split(), "", "", "", "", ""][2:5]
     if kind != "coordinate" or field not in ("real", "integer") or symmetry not in ("general", "symmetric"):
         raise ValueError(f"'{head}': coordinates of real numbers are read, general or symmetric")
-    if not rest.strip():
-        raise ValueError("it ends after its head")
-    table = np.loadtxt(StringIO(rest), comments="%", ndmin=2)
-    n_rows, n_columns, n_entries = map(int, table[0])
-    if table.shape != (1 + n_entries, 3):
-        raise ValueError(f"its head speaks of {n_entries} entries, and {(table.size - 3) / 3:g} are there")
-    row, column, values = table[1:].T
-    row, column = (np.nan_to_num(index, nan=0.0).astype(np.int64) - 1 for index in (row, column))
+    line, (n_rows, n_columns, n_entries) = _read_sizes(lines)
+    try:
+        table = np.loadtxt(chain([line], lines), comments="%", ndmin=2)[1:]
+    except ValueError:
+        raise ValueError(_find_fault(text)) from None
+    if len(table) != n_entries:
+        raise ValueError(f"its sizes speak of {n_entries} entries, and {len(table)} are there")
+    index, values = table[:, :2], table[:, 2]
+    wrong = ~((index >= 1) & (index <= (n_rows, n_columns)) & (index == np.floor(index))).all(axis=1)
+    if wrong.any():
+        first = int(wrong.argmax())
+        place = "row {:.15g} and column {:.15g}".format(*index[first])
+        raise ValueError(
+            f"entry {first + 1} has {place}; whole numbers from 1 to {n_rows} and from 1 to {n_columns} are read"
+        )
+    row, column = index.T.astype(np.int64) - 1
     if symmetry == "symmetric":
         row, column, values = _both_halves(row, column, values)
     return _real_matrix((n_rows, n_columns), row, column, values)
+
+
+def _read_sizes(lines: Iterator[str]) -> tuple[str, list[int]]:
+    """Return the line after a Matrix Market file's head and comments, and rows, columns and entries by it."""
+    line = next((line for line in lines if _items(line)), "")
+    if not re.fullmatch(r"\d{1,18} \d{1,18} \d{1,18}", " ".join(_items(line))):
+        there = f"{line.strip()[:_SHOWN]!r} is" if line else "nothing is"
+        raise ValueError(f"rows, columns and entries, three whole numbers, come after its head; {there} there")
+    return line, [*map(int, _items(line))]
+
+
+def _find_fault(text: str) -> str:
+    """Return a text with the first line of a Matrix Market file that isn't of three numbers."""
+    for number, line in enumerate(StringIO(text), start=1):
+        try:
+            _, _, _ = map(float, _items(line))
+        except ValueError:
+            if _items(line):
+                return f"line {number} isn't row, column, value: {line.strip()[:_SHOWN]!r}"
+    return "its lines aren't row, column, value"
+
+
+def _items(line: str) -> list[str]:
+    """Return what stands between blanks before a Matrix Market file's comment."""
+    return line.partition("%")[0].split()
 
 
 def _is_half(row: IntArray, column: IntArray, n: int) -> bool:

@@ -17,7 +17,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError, blaming
 from fmd.core.limits.mesh import CAD_DIGITS, CAD_ELEMENTS
 from fmd.core.limits.patience import CAD_SECONDS, CAD_SECONDS_PER_ELEMENT, READING_BYTES, READING_SECONDS
-from fmd.core.limits.scene import LONGEST_NAME, MIDSURFACE_COUNTS
+from fmd.core.limits.scene import LONGEST_NAME, LOST_FACES, MIDSURFACE_COUNTS
 from fmd.core.memory import available_memory
 from fmd.core.processes import ChildError, run_child
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
@@ -178,10 +178,14 @@ def mesh_cad_sheet(path: Path, size: float, thickness: float, offset: float = 0.
             mesh = read_shell(sheet, 1.0, thickness, offset=offset)
         except InputError as error:
             raise InputError(str(path), "", None, error.mend) from error
-        if not (solid := sheet.with_suffix(".txt")).exists():
+        if not (about := sheet.with_suffix(".json")).exists():
             return mesh
-        more = mesh.volume / float(solid.read_text(encoding="utf-8")) - 1
+        solid = json.loads(about.read_text(encoding="utf-8"))
+        more = mesh.volume / solid["volume"] - 1
         note = f"the volume of the midsurface with its thickness differs from the solid's by {100 * more:+.2g} %"
+        if lost := solid["lost"]:
+            further = f" and {len(lost) - LOST_FACES} more" if len(lost) > LOST_FACES else ""
+            note += f" (no shell is half a thickness from its faces {', '.join(lost[:LOST_FACES])}{further})"
         if abs(more) > MIDSURFACE_COUNTS:
             note += UNLIKE_SOLID
         return replace(mesh, notes=(*mesh.notes, note))
