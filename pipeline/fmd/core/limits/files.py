@@ -9,6 +9,7 @@ ISOTROPIC = 1e-6  # difference of masses along x, y and z
 IN_LINE = 1e-6  # second moment of a marker's nodes across a line, over the sum of all: they lie in it
 MOST_MATRIX_BYTES = 4_000_000_000  # of a matrix's file: more doesn't fit into the memory of most machines
 MOST_MATRIX_ROWS = 10**8  # that a file may say of a sparse matrix, whose rows take 0.4 GB before an entry is read
+SHOWN_OF_LINE = 40  # characters of a line of a file that a message quotes
 MOST_UNKNOWNS = 10_000  # of a superelement, whose matrices are dense: 0.8 GB each
 SAME_LINE = 1e-9  # sine of the angle between the arms of a coordinate system's three points: they lie on a line
 

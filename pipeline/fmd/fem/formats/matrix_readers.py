@@ -15,14 +15,13 @@ import scipy.sparse as sp
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError, blaming
 from fmd.core.fortran import read_real
-from fmd.core.limits.files import MOST_MATRIX_BYTES
+from fmd.core.limits.files import MOST_MATRIX_BYTES, SHOWN_OF_LINE
 from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4, sum_entries
 from fmd.fem.formats.nastran_op2 import read_op2
 from fmd.fem.formats.node_places import read_matrix_text
 
 _UNREADABLE = "can't be read as a matrix"  # whatever NumPy, SciPy and zipfile raise of damaged bytes
 _WHAT = {3: "displacements", 6: "displacements and rotations"}  # unknowns of a node
-_SHOWN = 40  # characters of a line that a message shows
 _Line = tuple[int, list[str]]  # number and items of a line of text
 _OUTPUTS = {".op4": read_op4, ".op2": read_op2}
 
@@ -240,7 +239,7 @@ def _read_sizes(lines: Iterator[str]) -> tuple[str, list[int]]:
     """Return the line after a Matrix Market file's head and comments, and rows, columns and entries by it."""
     line = next((line for line in lines if _items(line)), "")
     if not re.fullmatch(r"\d{1,18} \d{1,18} \d{1,18}", " ".join(_items(line))):
-        there = f"{line.strip()[:_SHOWN]!r} is" if line else "nothing is"
+        there = f"{line.strip()[:SHOWN_OF_LINE]!r} is" if line else "nothing is"
         raise ValueError(f"rows, columns and entries, three whole numbers, come after its head; {there} there")
     return line, [*map(int, _items(line))]
 
@@ -252,7 +251,7 @@ def _find_fault(text: str) -> str:
             _, _, _ = map(float, _items(line))
         except ValueError:
             if _items(line):
-                return f"line {number} isn't row, column, value: {line.strip()[:_SHOWN]!r}"
+                return f"line {number} isn't row, column, value: {line.strip()[:SHOWN_OF_LINE]!r}"
     return "its lines aren't row, column, value"
 
 
