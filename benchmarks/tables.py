@@ -301,6 +301,18 @@ TABLES: dict[str, Callable[[], str]] = {
             "on finer elements": "{finer}",
         },
     ),
+    "robots": partial(
+        listed,
+        "robots",
+        {
+            "robot": "{robot}",
+            "from": "{source}",
+            "joints": "{joints}",
+            "links with moments that no body has": "{impossible}",
+            "off by": "{off:.0e}",
+            "beside": "{beside}",
+        },
+    ),
     "derivatives": derivatives,
     "gradients": gradients,
     "eigen": eigen,

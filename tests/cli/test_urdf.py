@@ -223,6 +223,30 @@ def test_names_that_become_alike_stay_different() -> None:
     assert (names["root"], names["a-3"], names["a"]) == ("root", "a-3", "a")
 
 
+FRAMES = """<robot name="frames"><link name="base"/>
+  <link name="arm"><inertial><mass value="3"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+  <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint>"""
+
+
+def frame(link: str, joint: str, x: float) -> str:
+    """Return a link without mass, fixed to the arm at x."""
+    fixed = (
+        f'<joint name="{joint}" type="fixed"><parent link="arm"/><child link="{link}"/><origin xyz="{x} 0 0"/></joint>'
+    )
+    return f'<link name="{link}"/>{fixed}'
+
+
+def test_a_frame_never_takes_the_name_of_another_marker(tmp_path: Path, fmd) -> None:
+    """Beside joints of their names, `tool` and `tool.frame` would both be `tool-frame`, over one that is called so."""
+    own = [("tool", "tool"), ("tool-frame", "a"), ("tool.frame", "b"), ("origin", "c"), ("origin-frame", "d")]
+    frames = "".join(frame(link, joint, k) for k, (link, joint) in enumerate(own, start=1))
+    (tmp_path / "frames.urdf").write_text(f"{FRAMES}{frames}</robot>")
+    assert fmd("new", tmp_path / "frames.toml", "--from", tmp_path / "frames.urdf") == 0
+    markers = load_scene(tmp_path / "frames.toml").body["arm"].marker
+    assert sorted(marker.at[0] for marker in markers.values()) == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert markers["origin"].at[0] == 0.0
+
+
 def test_moments_that_no_body_has_are_raised_to_the_least_possible(tmp_path: Path, fmd, capsys) -> None:
     (tmp_path / "arm.urdf").write_text(ARM.replace('ixx="0.002" iyy="0.01" izz="0.009"', 'ixx="2" iyy="5" izz="10"'))
     assert fmd("new", tmp_path / "arm.toml", "--from", tmp_path / "arm.urdf") == 0

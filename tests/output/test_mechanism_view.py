@@ -218,7 +218,8 @@ def test_a_shape_from_an_stl_file_is_drawn_and_part_of_the_pictures_identity(tmp
         ('{ type = "file", file = "none.stl" }', "none.stl.*can't be read"),
         ('{ type = "file", file = "bad.stl" }', "is no STL file, or is cut off"),
         ('{ type = "file", file = "bad.step" }', "Gmsh"),
-        ('{ type = "file", file = "bad.obj" }', r"must end in \.stl"),
+        ('{ type = "file", file = "bad.obj" }', "holds no faces"),
+        ('{ type = "file", file = "bad.dae" }', r"must end in \.stl"),
         ('{ type = "box", size = ["1 m", "1 m"] }', "visual"),
         ('{ type = "ball" }', "visual"),
         ('{ type = "rod", radius = "1 mm", colour = "red" }', "colour"),
@@ -227,7 +228,7 @@ def test_a_shape_from_an_stl_file_is_drawn_and_part_of_the_pictures_identity(tmp
     ],
 )
 def test_a_shape_that_there_is_not_is_refused(tmp_path, visual, said):
-    for name in ("bad.stl", "bad.step"):
+    for name in ("bad.stl", "bad.step", "bad.obj"):
         (tmp_path / name).write_text("nothing")
     with pytest.raises(InputError, match=f"(?s){said}"):
         shape_surfaces(plate(tmp_path, visual), "plate", 1.0)

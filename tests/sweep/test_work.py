@@ -1,5 +1,6 @@
 """Points of a sweep, some at a time in a process, against runs of their scenes by themselves."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -100,3 +101,17 @@ def test_points_have_the_first_run_of_a_scene_and_say_how_many_others_they_lack(
     records = [next(iter(compute_points({points[0].key: points[0].scene})))[1] for points in (first, every)]
     (own,), (same, *_) = (record.summary["integrations"] for record in records)
     assert own["final"] == same["final"]
+
+
+@pytest.mark.parametrize(("more", "says"), [((), True), (("--all-runs",), False), (("--of", "tip"), False)])
+def test_the_terminal_says_which_runs_the_points_have(
+    fmd, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch, more: tuple[str, ...], says: bool
+) -> None:
+    """Of three runs, by the summary of the first alone; the points are computed in this process."""
+    monkeypatch.setattr("fmd.cli.sweep.prepare_workers", lambda: None)
+    monkeypatch.setattr("fmd.cli.sweep.draw_sweep", lambda *_: [])
+    monkeypatch.setattr("fmd.cli.sweep.compute_locally", lambda scenes, workers, wanted: compute_points(scenes, wanted))
+    given = ("--vary", "joint.slide.spring=1000 N/m,1100 N/m", "--set", "simulation.duration=0.2 s")
+    assert fmd("sweep", "rod-slider", *given, "--out", tmp_path, *more) == 0
+    said = "points have the first of the scene's 3 runs; --all-runs computes all"
+    assert (said in capsys.readouterr().out) == says

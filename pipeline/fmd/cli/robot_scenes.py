@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
-from itertools import count
+from collections.abc import Collection, Iterable, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +94,8 @@ class _Writer:
         self.parents = {joint.child: joint for joint in robot.joints.values()}
         self.frames = {name: self._frame(name) for name in robot.links if self._carrier(name) == name}
         self.names, self.joint_names = _make_names(robot.links, "link"), _make_names(robot.joints, "joint")
+        on_others = [name for name in robot.links if name not in self.frames]
+        self.marker_names = _make_names(on_others, "frame", {"origin", *self.joint_names.values()})
         self.markers: dict[str, dict[str, Pose]] = {name: {} for name in self.frames}
 
     def _carrier(self, name: str) -> str:
@@ -147,9 +149,9 @@ class _Writer:
         joints = [
             self._joint(joint, root) for joint in robot.joints.values() if self._carrier(joint.child) == joint.child
         ]
-        for name in robot.links:
-            if self._carrier(name) != name and self._carrier(name) != root:
-                self.markers[self._carrier(name)][self._marker(name)] = self._in_body(name, Pose())
+        for name, marker in self.marker_names.items():
+            if self._carrier(name) != root:
+                self.markers[self._carrier(name)][marker] = self._in_body(name, Pose())
         ground = [] if root not in self.markers else self._ground(root)
         bodies = [self._body(robot.links[name]) for name in self.frames if name != root]
         tip = self._tip(root)
@@ -194,12 +196,7 @@ class _Writer:
 
         far = max((name for name in self.robot.links if self._carrier(name) != root), key=depth)
         body = self.names[self._carrier(far)]
-        return f"{body}.{self._marker(far) if self._carrier(far) != far else 'origin'}"
-
-    def _marker(self, name: str) -> str:
-        """Return the marker of a link that is one, by a name that no joint's marker there can have."""
-        taken = {"origin", *self.joint_names.values()}
-        return f"{self.names[name][: LONGEST_NAME - 6]}-frame" if self.names[name] in taken else self.names[name]
+        return f"{body}.{self.marker_names.get(far, 'origin')}"
 
     def _ground(self, root: str) -> list[str]:
         tables = []
@@ -323,13 +320,13 @@ class _Writer:
         return {**start, "stop": stop}
 
 
-def _make_names(given: Iterable[str], kind: str) -> dict[str, str]:
-    """Return different names of a scene for those of links or joints."""
+def _make_names(given: Iterable[str], kind: str, taken: Collection[str] = ()) -> dict[str, str]:
+    """Return different names of a scene for those of links, joints or frames, none of them taken."""
     names: dict[str, str] = {}
     for number, name in enumerate(given):
         plain = own = make_name(name) or f"{kind}-{number}"
-        others = (f"{own[: LONGEST_NAME - 5]}-{k}" for k in count(number))
-        while plain in names.values():
+        others = (f"{own[: LONGEST_NAME - 6]}-{end}" for end in chain([kind], count(number)))
+        while plain in taken or plain in names.values():
             plain = next(others)
         names[name] = plain
     return names
