@@ -14,7 +14,7 @@ from fmd.contact.gear_pair import GearMeshAnswer, ToothFlexibility, mesh_gears
 from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.core.involute import GearPair, Tooth, tight_distance
-from fmd.output.gear_mesh import MeshedGears, compute_gear_mesh, write_gear_mesh
+from fmd.output.gear_mesh import MeshedGears, compute_gear_mesh, describe_gear_mesh, write_gear_mesh
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.tooth_flexibility import find_tooth_flexibility
@@ -171,6 +171,9 @@ def test_output_of_a_mesh_has_a_table_and_errors_that_hold(tmp_path: Path) -> No
     assert summary["transmission_error_m"] == pytest.approx(1e-6 * rows["transmission_error_um"].mean(), rel=1e-6)
     assert summary["warnings"] == []
     assert all(0.0 < error < 0.5 * summary[name] for name, error in summary["errors"].items())
+    hundreds = summary | {"errors": dict.fromkeys(summary["errors"], 149e-9)}
+    assert "transmission error 10." in (text := "\n".join(describe_gear_mesh(hundreds)))
+    assert "± 149 nm" in text
     coarsest = MeshedGears(found.pair, found.load, found.fine, None)
     (warning,) = write_gear_mesh(run, output, coarsest, tmp_path, chart=False)["warnings"]
     assert "more of them help" in warning

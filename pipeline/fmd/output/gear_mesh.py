@@ -155,7 +155,7 @@ def describe_gear_mesh(summary: dict[str, Any]) -> list[str]:
 
 def _with_error(summary: dict[str, Any], key: str, unit: str) -> tuple[str, str]:
     error = summary["errors"][key]
-    return scaled(summary[key], unit), "not stated" if error is None else scaled(error, unit, 2)
+    return scaled(summary[key], unit), "not stated" if error is None else scaled(error, unit, 3)
 
 
 def _read(_run: Pipeline, output: GearMesh) -> Iterator[tuple[str, str]]:
