@@ -11,7 +11,6 @@ import numpy as np
 
 from fmd.contact.gear_pair import GearMeshAnswer, mesh_gears
 from fmd.core.arrays import Array
-from fmd.core.cache import Cache
 from fmd.core.files import write_table
 from fmd.core.html import scaled
 from fmd.core.involute import GearPair
@@ -102,7 +101,7 @@ def compute_gear_mesh(run: Pipeline, output: GearMesh) -> MeshedGears:
     coarser = refine_meshes(run.scene, 1.0 / COARSER_GEARS)
     if coarser is None or any(x == y for x, y in zip(meshed(coarser), meshed(run.scene), strict=True)):
         return MeshedGears(*mesh(run), None)
-    return MeshedGears(*mesh(run), mesh(Pipeline(coarser, Cache(None)))[2])
+    return MeshedGears(*mesh(run), mesh(run.variant(coarser))[2])
 
 
 def write_gear_mesh(run: Pipeline, output: GearMesh, found: MeshedGears, folder: Path, chart: bool) -> dict[str, Any]:
