@@ -235,7 +235,7 @@ def test_a_run_killed_at_any_stage_is_taken_up_by_the_next(
         assert_sound(runs, cache, out, whole)
 
 
-@pytest.mark.parametrize(("when", "every"), [("before", 1), ("after", 3)])
+@pytest.mark.parametrize(("when", "every"), [pytest.param("before", 1, marks=pytest.mark.long), ("after", 3)])
 def test_a_run_killed_at_any_file_leaves_it_whole_or_not_at_all(
     runs: Runs, whole: dict[str, Any], when: str, every: int
 ) -> None:

@@ -147,6 +147,7 @@ def test_modes_are_paired_by_their_shapes_whatever_their_order(true_plate: Any, 
     np.testing.assert_allclose(only.predict({})[0], modes_of(true_plate, 4)[0], rtol=1e-9)
 
 
+@pytest.mark.long
 def test_responses_after_modes_find_the_numbers_from_a_start_with_other_resonances(
     true_plate: Any, tmp_path: Path
 ) -> None:

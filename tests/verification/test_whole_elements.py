@@ -68,6 +68,7 @@ def test_accelerations_and_reactions_to_a_blow_are_within_their_stated_errors(tm
         assert rows[name].size <= MOST_STATED * (wrong + own)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_scene_moves_as_its_whole_elements_do_within_its_stated_errors(tmp_path: Path, seed: int) -> None:
     scene: WholeScene = random_scene(seed)

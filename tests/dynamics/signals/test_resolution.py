@@ -54,7 +54,7 @@ def test_loads_that_vary_slowly_or_jump_take_any_step() -> None:
     assert shortest_missed(constant(5.0), 1.0, 1.0) == math.inf
 
 
-@pytest.mark.parametrize("rate", [6283.185307179586, 1e5])
+@pytest.mark.parametrize("rate", [6283.185307179586, pytest.param(1e5, marks=pytest.mark.long)])
 def test_a_vibration_takes_five_steps_in_a_period(rate: float) -> None:
     """Also where steps of whole periods see the same value again and again."""
     signal, period = signal_of(f"5 + sin({rate!r}*t)"), 2 * math.pi / rate
