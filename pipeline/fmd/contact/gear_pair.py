@@ -23,7 +23,7 @@ from fmd.fem.strain import TENSOR
 
 @dataclass(frozen=True)
 class ToothFlexibility:
-    """What forces on the flank of one tooth of a gear, held at its bore, move and stress.
+    """Displacements and stress of a gear, held at its bore, by forces on the flank of one tooth.
 
     Forces are lines of even load of 1 N in all, in the axes of the loaded tooth. They act at stations of equal steps of
     the roll angle, from where the involute begins to the tip; every second one is the end of an element.

@@ -186,7 +186,7 @@ class Integrator(ABC):
 
     @property
     def refinement(self) -> str:
-        """What makes its steps shorter, as messages say it."""
+        """Advice of messages that makes a method's steps shorter."""
         return f"take a step below {self.step:.4g} s" if self.step else "take a smaller tolerance"
 
     def load_cycle(self, system: System) -> int:

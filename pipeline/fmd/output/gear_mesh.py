@@ -60,7 +60,7 @@ class MeshedGears:
 
     @property
     def errors(self) -> dict[str, float | None]:
-        """Their errors: what coarser elements and half of the angles change, which is more than what is left."""
+        """Errors of the figures: what coarser elements and half of the angles change, more than what is left."""
         if self.coarse is None:
             return dict.fromkeys(_NAMES)
         coarse, half = _figures(self.coarse), _figures(self.fine, every=2)
