@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from truth_parts import Table
 from truth_references import course_of, number
-from truth_scenes import Case, Table
+from truth_scenes import Case
 
 from fmd.accuracy.details import PlaceQuantity
 from fmd.accuracy.error_estimates import Quantity

@@ -6,24 +6,19 @@ import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable
 from math import cos, pi, sin
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from truth_parts import Bar, Table, quantity
 
 if TYPE_CHECKING:
-    from truth_scenes import Bar, Case
+    from truth_scenes import Case
 
-Table = dict[str, Any]
 SHARE = 0.3  # of the scenes that could have a feature
 LEAST_SLENDER = 25.0  # length over depth up to which a bar is meshed by tetrahedra
 
-Feature = Callable[[np.random.Generator, Table, dict[str, "Bar"]], bool]
+Feature = Callable[[np.random.Generator, Table, dict[str, Bar]], bool]
 """Puts a feature into a scene and returns true, or returns false if that has no place for it."""
-
-
-def write(value: float, unit: str) -> str:
-    """Return a number of five digits with its unit."""
-    return f"{float(f'{value:.5g}')!r} {unit}"
 
 
 def _seconds(table: Table) -> float:
@@ -52,7 +47,7 @@ def damping(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> boo
     """Damp all modes of a bar by one ratio, or by Rayleigh's factors."""
     name = _some(rng, bars)
     rate = bars[name].first_frequency(0.0)
-    rayleigh = {"alpha": write(0.01 * rate, "1/s"), "beta": write(0.01 / rate, "s")}
+    rayleigh = {"alpha": quantity(0.01 * rate, "1/s"), "beta": quantity(0.01 / rate, "s")}
     table["body"][name]["modes"]["damping"] = rayleigh if rng.random() < 0.3 else round(float(rng.uniform(0, 0.1)), 3)
     return True
 
@@ -69,7 +64,7 @@ def tetrahedra(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> 
     if not thick:
         return False
     name = _some(rng, thick)
-    size = write(1.2 * bars[name].depth, "m")
+    size = quantity(1.2 * bars[name].depth, "m")
     table["body"][name]["mesh"] = {"element": "tetrahedron", "order": 2, "size": size}
     return True
 
@@ -94,7 +89,10 @@ def spring(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> bool
     if rng.random() < 0.3:
         own["force"] = {"formula": f"{k:.5g}*x + {10 * k / bars[name].length ** 2:.5g}*x**3", "unit": "N"}
     else:
-        own |= {"stiffness": write(k, "N/m"), "damper": write(0.05 * k / bars[name].first_frequency(0.0), "N s/m")}
+        own |= {
+            "stiffness": quantity(k, "N/m"),
+            "damper": quantity(0.05 * k / bars[name].first_frequency(0.0), "N s/m"),
+        }
     table.setdefault("ground", {})["post"] = {"at": ["0.3 m", "1.7 m", "-0.9 m"]}
     table.setdefault("spring", {})["tie"] = own
     return True
@@ -104,8 +102,8 @@ def bushing(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> boo
     """Hold a bar's end by a bushing on the ground."""
     name = _some(rng, bars)
     k = _stiffness(bars[name]) * float(rng.uniform(0.05, 0.5))
-    along = [write(k * x, "N/m") for x in rng.uniform(0.2, 1, 3)]
-    about = [write(k * bars[name].length ** 2 * x, "N m/rad") for x in rng.uniform(0.01, 0.05, 3)]
+    along = [quantity(k * x, "N/m") for x in rng.uniform(0.2, 1, 3)]
+    about = [quantity(k * bars[name].length ** 2 * x, "N m/rad") for x in rng.uniform(0.01, 0.05, 3)]
     table.setdefault("bushing", {})["mount"] = {"between": ["ground", f"{name}.tip"], "stiffness": along + about}
     return True
 
@@ -114,9 +112,9 @@ def bearing(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> boo
     """Hold a bar's end across an axis by a bearing on the ground."""
     name = _some(rng, bars)
     k = _stiffness(bars[name])
-    own = {"between": ["ground", f"{name}.tip"], "axis": [1, 0, 0], "radial": write(0.3 * k, "N/m")}
-    damper = write(0.03 * k / bars[name].first_frequency(0.0), "N s/m")
-    table.setdefault("bearing", {})["far"] = own | {"axial": write(0.1 * k, "N/m"), "radial_damper": damper}
+    own = {"between": ["ground", f"{name}.tip"], "axis": [1, 0, 0], "radial": quantity(0.3 * k, "N/m")}
+    damper = quantity(0.03 * k / bars[name].first_frequency(0.0), "N s/m")
+    table.setdefault("bearing", {})["far"] = own | {"axial": quantity(0.1 * k, "N/m"), "radial_damper": damper}
     return True
 
 
@@ -128,15 +126,15 @@ def stop(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> bool:
     joint = table["joint"][_some(rng, names)]
     turns = joint["type"] == "revolute"
     unit, high = ("rad", 0.05) if turns else ("m", 0.02)
-    stiff = write(float(rng.uniform(20, 200)) / _seconds(table) ** 2, "N m/rad" if turns else "N/m")
-    joint["stop"] = {"width": write(0.1 * high, unit), "stiffness": stiff} | _ends_about(joint, high, unit)
+    stiff = quantity(float(rng.uniform(20, 200)) / _seconds(table) ** 2, "N m/rad" if turns else "N/m")
+    joint["stop"] = {"width": quantity(0.1 * high, unit), "stiffness": stiff} | _ends_about(joint, high, unit)
     return True
 
 
 def _ends_about(joint: Table, high: float, unit: str) -> Table:
     """Return the ends of a stop to both sides of where a joint starts."""
     start = float(joint.get("angle", joint.get("position", "0")).split()[0])
-    return {"low": write(start - high, unit), "high": write(start + high, unit)}
+    return {"low": quantity(start - high, unit), "high": quantity(start + high, unit)}
 
 
 def friction(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> bool:
@@ -146,8 +144,8 @@ def friction(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> bo
         return False
     joint, rate = table["joint"][_some(rng, names)], 1 / _seconds(table)
     turns = joint["type"] == "revolute"
-    joint["friction"] = write(0.02 * rate**2, "N m" if turns else "N")
-    joint["friction_rate"] = write(0.05 * rate, "rad/s" if turns else "m/s")
+    joint["friction"] = quantity(0.02 * rate**2, "N m" if turns else "N")
+    joint["friction_rate"] = quantity(0.05 * rate, "rad/s" if turns else "m/s")
     return True
 
 
@@ -172,7 +170,7 @@ def start(rng: np.random.Generator, table: Table, bars: dict[str, Bar]) -> bool:
     joint = table["joint"][_some(rng, names)]
     turns = joint["type"] == "revolute"
     unit = "rad" if turns else "m"
-    joint["angle" if turns else "position"] = write(float(rng.normal()) * (0.5 if turns else 0.05), unit)
+    joint["angle" if turns else "position"] = quantity(float(rng.normal()) * (0.5 if turns else 0.05), unit)
     if "stop" in joint:
         joint["stop"] |= _ends_about(joint, float(joint["stop"]["high"].split()[0]), unit)
     return True
@@ -208,8 +206,8 @@ def mass_on_a_link(rng: np.random.Generator, table: Table, bars: dict[str, Bar])
     if "pieces" in body:
         return False
     body["link"] = {"end": {"face": "x+", "type": _some(rng, ["rigid", "average"])}}
-    inertia = [write(mass * bars[name].depth ** 2 * x, "kg m^2") for x in (0.4, 0.3, 0.5)]
-    body["mass"] = {"lump": {"at": "end", "mass": write(mass, "kg"), "inertia": inertia}}
+    inertia = [quantity(mass * bars[name].depth ** 2 * x, "kg m^2") for x in (0.4, 0.3, 0.5)]
+    body["mass"] = {"lump": {"at": "end", "mass": quantity(mass, "kg"), "inertia": inertia}}
     return True
 
 
@@ -249,7 +247,7 @@ def loop_scene(rng: np.random.Generator, bar: Bar, body: Table) -> Table:
 
     def rod(length: float) -> Table:
         ends = {"inner": {"at": ["0 m"] * 3}, "outer": {"at": [f"{length!r} m", "0 m", "0 m"]}}
-        return {"shape": "rod", "mass": write(bar.mass * length / bar.length, "kg"), "length": f"{length!r} m"} | {
+        return {"shape": "rod", "mass": quantity(bar.mass * length / bar.length, "kg"), "length": f"{length!r} m"} | {
             "marker": ends
         }
 
@@ -272,8 +270,8 @@ def loop_scene(rng: np.random.Generator, bar: Bar, body: Table) -> Table:
         "joint": joint,
         **({"drive": drive} if drive else {}),
         "simulation": {
-            "duration": write(duration, "s"),
-            "output_step": write(duration / 100, "s"),
+            "duration": quantity(duration, "s"),
+            "output_step": quantity(duration / 100, "s"),
             "tip": "part0.tip",
             "gravity": ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"],
             "run": [{"integrator": "auto"}],

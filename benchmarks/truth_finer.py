@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from truth_parts import Table
 from truth_references import number
-from truth_scenes import Case, Table
+from truth_scenes import Case
 
 from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import eigh
-from truth_scenes import Case, Table
+from truth_parts import Table
+from truth_scenes import Case
 
 from fmd.accuracy.error_estimates import Quantity
 from fmd.core.arrays import Array

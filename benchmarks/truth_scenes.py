@@ -16,16 +16,24 @@ from typing import Any
 
 import numpy as np
 from truth_features import add_features, loop_scene
+from truth_parts import (
+    GRAVITY,
+    Table,
+    load_over_time,
+    prescribed,
+    quantity,
+    random_bar,
+    simulation,
+    spin_up,
+    swell,
+)
+from truth_trees import tree_scene, tree_with_bars
 
-Table = dict[str, Any]
 KINDS = {"planar": 0.45, "tree": 0.35, "rigid": 0.2}  # with their shares
-MATERIALS = ((210e9, 0.3, 7850.0), (70e9, 0.33, 2700.0), (3e9, 0.35, 1200.0))  # E, ν, ρ
-GRAVITY = 9.81
 MIXED = 1000  # seed from which on scenes are mixed
 ARMS = 2000  # seed from which on they are arms
 ROLLED = 30.0  # times as stiff as the other: what an arm's stiffer bar may count, lest a load rolls the other up
 LOOPS = 0.25  # share of them with a loop
-JUMPS = 0.04  # share of prescribed motions that jump, which nothing can follow
 
 
 @dataclass(frozen=True)
@@ -70,11 +78,6 @@ def write_value(value: Any) -> str:
     return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
-def quantity(value: float, unit: str) -> str:
-    """Return a number of five digits with its unit."""
-    return f"{float(f'{value:.5g}')!r} {unit}"
-
-
 def random_case(seed: int) -> Case:
     """Return the scene of a seed."""
     if seed >= ARMS:
@@ -107,104 +110,6 @@ def mixed_case(seed: int) -> Case:
     features = add_features(rng, table, bars)
     table["title"] = f"truth {seed}"
     return Case(seed, "mixed", table, tuple(bars), features=(*features, *["loop"] * loop))
-
-
-@dataclass(frozen=True)
-class Bar:
-    """A bar that bends about z: its sizes [m] and material, with what follows from beam theory."""
-
-    length: float
-    depth: float
-    width: float
-    E: float
-    nu: float
-    rho: float
-
-    @property
-    def bending(self) -> float:
-        """E I [N m²]."""
-        return self.E * self.width * self.depth**3 / 12
-
-    @property
-    def mass(self) -> float:
-        """Mass [kg]."""
-        return self.rho * self.length * self.depth * self.width
-
-    def first_frequency(self, tip: float) -> float:
-        """Angular frequency of the clamped bar with a mass at its end, by Rayleigh's quotient [rad/s]."""
-        return sqrt(3 * self.bending / (self.length**3 * (tip + 0.2427 * self.mass)))
-
-    def table(self, rng: np.random.Generator) -> Table:
-        """Return the body of a scene, meshed coarsely."""
-        along = int(rng.integers(10, 21))
-        element: Table = {"order": 2, "divisions": [along, 1, 1]}
-        if rng.random() < 0.25:
-            element = {"order": 1, "divisions": [2 * along, 2, 2]}
-        modes: Table = {"count": int(rng.integers(3, 9)), "boundary": "joint"}
-        modes["enrich"] = "inertia" if rng.random() < 0.6 else "none"
-        return {
-            "shape": "bar",
-            "length": quantity(self.length, "m"),
-            "depth": quantity(self.depth, "m"),
-            "width": quantity(self.width, "m"),
-            "E": quantity(self.E, "Pa"),
-            "nu": self.nu,
-            "rho": quantity(self.rho, "kg/m^3"),
-            "mesh": element,
-            "modes": modes,
-            "marker": {"root": {"face": "x-"}, "tip": {"face": "x+"}},
-        }
-
-
-def random_bar(rng: np.random.Generator, slender: tuple[float, float]) -> Bar:
-    """Return a bar whose length over its depth lies between two bounds, evenly in its logarithm."""
-    E, nu, rho = MATERIALS[int(rng.integers(len(MATERIALS)))]
-    length = round(float(rng.uniform(0.2, 1.2)), 3)
-    depth = round(length / float(np.exp(rng.uniform(*np.log(slender)))), 5)
-    return Bar(length, depth, round(depth * float(rng.uniform(1.0, 3.0)), 5), E, nu, rho)
-
-
-def load_over_time(rng: np.random.Generator, size: float, unit: str, duration: float) -> Any:
-    """Return a quantity over time: constant, a wave, a pulse, a jump, a table or a bell.
-
-    What jumps does so at a hundredth part of the duration, where a fixed step of the reference can meet it.
-    """
-    tick = duration / 100
-    start = float(rng.integers(0, 40)) * tick
-    long = float(rng.integers(2, 50)) * tick
-    course = str(rng.choice(["constant", "wave", "pulse", "short pulse", "jump", "table", "bell"]))
-    if course == "constant":
-        return quantity(size, unit)
-    if course == "table":
-        times = np.unique(np.r_[0.0, np.sort(rng.integers(1, 100, 5)) * tick])
-        values = [float(f"{size * x:.4g}") for x in rng.uniform(-1, 1, len(times))]
-        return {"times": [quantity(t, "s") for t in times], "values": values, "unit": unit, "beyond": "hold"}
-    F, t0, T = (f"{float(f'{x:.6g}')!r}" for x in (size, start, long))
-    end = f"{float(f'{start + long:.6g}')!r}"
-    formulas = {
-        "wave": f"{F}*sin(2*pi*t/{T})",
-        "pulse": f"{F}*sin(pi*t/{T})**2 if t < {T} else 0",
-        "short pulse": f"20*{F}*sin(pi*t/{tick:.6g}) if t < {tick:.6g} else 0",
-        "jump": f"0 if t < {t0} else {F} if t < {end} else {F}/3",
-        "bell": f"{F}*exp(-((t-{end})/({T}/4))**2)",
-    }
-    return {"formula": formulas[course], "unit": unit}
-
-
-def spin_up(rate: float, over: float) -> str:
-    """Return the angle of a smooth spin-up (Kane, Ryan & Banerjee, 1987) to a rate within a time."""
-    W, T = f"{float(f'{rate:.6g}')!r}", f"{float(f'{over:.6g}')!r}"
-    return f"{W}/{T}*(t**2/2 + ({T}/(2*pi))**2*(cos(2*pi*t/{T}) - 1)) if t < {T} else {W}*(t - {T}/2)"
-
-
-def prescribed(rng: np.random.Generator, rate: float, duration: float) -> Table:
-    """Return an angle over time whose rate reaches a value: spun up, swinging, or, seldom, jumping."""
-    if rng.random() < JUMPS:
-        return {"formula": f"0.1 if t < {duration / 2:.6g} else 0.2", "unit": "rad"}
-    if rng.random() < 0.6:
-        return {"formula": spin_up(rate, int(rng.integers(20, 90)) * duration / 100), "unit": "rad"}
-    wave = 2 * pi / duration * float(rng.uniform(0.5, 2))
-    return {"formula": f"{rate / wave:.6g}*sin({wave:.6g}*t)", "unit": "rad"}
 
 
 def planar_scene(rng: np.random.Generator, periods: float) -> Table:
@@ -321,134 +226,3 @@ def arm_scene(rng: np.random.Generator, seed: int) -> Table:
         "drive": drive,
         "simulation": simulation(duration, "bar1.tip", [0.0, 0.0, 0.0]),
     }
-
-
-def swell(size: float, over: float, unit: str = "N m") -> Table:
-    """Return a torque or a force that grows and falls once, smoothly."""
-    T = f"{float(f'{over:.6g}')!r}"
-    return {"formula": f"{float(f'{size:.6g}')!r}*sin(pi*t/{T})**2 if t < {T} else 0", "unit": unit}
-
-
-def simulation(duration: float, tip: str, gravity: list[float]) -> Table:
-    """Return the simulation as a user starts it: all defaults, and ``auto``."""
-    return {
-        "duration": quantity(duration, "s"),
-        "output_step": quantity(duration / 100, "s"),
-        "tip": tip,
-        "gravity": [quantity(x, "m/s^2") for x in gravity],
-        "run": [{"integrator": "auto"}],
-    }
-
-
-def rigid_body(rng: np.random.Generator) -> Table:
-    """Return a rigid body of some kind with an inner and an outer marker."""
-    mass = float(np.exp(rng.uniform(np.log(0.1), np.log(5))))
-    if rng.random() < 0.2:
-        length = quantity(rng.uniform(0.2, 1), "m")
-        marker = {"inner": {"at": ["0 m"] * 3}, "outer": {"at": [length, "0 m", "0 m"]}}
-        return {"shape": "rod", "mass": quantity(mass, "kg"), "length": length, "marker": marker}
-    sides = rng.uniform(0.05, 0.4, 3)
-    moments = mass / 12 * (np.sum(sides**2) - sides**2)
-    outer = [quantity(x, "m") for x in rng.uniform(-0.4, 0.4, 3)]
-    return {
-        "shape": "rigid",
-        "mass": quantity(mass, "kg"),
-        "centre": [quantity(x, "m") for x in rng.uniform(-0.2, 0.2, 3)],
-        "inertia": [quantity(x, "kg m^2") for x in moments],
-        "marker": {"inner": {"at": ["0 m"] * 3}, "outer": {"at": outer}},
-    }
-
-
-def thick_rod(rod: Table) -> Table:
-    """Return a rod with a tenth of its length for its diameter, which has inertia against turning about its axis."""
-    mass, length = (float(rod[key].split()[0]) for key in ("mass", "length"))
-    across = mass * length**2 / 12
-    return {
-        "shape": "rigid",
-        "mass": rod["mass"],
-        "centre": [quantity(length / 2, "m"), "0 m", "0 m"],
-        "inertia": [quantity(x, "kg m^2") for x in (mass * (length / 20) ** 2 / 2, across, across)],
-        "marker": rod["marker"],
-    }
-
-
-def tree_scene(rng: np.random.Generator, flexible: float) -> Table:
-    """Return one to four bodies in space, each a bar with a given probability, at least one if it isn't 0."""
-    return tree_with_bars(rng, flexible)[0]
-
-
-def tree_with_bars(rng: np.random.Generator, flexible: float) -> tuple[Table, dict[int, Bar]]:
-    """Return a tree and the bars among its bodies, by their numbers."""
-    n = int(rng.integers(1, 5))
-    bars = {k: random_bar(rng, (12.0, 70.0)) for k in range(n) if rng.random() < flexible}
-    if flexible and not bars:
-        bars[n - 1] = random_bar(rng, (12.0, 70.0))
-    duration = 0.0
-    for bar in bars.values():
-        duration = max(duration, 2 * pi / bar.first_frequency(0.5 * bar.mass) * float(rng.uniform(1, 3)))
-    duration = float(f"{duration or rng.uniform(0.3, 2):.3g}")
-    rate = 2.0 / duration
-    body: Table = {}
-    joint: Table = {}
-    drive: Table = {}
-    ends = ["ground"]
-    for k in range(n):
-        name, inner = f"part{k}", "root" if k in bars else "inner"
-        body[name] = bars[k].table(rng) if k in bars else rigid_body(rng)
-        own, moves = tree_joint(rng, rate, duration, ends, f"{name}.{inner}", k == n - 1 == 0 and k not in bars)
-        joint[f"joint{k}"] = own
-        if own["type"] in ("spherical", "free") and body[name]["shape"] == "rod":
-            body[name] = thick_rod(body[name])
-        drive |= {f"motion{k}": {"joint": f"joint{k}"} | moves} if moves else {}
-        ends.append(f"{name}.tip" if k in bars else f"{name}.outer")
-        if k in bars:
-            bar = bars[k]
-            force = 3 * bar.bending / bar.length**2 * float(np.exp(rng.uniform(np.log(1e-3), np.log(0.05))))
-            if rng.random() < 0.5:
-                drive[f"push{k}"] = push(rng, f"{name}.tip", load_over_time(rng, force, "N", duration))
-        elif rng.random() < 0.4:
-            force = 0.5 * rate / duration
-            drive[f"push{k}"] = push(rng, f"{name}.outer", load_over_time(rng, force, "N", duration))
-    down = [0.0, 0.0, -GRAVITY] if rng.random() < 0.7 else [0.0, 0.0, 0.0]
-    found: Table = {"title": "", "body": body, "joint": joint}
-    found |= {"drive": drive} if drive else {}
-    return found | {"simulation": simulation(duration, ends[-1], down)}, bars
-
-
-def push(rng: np.random.Generator, marker: str, force: Any) -> Table:
-    """Return a point force in some direction."""
-    way = [round(float(x), 2) for x in rng.normal(size=3)]
-    following = bool(rng.random() < 0.3)
-    return {"type": "point force", "marker": marker, "direction": way, "force": force, "following": following}
-
-
-def tree_joint(
-    rng: np.random.Generator, rate: float, duration: float, ends: list[str], child: str, movable: bool
-) -> tuple[Table, Table]:
-    """Return a joint of some type, and the motion or torque that drives it."""
-    kinds = ["revolute", "revolute", "prismatic", "spherical", "free", "fixed", "driven", "torque"]
-    kind = str(rng.choice([each for each in kinds if not (movable and each == "fixed")]))
-    parent = str(rng.choice(ends)) if rng.random() < 0.3 else ends[-1]
-    joint: Table = {"type": kind, "parent": parent, "child": child}
-    spin = [quantity(rate * x, "rad/s") for x in rng.normal(size=3)]
-    drive: Table = {}
-    if kind in ("driven", "torque"):
-        joint["type"] = "revolute"
-    if joint["type"] in ("revolute", "prismatic"):
-        joint["axis"] = [round(float(x), 2) for x in rng.normal(size=3)]
-        turns = joint["type"] == "revolute"
-        if kind != "driven":
-            joint["rate"] = quantity(rate * float(rng.normal()) * (1 if turns else 0.1), "rad/s" if turns else "m/s")
-            joint["spring"] = quantity(float(rng.uniform(0.5, 20)) * (1 if turns else 10) * rate**2 / 10,
-                                       "N m/rad" if turns else "N/m")  # fmt: skip
-            if rng.random() < 0.5:
-                joint["damper"] = quantity(0.02 * rate, "N m s/rad" if turns else "N s/m")
-    if kind == "driven":
-        drive = {"type": "motion", "angle": prescribed(rng, rate * float(rng.uniform(0.5, 5)), duration)}
-    elif kind == "torque":
-        drive = {"type": "torque", "torque": load_over_time(rng, 0.05 * rate / duration, "N m", duration)}
-    elif kind == "spherical":
-        joint["spin"] = spin
-    elif kind == "free":
-        joint |= {"spin": spin, "velocity": [quantity(x, "m/s") for x in rng.normal(size=3)]}
-    return joint, drive
