@@ -31,27 +31,15 @@ _TRIANGLES = {1: (2, 3), 2: (9, 6)}
 
 
 class CadMesh(NamedTuple):
-    """A meshed CAD part as plain arrays with named solids and faces.
+    """A meshed CAD part as plain arrays with named solids and faces."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n_points, 3)
-        [m].
-    cells : ndarray, shape (n_cells, 4 or 10)
-        Points of each tetrahedron in VTK's order.
-    parts : mapping of str to ndarray
-        Cells of each solid, by its name in the file or ``solid-1`` …
-    faces : mapping of str to ndarray, shape (n_facets, 3)
-        Corners of each face's facets, by its number ``face-1`` …, its name in the file, its colour ``#ff0000``, and the
-        name by its place, ``xmin`` or ``hole-1``.
-    centres : mapping of str to ndarray, shape (4,)
-        Area [m²] and centre [m] of each face by its geometry, of a whole cylinder the middle of its axis.
-    """
-
-    points: NDArray[np.float64]
-    cells: NDArray[np.int64]
-    parts: Mapping[str, NDArray[np.int64]]
+    points: NDArray[np.float64]  # (n_points, 3) [m]
+    cells: NDArray[np.int64]  # (n_cells, 4 or 10): points of each tetrahedron in VTK's order
+    parts: Mapping[str, NDArray[np.int64]]  # cells of each solid, by its name in the file or ``solid-1`` …
+    # (n_facets, 3): corners of each face's facets, by its number ``face-1`` …, its name in the file, its colour
+    # ``#ff0000``, and the name by its place, ``xmin`` or ``hole-1``
     faces: Mapping[str, NDArray[np.int64]]
+    # (4,): area [m²] and centre [m] of each face by its geometry, of a whole cylinder the middle of its axis
     centres: Mapping[str, NDArray[np.float64]]
 
 
@@ -70,8 +58,6 @@ def mesh_cad(
 
     Parameters
     ----------
-    path : Path
-        STEP, IGES or BREP.
     size : float
         Edge length of the elements [m], smaller around bores and fillets.
     order : int
@@ -120,8 +106,6 @@ def mesh_sheet(
 
     Parameters
     ----------
-    path : Path
-        STEP, IGES or BREP.
     size : float
         Edge length of the elements [m], smaller where curves are round.
     thickness : float

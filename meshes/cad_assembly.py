@@ -19,8 +19,6 @@ def describe_assembly(path: Path, folder: Path) -> list[dict[str, Any]]:
 
     Parameters
     ----------
-    path : Path
-        The CAD file.
     folder : Path
         Folder of the parts' files, ``0.step``, ``1.step`` and so on.
 

@@ -24,27 +24,14 @@ _MOST_ELSEWHERE = 0.05  # of the volume: what midsurface times thickness may be 
 
 
 class Wall(NamedTuple):
-    """A plane or a cylinder on which faces of the solid lie.
+    """A plane or a cylinder on which faces of the solid lie."""
 
-    Attributes
-    ----------
-    axis : ndarray, shape (3,)
-        Normal of a plane; axis of a cylinder.
-    origin : ndarray, shape (3,)
-        A point on the plane, or on the axis.
-    radius : float
-        Of a cylinder; 0 of a plane.
-    bounds : tuple of ndarray, shape (3,)
-        Of a cylinder: unit vectors from the axis to where the face begins, and across it, as it turns on.
-    angle : float
-        By which it turns.
-    """
-
-    axis: NDArray[np.float64]
-    origin: NDArray[np.float64]
-    radius: float = 0.0
+    axis: NDArray[np.float64]  # (3,): normal of a plane; axis of a cylinder
+    origin: NDArray[np.float64]  # (3,): a point on the plane, or on the axis
+    radius: float = 0.0  # of a cylinder; 0 of a plane
+    # (3,): of a cylinder: unit vectors from the axis to where the face begins, and across it, as it turns on
     bounds: tuple[NDArray[np.float64], ...] = ()
-    angle: float = 0.0
+    angle: float = 0.0  # by which it turns
 
     def foot(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the nearest point on the whole plane or cylinder, and the unit vector across it there."""

@@ -14,23 +14,13 @@ _OFF = 1e-4  # of a cylinder: normals along its axis, radii that differ
 
 
 class WholeCylinder(NamedTuple):
-    """A face that is a whole cylinder.
+    """A face that is a whole cylinder."""
 
-    Attributes
-    ----------
-    what : str
-        ``"pin"`` with material within, ``"hole"`` without.
-    middle, axis : ndarray, shape (3,)
-        Middle of its axis [m], and the axis' direction.
-    radius, length : float
-        [m]
-    """
-
-    what: str
-    middle: NDArray[np.float64]
+    what: str  # ``"pin"`` with material within, ``"hole"`` without
+    middle: NDArray[np.float64]  # (3,): middle of its axis [m], and the axis' direction
     axis: NDArray[np.float64]
-    radius: float
-    length: float
+    radius: float  # [m]
+    length: float  # [m]
 
 
 def name_faces_by_place(gmsh: Any, whole: Mapping[int, int]) -> dict[int, str]:
@@ -89,10 +79,6 @@ def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int,
 
     Parameters
     ----------
-    gmsh : module
-        With the part as its current model, in metres.
-    whole : mapping of int to int
-        Face of each surface.
     names : mapping
         Names of each entity, by its dimension and tag, the best first.
 

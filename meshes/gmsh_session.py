@@ -17,30 +17,14 @@ _SEWN = 1e-4  # gap between faces over the part's diagonal
 
 
 class MeshArrays(NamedTuple):
-    """A mesh as plain arrays with named parts and faces.
+    """A mesh as plain arrays with named parts and faces."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n_points, 3)
-        Positions [m].
-    cells : ndarray, shape (n_cells, n_corners)
-        Point numbers of each cell in meshio's (VTK's) order.
-    cell_type : str
-        meshio's name of the cells: ``tetra`` or ``hexahedron``.
-    parts : dict of str to ndarray
-        Cell numbers of each named part.
-    faces : dict of str to ndarray
-        Point numbers on each named face.
-    sectors : int
-        Number of equal sectors around the z axis; 1 if the mesh is not cyclic.
-    """
-
-    points: NDArray[np.float64]
-    cells: NDArray[np.int64]
-    cell_type: str
-    parts: dict[str, NDArray[np.int64]]
-    faces: dict[str, NDArray[np.int64]]
-    sectors: int = 1
+    points: NDArray[np.float64]  # (n_points, 3): positions [m]
+    cells: NDArray[np.int64]  # (n_cells, n_corners): point numbers of each cell in meshio's (VTK's) order
+    cell_type: str  # meshio's name of the cells: ``tetra`` or ``hexahedron``
+    parts: dict[str, NDArray[np.int64]]  # cell numbers of each named part
+    faces: dict[str, NDArray[np.int64]]  # point numbers on each named face
+    sectors: int = 1  # number of equal sectors around the z axis; 1 if the mesh is not cyclic
 
 
 @contextmanager

@@ -31,61 +31,34 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PropellerShape:
-    """Dimensions of a propeller, its sleeve, joints and blades.
+    """Dimensions of a propeller, its sleeve, joints and blades."""
 
-    Attributes
-    ----------
-    blades : int
-        Number of blades, at least 2.
-    bore, hub, root, tip : float
-        Radii [m]: inner and outer of the sleeve, outer of the joints, outer of the blades.
-    length : float
-        Extent of the sleeve along z [m].
-    chord, thickness, pitch : tuple of float
-        Of the blade [m, m, rad], at equal distances from its root to its tip.
-    camber, edge : float
-        Largest rise of a section's middle over its chord; thickness of its edges over that of its middle.
-    seat : float, optional
-        Angle of each joint on the sleeve [rad]; by default its share of the cells around.
-    """
-
-    blades: int
-    bore: float
+    blades: int  # number of blades, at least 2
+    bore: float  # radii [m]: inner and outer of the sleeve, outer of the joints, outer of the blades
     hub: float
     root: float
     tip: float
-    length: float
+    length: float  # extent of the sleeve along z [m]
+    # this and the next 2: of the blade [m, m, rad], at equal distances from its root to its tip
     chord: tuple[float, ...]
     thickness: tuple[float, ...]
     pitch: tuple[float, ...]
-    camber: float
+    camber: float  # largest rise of a section's middle over its chord; thickness of its edges over that of its middle
     edge: float
-    seat: float | None = None
+    seat: float | None = None  # angle of each joint on the sleeve [rad]; by default its share of the cells around
 
 
 @dataclass(frozen=True)
 class PropellerCounts:
-    """Numbers of cells along the edges of a propeller's sleeve, joints and blades.
+    """Numbers of cells along the edges of a propeller's sleeve, joints and blades."""
 
-    Attributes
-    ----------
-    around, axial, sleeve_radial : int
-        Of the sleeve.
-    seat : int
-        Around under each blade, fewer than ``around / blades``, and through the blade's thickness.
-    joint_radial, blade_radial : int
-        Along each joint and each blade.
-    growth : float
-        Ratio of the cells at a blade's tip to those at its root, along the span.
-    """
-
-    around: int
-    axial: int
-    sleeve_radial: int
-    seat: int
-    joint_radial: int
+    around: int  # of the sleeve
+    axial: int  # of the sleeve
+    sleeve_radial: int  # of the sleeve
+    seat: int  # around under each blade, fewer than ``around / blades``, and through the blade's thickness
+    joint_radial: int  # along each joint and each blade
     blade_radial: int
-    growth: float
+    growth: float  # ratio of the cells at a blade's tip to those at its root, along the span
 
 
 def mesh(table: Any) -> MeshArrays:

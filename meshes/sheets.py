@@ -9,24 +9,13 @@ from numpy.typing import NDArray
 
 
 class SheetArrays(NamedTuple):
-    """Midsurface of a shell.
+    """Midsurface of a shell."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n_points, 3)
-        Positions [m].
-    cells : ndarray, shape (n_cells, 3 or 4)
-        Point numbers around each element, counter-clockwise seen from the upper side.
-    edges : dict of str to ndarray
-        Point numbers on each named edge.
-    sides : tuple of str
-        Names of the lower and of the upper side.
-    """
-
-    points: NDArray[np.float64]
+    points: NDArray[np.float64]  # (n_points, 3): positions [m]
+    # (n_cells, 3 or 4): point numbers around each element, counter-clockwise seen from the upper side
     cells: NDArray[np.int64]
-    edges: dict[str, NDArray[np.int64]]
-    sides: tuple[str, str]
+    edges: dict[str, NDArray[np.int64]]  # point numbers on each named edge
+    sides: tuple[str, str]  # names of the lower and of the upper side
 
 
 def grid_cells(n_rows: int, n_points: int, n_columns: int, element: str) -> NDArray[np.int64]:

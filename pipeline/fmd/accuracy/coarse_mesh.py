@@ -33,18 +33,11 @@ KINDS = ("displacement", "stress", "spot stress", "geometry")  # of quantities, 
 
 @dataclass(frozen=True)
 class Pair:
-    """A run and the same scene on a coarser mesh.
+    """A run and the same scene on a coarser mesh."""
 
-    Attributes
-    ----------
-    run, coarse : Pipeline
-        The coarse run's modes are those most like the run's, in its order.
-    gains : dict of str to float
-        Factor by which the error falls from the coarse mesh to the run's, less one, by kind of quantity.
-    """
-
-    run: Pipeline
+    run: Pipeline  # this and the next: the coarse run's modes are those most like the run's, in its order
     coarse: Pipeline
+    # Factor by which the error falls from the coarse mesh to the run's, less one, by kind of quantity.
     gains: dict[str, float]
 
     def divides(self, name: str) -> bool:

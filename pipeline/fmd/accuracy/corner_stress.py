@@ -27,34 +27,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CornerStress:
-    """Largest stress of a body at an edge where it grows with each finer mesh.
+    """Largest stress of a body at an edge where it grows with each finer mesh."""
 
-    Attributes
-    ----------
-    body : str
-        Name of the body, or of the piece of one.
-    code : str
-        Code of the warning.
-    edge, remedy : str
-        What the edge is, and what gives its stress a limit, as the warning says it.
-    exponent : float
-        Exponent by which the theory of wedges has stress grow towards the edge.
-    place : tuple of float
-        In the part's own coordinates [m].
-    stress : tuple of float
-        Largest von Mises stress along these edges at one deformation, on a coarser mesh and on the run's [Pa].
-    ratio : float
-        Size of the coarser mesh's elements over the run's.
-    """
-
-    body: str
-    code: str
-    edge: str
+    body: str  # name of the body, or of the piece of one
+    code: str  # code of the warning
+    edge: str  # what the edge is, and what gives its stress a limit, as the warning says it
     remedy: str
-    exponent: float
-    place: tuple[float, float, float]
+    exponent: float  # exponent by which the theory of wedges has stress grow towards the edge
+    place: tuple[float, float, float]  # in the part's own coordinates [m]
+    # Largest von Mises stress along these edges at one deformation, on a coarser mesh and on the run's [Pa].
     stress: tuple[float, float]
-    ratio: float
+    ratio: float  # size of the coarser mesh's elements over the run's
 
     @property
     def growth(self) -> float:

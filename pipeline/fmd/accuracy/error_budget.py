@@ -20,34 +20,18 @@ from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage
 
 @dataclass(frozen=True)
 class Budget:
-    """Error budget of all of a run's quantities.
-
-    Attributes
-    ----------
-    details : tuple of Row
-        Of single joints and markers, by the names of variables in files; no required accuracy counts them.
-    safety : float
-        Factor on the root of the sum of the squares of a row's estimates.
-    model : tuple of ModelError
-        What the model leaves out, cause by cause.
-    left_out : tuple of str
-        Estimates that the time limit left out, with the reason.
-    seconds : float
-        Time that the estimates took [s].
-    corners : tuple of CornerStress
-        Largest stresses that have no limit.
-    integration : float, optional
-        Stated error of the coordinates by time integration, by the measure of ``auto``; none without an estimate.
-    """
+    """Error budget of all of a run's quantities."""
 
     rows: tuple[Row, ...]
+    # Of single joints and markers, by the names of variables in files; no required accuracy counts them.
     details: tuple[Row, ...] = ()
-    safety: float = SAFETY
-    model: tuple[ModelError, ...] = ()
-    left_out: tuple[str, ...] = ()
-    seconds: float = 0.0
+    safety: float = SAFETY  # factor on the root of the sum of the squares of a row's estimates
+    model: tuple[ModelError, ...] = ()  # what the model leaves out, cause by cause
+    left_out: tuple[str, ...] = ()  # estimates that the time limit left out, with the reason
+    seconds: float = 0.0  # time that the estimates took [s]
+    # Stated error of the coordinates by time integration, by the measure of ``auto``; none without an estimate.
     integration: float | None = None
-    corners: tuple[CornerStress, ...] = ()
+    corners: tuple[CornerStress, ...] = ()  # largest stresses that have no limit
 
     @property
     def worst(self) -> Row:

@@ -33,23 +33,14 @@ SOURCES = (*NUMERICAL, "model")
 
 @dataclass(frozen=True)
 class Quantity:
-    """A result of a run, over time or once, with its unit and its order of convergence.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n_times,) or (n_times, 3)
-        Values at the output times; one if it doesn't depend on time.
-    largest : bool
-        The largest size over time is reported, and not the whole history.
-    kind : str
-        Convergence as the mesh is refined: that of ``"displacement"``, ``"stress"``, ``"spot stress"`` in the middle
-        of an element, or ``"geometry"``.
-    """
+    """A result of a run, over time or once, with its unit and its order of convergence."""
 
     name: str
     unit: str
-    values: Array
-    largest: bool = False
+    values: Array  # (n_times,) or (n_times, 3): values at the output times; one if it doesn't depend on time
+    largest: bool = False  # the largest size over time is reported, and not the whole history
+    # Convergence as the mesh is refined: that of ``"displacement"``, ``"stress"``, ``"spot stress"`` in the middle of
+    # an element, or ``"geometry"``.
     kind: Literal["displacement", "stress", "spot stress", "geometry"] = "displacement"
 
     @property
@@ -119,26 +110,15 @@ def _angles_between(e: Array, f: Array) -> Array:
 
 @dataclass(frozen=True)
 class Row:
-    """Error budget of one quantity.
-
-    Attributes
-    ----------
-    value : float
-        Largest value of the quantity, or the only one.
-    over_time : bool
-        The error is the largest of a history's.
-    parts : dict of str to float or str
-        Relative error by each source, or in words why there is no estimate: `NO_PART`, or what it would take.
-    correction : float
-        What finer computations add to the value.
-    """
+    """Error budget of one quantity."""
 
     name: str
     unit: str
-    value: float
-    over_time: bool
+    value: float  # largest value of the quantity, or the only one
+    over_time: bool  # the error is the largest of a history's
+    # Relative error by each source, or in words why there is no estimate: `NO_PART`, or what it would take.
     parts: dict[str, float | str]
-    correction: float = 0.0
+    correction: float = 0.0  # what finer computations add to the value
 
     @property
     def better(self) -> float:

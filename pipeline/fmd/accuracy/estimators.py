@@ -56,14 +56,8 @@ class Estimates(Comparison):
 
     Attributes
     ----------
-    left_out : list of str
-        Estimates that the time limit left out, with the reason.
     of_integration : float, optional
         Stated error of the coordinates by time integration, by the measure of ``auto``.
-    model : ModelErrors
-        Errors of what the model leaves out.
-    corners : list of CornerStress
-        Largest stresses that have no limit.
     mesh_left_out : str
         Why another mesh that gives a part of the mesh's error was left out; empty if none was.
     """

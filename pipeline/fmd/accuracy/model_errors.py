@@ -50,28 +50,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ModelError:
-    """Error of a run's results by one thing that its model leaves out.
+    """Error of a run's results by one thing that its model leaves out."""
 
-    Attributes
-    ----------
-    cause : str
-        ``large deflection``, ``shifted vibrations``, ``stiffening left off``, ``stretching``, ``attachment`` or
-        ``no damping``.
-    error : float
-        Largest relative error of any quantity of the motion.
-    quantity : str
-        The quantity; empty if there is no estimate.
-    text : str
-        What is left out, and what would take it in.
-    counted : bool
-        Part of the stated errors.
-    """
-
+    # ``large deflection``, ``shifted vibrations``, ``stiffening left off``, ``stretching``, ``attachment`` or ``no
+    # damping``.
     cause: str
-    error: float
-    quantity: str
-    text: str
-    counted: bool = True
+    error: float  # largest relative error of any quantity of the motion
+    quantity: str  # the quantity; empty if there is no estimate
+    text: str  # what is left out, and what would take it in
+    counted: bool = True  # part of the stated errors
 
 
 class ModelErrors:
@@ -79,8 +66,6 @@ class ModelErrors:
 
     Attributes
     ----------
-    of_quantities : dict of str to float or str
-        Relative errors, or the reason why there is no estimate.
     left_out : list of str
         Causes that weren't estimated, with the reason.
     missing : dict of str to str

@@ -44,24 +44,13 @@ _FAILED = "a round that failed"
 
 @dataclass(frozen=True)
 class Round:
-    """Settings and error budget of one round of refinement.
+    """Settings and error budget of one round of refinement."""
 
-    Attributes
-    ----------
-    settings : dict
-        Mesh and modes of each flexible body, and the required error of the time integration.
-    worst : Row
-        Quantity with the largest stated error.
-    shares : dict of str to float
-        Largest share of each source in the stated error of any quantity.
-    given_up : tuple of Row
-        Quantities that refining hardly improves, and that the others are not refined for.
-    """
-
-    settings: dict[str, Any]
-    worst: Row
+    settings: dict[str, Any]  # mesh and modes of each flexible body, and the required error of the time integration
+    worst: Row  # quantity with the largest stated error
+    # Largest share of each source in the stated error of any quantity.
     shares: dict[str, float] = field(default_factory=dict)
-    given_up: tuple[Row, ...] = ()
+    given_up: tuple[Row, ...] = ()  # quantities that refining hardly improves, and that the others are not refined for
 
     def summary(self) -> dict[str, Any]:
         """Return the round as plain numbers and texts."""
@@ -72,22 +61,12 @@ class Round:
 
 @dataclass(frozen=True)
 class Refinement:
-    """Rounds of refinement for a required accuracy, and the run that states the smallest errors.
+    """Rounds of refinement for a required accuracy, and the run that states the smallest errors."""
 
-    Attributes
-    ----------
-    run : Pipeline
-        The run of the last round if the accuracy is met, else that of the best one.
-    chosen : int
-        Number of the run's round, from 0.
-    ended_by : str
-        Cap that ended the rounds before the accuracy was met; empty if it is met.
-    """
-
-    run: Pipeline
+    run: Pipeline  # the run of the last round if the accuracy is met, else that of the best one
     rounds: tuple[Round, ...]
-    chosen: int
-    ended_by: str = ""
+    chosen: int  # number of the run's round, from 0
+    ended_by: str = ""  # cap that ended the rounds before the accuracy was met; empty if it is met
 
     @property
     def failed(self) -> bool:

@@ -34,24 +34,12 @@ EXTREMES = {
 
 @dataclass(frozen=True)
 class StressPlace:
-    """A place of a body whose stress a file holds: the middle of a named element, or a node.
+    """A place of a body whose stress a file holds: the middle of a named element, or a node."""
 
-    Attributes
-    ----------
-    part : str
-        Body, or the piece of one, that has it.
-    point : ndarray, shape (3,)
-        Place in the part's mesh [m].
-    modal : ndarray, shape (6, n)
-        Stress of each modal coordinate there [Pa].
-    at_node : bool
-        It is an average at a node, and not of one element.
-    """
-
-    part: str
-    point: Array
-    modal: Array
-    at_node: bool
+    part: str  # body, or the piece of one, that has it
+    point: Array  # (3,): place in the part's mesh [m]
+    modal: Array  # (6, n): stress of each modal coordinate there [Pa]
+    at_node: bool  # it is an average at a node, and not of one element
 
     def of_shapes(self, part: FlexiblePart, shapes: Array) -> Array:
         """Return the stress of shapes (n_nodes, 3, n) at the same place of a part of any shapes, (6, n) [Pa]."""

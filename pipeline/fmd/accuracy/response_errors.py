@@ -38,43 +38,23 @@ Request = tuple[Sequence[str], Sequence[str], str]
 
 @dataclass(frozen=True)
 class ResponseErrors:
-    """Stated errors of a frequency response.
+    """Stated errors of a frequency response."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (n_frequencies, n_outputs, n_inputs)
-        Size of the complex response's error; empty where none is stated.
-    rms : ndarray, shape (n_outputs,)
-        Errors of the root mean squares; empty without a random input.
-    why : str
-        Why none is stated; empty if they are.
-    """
-
+    # (n_frequencies, n_outputs, n_inputs): size of the complex response's error; empty where none is stated
     values: Array
-    rms: Array
-    why: str = ""
+    rms: Array  # (n_outputs,): errors of the root mean squares; empty without a random input
+    why: str = ""  # why none is stated; empty if they are
 
 
 @dataclass(frozen=True)
 class BandErrors:
-    """Stated errors of a linear model's responses by ranges of frequency.
+    """Stated errors of a linear model's responses by ranges of frequency."""
 
-    Attributes
-    ----------
-    edges_hz : ndarray, shape (n_bands + 1,)
-        Ends of the ranges [Hz].
-    values : ndarray, shape (n_bands, n_outputs, n_inputs)
-        Largest size of a response's error in each range; empty where none is stated.
-    shares : ndarray, shape (n_bands,)
-        Largest of these over the largest response of its pair in the range.
-    why : str
-        Why none is stated; empty if they are.
-    """
-
-    edges_hz: Array
+    edges_hz: Array  # (n_bands + 1,): ends of the ranges [Hz]
+    # (n_bands, n_outputs, n_inputs): largest size of a response's error in each range; empty where none is stated
     values: Array
-    shares: Array
-    why: str = ""
+    shares: Array  # (n_bands,): largest of these over the largest response of its pair in the range
+    why: str = ""  # why none is stated; empty if they are
 
 
 @dataclass(frozen=True)
@@ -103,8 +83,6 @@ def estimate_response_errors(
         Of what the model was made.
     frequencies_hz : ndarray, shape (n_frequencies,)
         [Hz], ascending.
-    density : callable, optional
-        Spectral density of the only input.
     """
     try:
         found = _find_variants(run, linear, request, float(frequencies_hz[0]))
@@ -180,17 +158,10 @@ def _find_variants(run: Pipeline, linear: LinearModel, request: Request, lowest:
 
 @dataclass(frozen=True)
 class FrequencyShift:
-    """By how much a mesh raises the frequencies of a scene with about twice as many modes.
+    """By how much a mesh raises the frequencies of a scene with about twice as many modes."""
 
-    Attributes
-    ----------
-    pair : Pair
-        The richer run, and the same on a coarser mesh.
-    hertz, excess : ndarray, shape (n,)
-        Frequencies of all parts' modes, ascending [Hz], and the relative excess of their squares up to each.
-    """
-
-    pair: Pair
+    pair: Pair  # the richer run, and the same on a coarser mesh
+    # (n,): frequencies of all parts' modes, ascending [Hz], and the relative excess of their squares up to each
     hertz: Array
     excess: Array
 

@@ -54,21 +54,11 @@ def estimate_frequency_errors(run: Pipeline, rates: Array, frequencies_hz: Array
 
 @dataclass(frozen=True)
 class RicherOrbits:
-    """Radii of a rotor's orbits with more modes, and what the mesh does to its frequencies.
+    """Radii of a rotor's orbits with more modes, and what the mesh does to its frequencies."""
 
-    Attributes
-    ----------
-    radii : callable
-        Returns the radii at a rate [rad/s], (n_markers,) [m].
-    share : callable
-        Share by which the mesh raises frequencies, at a rate of rotation [rad/s].
-    highest : float
-        Rate up to which the radii are known [rad/s].
-    """
-
-    radii: Callable[[float], Array]
-    share: Callable[[Array], Array]
-    highest: float
+    radii: Callable[[float], Array]  # returns the radii at a rate [rad/s], (n_markers,) [m]
+    share: Callable[[Array], Array]  # share by which the mesh raises frequencies, at a rate of rotation [rad/s]
+    highest: float  # rate up to which the radii are known [rad/s]
 
     def errors(self, rates: Array, amplitude: Array) -> Array:
         """Return the stated errors of radii (n_rates, n_markers) [m] at rates (n_rates,) [rad/s]."""

@@ -20,27 +20,15 @@ Changes = dict[str, Any]
 
 @dataclass(frozen=True)
 class Settings:
-    """Values of the settings that a scene leaves open.
+    """Values of the settings that a scene leaves open."""
 
-    Attributes
-    ----------
-    bodies : dict of str to dict
-        Changes of the flexible bodies' tables: pieces, meshes and modes.
-    simulation : dict
-        Changes of the simulation's table: integrator and error.
-    refinement : dict
-        Rounds of refinement as ``summary.json`` has them; empty without a required accuracy.
-    unmet : str
-        What a required accuracy lacks; empty if it is met.
-    lasting : bool
-        False if another machine, or more memory, may find other settings.
-    """
-
+    # Changes of the flexible bodies' tables: pieces, meshes and modes.
     bodies: dict[str, Changes] = field(default_factory=dict)
-    simulation: Changes = field(default_factory=dict)
+    simulation: Changes = field(default_factory=dict)  # changes of the simulation's table: integrator and error
+    # Rounds of refinement as ``summary.json`` has them; empty without a required accuracy.
     refinement: dict[str, Any] = field(default_factory=dict)
-    unmet: str = ""
-    lasting: bool = True
+    unmet: str = ""  # what a required accuracy lacks; empty if it is met
+    lasting: bool = True  # false if another machine, or more memory, may find other settings
 
     def apply(self, scene: Scene) -> Scene:
         """Return a scene with these settings."""

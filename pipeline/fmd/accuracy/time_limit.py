@@ -29,18 +29,10 @@ class LeftOutError(Exception):
 
 @dataclass
 class TimeLimit:
-    """Clock of an error budget, which knows how much time is left.
+    """Clock of an error budget, which knows how much time is left."""
 
-    Attributes
-    ----------
-    seconds : float
-        Time for all estimates together [s]; infinite by default.
-    started : float
-        When the clock was started [s].
-    """
-
-    seconds: float = math.inf
-    started: float = field(default_factory=_read_clock)
+    seconds: float = math.inf  # time for all estimates together [s]; infinite by default
+    started: float = field(default_factory=_read_clock)  # when the clock was started [s]
 
     @property
     def spent(self) -> float:

@@ -93,18 +93,10 @@ DEBIAN_PACKAGES: tuple[str, ...] = tuple(sorted({*GMSH_LIBRARIES.values(), *rend
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something that doesn't work on this machine, and its remedy.
+    """Something that doesn't work on this machine, and its remedy."""
 
-    Attributes
-    ----------
-    what : str
-        The failure.
-    mend : str
-        The remedy, a command where there is one.
-    """
-
-    what: str
-    mend: str
+    what: str  # the failure
+    mend: str  # the remedy, a command where there is one
 
 
 def find_problems(cache: Path) -> tuple[Problem, ...]:

@@ -57,15 +57,9 @@ def stage_key(stage: str, inputs: Any, sources: tuple[str, ...], packages: tuple
 
 @dataclass(frozen=True)
 class Cache:
-    """Folder of entries, of which each carries the digest of its name and its content.
+    """Folder of entries, of which each carries the digest of its name and its content."""
 
-    Parameters
-    ----------
-    folder : Path or None
-        Place of the files; ``None`` keeps nothing, and so does a folder that others may write to.
-    """
-
-    folder: Path | None
+    folder: Path | None  # place of the files; ``None`` keeps nothing, and so does a folder that others may write to
 
     def holds(self, key: str) -> bool:
         """Return true if an undamaged entry is saved under ``key``."""

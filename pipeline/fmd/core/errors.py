@@ -80,8 +80,6 @@ class StabilityError(AccuracyError):
 
     Parameters
     ----------
-    message : str
-        What happened.
     time : float
         Time at which a march ended [s].
     positions : object

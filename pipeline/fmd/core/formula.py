@@ -48,20 +48,11 @@ _BLANKS = str.maketrans("\t\r\n", "   ")
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula of the time as a postfix program.
+    """A formula of the time as a postfix program."""
 
-    Attributes
-    ----------
-    codes : tuple of int
-        Operations on the stack, in order; it never holds more than ``MOST_DEPTH`` values.
-    constants : tuple of float
-        Values of the codes ``CONSTANT``, in order.
-    breakpoints : tuple of float
-        Times at which a condition switches [s], ascending; kinks of abs, min and max aren't looked for.
-    """
-
-    codes: tuple[int, ...]
-    constants: tuple[float, ...]
+    codes: tuple[int, ...]  # operations on the stack, in order; it never holds more than ``MOST_DEPTH`` values
+    constants: tuple[float, ...]  # values of the codes ``CONSTANT``, in order
+    # Times at which a condition switches [s], ascending; kinks of abs, min and max aren't looked for.
     breakpoints: tuple[float, ...]
 
 

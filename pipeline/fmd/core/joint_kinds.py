@@ -27,45 +27,28 @@ LOCKED: tuple[Row, ...] = (((AXIS, ACROSS[0]),), ((ACROSS[0], ACROSS[1]),), ((AC
 
 @dataclass(frozen=True, slots=True)
 class ElementaryMotion:
-    """A displacement along a direction or a rotation about it, by a share of a coordinate.
-
-    Parameters
-    ----------
-    by_lead : bool
-        True if the joint's lead [m/rad] is a factor, too.
-    """
+    """A displacement along a direction or a rotation about it, by a share of a coordinate."""
 
     along: str
     coordinate: int = 0
     factor: float = 1.0
-    by_lead: bool = False
+    by_lead: bool = False  # true if the joint's lead [m/rad] is a factor, too
 
 
 @dataclass(frozen=True)
 class JointKind:
-    """Coordinates, motion and constraints of a kind of joint.
-
-    Parameters
-    ----------
-    units : tuple of str
-        Unit of each coordinate that is one number, ``m`` before ``rad``.
-    slides, turns : tuple of ElementaryMotion
-        Displacements, along directions of the place; then rotations, each in axes that those before it have turned.
-    turns_in_space : bool
-        True if a unit quaternion, the last of the coordinates, turns the body; its rates are about the body's axes.
-    points : tuple of str
-        Directions in which a joint of this kind keeps both places together where it closes a loop.
-    squares : tuple of Row
-        What it then keeps of the rotation.
-    """
+    """Coordinates, motion and constraints of a kind of joint."""
 
     name: str
-    units: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()  # unit of each coordinate that is one number, ``m`` before ``rad``
+    # Displacements, along directions of the place; then rotations, each in axes that those before it have turned.
     slides: tuple[ElementaryMotion, ...] = ()
     turns: tuple[ElementaryMotion, ...] = ()
+    # True if a unit quaternion, the last of the coordinates, turns the body; its rates are about the body's axes.
     turns_in_space: bool = False
+    # Directions in which a joint of this kind keeps both places together where it closes a loop.
     points: tuple[str, ...] = ()
-    squares: tuple[Row, ...] = ()
+    squares: tuple[Row, ...] = ()  # what it then keeps of the rotation
 
     @property
     def n_rates(self) -> int:

@@ -24,17 +24,11 @@ _LARGEST = 2**32 - 1  # entry for the size of a variable that is larger
 
 @dataclass(frozen=True, slots=True)
 class NetcdfVariable:
-    """An array of numbers or of text with named dimensions.
-
-    Attributes
-    ----------
-    values : ndarray
-        Floats or text.
-    """
+    """An array of numbers or of text with named dimensions."""
 
     name: str
     dims: tuple[str, ...]
-    values: NDArray[Any]
+    values: NDArray[Any]  # floats or text
     attributes: dict[str, str | float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -44,20 +38,12 @@ class NetcdfVariable:
 
 @dataclass(frozen=True, slots=True)
 class NetcdfBlock:
-    """Numbers of a variable that is written piece by piece, as rows along its second dimension.
-
-    Attributes
-    ----------
-    first, row : int
-        Places of the first number along the first and the second dimension.
-    values : ndarray, shape (n_rows, …)
-        As the variable's further dimensions have them.
-    """
+    """Numbers of a variable that is written piece by piece, as rows along its second dimension."""
 
     name: str
-    first: int
+    first: int  # places of the first number along the first and the second dimension
     row: int
-    values: NDArray[Any]
+    values: NDArray[Any]  # (n_rows, …): as the variable's further dimensions have them
 
 
 def empty_variable(

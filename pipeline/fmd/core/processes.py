@@ -21,8 +21,6 @@ class ChildError(Exception):
 
     Parameters
     ----------
-    late : bool
-        True if it was ended because its time was over.
     output : str
         All that it has said on standard error.
     """
@@ -69,10 +67,6 @@ def run_child(
         As in `child_command`.
     seconds : float
         Time after which it is ended.
-    folder : Path, optional
-        Its working folder.
-    environment : mapping, optional
-        Variables beside those of this process.
 
     Raises
     ------

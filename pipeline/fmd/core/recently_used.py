@@ -10,13 +10,7 @@ V = TypeVar("V")
 
 
 class RecentlyUsed(Generic[V]):
-    """Values by key, so many at most: what was asked for least recently is dropped.
-
-    Parameters
-    ----------
-    most : int
-        How many are kept.
-    """
+    """Values by key, so many at most: what was asked for least recently is dropped."""
 
     def __init__(self, most: int) -> None:
         self._most = most

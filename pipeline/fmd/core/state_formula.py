@@ -16,21 +16,13 @@ VARIABLE, CURVE = 1 << 8, 1 << 12  # the first variable of a state, and the firs
 
 @dataclass(frozen=True, slots=True)
 class StateFormula:
-    """A formula of a mechanism's state and of the time as a postfix program.
+    """A formula of a mechanism's state and of the time as a postfix program."""
 
-    Attributes
-    ----------
-    codes : tuple of int
-        Operations on the stack: those of `Formula` without the time, ``CHOOSE``, ``VARIABLE + k`` for the k-th variable
-        and ``CURVE + k`` for the k-th curve at what was last on the stack.
-    constants : tuple of float
-        Values of the codes ``CONSTANT``, in order.
-    variables : tuple of str or Formula
-        Names as written, ``"q"`` or ``"arm.tip.x"``, and all parts that depend on the time alone.
-    """
-
+    # Operations on the stack: those of `Formula` without the time, ``CHOOSE``, ``VARIABLE + k`` for the k-th variable
+    # and ``CURVE + k`` for the k-th curve at what was last on the stack.
     codes: tuple[int, ...]
-    constants: tuple[float, ...]
+    constants: tuple[float, ...]  # values of the codes ``CONSTANT``, in order
+    # Names as written, ``"q"`` or ``"arm.tip.x"``, and all parts that depend on the time alone.
     variables: tuple[str | Formula, ...]
     curves: tuple[str, ...]
 

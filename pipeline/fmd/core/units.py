@@ -154,15 +154,9 @@ def is_si_number(value: object, info: ValidationInfo) -> TypeGuard[float]:
 
 @dataclass(frozen=True, slots=True)
 class QuantityReader:
-    """Reader of quantities of one kind, from text with a unit or, in Python, from numbers in SI units.
+    """Reader of quantities of one kind, from text with a unit or, in Python, from numbers in SI units."""
 
-    Parameters
-    ----------
-    kind : str
-        Kind of quantity, e.g. ``"length"``.
-    """
-
-    kind: str
+    kind: str  # kind of quantity, e.g. ``"length"``
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_before_validator_function(self, handler(source))

@@ -18,23 +18,12 @@ from fmd.core.arrays import EPSILON, Array, IntArray
 
 @dataclass(frozen=True)
 class Arms:
-    """Points that turn with the links that they belong to, many to each.
+    """Points that turn with the links that they belong to, many to each."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (k,)
-        Numbers of the points.
-    link : ndarray, shape (k,)
-        Number of the link of each.
-    turn : sparse array, shape (3 n_links, 3 n_points)
-        Rotation of each link by the displacements of all points [1/m].
-    second : ndarray, shape (k, 3, 3, 3)
-        Displacement of second order by the link's rotation θ, ``½ Σ_ab second[:, :, a, b] θ_a θ_b`` [m].
-    """
-
-    points: IntArray
-    link: IntArray
-    turn: sp.csr_array
+    points: IntArray  # (k,): numbers of the points
+    link: IntArray  # (k,): number of the link of each
+    turn: sp.csr_array  # (3 n_links, 3 n_points): rotation of each link by the displacements of all points [1/m]
+    # (k, 3, 3, 3): displacement of second order by the link's rotation θ, ``½ Σ_ab second[:, :, a, b] θ_a θ_b`` [m]
     second: Array
 
     def second_order(self, u: Array) -> Array:

@@ -18,61 +18,29 @@ from fmd.fem.sections import Section
 
 @dataclass(frozen=True)
 class Beams:
-    """Beams between nodes.
+    """Beams between nodes."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n_nodes, 3)
-        Positions of the nodes [m].
-    ends : ndarray, shape (n_beams, 2)
-        Nodes at the ends of each.
-    axes : ndarray, shape (n_beams, 3, 3)
-        Unit vectors along each beam and along y and z of its section, as rows.
-    of : ndarray, shape (n_beams,)
-        Number of each beam's section.
-    faces : mapping of str to ndarray
-        Nodes of each face, which is all of the sections there.
-    offsets : ndarray, shape (n_beams, 2, 3), optional
-        Of the centroids at both ends from their nodes [m].
-    """
-
-    x: Array
-    ends: IntArray
-    axes: Array
+    x: Array  # (n_nodes, 3): positions of the nodes [m]
+    ends: IntArray  # (n_beams, 2): nodes at the ends of each
+    axes: Array  # (n_beams, 3, 3): unit vectors along each beam and along y and z of its section, as rows
     sections: tuple[Section, ...]
-    of: IntArray
+    of: IntArray  # (n_beams,): number of each beam's section
     parts: Mapping[str, IntArray]
-    faces: Mapping[str, IntArray]
-    offsets: Array | None = None
+    faces: Mapping[str, IntArray]  # nodes of each face, which is all of the sections there
+    offsets: Array | None = None  # (n_beams, 2, 3): of the centroids at both ends from their nodes [m]
 
 
 @dataclass(frozen=True)
 class BeamLine(Midsurface):
-    """Nodes of beams, each with the points of the sections that turn with it.
+    """Nodes of beams, each with the points of the sections that turn with it."""
 
-    Parameters
-    ----------
-    axes : ndarray, shape (n_cells, 3, 3)
-        Unit vectors along each cell's beam and along y and z of its section, as rows.
-    start : ndarray, shape (n_cells, 3)
-        Centroid of the section at which each begins [m].
-    length : ndarray, shape (n_cells,)
-        [m]
-    of : ndarray, shape (n_cells,)
-        Number of each cell's section.
-    beam : ndarray, shape (n_cells,)
-        Number of each cell's beam.
-    ends : ndarray, shape (n_beams, 2)
-        Nodes at the ends of each beam.
-    """
-
-    axes: Array
-    start: Array
-    length: Array
+    axes: Array  # (n_cells, 3, 3): unit vectors along each cell's beam and along y and z of its section, as rows
+    start: Array  # (n_cells, 3): centroid of the section at which each begins [m]
+    length: Array  # (n_cells,) [m]
     sections: tuple[Section, ...]
-    of: IntArray
-    beam: IntArray
-    ends: IntArray
+    of: IntArray  # (n_cells,): number of each cell's section
+    beam: IntArray  # (n_cells,): number of each cell's beam
+    ends: IntArray  # (n_beams, 2): nodes at the ends of each beam
 
     alike = ON_A_LINE
     has_sections = True

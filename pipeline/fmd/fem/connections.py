@@ -16,126 +16,65 @@ from fmd.core.arrays import Array, IntArray
 
 @dataclass(frozen=True)
 class Connection:
-    """Something between points.
+    """Something between points."""
 
-    Attributes
-    ----------
-    label : str
-        What it is and its number in the deck, e.g. ``RBE2 17``.
-    points : ndarray, shape (n,)
-        Numbers of its points.
-    """
-
-    label: str
-    points: IntArray
+    label: str  # what it is and its number in the deck, e.g. ``RBE2 17``
+    points: IntArray  # (n,): numbers of its points
 
 
 @dataclass(frozen=True)
 class RigidConnection(Connection):
-    """Points that move as one rigid piece with the first of them (RBE2, RBAR, ``*RIGID BODY``).
+    """Points that move as one rigid piece with the first of them (RBE2, RBAR, ``*RIGID BODY``)."""
 
-    Attributes
-    ----------
-    turning : bool
-        True if points with rotations of their own turn with the first.
-    """
-
-    turning: bool = True
+    turning: bool = True  # true if points with rotations of their own turn with the first
 
 
 @dataclass(frozen=True)
 class MeanConnection(Connection):
-    """A first point that moves as the others do in the mean (RBE3, ``*DISTRIBUTING``).
+    """A first point that moves as the others do in the mean (RBE3, ``*DISTRIBUTING``)."""
 
-    Attributes
-    ----------
-    weights : ndarray, shape (n - 1,)
-        Weights of the others, if they are given.
-    facets : tuple of ndarray, shape (m, 3 or 4)
-        Corners of the facets whose areas weight the others, if weights aren't given.
-    turning : bool
-        True if the first point turns as the others do.
-    """
-
-    weights: Array
+    weights: Array  # (n - 1,): weights of the others, if they are given
+    # (m, 3 or 4): corners of the facets whose areas weight the others, if weights aren't given
     facets: tuple[IntArray, ...] = ()
-    turning: bool = True
+    turning: bool = True  # true if the first point turns as the others do
 
 
 @dataclass(frozen=True)
 class Equation(Connection):
-    """A sum of displacements and rotations that is zero (MPC, ``*EQUATION``).
+    """A sum of displacements and rotations that is zero (MPC, ``*EQUATION``)."""
 
-    Attributes
-    ----------
-    directions : ndarray, shape (n,)
-        Direction at each point: 0, 1, 2 for displacement along x, y, z, 3, 4, 5 for rotation.
-    coefficients : ndarray, shape (n,)
-        For displacements without unit, for rotations in the file's unit of length.
-    """
-
-    directions: IntArray
-    coefficients: Array
+    directions: IntArray  # (n,): direction at each point: 0, 1, 2 for displacement along x, y, z, 3, 4, 5 for rotation
+    coefficients: Array  # (n,): for displacements without unit, for rotations in the file's unit of length
 
 
 @dataclass(frozen=True)
 class SpringBetween(Equation):
-    """A sum of displacements or of rotations that a spring resists (CELAS, ``*SPRING``).
+    """A sum of displacements or of rotations that a spring resists (CELAS, ``*SPRING``)."""
 
-    Attributes
-    ----------
-    stiffness : float
-        Force over displacement, or torque over angle.
-    """
-
-    stiffness: float
+    stiffness: float  # force over displacement, or torque over angle
 
 
 @dataclass(frozen=True)
 class MassOnPoint(Connection):
-    """A rigid body on a point (CONM2, ``*MASS``, ``*ROTARY INERTIA``).
-
-    Attributes
-    ----------
-    offset : ndarray, shape (3,)
-        Centre of mass from the point.
-    inertia : ndarray, shape (3, 3)
-        Tensor about the centre of mass.
-    """
+    """A rigid body on a point (CONM2, ``*MASS``, ``*ROTARY INERTIA``)."""
 
     mass: float
-    offset: Array
-    inertia: Array
+    offset: Array  # (3,): centre of mass from the point
+    inertia: Array  # (3, 3): tensor about the centre of mass
 
 
 @dataclass(frozen=True)
 class TiedFaces(Connection):
-    """Faces of solids without common nodes, of which the first follows the second (``*TIE``).
+    """Faces of solids without common nodes, of which the first follows the second (``*TIE``)."""
 
-    Attributes
-    ----------
-    face, onto : ndarray, shape (n,) or (n_facets, 3 or 4)
-        Points of a face, or the corners of its facets.
-    within : float, optional
-        How far apart both may be, in the file's unit; a share of the facets' size by default.
-    """
-
-    face: IntArray
+    face: IntArray  # this and the next: (n,) or (n_facets, 3 or 4): points of a face, or the corners of its facets
     onto: IntArray
-    within: float | None = None
+    within: float | None = None  # how far apart both may be, in the file's unit; a share of the facets' size by default
 
 
 @dataclass(frozen=True)
 class Connections:
-    """All connections of a deck.
-
-    Attributes
-    ----------
-    places : ndarray, shape (n, 3)
-        Positions of the points that aren't the solid's [m]; empty while the deck's points are still together.
-    names : mapping of str to int
-        Points by their number in the deck, and by the names of sets that hold one point.
-    """
+    """All connections of a deck."""
 
     rigid: tuple[RigidConnection, ...] = ()
     mean: tuple[MeanConnection, ...] = ()
@@ -143,7 +82,9 @@ class Connections:
     springs: tuple[SpringBetween, ...] = ()
     masses: tuple[MassOnPoint, ...] = ()
     ties: tuple[TiedFaces, ...] = ()
+    # (n, 3): positions of the points that aren't the solid's [m]; empty while the deck's points are still together
     places: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    # Points by their number in the deck, and by the names of sets that hold one point.
     names: Mapping[str, int] = field(default_factory=dict)
 
     @property

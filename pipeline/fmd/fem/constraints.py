@@ -14,11 +14,6 @@ class Constraints:
     """Equations that give some unknowns of a body and its grid points by others, solved for all by independent ones.
 
     Unknowns are those of the body, then six of each grid point, its displacement and its rotation.
-
-    Parameters
-    ----------
-    n_unknowns : int
-        Number of the body's unknowns.
     """
 
     def __init__(self, n_unknowns: int, n_grids: int) -> None:

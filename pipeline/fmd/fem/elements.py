@@ -19,51 +19,30 @@ Formulation = Literal["enhanced", "plain"]
 
 @dataclass(frozen=True)
 class ElementKind:
-    """A displacement element together with its geometry and its quadrature.
+    """A displacement element together with its geometry and its quadrature."""
 
-    Parameters
-    ----------
-    name : str
-        The element's name in the literature, e.g. ``hex20``.
-    vtk_type : int
-        VTK's number of a cell with the element's nodes.
-    order : int
-        Order of the displacement, 1 or 2.
-    displacement, position : callable
-        Make the scalar shape functions, of the displacement and of the position, on first use.
-    stiffness_order, mass_order : int
-        Polynomial degree that the quadrature of K and M integrates exactly: the integrand on cells with a constant
-        Jacobian; on curved cells, mass and first moments.
-    stress_order : int
-        Degree of the quadrature at whose points stresses are most accurate (Barlow 1976).
-    is_affine : bool
-        True if the Jacobian is constant over every cell.
-    can_be_enhanced : bool
-        True if strains of its own may be added to those of its displacement.
-    strain_matrix : callable, optional
-        Strains in place of those of its displacement's gradients: a function of the space, a material, reference points
-        and elements, with what `fmd.fem.strain.enhanced_matrix` returns.
-    stressed : callable, optional
-        What is left of strains (n_elements, n_q, 3, 3) where others follow without stress, as through a shell: a
-        function of strains, Jacobians, a material and elements.
-    from_middle : callable, optional
-        Strains whose transverse shear is that of the middle of a shell, as they are at places across it: a function of
-        what ``stressed`` takes, and of the places.
-    """
-
-    name: str
-    vtk_type: int
+    name: str  # the element's name in the literature, e.g. ``hex20``
+    vtk_type: int  # VTK's number of a cell with the element's nodes
     shape: type[CellShape]
-    order: int
+    order: int  # order of the displacement, 1 or 2
+    # Make the scalar shape functions, of the displacement and of the position, on first use.
     displacement: Callable[[], Any]
     position: Callable[[], Any]
+    # Polynomial degree that the quadrature of K and M integrates exactly: the integrand on cells with a constant
+    # Jacobian; on curved cells, mass and first moments.
     stiffness_order: int
     mass_order: int
-    stress_order: int
-    is_affine: bool = False
-    can_be_enhanced: bool = False
+    stress_order: int  # degree of the quadrature at whose points stresses are most accurate (Barlow 1976)
+    is_affine: bool = False  # true if the Jacobian is constant over every cell
+    can_be_enhanced: bool = False  # true if strains of its own may be added to those of its displacement
+    # Strains in place of those of its displacement's gradients: a function of the space, a material, reference points
+    # and elements, with what `fmd.fem.strain.enhanced_matrix` returns.
     strain_matrix: Callable[..., tuple[Array, Array]] | None = None
+    # What is left of strains (n_elements, n_q, 3, 3) where others follow without stress, as through a shell: a function
+    # of strains, Jacobians, a material and elements.
     stressed: Callable[..., Array] | None = None
+    # Strains whose transverse shear is that of the middle of a shell, as they are at places across it: a function of
+    # what ``stressed`` takes, and of the places.
     from_middle: Callable[..., Array] | None = None
 
     @cached_property

@@ -28,81 +28,42 @@ from fmd.fem.ties import Tie
 
 @dataclass(frozen=True)
 class LinkedFace:
-    """A reference point that moves a face rigidly, or follows it in the mean.
+    """A reference point that moves a face rigidly, or follows it in the mean."""
 
-    Attributes
-    ----------
-    marker : Marker
-        The face; rigid or averaged.
-    at : ndarray, shape (3,)
-        The reference point [m].
-    pinned : ndarray, shape (n,)
-        Further points of a rigid link, which it moves but doesn't turn, as nodes of a shell.
-    """
-
-    marker: Marker
-    at: Array
+    marker: Marker  # the face; rigid or averaged
+    at: Array  # (3,): the reference point [m]
+    # (n,): further points of a rigid link, which it moves but doesn't turn, as nodes of a shell
     pinned: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 @dataclass(frozen=True)
 class LumpedMass:
-    """A rigid body on the reference point of a link.
-
-    Attributes
-    ----------
-    mass : float
-        [kg]
-    centre : ndarray, shape (3,)
-        Centre of mass [m].
-    inertia : ndarray, shape (3, 3)
-        Inertia tensor about the centre of mass [kg m²].
-    """
+    """A rigid body on the reference point of a link."""
 
     link: str
-    mass: float
-    centre: Array
-    inertia: Array
+    mass: float  # [kg]
+    centre: Array  # (3,): centre of mass [m]
+    inertia: Array  # (3, 3): inertia tensor about the centre of mass [kg m²]
 
 
 @dataclass(frozen=True)
 class Relation:
-    """A sum of displacements of nodes and of displacements and rotations of references.
+    """A sum of displacements of nodes and of displacements and rotations of references."""
 
-    Attributes
-    ----------
-    label : str
-        What it is, for messages.
-    nodes : mapping of int to ndarray, shape (3,)
-        Coefficients of each node's displacement.
-    links : mapping of str to ndarray, shape (6,)
-        Coefficients of each reference's displacement and rotation.
-    stiffness : float
-        Of a spring that resists the sum [N/m, or N m/rad].
-    """
-
-    label: str
-    nodes: Mapping[int, Array]
-    links: Mapping[str, Array]
-    stiffness: float = 0.0
+    label: str  # what it is, for messages
+    nodes: Mapping[int, Array]  # (3,): coefficients of each node's displacement
+    links: Mapping[str, Array]  # (6,): coefficients of each reference's displacement and rotation
+    stiffness: float = 0.0  # of a spring that resists the sum [N/m, or N m/rad]
 
 
 @dataclass(frozen=True)
 class LinkedModel(FEModel):
-    """A finite element model with links and masses, whose points are more than those of its mesh.
+    """A finite element model with links and masses, whose points are more than those of its mesh."""
 
-    Attributes
-    ----------
-    positions : ndarray, shape (n_points, 3)
-        Positions of all points [m], those of the mesh's nodes first.
-    references : mapping of str to ndarray, shape (7,)
-        Numbers of the points that show the motion of each link: its reference, and six on arms around it.
-    places : mapping of str to (str, ndarray)
-        Further places that move with links: the link's name, and the position [m].
-    """
-
-    positions: Array
+    positions: Array  # (n_points, 3): positions of all points [m], those of the mesh's nodes first
+    # (7,): numbers of the points that show the motion of each link: its reference, and six on arms around it
     references: Mapping[str, IntArray]
+    # Further places that move with links: the link's name, and the position [m].
     places: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
 
     @property
@@ -160,31 +121,16 @@ def rigid_body_points(mass: float, inertia: Array, length: float) -> tuple[Array
 
 @dataclass(frozen=True)
 class Linked:
-    """All that is linked to a solid.
+    """All that is linked to a solid."""
 
-    Attributes
-    ----------
-    links : mapping of str to LinkedFace
-        By name; rigid ones have no node in common.
-    node_masses : ndarray, shape (n_nodes,), optional
-        Lumped masses on the solid's own nodes [kg].
-    equations : sequence of Relation
-        Sums that are zero.
-    springs : sequence of Relation
-        Sums that springs resist.
-    places : mapping of str to (str, ndarray)
-        Further places to show: the link that moves each, and its position [m].
-    ties : sequence of Tie
-        Faces that follow others; a node of two follows the first.
-    """
-
-    links: Mapping[str, LinkedFace] = field(default_factory=dict)
+    links: Mapping[str, LinkedFace] = field(default_factory=dict)  # by name; rigid ones have no node in common
     masses: Sequence[LumpedMass] = ()
-    node_masses: Array | None = None
-    equations: Sequence[Relation] = ()
-    springs: Sequence[Relation] = ()
+    node_masses: Array | None = None  # (n_nodes,): lumped masses on the solid's own nodes [kg]
+    equations: Sequence[Relation] = ()  # sums that are zero
+    springs: Sequence[Relation] = ()  # sums that springs resist
+    # Further places to show: the link that moves each, and its position [m].
     places: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
-    ties: Sequence[Tie] = ()
+    ties: Sequence[Tie] = ()  # faces that follow others; a node of two follows the first
 
 
 def link_points(fe: FEModel, linked: Linked) -> LinkedModel:

@@ -27,30 +27,17 @@ class Marker:
 
     The weights come from integrals over the face, so a force at the marker acts as a uniform traction. On a rigid face
     its mean displacement and rotation are its displacement and rotation.
-
-    Parameters
-    ----------
-    position : ndarray, shape (3,)
-        The face's centroid [m].
-    nodes : ndarray, shape (n,)
-        The face's nodes.
-    translation_weights : ndarray, shape (n,) or (3, n, 3)
-        Weights of the mean displacement, one for each node; they sum to 1. Of a section that tractions weight
-        (`traction_marker`) one for each direction of each node: ``d_a = Σ_ib translation_weights[a, i, b] u_ib``.
-    rotation_weights : ndarray, shape (3, n, 3)
-        Weights [1/m] of the mean rotation: ``ψ_a = Σ_ib rotation_weights[a, i, b] u_ib``.
-    rigid : bool
-        True if the face's nodes move as a rigid body.
-    areas : ndarray, shape (n,), optional
-        Nodal forces by a unit pressure on the face [m²]; ``None`` of what is no face.
     """
 
-    position: Array
-    nodes: IntArray
+    position: Array  # (3,): the face's centroid [m]
+    nodes: IntArray  # (n,): the face's nodes
+    # (n,) or (3, n, 3): Weights of the mean displacement, one for each node; they sum to 1. Of a section that tractions
+    # weight (`traction_marker`) one for each direction of each node: ``d_a = Σ_ib translation_weights[a, i, b] u_ib``.
     translation_weights: Array
+    # (3, n, 3): weights [1/m] of the mean rotation: ``ψ_a = Σ_ib rotation_weights[a, i, b] u_ib``
     rotation_weights: Array
-    rigid: bool = False
-    areas: Array | None = None
+    rigid: bool = False  # true if the face's nodes move as a rigid body
+    areas: Array | None = None  # (n,): nodal forces by a unit pressure on the face [m²]; ``None`` of what is no face
 
     def translation(self, u: Array) -> Array:
         """Return the mean displacement (3, …) [m] of a nodal field u, shape (n_nodes, 3, …)."""
@@ -87,8 +74,6 @@ def face_marker(
     face : ndarray, shape (n,) or (n_facets, 3 or 4), or a sequence of such
         Mesh points of a face, which consists of the boundary facets with all corners among them; or the corners of each
         of its facets.
-    rigid : bool
-        True if the face's nodes move as a rigid body.
     centre : ndarray, shape (3,), optional
         Place of the marker by the face's geometry [m], which follows the face's mean displacement and rotation; the
         centroid of the mesh's facets by default.

@@ -22,42 +22,26 @@ from fmd.fem.midsurface import Midsurface
 class SolidMesh:
     """A mesh of one type of solid cell.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n_points, 3)
-        Positions [m].
-    cells : ndarray, shape (n_cells, n_local)
-        Point numbers in meshio's order, those of mid-edge nodes too if the cells are of second order.
-    cell_type : str
-        meshio's name of a cell in `fem.cells.table`, e.g. ``tetra``; with curved edges ``tetra10``.
-    parts, faces : mapping of str to ndarray
-        Cell numbers of each part; of each face its point numbers (n,), or the corners (n_facets, 3 or 4) of its facets.
-    sectors : int
-        Number of equal sectors around the z axis, whose cells follow one another; 1 if the mesh is not cyclic.
-    notes : tuple of str
-        Faults of the file that the mesh was read from, and how they were mended, with counts.
-    connections : Connections, optional
-        Links, masses, springs and equations of the file.
-    centres : mapping of str to ndarray, shape (4,)
-        Area [m²] and centre [m] of faces by their geometry, which CAD files have beside the mesh.
-    midsurface : Midsurface, optional
-        That of a shell, whose cells are one layer between both faces, or the line of beams.
-
     Raises
     ------
     AccuracyError
         A cell is inverted or flat; the message counts them.
     """
 
-    points: Array
+    points: Array  # (n_points, 3): positions [m]
+    # (n_cells, n_local): point numbers in meshio's order, those of mid-edge nodes too if the cells are of second order
     cells: IntArray
-    cell_type: str
+    cell_type: str  # meshio's name of a cell in `fem.cells.table`, e.g. ``tetra``; with curved edges ``tetra10``
+    # Cell numbers of each part; of each face its point numbers (n,), or the corners (n_facets, 3 or 4) of its facets.
     parts: Mapping[str, IntArray]
     faces: Mapping[str, IntArray]
+    # Number of equal sectors around the z axis, whose cells follow one another; 1 if the mesh is not cyclic.
     sectors: int = 1
-    notes: tuple[str, ...] = ()
-    connections: Connections | None = None
+    notes: tuple[str, ...] = ()  # faults of the file that the mesh was read from, and how they were mended, with counts
+    connections: Connections | None = None  # links, masses, springs and equations of the file
+    # That of a shell, whose cells are one layer between both faces, or the line of beams.
     midsurface: Midsurface | None = None
+    # (4,): area [m²] and centre [m] of faces by their geometry, which CAD files have beside the mesh
     centres: Mapping[str, Array] = field(default_factory=dict)
 
     __repr__ = short_repr

@@ -18,21 +18,11 @@ DeckPly = tuple[str, float, float]
 
 @dataclass(frozen=True)
 class Layup:
-    """Layers of a shell's elements by its deck.
+    """Layers of a shell's elements by its deck."""
 
-    Attributes
-    ----------
-    stacks : tuple
-        Plies from the lower face to the upper one.
-    numbers : ndarray, shape (n_cells,)
-        Place in ``stacks`` of each element's, -1 without layers.
-    directions : ndarray, shape (n_cells, 3)
-        Vector of each element, from whose projection onto it angles count.
-    """
-
-    stacks: tuple[tuple[DeckPly, ...], ...]
-    numbers: IntArray
-    directions: Array
+    stacks: tuple[tuple[DeckPly, ...], ...]  # plies from the lower face to the upper one
+    numbers: IntArray  # (n_cells,): place in ``stacks`` of each element's, -1 without layers
+    directions: Array  # (n_cells, 3): vector of each element, from whose projection onto it angles count
 
     def turned_over(self, turned: BoolArray) -> Layup:
         """Return the layup of elements some of which have their normal to the other side now."""
@@ -43,32 +33,17 @@ class Layup:
 
 @dataclass(frozen=True)
 class Midsurface:
-    """Nodes of a shell, each with the points of the mesh that turn with it.
+    """Nodes of a shell, each with the points of the mesh that turn with it."""
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (n_nodes, 3)
-        Positions of the nodes [m].
-    owner : ndarray, shape (n_points,)
-        The node of each point of the mesh. A node has two points on a director through the thickness, and more where
-        the shell has a fold, a branch or a jump of thickness.
-    layup : Layup, optional
-        Layers of its elements, if a deck has them.
-
-    Attributes
-    ----------
-    alike : float
-        Second over first moment of a node's arms, below which they are one line, about which the node doesn't turn.
-    has_sections : bool
-        True if all points of a node are a section, as of beams.
-    """
-
-    nodes: Array
+    nodes: Array  # (n_nodes, 3): positions of the nodes [m]
+    # (n_points,): The node of each point of the mesh. A node has two points on a director through the thickness, and
+    # more where the shell has a fold, a branch or a jump of thickness.
     owner: IntArray
-    layup: Layup | None = field(default=None, kw_only=True)
+    layup: Layup | None = field(default=None, kw_only=True)  # layers of its elements, if a deck has them
 
+    # Second over first moment of a node's arms, below which they are one line, about which the node doesn't turn.
     alike: ClassVar[float] = ALIKE_DIRECTORS
-    has_sections: ClassVar[bool] = False
+    has_sections: ClassVar[bool] = False  # true if all points of a node are a section, as of beams
 
     def __post_init__(self) -> None:
         require_shape("nodes", self.nodes, (None, 3))

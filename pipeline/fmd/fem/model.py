@@ -17,32 +17,19 @@ from fmd.fem.space import Discretisation
 
 @dataclass(frozen=True)
 class FEModel:
-    """Stiffness and mass matrices of a body on its discretisation.
-
-    Attributes
-    ----------
-    K : sparse array, shape (3 n_nodes, 3 n_nodes)
-        Stiffness [N/m]; unknown ``3 i + a`` is node i along axis a.
-    m : sparse array, shape (n_nodes, n_nodes)
-        Consistent scalar mass matrix [kg]; the full mass matrix is ``m ⊗ 1₃``.
-    T : sparse array, shape (3 n_nodes, n), optional
-        How the nodes move by the independent unknowns, ``u = T y``; ``None`` if each node's displacements are such.
-        Solutions are those of ``Tᵀ K T`` and ``Tᵀ M T``, all else is of nodes.
-    link_unknowns : int
-        Number of independent unknowns that are displacements and rotations of links; they come last.
-    arms : Arms, optional
-        Nodes on rigid arms, which move in second order.
-    directors : Arms, optional
-        Points of a shell on its nodes' directors, whose motion of second order is a part of its geometric stiffness.
-    """
+    """Stiffness and mass matrices of a body on its discretisation."""
 
     discretisation: Discretisation
     material: AnyMaterial
-    K: sp.csr_array
-    m: sp.csr_array
+    K: sp.csr_array  # (3 n_nodes, 3 n_nodes): stiffness [N/m]; unknown ``3 i + a`` is node i along axis a
+    m: sp.csr_array  # (n_nodes, n_nodes): consistent scalar mass matrix [kg]; the full mass matrix is ``m ⊗ 1₃``
+    # (3 n_nodes, n): How the nodes move by the independent unknowns, ``u = T y``; ``None`` if each node's displacements
+    # are such. Solutions are those of ``Tᵀ K T`` and ``Tᵀ M T``, all else is of nodes.
     T: sp.csr_array | None = field(default=None, kw_only=True)
+    # Number of independent unknowns that are displacements and rotations of links; they come last.
     link_unknowns: int = field(default=0, kw_only=True)
-    arms: Arms | None = field(default=None, kw_only=True)
+    arms: Arms | None = field(default=None, kw_only=True)  # nodes on rigid arms, which move in second order
+    # Points of a shell on its nodes' directors, whose motion of second order is a part of its geometric stiffness.
     directors: Arms | None = field(default=None, kw_only=True)
 
     __repr__ = short_repr

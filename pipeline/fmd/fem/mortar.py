@@ -154,22 +154,12 @@ def _height(corners: Array, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class FollowingFace:
-    """How the nodes of a face follow those of another.
+    """How the nodes of a face follow those of another."""
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (n,)
-    others : ndarray, shape (m,)
-    weights : sparse array, shape (n, m)
-        Displacement of each node by those of the others; each row sums to 1.
-    area : float
-        What the faces have in common [m²].
-    """
-
-    nodes: IntArray
-    others: IntArray
-    weights: sp.csr_array
-    area: float
+    nodes: IntArray  # (n,)
+    others: IntArray  # (m,)
+    weights: sp.csr_array  # (n, m): displacement of each node by those of the others; each row sums to 1
+    area: float  # what the faces have in common [m²]
 
 
 def follow_face(space: Discretisation, face: IntArray, onto: IntArray, within: float | None = None) -> FollowingFace:

@@ -190,8 +190,6 @@ def join_fragments(labels: IntArray, elements: IntArray, volumes: Array, count: 
         Elements on both sides of each interior facet.
     volumes : ndarray, shape (n_elements,)
         [m³]
-    count : int
-        Number of pieces.
     """
     n = len(labels)
     for _ in range(3):

@@ -56,23 +56,12 @@ def moved_points(T: sp.csr_array, unknowns: IntArray) -> tuple[IntArray, sp.csr_
 
 @dataclass(frozen=True)
 class CarriedPoints:
-    """Points that a rigid piece carries.
+    """Points that a rigid piece carries."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (k,)
-    arms : ndarray, shape (k, 3)
-        Arm by which each turns with the piece [m].
-    beside : ndarray, shape (l,)
-        Points that it moves together with other unknowns, as those inside of beams.
-    second : ndarray, shape (l, 3, 3, 3)
-        Their displacement of second order as the piece turns, as `Arms` has it [m].
-    """
-
-    points: IntArray
-    arms: Array
-    beside: IntArray
-    second: Array
+    points: IntArray  # (k,)
+    arms: Array  # (k, 3): arm by which each turns with the piece [m]
+    beside: IntArray  # (l,): points that it moves together with other unknowns, as those inside of beams
+    second: Array  # (l, 3, 3, 3): their displacement of second order as the piece turns, as `Arms` has it [m]
 
 
 def carried_points(T: sp.csr_array, unknowns: IntArray, values: Array) -> CarriedPoints:

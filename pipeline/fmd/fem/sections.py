@@ -18,21 +18,11 @@ _GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
 @dataclass(frozen=True)
 class Section:
-    """A section of a beam.
+    """A section of a beam."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n_points, 2)
-        y and z of its drawing about the centroid [m].
-    quads : ndarray, shape (n_quads, 4)
-        Points around each quadrilateral, counter-clockwise seen against x.
-    torsion : float
-        Saint-Venant's torsion constant J [m⁴].
-    """
-
-    points: Array
-    quads: IntArray
-    torsion: float
+    points: Array  # (n_points, 2): y and z of its drawing about the centroid [m]
+    quads: IntArray  # (n_quads, 4): points around each quadrilateral, counter-clockwise seen against x
+    torsion: float  # Saint-Venant's torsion constant J [m⁴]
 
     @property
     def area(self) -> float:
@@ -79,16 +69,10 @@ class Section:
 
 @dataclass(frozen=True)
 class RoundSection(Section):
-    """A circle, or a ring.
+    """A circle, or a ring."""
 
-    Attributes
-    ----------
-    diameter, bore : float
-        [m]
-    """
-
-    diameter: float
-    bore: float
+    diameter: float  # [m]
+    bore: float  # [m]
 
     @property
     def bending(self) -> Array:
@@ -105,15 +89,9 @@ class RoundSection(Section):
 
 @dataclass(frozen=True)
 class RectangularSection(Section):
-    """A rectangle, in which shear is a parabola over the depth, 5/6 of the area.
+    """A rectangle, in which shear is a parabola over the depth, 5/6 of the area."""
 
-    Attributes
-    ----------
-    width, height : float
-        Extents along y and z [m].
-    """
-
-    width: float
+    width: float  # extents along y and z [m]
     height: float
 
     def shear_areas(self, nu: float) -> Array:
@@ -127,16 +105,10 @@ class RectangularSection(Section):
 
 @dataclass(frozen=True)
 class WalledSection(Section):
-    """A section of thin walls along y and z, which take the shear along them.
+    """A section of thin walls along y and z, which take the shear along them."""
 
-    Attributes
-    ----------
-    along_y, along_z : float
-        Areas of the walls [m²].
-    """
-
-    along_y: float
-    along_z: float
+    along_y: float  # areas of the walls [m²]
+    along_z: float  # areas of the walls [m²]
 
     def shear_areas(self, nu: float) -> Array:
         """Return the shares of the walls' areas."""

@@ -22,15 +22,9 @@ from fmd.fem.model import FEModel
 
 @dataclass(frozen=True)
 class ShellModel(FEModel):
-    """A finite element model of a shell or of beams: points of both faces, or of sections, and then the nodes.
+    """A finite element model of a shell or of beams: points of both faces, or of sections, and then the nodes."""
 
-    Attributes
-    ----------
-    positions : ndarray, shape (n_points, 3)
-        Positions of all points [m].
-    """
-
-    positions: Array
+    positions: Array  # (n_points, 3): positions of all points [m]
 
     @property
     def x(self) -> Array:

@@ -66,18 +66,11 @@ class BlockStructure:
 
 @dataclass(frozen=True)
 class Discretisation:
-    """Nodes and connectivity of a displacement field on a mesh.
-
-    Parameters
-    ----------
-    order : int
-        Order of the displacement, 1 or 2.
-    formulation : str
-        ``enhanced`` or ``plain`` strain of linear hexahedra; of no effect on other elements.
-    """
+    """Nodes and connectivity of a displacement field on a mesh."""
 
     mesh: SolidMesh
-    order: int
+    order: int  # order of the displacement, 1 or 2
+    # ``enhanced`` or ``plain`` strain of linear hexahedra; of no effect on other elements.
     formulation: Formulation = "enhanced"
 
     @cached_property

@@ -17,21 +17,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SurfaceTopology:
-    """Nodes, triangles and element outlines of a surface.
+    """Nodes, triangles and element outlines of a surface."""
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (n_surface,)
-        Node numbers of the discretisation, ascending.
-    triangles : ndarray, shape (n_triangles, 3)
-        Positions in ``nodes``, counter-clockwise seen from outside.
-    edges : ndarray, shape (n_edges, 2)
-        Positions in ``nodes``: outlines of the elements' faces.
-    """
-
-    nodes: IntArray
-    triangles: IntArray
-    edges: IntArray
+    nodes: IntArray  # (n_surface,): node numbers of the discretisation, ascending
+    triangles: IntArray  # (n_triangles, 3): positions in ``nodes``, counter-clockwise seen from outside
+    edges: IntArray  # (n_edges, 2): positions in ``nodes``: outlines of the elements' faces
 
     __repr__ = short_repr
 

@@ -19,41 +19,20 @@ _LAYERS = {3: "wedge", 4: "hexahedron"}
 
 @dataclass(frozen=True)
 class Sheet:
-    """Elements of a shell on their midsurface, as a file or a shape has them.
+    """Elements of a shell on their midsurface, as a file or a shape has them."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n_nodes, 3)
-        Positions of the nodes [m].
-    cells : ndarray, shape (n_cells, 3 or 4)
-        Nodes around each element.
-    thickness : ndarray, shape (n_cells,)
-        [m]
-    parts, faces : mapping of str to ndarray
-        Elements of each part; nodes of each face, which is all of the shell's surface between them.
-    patches : mapping of str to ndarray
-        Elements of each face that consists of both sides of elements.
-    sides : tuple of str
-        Names of the lower and of the upper face.
-    offset : ndarray, shape (n_cells,), optional
-        Distance of the middle from the nodes along the normal [m].
-    layup : Layup, optional
-        Layers of its elements.
-    shift : float
-        Distance of the whole shell's middle besides, along the normals as they are after turning [m].
-    """
-
-    x: Array
-    cells: IntArray
-    thickness: Array
+    x: Array  # (n_nodes, 3): positions of the nodes [m]
+    cells: IntArray  # (n_cells, 3 or 4): nodes around each element
+    thickness: Array  # (n_cells,) [m]
+    # Elements of each part; nodes of each face, which is all of the shell's surface between them.
     parts: Mapping[str, IntArray]
     faces: Mapping[str, IntArray]
-    patches: Mapping[str, IntArray]
-    sides: tuple[str, str]
-    offset: Array | None = None
-    layup: Layup | None = None
+    patches: Mapping[str, IntArray]  # elements of each face that consists of both sides of elements
+    sides: tuple[str, str]  # names of the lower and of the upper face
+    offset: Array | None = None  # (n_cells,): distance of the middle from the nodes along the normal [m]
+    layup: Layup | None = None  # layers of its elements
     notes: tuple[str, ...] = ()
-    shift: float = 0.0
+    shift: float = 0.0  # distance of the whole shell's middle besides, along the normals as they are after turning [m]
 
 
 def thicken(sheet: Sheet) -> SolidMesh:

@@ -20,22 +20,12 @@ from fmd.fem.space import Discretisation
 
 @dataclass(frozen=True)
 class Tie:
-    """Nodes whose displacements follow those of others.
+    """Nodes whose displacements follow those of others."""
 
-    Attributes
-    ----------
-    label : str
-        What it is, for messages.
-    nodes : ndarray, shape (n,)
-    others : ndarray, shape (m,)
-    weights : sparse array, shape (3 n, 3 m)
-        Displacements of the nodes by those of the others; rigid motions stay rigid.
-    """
-
-    label: str
-    nodes: IntArray
-    others: IntArray
-    weights: sp.csr_array
+    label: str  # what it is, for messages
+    nodes: IntArray  # (n,)
+    others: IntArray  # (m,)
+    weights: sp.csr_array  # (3 n, 3 m): displacements of the nodes by those of the others; rigid motions stay rigid
 
 
 def tie_faces(space: Discretisation, given: TiedFaces) -> Tie:

@@ -25,8 +25,6 @@ class HistorySum:
 
     Parameters
     ----------
-    frozen : FrozenRun
-        The scene's run.
     weights : ndarray, shape (n_channels, n_times)
         Of their values.
     """

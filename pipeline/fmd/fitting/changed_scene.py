@@ -29,8 +29,6 @@ def write_changed_scene(
     ----------
     values : mapping of Parameter to float
         The numbers [SI].
-    given : str
-        The scene's name or path, as it was given.
     comments : sequence of str
         First lines, which say from what the numbers came.
     overrides : sequence of str

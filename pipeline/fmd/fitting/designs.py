@@ -22,18 +22,11 @@ from fmd.stages.pipeline import Pipeline
 
 @dataclass(frozen=True)
 class Design:
-    """A scene at some values of its numbers, with the results that count.
-
-    Attributes
-    ----------
-    values : dict of Parameter to float
-        The numbers [SI], by those of the scene.
-    channels : tuple of ResultChannel
-        Its results: largest values are those of this design, frequencies those of the modes most like the scene's.
-    """
+    """A scene at some values of its numbers, with the results that count."""
 
     run: Pipeline
-    values: dict[Parameter, float]
+    values: dict[Parameter, float]  # the numbers [SI], by those of the scene
+    # Its results: largest values are those of this design, frequencies those of the modes most like the scene's.
     channels: tuple[ResultChannel, ...]
 
     @cached_property
@@ -67,28 +60,16 @@ class Design:
 class DesignSpace:
     """Designs of a scene between bounds of its numbers.
 
-    Parameters
-    ----------
-    run : Pipeline
-        Stages of the scene as it is computed; each design is computed as this is, by its first run.
-    names : sequence of str
-        Results, as `find_channels` takes them, each a number above 0.
-
-    Attributes
-    ----------
-    solved : int
-        Number of designs that have been computed.
-
     Raises
     ------
     InputError
         A name is no such result.
     """
 
-    run: Pipeline
-    names: Sequence[str]
+    run: Pipeline  # stages of the scene as it is computed; each design is computed as this is, by its first run
+    names: Sequence[str]  # results, as `find_channels` takes them, each a number above 0
     varied: tuple[VariedNumber, ...]
-    solved: int = 0
+    solved: int = 0  # number of designs that have been computed
     _known: dict[bytes, Design] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -61,15 +61,9 @@ class Experiment(Protocol):
 
 @dataclass
 class HistoryExperiment:
-    """Measured histories of a scene's first run.
+    """Measured histories of a scene's first run."""
 
-    Parameters
-    ----------
-    run : Pipeline
-        Stages of the scene as it is computed.
-    """
-
-    run: Pipeline
+    run: Pipeline  # stages of the scene as it is computed
     measured: Measurements
     solved: int = 0
     _frozen: dict[bytes, FrozenRun] = field(default_factory=dict)

@@ -30,33 +30,17 @@ from fmd.fitting.varied import VariedNumber
 
 @dataclass(frozen=True)
 class Fit:
-    """Numbers of a scene that fit measurements best, and how well these tell them.
-
-    Attributes
-    ----------
-    before, after : Information
-        What the data can tell of them at the scene's own values, and at the fitted ones.
-    shares : ndarray, shape (n,)
-        The fitted numbers as the fit counts them.
-    chi2 : float
-        Sum of the squares of the residuals over their noise, priors included.
-    evaluations, jacobians : int
-        How often results, and their derivatives, were computed.
-    starts : sequence of tuple
-        Chi-squared and the numbers where each start ended, the best first.
-    stopped : str
-        Why the search by parts of histories didn't come to its end, where one was needed.
-    """
+    """Numbers of a scene that fit measurements best, and how well these tell them."""
 
     model: FitModel
-    before: Information
+    before: Information  # what the data can tell of them at the scene's own values, and at the fitted ones
     after: Information
-    shares: Array
-    chi2: float
-    evaluations: int
+    shares: Array  # (n,): the fitted numbers as the fit counts them
+    chi2: float  # sum of the squares of the residuals over their noise, priors included
+    evaluations: int  # how often results, and their derivatives, were computed
     jacobians: int
-    starts: Sequence[tuple[float, Array]] = ()
-    stopped: str = ""
+    starts: Sequence[tuple[float, Array]] = ()  # chi-squared and the numbers where each start ended, the best first
+    stopped: str = ""  # why the search by parts of histories didn't come to its end, where one was needed
 
     @property
     def values(self) -> list[float]:
@@ -221,8 +205,6 @@ def fit_scene(
         Numbers to fit, which start from the scene's values.
     starts : int
         Number of searches: one from the scene's values, others from points of a Latin hypercube between the bounds.
-    monitor : Monitor, optional
-        Listener to progress.
 
     Raises
     ------

@@ -28,8 +28,6 @@ def write_sensitivities(found: Sequence[Sensitivity], times: Array | None, folde
         One at least.
     times : ndarray, optional
         Output times of the histories among them [s].
-    title : str
-        Heading of the chart.
 
     Raises
     ------
@@ -106,8 +104,6 @@ def write_design(found: Optimum, folder: Path, given: str, overrides: Sequence[s
 
     Parameters
     ----------
-    given : str
-        The scene's name or path, as it was given.
     overrides : sequence of str
         Values that were used instead of the scene's own, ``key=value``.
     name : str
@@ -158,12 +154,6 @@ def write_fit(
 
     Parameters
     ----------
-    folder : Path
-        Made if it is missing.
-    given : str
-        The scene's name or path, as it was given.
-    data : sequence of str
-        File of each experiment's measurements.
     overrides : sequence of str
         Values that were used instead of the scene's own, ``key=value``.
 

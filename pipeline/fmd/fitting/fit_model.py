@@ -18,21 +18,11 @@ from fmd.fitting.varied import VariedNumber
 
 @dataclass
 class FitModel:
-    """Residuals of a scene's results against measurements, over their noise.
+    """Residuals of a scene's results against measurements, over their noise."""
 
-    Parameters
-    ----------
-    experiments : tuple of Experiment
-        What is measured, and the scene that it is measured on.
-    varied : tuple of VariedNumber
-        Numbers that vary; all else, method and steps too, is frozen.
-    monitor : Monitor, optional
-        Listener to progress.
-    """
-
-    experiments: tuple[Experiment, ...]
-    varied: tuple[VariedNumber, ...]
-    monitor: Monitor = field(default=silent, repr=False)
+    experiments: tuple[Experiment, ...]  # what is measured, and the scene that it is measured on
+    varied: tuple[VariedNumber, ...]  # numbers that vary; all else, method and steps too, is frozen
+    monitor: Monitor = field(default=silent, repr=False)  # listener to progress
 
     @property
     def channels(self) -> list[MeasuredChannel]:

@@ -33,59 +33,33 @@ from fmd.stages.runs import plan_frozen
 
 @dataclass(frozen=True)
 class Beside:
-    """A scene a little below and above one of its numbers.
-
-    Attributes
-    ----------
-    step : float
-        How far below and above [SI].
-    plans : tuple of Plan
-        The frozen run at both; none where no motion is needed.
-    by_tangents : bool
-        True if their motions are the scene's own less and more its tangent, so that their difference is exact.
-    lacking : str
-        What of the run has no tangent where motions are differences.
-    """
+    """A scene a little below and above one of its numbers."""
 
     low: Pipeline
     high: Pipeline
-    step: float
-    plans: tuple[Plan, ...] = ()
+    step: float  # how far below and above [SI]
+    plans: tuple[Plan, ...] = ()  # the frozen run at both; none where no motion is needed
+    # True if their motions are the scene's own less and more its tangent, so that their difference is exact.
     by_tangents: bool = False
-    lacking: str = ""
+    lacking: str = ""  # what of the run has no tangent where motions are differences
 
 
 @dataclass(frozen=True)
 class FrozenMotion:
-    """A scene at some values of its numbers, with the frozen run as its motion.
-
-    Attributes
-    ----------
-    values : dict of Parameter to float
-        The numbers [SI].
-    plan : Plan, optional
-        The run; none where no motion is needed.
-    by : tuple of Parameter
-        Numbers that it is differentiated by, whose tangents are marched together.
-    tangents : dict of Parameter to Tangent or None
-        Derivatives of the motion by numbers, times their sizes, as far as they have been asked for; ``None`` where
-        there is no tangent.
-    lacking : dict of Parameter to str
-        Why tangents that have been marched by some numbers aren't those of the motion.
-    variants : dict of tuple to Beside
-        The scene beside it, by a number and the share of it: of the last eight numbers, which march together.
-    parts : list of PartedMarch
-        The run's parts, if they have been needed.
-    """
+    """A scene at some values of its numbers, with the frozen run as its motion."""
 
     run: Pipeline
-    values: Mapping[Parameter, float]
-    plan: Plan | None = None
-    by: tuple[Parameter, ...] = ()
+    values: Mapping[Parameter, float]  # the numbers [SI]
+    plan: Plan | None = None  # the run; none where no motion is needed
+    by: tuple[Parameter, ...] = ()  # numbers that it is differentiated by, whose tangents are marched together
+    # Derivatives of the motion by numbers, times their sizes, as far as they have been asked for; ``None`` where there
+    # is no tangent.
     tangents: dict[Parameter, Tangent | None] = field(default_factory=dict)
+    # Why tangents that have been marched by some numbers aren't those of the motion.
     lacking: dict[Parameter, str] = field(default_factory=dict)
+    # The scene beside it, by a number and the share of it: of the last eight numbers, which march together.
     variants: dict[tuple[Parameter, float], Beside] = field(default_factory=dict)
-    parts: list[PartedMarch] = field(default_factory=list)
+    parts: list[PartedMarch] = field(default_factory=list)  # the run's parts, if they have been needed
 
 
 class FrozenRun:
@@ -93,8 +67,6 @@ class FrozenRun:
 
     Parameters
     ----------
-    run : Pipeline
-        Stages of the scene as it is computed.
     times : ndarray, shape (n_times,), optional
         Output times [s]; the scene's own by default. They change no step.
 

@@ -13,15 +13,10 @@ from fmd.core.limits.rank import DEPENDENT_CONSTRAINT
 
 @dataclass(frozen=True)
 class Information:
-    """Information in residuals with unit noise on the numbers that they depend on.
+    """Information in residuals with unit noise on the numbers that they depend on."""
 
-    Attributes
-    ----------
-    covariance : ndarray, shape (n, n)
-        Smallest covariance of any unbiased estimate, of which infinite entries of the diagonal aren't determined at all
-        (Cramér–Rao; Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, chapter 3).
-    """
-
+    # (n, n): smallest covariance of any unbiased estimate, of which infinite entries of the diagonal aren't determined
+    # at all (Cramér–Rao; Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, chapter 3)
     covariance: Array
 
     @property

@@ -67,15 +67,11 @@ class _LinearExperiment:
 
 @dataclass
 class ModeExperiment(_LinearExperiment):
-    """Measured modes: frequencies, damping ratios and shapes.
+    """Measured modes: frequencies, damping ratios and shapes."""
 
-    Parameters
-    ----------
-    shapes : ndarray, shape (n_modes, n_outputs), optional
-        Measured amplitudes of the outputs, by which modes are paired (modal assurance criterion; Allemang & Brown, A
-        correlation coefficient for modal vector analysis, IMAC 1982); without, they are paired in their order.
-    """
-
+    # (n_modes, n_outputs): measured amplitudes of the outputs, by which modes are paired (modal assurance criterion;
+    # Allemang & Brown, A correlation coefficient for modal vector analysis, IMAC 1982); without, they are paired in
+    # their order
     shapes: Array | None = None
     has_modes = True
 
@@ -128,18 +124,10 @@ def _mode_shapes(model: Any) -> Array:
 
 @dataclass
 class ResponseExperiment(_LinearExperiment):
-    """Measured frequency responses: real and imaginary part of each pair, one after the other.
+    """Measured frequency responses: real and imaginary part of each pair, one after the other."""
 
-    Parameters
-    ----------
-    frequencies_hz : ndarray, shape (n_frequencies,)
-        [Hz]
-    pairs : sequence of tuple of int
-        Number of the output and of the input of each response.
-    """
-
-    frequencies_hz: Array = field(default_factory=lambda: np.zeros(0))
-    pairs: Sequence[tuple[int, int]] = ()
+    frequencies_hz: Array = field(default_factory=lambda: np.zeros(0))  # (n_frequencies,) [Hz]
+    pairs: Sequence[tuple[int, int]] = ()  # number of the output and of the input of each response
     has_responses = True
 
     @property

@@ -17,19 +17,11 @@ from fmd.scene.table_files import read_all_columns
 
 
 class MeasuredTable(NamedTuple):
-    """Columns of a file.
-
-    Attributes
-    ----------
-    header : list of str
-        Names with units in brackets, ``"time [s]"``; that of times or frequencies is the first.
-    columns : list of ndarray, shape (n,)
-        In these units; the first ascends.
-    """
+    """Columns of a file."""
 
     file: str
-    header: list[str]
-    columns: list[Array]
+    header: list[str]  # names with units in brackets, ``"time [s]"``; that of times or frequencies is the first
+    columns: list[Array]  # (n,): in these units; the first ascends
 
 
 def read_table(text: str) -> MeasuredTable:

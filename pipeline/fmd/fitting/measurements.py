@@ -22,25 +22,14 @@ _COLUMN = re.compile(r"(.+?)\s*(?:\[(.*)\])?\s*")
 
 @dataclass(frozen=True)
 class MeasuredChannel:
-    """Measured values of one result.
+    """Measured values of one result."""
 
-    Attributes
-    ----------
-    name, unit : str
-        The result, and its SI unit.
-    values : ndarray, shape (n,)
-        In that unit.
-    sigma : float or ndarray, shape (n,)
-        Standard deviation of the noise, in the same unit; that of each value where it is a share of these.
-    given : bool
-        True if that is given, false if it is estimated from the values.
-    """
-
-    name: str
+    name: str  # the result, and its SI unit
     unit: str
-    values: Array
+    values: Array  # (n,): in that unit
+    # (n,): standard deviation of the noise, in the same unit; that of each value where it is a share of these
     sigma: float | Array
-    given: bool
+    given: bool  # true if that is given, false if it is estimated from the values
 
     @property
     def noise(self) -> tuple[float, str]:
@@ -52,18 +41,10 @@ class MeasuredChannel:
 
 @dataclass(frozen=True)
 class Measurements:
-    """Measured histories at common times.
+    """Measured histories at common times."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (n_times,)
-        From the start of the scene's motion, ascending [s].
-    channels : tuple of MeasuredChannel
-        One at least.
-    """
-
-    times: Array
-    channels: tuple[MeasuredChannel, ...]
+    times: Array  # (n_times,): from the start of the scene's motion, ascending [s]
+    channels: tuple[MeasuredChannel, ...]  # one at least
     results: tuple[ResultChannel, ...]
 
 

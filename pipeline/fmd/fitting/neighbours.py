@@ -23,25 +23,13 @@ from fmd.stages.plan import Plan
 
 @dataclass(frozen=True)
 class PartedMarch:
-    """A march in parts, with the states at their ends.
+    """A march in parts, with the states at their ends."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (n_all,)
-        Output times and those between which parts end [s].
-    stops : tuple of int
-        Number of the first time of each part's successor.
-    trajectory : Trajectory
-        At the output times.
-    draws_back : bool
-        True if positions, rates and accelerations are all that the method remembers of the motion.
-    """
-
-    times: Array
-    stops: tuple[int, ...]
+    times: Array  # (n_all,): output times and those between which parts end [s]
+    stops: tuple[int, ...]  # number of the first time of each part's successor
     ends: tuple[State, ...]
-    trajectory: Trajectory
-    draws_back: bool
+    trajectory: Trajectory  # at the output times
+    draws_back: bool  # true if positions, rates and accelerations are all that the method remembers of the motion
 
 
 def goes_in_parts(plan: Plan) -> bool:

@@ -30,19 +30,11 @@ class NoDesignError(AccuracyError):
 
 @dataclass(frozen=True)
 class Limit:
-    """Value that a result of a design must reach, or not exceed.
-
-    Attributes
-    ----------
-    sign : int
-        1 if it must reach the bound, -1 if it mustn't exceed it.
-    bound : float, optional
-        Above 0, in the SI unit; none where the result is but to be told.
-    """
+    """Value that a result of a design must reach, or not exceed."""
 
     name: str
-    sign: int
-    bound: float | None
+    sign: int  # 1 if it must reach the bound, -1 if it mustn't exceed it
+    bound: float | None  # above 0, in the SI unit; none where the result is but to be told
 
     @property
     def sense(self) -> str:
@@ -71,22 +63,12 @@ class ExcludedBand:
 
 @dataclass(frozen=True)
 class Optimum:
-    """The best design between bounds, within the limits.
+    """The best design between bounds, within the limits."""
 
-    Attributes
-    ----------
-    space : DesignSpace
-        All designs; its first result is what is minimised, the others are those of the limits.
-    sign : int
-        1 if the first result is minimised, -1 if it is maximised.
-    shares : ndarray, shape (n,)
-        The numbers as the search counts them.
-    """
-
-    space: DesignSpace
+    space: DesignSpace  # all designs; its first result is what is minimised, the others are those of the limits
     limits: tuple[Limit, ...]
-    sign: int
-    shares: Array
+    sign: int  # 1 if the first result is minimised, -1 if it is maximised
+    shares: Array  # (n,): the numbers as the search counts them
 
     @property
     def design(self) -> Design:
@@ -244,12 +226,8 @@ def optimise_scene(
 
     Parameters
     ----------
-    run : Pipeline
-        Stages of the scene as it is computed, from which the search starts.
     aim : str
         The result, a number above 0.
-    varied : tuple of VariedNumber
-        Numbers that vary, all with bounds.
     sign : int
         1 for the least, -1 for the largest.
 

@@ -19,26 +19,13 @@ _TABLES = ("body", "ground", "joint", "drive", "coupler", "spring", "bushing", "
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a scene.
+    """A number of a scene."""
 
-    Attributes
-    ----------
-    key : str
-        Dotted as for ``--set``, e.g. ``joint.elbow.spring``.
-    value : float
-        In the SI unit; 1 for a formula or a table, of which the parameter is a factor.
-    unit : str
-        SI unit; empty for a plain number and for a factor.
-    is_factor : bool
-        True if it is a factor of a formula or of a table.
-    clock : str
-        Measured channel whose clock it shifts, ``time`` for those of all; empty for a number of the scene.
-    """
-
-    key: str
-    value: float
-    unit: str = ""
-    is_factor: bool = False
+    key: str  # dotted as for ``--set``, e.g. ``joint.elbow.spring``
+    value: float  # in the SI unit; 1 for a formula or a table, of which the parameter is a factor
+    unit: str = ""  # SI unit; empty for a plain number and for a factor
+    is_factor: bool = False  # true if it is a factor of a formula or of a table
+    # Measured channel whose clock it shifts, ``time`` for those of all; empty for a number of the scene.
     clock: str = ""
 
     @property

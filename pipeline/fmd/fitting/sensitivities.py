@@ -27,10 +27,6 @@ def frequency_change(run: Pipeline, minus: Pipeline, plus: Pipeline, body: str, 
 
     Parameters
     ----------
-    run, minus, plus : Pipeline
-        The scene, and variants of it with the same nodes on both sides.
-    body : str
-        Name of the flexible body.
     mode : int
         Number of the mode, from 0.
 
@@ -59,32 +55,18 @@ def frequency_change(run: Pipeline, minus: Pipeline, plus: Pipeline, body: str, 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Derivative of one result by one number of a scene.
+    """Derivative of one result by one number of a scene."""
 
-    Attributes
-    ----------
-    channel, parameter
-        The result and the number.
-    value : ndarray, shape () or (n_times,)
-        The result itself, in its SI unit.
-    slope, error : ndarray, shape () or (n_times,)
-        Its derivative by the number, in SI units, and what that may be off by.
-    jumps : bool
-        True if the largest value is at another place, or long before or after, as soon as the number changes a little.
-    by_tangents : bool
-        True if it is by the motion's tangent, which is marched beside it, not by a difference of motions.
-    lacking : str
-        What of the run has no tangents otherwise.
-    """
-
-    channel: ResultChannel
+    channel: ResultChannel  # the result and the number
     parameter: Parameter
-    value: Array
-    slope: Array
+    value: Array  # () or (n_times,): the result itself, in its SI unit
+    slope: Array  # () or (n_times,): its derivative by the number, in SI units, and what that may be off by
     error: Array
+    # True if the largest value is at another place, or long before or after, as soon as the number changes a little.
     jumps: bool = False
+    # True if it is by the motion's tangent, which is marched beside it, not by a difference of motions.
     by_tangents: bool = False
-    lacking: str = ""
+    lacking: str = ""  # what of the run has no tangents otherwise
 
     @property
     def relative(self) -> float:

@@ -42,19 +42,12 @@ class Tangent(NamedTuple):
 
 @dataclass(frozen=True)
 class Side:
-    """A run at another value of a number.
-
-    Attributes
-    ----------
-    weight : float
-        In the weighted sum of what is smooth that is its derivative.
-    signs : dict of str to ndarray, optional
-        By what to multiply modal coordinates there for those of the run itself, by bodies; ``None`` if shapes differ
-        by more than their sign.
-    """
+    """A run at another value of a number."""
 
     plan: Plan
-    weight: float
+    weight: float  # in the weighted sum of what is smooth that is its derivative
+    # By what to multiply modal coordinates there for those of the run itself, by bodies; ``None`` if shapes differ by
+    # more than their sign.
     signs: Mapping[str, Array] | None
 
 

@@ -19,21 +19,12 @@ from fmd.stages.pipeline import Pipeline
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Half-width of a result's 95 % interval by the tolerances of numbers that are independent of each other.
-
-    Attributes
-    ----------
-    value : float
-        In its SI unit; of a history its root mean square over time, as all below.
-    shares : dict of str to float
-        Change of the result by each number's tolerance, to first order, by the numbers' keys.
-    sampled : ndarray, shape (2,), optional
-        Ends of the interval of results of sampled numbers; of a history the root mean square of half its width.
-    """
+    """Half-width of a result's 95 % interval by the tolerances of numbers that are independent of each other."""
 
     channel: ResultChannel
-    value: float
-    shares: Mapping[str, float]
+    value: float  # in its SI unit; of a history its root mean square over time, as all below
+    shares: Mapping[str, float]  # change of the result by each number's tolerance, to first order, by the numbers' keys
+    # (2,): ends of the interval of results of sampled numbers; of a history the root mean square of half its width
     sampled: Array | None = None
 
     @property

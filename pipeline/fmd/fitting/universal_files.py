@@ -38,29 +38,15 @@ class _Kind(IntEnum):
 
 
 class UniversalFunction(NamedTuple):
-    """A dataset 58: a function of time or frequency at a node.
+    """A dataset 58: a function of time or frequency at a node."""
 
-    Attributes
-    ----------
-    kind : int
-        1 for a time response, 4 for a frequency response.
-    response, reference : tuple of int
-        Node and direction, ±1 … ±3 along and ±4 … ±6 about x, y, z.
-    motion, force : int
-        Specific types of the ordinate's numerator and denominator.
-    unit : str
-        What the numerator's unit is called, ``NONE`` or empty if it is not said.
-    x, values : ndarray, shape (n,)
-        Abscissas, and real or complex ordinates.
-    """
-
-    kind: int
-    response: tuple[int, int]
+    kind: int  # 1 for a time response, 4 for a frequency response
+    response: tuple[int, int]  # node and direction, ±1 … ±3 along and ±4 … ±6 about x, y, z
     reference: tuple[int, int]
-    motion: int
+    motion: int  # specific types of the ordinate's numerator and denominator
     force: int
-    unit: str
-    x: Array
+    unit: str  # what the numerator's unit is called, ``NONE`` or empty if it is not said
+    x: Array  # (n,): abscissas, and real or complex ordinates
     values: NDArray[np.inexact]
 
 

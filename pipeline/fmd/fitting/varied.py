@@ -23,18 +23,12 @@ class VariedNumber:
 
     A fit counts in its logarithm if it and its bounds are above 0, else in shares of its value at the start, or of the
     distance between its bounds if that is 0.
-
-    Attributes
-    ----------
-    low, high : float
-        Bounds in the SI unit; infinite if there are none.
-    prior : float
-        Standard deviation of what is known of it beforehand, relative to its value in the scene; infinite if nothing.
     """
 
     parameter: Parameter
-    low: float = -np.inf
+    low: float = -np.inf  # bounds in the SI unit; infinite if there are none
     high: float = np.inf
+    # Standard deviation of what is known of it beforehand, relative to its value in the scene; infinite if nothing.
     prior: float = np.inf
 
     @property

@@ -14,15 +14,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BodyMatrices:
-    """Finite element matrices of a flexible body and its modes, each computed when it is first asked for.
+    """Finite element matrices of a flexible body and its modes, each computed when it is first asked for."""
 
-    Parameters
-    ----------
-    part : FlexiblePart
-        The body with all its stages: mesh, reduced body, stress.
-    """
-
-    part: FlexiblePart
+    part: FlexiblePart  # the body with all its stages: mesh, reduced body, stress
 
     @property
     def x(self) -> Array:

@@ -39,77 +39,42 @@ RPM = 2 * np.pi / 60
 
 @dataclass(frozen=True)
 class Crossing:
-    """Rate at which a multiple of the rate meets a frequency.
-
-    Attributes
-    ----------
-    mode : int
-        Number of the mode from 1, by ascending frequency.
-    rate : float
-        [rad/s]
-    frequency_hz, damping, whirl : float
-        Of the vibration there, as in `WhirlingModes`.
-    """
+    """Rate at which a multiple of the rate meets a frequency."""
 
     order: float
-    mode: int
-    rate: float
-    frequency_hz: float
+    mode: int  # number of the mode from 1, by ascending frequency
+    rate: float  # [rad/s]
+    frequency_hz: float  # this and the next 2: of the vibration there, as in `WhirlingModes`
     damping: float
     whirl: float
 
 
 @dataclass(frozen=True)
 class UnstableRange:
-    """Range of rates in which a small motion grows by itself.
+    """Range of rates in which a small motion grows by itself."""
 
-    Attributes
-    ----------
-    start, end : float
-        [rad/s]
-    growth : float
-        Largest rate of growth that was found in it [1/s].
-    """
-
-    start: float
-    end: float
-    growth: float
+    start: float  # [rad/s]
+    end: float  # [rad/s]
+    growth: float  # largest rate of growth that was found in it [1/s]
 
 
 @dataclass(frozen=True)
 class CampbellDiagram:
-    """Vibrations over the rate of rotation.
-
-    Attributes
-    ----------
-    rates : ndarray, shape (n_rates,)
-        [rad/s]
-    frequencies_hz, growth, damping, whirl : ndarray, shape (n_rates, n_modes)
-        As in `WhirlingModes`; not a number where a rate has fewer.
-    orders : tuple of float
-        Multiples of the rate that were asked for.
-    unstable : tuple of UnstableRange
-        Where small motions grow, by ascending rate.
-    in_rpm : bool
-        Rates are written in revolutions per minute.
-    errors_hz : ndarray or str
-        Stated errors of the frequencies, shape (n_rates, n_modes), or why there are none.
-    of_tables : tuple of dict
-        Warnings of bearings' tables that end below the highest rate.
-    """
+    """Vibrations over the rate of rotation."""
 
     title: str
-    rates: Array
-    frequencies_hz: Array
+    rates: Array  # (n_rates,) [rad/s]
+    frequencies_hz: Array  # (n_rates, n_modes): as in `WhirlingModes`; not a number where a rate has fewer
     growth: Array
     damping: Array
     whirl: Array
-    orders: tuple[float, ...]
+    orders: tuple[float, ...]  # multiples of the rate that were asked for
     crossings: tuple[Crossing, ...]
-    unstable: tuple[UnstableRange, ...]
-    in_rpm: bool
+    unstable: tuple[UnstableRange, ...]  # where small motions grow, by ascending rate
+    in_rpm: bool  # rates are written in revolutions per minute
+    # Stated errors of the frequencies, shape (n_rates, n_modes), or why there are none.
     errors_hz: Array | str = NO_ERRORS
-    of_tables: tuple[dict[str, str], ...] = ()
+    of_tables: tuple[dict[str, str], ...] = ()  # warnings of bearings' tables that end below the highest rate
 
     def with_errors(self, run: Pipeline) -> CampbellDiagram:
         """Return the diagram with the errors of its frequencies, or why none are stated."""

@@ -29,34 +29,19 @@ _SIZE = ".size"
 
 @dataclass(frozen=True)
 class ResultChannel:
-    """A result of a run, which variants of its scene have, too.
-
-    Attributes
-    ----------
-    unit : str
-        SI unit.
-    read : callable
-        Takes a run's stages to the result, a number or a history (n_times,).
-    moves : bool
-        True if it takes a motion.
-    part, mode : str, int
-        Flexible body and number, from 0, of a frequency; an empty name of another result.
-    largest, shortest : callable, optional
-        Finds a run's largest value, or its shortest life, wherever and whenever it is; ``read`` follows it where this
-        run has it.
-    errors_of : str or Variable
-        What the error budget knows it by.
-    """
+    """A result of a run, which variants of its scene have, too."""
 
     name: str
-    unit: str
-    read: Callable[[Pipeline], Array]
-    moves: bool = True
-    part: str = ""
+    unit: str  # SI unit
+    read: Callable[[Pipeline], Array]  # takes a run's stages to the result, a number or a history (n_times,)
+    moves: bool = True  # true if it takes a motion
+    part: str = ""  # flexible body and number, from 0, of a frequency; an empty name of another result
     mode: int = 0
+    # Finds a run's largest value, or its shortest life, wherever and whenever it is; ``read`` follows it where this run
+    # has it.
     largest: Callable[[Pipeline], float] | None = None
     shortest: Callable[[Pipeline], float] | None = None
-    errors_of: str | Variable = ""
+    errors_of: str | Variable = ""  # what the error budget knows it by
 
 
 def find_all_channels(run: Pipeline, names: Sequence[str]) -> list[ResultChannel]:
@@ -69,8 +54,6 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
 
     Parameters
     ----------
-    run : Pipeline
-        The scene's stages; largest values are those of its motion.
     name : str
         ``tip`` (the largest deflection of the tip), ``BODY.stress`` (the largest von Mises stress of a flexible body),
         ``BODY.life`` (repeats of the motion to failure, by the scene's output of type fatigue), ``BODY.frequency.N``,
@@ -80,8 +63,6 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
         histories without its unit, e.g. ``forearm.wrist.position.y``, ``elbow.position``, ``shoulder.force.x``,
         ``shoulder.force.size`` or, for all components of a vector but those that are round-off, ``shoulder.force``, or
         a formula of the motion with a name, ``error = forearm.wrist.y - 0.3``.
-    origin : str
-        Option that names it, for messages.
 
     Raises
     ------

@@ -24,24 +24,12 @@ _XYZ = ("x", "y", "z")
 
 
 class Drawn(NamedTuple):
-    """A quantity that any motion has, as a chart draws it.
+    """A quantity that any motion has, as a chart draws it."""
 
-    Attributes
-    ----------
-    label : str
-        Of the axis.
-    values : callable
-        Of a motion, shape (n_times,) or (n_times, n_components).
-    components : tuple of str
-        Their names; empty for a single curve.
-    stated : tuple of str
-        Names under which the error budget has the components, or all of them.
-    """
-
-    label: str
-    values: Callable[[Motion], Array]
-    components: tuple[str, ...] = _XYZ
-    stated: tuple[str, ...] = ()
+    label: str  # of the axis
+    values: Callable[[Motion], Array]  # of a motion, shape (n_times,) or (n_times, n_components)
+    components: tuple[str, ...] = _XYZ  # their names; empty for a single curve
+    stated: tuple[str, ...] = ()  # names under which the error budget has the components, or all of them
 
 
 _QUANTITIES: Mapping[str, Drawn] = {
@@ -76,11 +64,6 @@ _FORMER = {"com_position": "centre_of_mass", "joint_angle": "joint_position"}
 
 def curves_of(run: Pipeline, output: Chart) -> Curves:
     """Compute the curves of a chart, one for each run.
-
-    Returns
-    -------
-    tuple of str, dict and tuple
-        Axis label, values by the run's label, names of the components.
 
     Raises
     ------

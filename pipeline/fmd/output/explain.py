@@ -29,23 +29,13 @@ _SAME = "same inputs and source as when it was kept"
 
 @dataclass(frozen=True)
 class Step:
-    """Forecast of one stage.
-
-    Attributes
-    ----------
-    body : str
-        The body that it belongs to; empty if it belongs to the whole scene.
-    fate : str
-        ``"run"``, ``"cached"``, ``"skipped"``, or ``"open"`` where the result of another stage decides.
-    seconds : float, optional
-        Time that this took the last time in this scene, all bodies together [s].
-    """
+    """Forecast of one stage."""
 
     stage: str
-    body: str
-    fate: Fate
+    body: str  # the body that it belongs to; empty if it belongs to the whole scene
+    fate: Fate  # ``"run"``, ``"cached"``, ``"skipped"``, or ``"open"`` where the result of another stage decides
     why: str
-    seconds: float | None
+    seconds: float | None  # time that this took the last time in this scene, all bodies together [s]
 
 
 @dataclass(frozen=True)

@@ -71,18 +71,10 @@ def _write_motion(run: Pipeline, body: str, frames: int, path: Path) -> None:
 
 @dataclass(frozen=True)
 class FileFormat:
-    """How an export of one suffix is written.
+    """How an export of one suffix is written."""
 
-    Attributes
-    ----------
-    write : callable
-        Writes what a run has of a body, with so many frames, to a path.
-    reads : tuple of str
-        Stages of the body that it holds.
-    """
-
-    write: Callable[[Pipeline, str, int, Path], None]
-    reads: tuple[str, ...]
+    write: Callable[[Pipeline, str, int, Path], None]  # writes what a run has of a body, with so many frames, to a path
+    reads: tuple[str, ...]  # stages of the body that it holds
 
 
 EXPORTS: dict[str, FileFormat] = {

@@ -23,15 +23,9 @@ from fmd.stages.pipeline import Pipeline
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture that a notebook shows inline.
+    """A picture that a notebook shows inline."""
 
-    Parameters
-    ----------
-    png : bytes
-        The file's content.
-    """
-
-    png: bytes
+    png: bytes  # the file's content
 
     def __repr__(self) -> str:
         width, height = (int.from_bytes(self.png[at : at + 4]) for at in (16, 20))  # of the PNG's header
@@ -47,15 +41,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class Animation:
-    """A film that a notebook plays inline.
+    """A film that a notebook plays inline."""
 
-    Parameters
-    ----------
-    mp4 : bytes
-        The file's content.
-    """
-
-    mp4: bytes
+    mp4: bytes  # the file's content
 
     def __repr__(self) -> str:
         return f"Animation({len(self.mp4) / 1e3:.0f} kB)"

@@ -48,65 +48,35 @@ def read_body(*stages: str) -> Reads:
 
 
 class ResponseKind(NamedTuple):
-    """How an output is made that takes no motion, and is computed before anything is integrated.
+    """How an output is made that takes no motion, and is computed before anything is integrated."""
 
-    Attributes
-    ----------
-    compute : callable
-        Computes what an output of a run shows.
-    write : callable
-        Writes it into a folder, with or without its chart, and returns its summary with its files and warnings.
-    tabulate : callable
-        Returns the table that the report has of a summary.
-    describe : callable
-        Returns the lines that ``fmd run`` writes of a summary.
-    """
-
-    compute: Callable[[Pipeline, Any], Any]
+    compute: Callable[[Pipeline, Any], Any]  # computes what an output of a run shows
+    # Writes it into a folder, with or without its chart, and returns its summary with its files and warnings.
     write: Callable[[Pipeline, Any, Any, Path, bool], dict[str, Any]]
-    tabulate: Callable[[dict[str, Any]], dict[str, Any]]
-    describe: Callable[[dict[str, Any]], list[str]]
+    tabulate: Callable[[dict[str, Any]], dict[str, Any]]  # returns the table that the report has of a summary
+    describe: Callable[[dict[str, Any]], list[str]]  # returns the lines that ``fmd run`` writes of a summary
 
 
 @dataclass(frozen=True)
 class OutputKind:
-    """How one type of output is made.
+    """How one type of output is made."""
 
-    Attributes
-    ----------
-    draw : callable, optional
-        Has an output of a run drawn into a folder by a `Drawer`. It returns the names of its files, or ``None`` if its
-        own file is all.
-    write : callable, optional
-        Writes an output of a run into a folder, and returns as much.
-    response : ResponseKind, optional
-        How it is made if it takes no motion.
-    reads : callable
-        Iterates over the stages of bodies that an output takes, with the names of the bodies or pieces.
-    still : bool
-        It shows a part, and nothing of its motion.
-    summarise : callable, optional
-        Returns what the summary has of a run's output: under a key, values by the file or the body.
-    shown_errors : callable, optional
-        Returns the stated errors that a picture shows, as plain numbers; it is drawn when they are known.
-    section : str
-        Section of the report that has it; the view in motion has what films show.
-    charted : bool
-        The report shows its chart, whatever its file.
-    gives_view : tuple of str
-        What the first such output gives the report's view: ``scale``, ``camera``.
-    """
-
+    # Has an output of a run drawn into a folder by a `Drawer`. It returns the names of its files, or ``None`` if its
+    # own file is all.
     draw: Callable[..., list[str] | None] | None = None
-    write: Callable[..., list[str] | None] | None = None
-    response: ResponseKind | None = None
+    write: Callable[..., list[str] | None] | None = None  # writes an output of a run into a folder, and returns as much
+    response: ResponseKind | None = None  # how it is made if it takes no motion
+    # Iterates over the stages of bodies that an output takes, with the names of the bodies or pieces.
     reads: Reads = read_nothing
-    still: bool = False
+    still: bool = False  # it shows a part, and nothing of its motion
+    # Returns what the summary has of a run's output: under a key, values by the file or the body.
     summarise: Callable[[Pipeline, Any], dict[str, dict[str, Any]]] | None = None
+    # Returns the stated errors that a picture shows, as plain numbers; it is drawn when they are known.
     shown_errors: Callable[[Pipeline, Any], Any] | None = None
+    # Section of the report that has it; the view in motion has what films show.
     section: Literal["outputs", "charts", "modes", "motion"] = "outputs"
-    charted: bool = False
-    gives_view: tuple[str, ...] = ()
+    charted: bool = False  # the report shows its chart, whatever its file
+    gives_view: tuple[str, ...] = ()  # what the first such output gives the report's view: ``scale``, ``camera``
 
     def make(self, run: Pipeline, output: Any, folder: Path, *drawer: Drawer) -> list[str]:
         """Draw or write an output that takes the motion, as its file's suffix wants; return the files' names."""

@@ -30,31 +30,15 @@ from fmd.stages.spectral_density import read_density
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Frequency response of a scene, and what a random input makes of it.
-
-    Attributes
-    ----------
-    frequencies_hz : ndarray, shape (n_frequencies,)
-        [Hz]
-    values : ndarray, shape (n_frequencies, n_outputs, n_inputs)
-        Complex.
-    request : tuple
-        Names of inputs and outputs, and the state, that it was computed for.
-    random : RandomResponse, optional
-        Answer of the outputs to a random input, the first.
-    density : callable, optional
-        Spectral density of that.
-    errors : ResponseErrors, optional
-        Stated errors, if they were estimated.
-    """
+    """Frequency response of a scene, and what a random input makes of it."""
 
     linear: LinearModel
-    frequencies_hz: Array
-    values: Array
-    request: Request
-    random: RandomResponse | None = None
-    density: Callable[[Array], Array] | None = None
-    errors: ResponseErrors | None = None
+    frequencies_hz: Array  # (n_frequencies,) [Hz]
+    values: Array  # (n_frequencies, n_outputs, n_inputs): complex
+    request: Request  # names of inputs and outputs, and the state, that it was computed for
+    random: RandomResponse | None = None  # answer of the outputs to a random input, the first
+    density: Callable[[Array], Array] | None = None  # spectral density of that
+    errors: ResponseErrors | None = None  # stated errors, if they were estimated
 
     @property
     def why(self) -> str:

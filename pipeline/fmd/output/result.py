@@ -206,12 +206,6 @@ def solve(scene: Scene, cache: Cache | None = None, monitor: Monitor = silent, k
     ----------
     scene : Scene
         As `fmd.load_scene` returns it.
-    cache : Cache, optional
-        Where results of stages are kept; the user's cache folder by default.
-    monitor : Monitor, optional
-        Reports each stage's progress.
-    keep_all : bool
-        Integrate modes that nothing can excite, too.
     """
     return Result(scene, cache, monitor, keep_all)
 

@@ -38,11 +38,6 @@ class SteppedScene:
     sample_time : float
         Duration of a step [s].
 
-    Attributes
-    ----------
-    system : CompiledSystem
-        Equations of motion as compiled functions.
-
     Raises
     ------
     InputError
@@ -106,13 +101,7 @@ class SteppedScene:
         return OpenMarch(self._method, self.system, *self._start, self._duration)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Go back to time 0, and return what is observed and ``{"time": 0.0}``; nothing is random in it.
-
-        Parameters
-        ----------
-        seed, options
-            Not used: gymnasium hands them over.
-        """
+        """Go back to time 0, and return what is observed and ``{"time": 0.0}``; nothing is random in it."""
         self._march = self._begin()
         return self._look(), {"time": 0.0}
 

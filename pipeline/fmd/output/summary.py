@@ -62,10 +62,6 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
 
     Parameters
     ----------
-    files : list of str
-        Files that were written.
-    budget : bool
-        Estimate the errors of the results.
     budget_seconds : float
         Time that this may take [s].
     """

@@ -29,57 +29,33 @@ from fmd.stages.whirl_tables import synchronous, warn_of_last_rows
 
 @dataclass(frozen=True)
 class Critical:
-    """Rate at which a marker goes farthest from the axis.
+    """Rate at which a marker goes farthest from the axis."""
 
-    Attributes
-    ----------
-    marker : str
-        ``"body.marker"``.
-    rate : float
-        [rad/s]
-    amplitude : float
-        Radius of its orbit there [m].
-    amplification : float
-        The rate over the width of the peak at 0.707 of its height; infinite where that isn't reached on both sides.
-    rate_error, amplitude_error : float, optional
-        Stated errors [rad/s] and [m].
-    """
-
-    marker: str
-    rate: float
-    amplitude: float
+    marker: str  # ``"body.marker"``
+    rate: float  # [rad/s]
+    amplitude: float  # radius of its orbit there [m]
+    # The rate over the width of the peak at 0.707 of its height; infinite where that isn't reached on both sides.
     amplification: float
-    rate_error: float | None = None
+    rate_error: float | None = None  # stated errors [rad/s] and [m]
     amplitude_error: float | None = None
 
 
 @dataclass(frozen=True)
 class CircularResponse:
-    """Response of a rotor's axis over the rate of rotation.
-
-    Attributes
-    ----------
-    rates : ndarray, shape (n_rates,)
-        Those that were asked for and the critical ones [rad/s].
-    markers : tuple of str
-        Markers on the axis, one for each place, along it.
-    displacement : ndarray, shape (n_rates, n_markers)
-        Complex: radius of the part of each orbit that goes round with the force [m], and its angle ahead of it.
-    against : ndarray, shape (n_rates, n_markers)
-        Radius of the part that goes round otherwise [m]; 0 of a rotor that is the same all around.
-    errors : ndarray or str
-        Stated errors of the amplitudes [m], shape (n_rates, n_markers), or why there are none.
-    warnings : tuple of dict
-        Code and text for each table of a bearing that ends below the highest rate.
-    """
+    """Response of a rotor's axis over the rate of rotation."""
 
     title: str
-    rates: Array
-    markers: tuple[str, ...]
+    rates: Array  # (n_rates,): those that were asked for and the critical ones [rad/s]
+    markers: tuple[str, ...]  # markers on the axis, one for each place, along it
+    # (n_rates, n_markers): complex: radius of the part of each orbit that goes round with the force [m], and its angle
+    # ahead of it
     displacement: Array
+    # (n_rates, n_markers): radius of the part that goes round otherwise [m]; 0 of a rotor that is the same all around
     against: Array
     criticals: tuple[Critical, ...]
+    # Stated errors of the amplitudes [m], shape (n_rates, n_markers), or why there are none.
     errors: Array | str = NO_ERRORS
+    # Code and text for each table of a bearing that ends below the highest rate.
     warnings: tuple[dict[str, str], ...] = ()
 
     @property

@@ -18,13 +18,7 @@ _WHOLE = ("centre_of_mass", "momentum", "angular_momentum", "kinetic_energy", "p
 
 
 class VariableErrors:
-    """Errors of a run's variables, by the budget that it has so far.
-
-    Parameters
-    ----------
-    run : Pipeline
-        The run; nothing is computed.
-    """
+    """Errors of a run's variables, by the budget that it has so far."""
 
     def __init__(self, run: Pipeline) -> None:
         self._run = run

@@ -48,50 +48,25 @@ ErrorsOf = Callable[[Trajectory, Trajectory], Errors]
 
 @dataclass(frozen=True)
 class WorkPrecisionRow:
-    """Run time and errors of one march.
+    """Run time and errors of one march."""
 
-    Attributes
-    ----------
-    integrator : str
-        Name of the method, with its ratio if it sub-cycles.
-    step_s : float
-        Step, of adaptive methods the mean one [s].
-    substeps : int
-        Fast steps to one slow step.
-    seconds : float
-        Median run time.
-    error : float
-        Error of the tip against the reference.
-    evaluations : int
-        Solutions of the whole system; those of the fast part alone come on top.
-    modal_error, joint_error : float
-        Errors of the modal coordinates, from which stress is recovered, and of the joints' coordinates.
-    """
-
-    integrator: str
-    step_s: float
-    substeps: int
-    seconds: float
-    error: float
-    evaluations: int
+    integrator: str  # name of the method, with its ratio if it sub-cycles
+    step_s: float  # step, of adaptive methods the mean one [s]
+    substeps: int  # fast steps to one slow step
+    seconds: float  # median run time
+    error: float  # error of the tip against the reference
+    evaluations: int  # solutions of the whole system; those of the fast part alone come on top
+    # Errors of the modal coordinates, from which stress is recovered, and of the joints' coordinates.
     modal_error: float = nan
     joint_error: float = nan
 
 
 @dataclass(frozen=True)
 class WorkPrecision:
-    """Run time against error of all methods on one system.
+    """Run time against error of all methods on one system."""
 
-    Attributes
-    ----------
-    rows : tuple of WorkPrecisionRow
-        All marches that came to their end, method by method, coarse to fine.
-    reference_error : float
-        Difference of two independent references at the tip.
-    """
-
-    rows: tuple[WorkPrecisionRow, ...]
-    reference_error: float
+    rows: tuple[WorkPrecisionRow, ...]  # all marches that came to their end, method by method, coarse to fine
+    reference_error: float  # difference of two independent references at the tip
 
 
 def compare(

@@ -33,40 +33,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DeformationShapes:
-    """Rotation and strain of each modal coordinate at some points of a body.
+    """Rotation and strain of each modal coordinate at some points of a body."""
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (n_points, 3, n)
-        Half the second-order rotation of the displacement, against the body's frame [rad per unit of the coordinate].
-    strain : ndarray, shape (n_points, 6, n)
-        xx, yy, zz and √2 times yz, xz, xy, so that its length is that of the tensor.
-    lines : mapping of str to ndarray, shape (n_points, 3, n)
-        For each marker but the joint's the rotation across the straight line from the joint to it, evenly along that
-        line, against the section at the joint.
-    """
-
+    # (n_points, 3, n): half the second-order rotation of the displacement, against the body's frame [rad per unit of
+    # the coordinate]
     rotation: Array
-    strain: Array
+    strain: Array  # (n_points, 6, n): xx, yy, zz and √2 times yz, xz, xy, so that its length is that of the tensor
+    # (n_points, 3, n): for each marker but the joint's the rotation across the straight line from the joint to it,
+    # evenly along that line, against the section at the joint
     lines: Mapping[str, Array]
 
 
 @dataclass(frozen=True)
 class Deformation:
-    """Largest rotation and strain of a body's elastic field over a motion.
+    """Largest rotation and strain of a body's elastic field over a motion."""
 
-    Attributes
-    ----------
-    rotation : float
-        Largest rotation against the body's frame [rad].
-    strain : float
-        Largest length of the strain tensor.
-    shortening : mapping of str to ndarray, shape (n_times,)
-        By marker, how much nearer it is to the joint than the linear field has it [m].
-    """
-
-    rotation: float
-    strain: float
+    rotation: float  # largest rotation against the body's frame [rad]
+    strain: float  # largest length of the strain tensor
+    # (n_times,): by marker, how much nearer it is to the joint than the linear field has it [m]
     shortening: Mapping[str, Array]
 
     @property
@@ -109,8 +93,6 @@ def node_deformation_shapes(body: FlexibleBody, supported: bool, of_matter: bool
 
     Parameters
     ----------
-    supported : bool
-        True if supports hold the body in its frame, so that no section at the joint turns against it.
     of_matter : bool
         True if the nodes move as matter does, false if they may be masses that carry inertia alone: then markers are
         taken in their place.

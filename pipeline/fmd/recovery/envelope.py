@@ -21,23 +21,13 @@ from fmd.recovery.stress import StressHistory, von_mises
 
 @dataclass(frozen=True)
 class StressEnvelope:
-    """Extremes of stress at some nodes of a body over all output times of a motion, and when they occur first.
+    """Extremes of stress at some nodes of a body over all output times of a motion, and when they occur first."""
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (n_nodes,)
-        Node numbers.
-    von_mises, principal_1, principal_3 : ndarray, shape (n_nodes,)
-        Largest von Mises stress, largest and smallest principal stress [Pa].
-    times : ndarray, shape (n_nodes, 3)
-        When each of the three occurs first [s].
-    """
-
-    nodes: IntArray
-    von_mises: Array
+    nodes: IntArray  # (n_nodes,): node numbers
+    von_mises: Array  # (n_nodes,): largest von Mises stress, largest and smallest principal stress [Pa]
     principal_1: Array
     principal_3: Array
-    times: Array
+    times: Array  # (n_nodes, 3): when each of the three occurs first [s]
 
     def measure(self, component: str) -> tuple[Array, Array]:
         """Return an extreme (n_nodes,) [Pa] by its name in a scene, and when it occurs (n_nodes,) [s]."""
@@ -50,8 +40,6 @@ def stress_envelope(stress: StressHistory, workers: int | None = None) -> Stress
 
     Parameters
     ----------
-    stress : StressHistory
-        Modal stress of the nodes, and modal coordinates.
     workers : int, optional
         Threads; all cores by default. It changes no number.
     """

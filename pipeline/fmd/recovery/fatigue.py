@@ -25,31 +25,16 @@ _CORRECTIONS = ("none", "goodman", "fkm")  # by the numbers in `kernels.rainflow
 
 @dataclass(frozen=True)
 class FatigueLaw:
-    """S–N curve of two straight lines in logarithms (Basquin), and the correction for mean stress.
+    """S–N curve of two straight lines in logarithms (Basquin), and the correction for mean stress."""
 
-    Attributes
-    ----------
-    amplitude : float
-        Stress amplitude about zero at the knee [Pa].
-    cycles : float
-        Cycles to failure at the knee.
-    slope, slope_beyond : float
-        ``N = cycles (σ/amplitude)^-slope`` above and below the knee; infinity for no damage.
-    correction : str
-        ``none``, ``goodman`` or ``fkm``.
-    constant : float
-        Tensile strength [Pa] for Goodman's line, sensitivity to mean stress M, 0 to 1, for the FKM guideline.
-    findley : float
-        Coefficient k of the normal stress in Findley's parameter.
-    """
-
-    amplitude: float
-    cycles: float
-    slope: float
+    amplitude: float  # stress amplitude about zero at the knee [Pa]
+    cycles: float  # cycles to failure at the knee
+    slope: float  # ``N = cycles (σ/amplitude)^-slope`` above and below the knee; infinity for no damage
     slope_beyond: float
-    correction: str = "none"
+    correction: str = "none"  # ``none``, ``goodman`` or ``fkm``
+    # Tensile strength [Pa] for Goodman's line, sensitivity to mean stress M, 0 to 1, for the FKM guideline.
     constant: float = 0.0
-    findley: float = 0.25
+    findley: float = 0.25  # coefficient k of the normal stress in Findley's parameter
 
     @property
     def numbers(self) -> Array:
@@ -65,26 +50,13 @@ class FatigueLaw:
 
 @dataclass(frozen=True)
 class FatigueLife:
-    """Damage of nodes by one motion.
+    """Damage of nodes by one motion."""
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (n_nodes,)
-        Node numbers.
-    damage : ndarray, shape (n_nodes,)
-        Miner's sum; 0 where it was not assessed.
-    assessed : ndarray of bool, shape (n_nodes,)
-        False where the bound was below ``floor``.
-    floor : float
-        Smallest damage that is told apart: the damage of each node that has more is known.
-    normals : ndarray, shape (n_nodes, 3) or (0, 3)
-        Normal of the critical plane, in the body's axes.
-    """
-
-    nodes: IntArray
-    damage: Array
-    assessed: IntArray
-    floor: float
+    nodes: IntArray  # (n_nodes,): node numbers
+    damage: Array  # (n_nodes,): Miner's sum; 0 where it was not assessed
+    assessed: IntArray  # (n_nodes,): false where the bound was below ``floor``
+    floor: float  # smallest damage that is told apart: the damage of each node that has more is known
+    # (n_nodes, 3) or (0, 3): normal of the critical plane, in the body's axes
     normals: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
@@ -196,8 +168,6 @@ def fatigue_by_signed_von_mises(stress: StressHistory, law: FatigueLaw, worst: i
 
     Parameters
     ----------
-    stress : StressHistory
-        Of the surface's nodes.
     worst : int
         Number of nodes whose damage is wanted, those with the most.
     share : float

@@ -26,26 +26,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Motion:
-    """A trajectory with the mechanism that it belongs to.
+    """A trajectory with the mechanism that it belongs to."""
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Whose coordinates the trajectory has.
-    trajectory : Trajectory
-        Positions and rates at the output times.
-    tip : str
-        ``"body.marker"``, the marker whose motion is reported.
-    complete : callable, optional
-        Gives the mechanism with the whole inertia of each body, which forces of joints take.
-    known : callable, optional
-        Gives, for an output or a state of a controller, its function of time, and any other quantity as it is.
-    """
-
-    mechanism: Mechanism
-    trajectory: Trajectory
-    tip: str
+    mechanism: Mechanism  # whose coordinates the trajectory has
+    trajectory: Trajectory  # positions and rates at the output times
+    tip: str  # ``"body.marker"``, the marker whose motion is reported
+    # Gives the mechanism with the whole inertia of each body, which forces of joints take.
     complete: Callable[[Mechanism], Mechanism] | None = None
+    # Gives, for an output or a state of a controller, its function of time, and any other quantity as it is.
     known: Callable[[Quantity], Quantity] | None = None
 
     __repr__ = short_repr

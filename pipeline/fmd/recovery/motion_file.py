@@ -51,23 +51,13 @@ _XYZ, _QUATERNION = ("axis",), ("quaternion",)
 
 
 class Variable(NamedTuple):
-    """A variable of the data set over one motion.
-
-    Attributes
-    ----------
-    values : ndarray, shape (n_times, …)
-        Over the output times.
-    dims : tuple of str
-        Names of the dimensions after time.
-    units, long_name : str
-        Its attributes.
-    """
+    """A variable of the data set over one motion."""
 
     name: str
-    values: Array
-    dims: tuple[str, ...]
-    units: str
-    long_name: str
+    values: Array  # (n_times, …): over the output times
+    dims: tuple[str, ...]  # names of the dimensions after time
+    units: str  # its attributes
+    long_name: str  # its attributes
 
 
 OF_FORMULA = "SI"  # units of a variable that is a formula of the motion
@@ -115,8 +105,6 @@ def gather_runs(
     ----------
     times : ndarray, shape (n_times,)
         Output times [s].
-    runs : mapping of str to sequence of Variable
-        The same variables of each run, by the runs' labels.
     errors : callable, optional
         Gives the attribute ``error`` of a variable.
     """

@@ -187,26 +187,13 @@ def stress_measure(component: str) -> Callable[[Array], Array]:
 
 @dataclass(frozen=True)
 class StressHistory:
-    """Stress at some nodes of a body over a motion, combined from its modes when it is read.
+    """Stress at some nodes of a body over a motion, combined from its modes when it is read."""
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (n_nodes,)
-        Node numbers.
-    modal : ndarray, shape (n_nodes, 6, n)
-        Stress of each modal coordinate [Pa].
-    times : ndarray, shape (n_times,)
-        Output times of the motion [s].
-    q : ndarray, shape (n_times, n)
-        Modal coordinates.
-    limitless : ndarray of bool, shape (n_nodes,), optional
-        Nodes whose stress grows with each refinement, which are no place of the largest.
-    """
-
-    nodes: IntArray
-    modal: Array
-    times: Array
-    q: Array
+    nodes: IntArray  # (n_nodes,): node numbers
+    modal: Array  # (n_nodes, 6, n): stress of each modal coordinate [Pa]
+    times: Array  # (n_times,): output times of the motion [s]
+    q: Array  # (n_times, n): modal coordinates
+    # (n_nodes,): nodes whose stress grows with each refinement, which are no place of the largest
     limitless: BoolArray | None = None
 
     __repr__ = short_repr

@@ -22,8 +22,6 @@ def largest_stress_below(places: Array, cell: tuple[float, float], forces: Array
         Their sides [m].
     forces : ndarray, shape (n, 3)
         Along the inward normal and the axes of the places [N].
-    nu : float
-        Poisson's ratio.
     """
     pressed = forces[:, 0] > 0.0
     if not pressed.any():

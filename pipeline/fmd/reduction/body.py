@@ -21,24 +21,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MarkerShapes:
-    """Displacement and rotation of a marker for each modal coordinate of a reduced body.
+    """Displacement and rotation of a marker for each modal coordinate of a reduced body."""
 
-    Attributes
-    ----------
-    position : ndarray, shape (3,)
-        Undeformed position relative to the joint [m].
-    translation : ndarray, shape (3, n)
-        Displacement for a unit of each modal coordinate [kg^-1/2].
-    rotation : ndarray, shape (3, n)
-        Rotation for a unit of each modal coordinate [rad m^-1 kg^-1/2].
-    displacement2 : ndarray, shape (6, n, n)
-        Displacement (3, …) and rotation vector (3, …) of second order, ``½ qᵀ displacement2 q``, symmetric each; empty
-        if left out.
-    """
-
-    position: Array
+    position: Array  # (3,): undeformed position relative to the joint [m]
+    # (3, n): displacement for a unit of each modal coordinate [kg^-1/2]
     translation: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    # (3, n): rotation for a unit of each modal coordinate [rad m^-1 kg^-1/2]
     rotation: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    # (6, n, n): displacement (3, …) and rotation vector (3, …) of second order, ``½ qᵀ displacement2 q``, symmetric
+    # each; empty if left out
     displacement2: Array = field(default_factory=lambda: np.zeros((6, 0, 0)))
 
     def with_modes(self, kept: IntArray) -> MarkerShapes:
@@ -57,42 +48,22 @@ class SecondOrder(NamedTuple):
 
 @dataclass(frozen=True)
 class FlexibleBody:
-    """A reduced body in the floating frame of its parent joint, ``r = R(θ) (x + Σ_j q_j φ_j(x))``.
+    """A reduced body in the floating frame of its parent joint, ``r = R(θ) (x + Σ_j q_j φ_j(x))``."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n_nodes, 3)
-        Undeformed node positions relative to the joint [m].
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Basis with zero mean displacement at the joint, unit modal mass and diagonal stiffness [kg^-1/2].
-    omega : ndarray, shape (n,)
-        Angular frequencies of the basis [rad/s]: those of the body pinned at the joint if the basis is
-        joint-conforming.
-    axis : ndarray, shape (3,)
-        Unit vector of the joint's axis.
-    joint : str
-        Name of the marker at the joint.
-    markers : mapping of str to MarkerShapes
-        Motion of each marker, by name.
-    integrals : InertiaIntegrals
-        Inertia integrals about the joint.
-    coupling : float
-        ``|M_θq| / √J`` in the reference state: 0 for a joint-conforming basis, below 1 always.
-    origin : ndarray, shape (3,)
-        Position of the joint in the part's own coordinates, those of its mesh or CAD file [m].
-    damping : ndarray, shape (n,) or (0,)
-        Damping ratio of each modal coordinate, of a body whose file tells it; empty else.
-    """
-
-    x: Array
+    x: Array  # (n_nodes, 3): undeformed node positions relative to the joint [m]
+    # (n_nodes, 3, n): basis with zero mean displacement at the joint, unit modal mass and diagonal stiffness [kg^-1/2]
     shapes: Array
+    # (n,): angular frequencies of the basis [rad/s]: those of the body pinned at the joint if the basis is
+    # joint-conforming
     omega: Array
-    axis: Array
-    joint: str
-    markers: Mapping[str, MarkerShapes]
-    integrals: InertiaIntegrals
-    coupling: float
+    axis: Array  # (3,): unit vector of the joint's axis
+    joint: str  # name of the marker at the joint
+    markers: Mapping[str, MarkerShapes]  # motion of each marker, by name
+    integrals: InertiaIntegrals  # inertia integrals about the joint
+    coupling: float  # ``|M_θq| / √J`` in the reference state: 0 for a joint-conforming basis, below 1 always
+    # (3,): position of the joint in the part's own coordinates, those of its mesh or CAD file [m]
     origin: Array = field(default_factory=lambda: np.zeros(3), kw_only=True)
+    # (n,) or (0,): damping ratio of each modal coordinate, of a body whose file tells it; empty else
     damping: Array = field(default_factory=lambda: np.zeros(0), kw_only=True)
 
     __repr__ = short_repr

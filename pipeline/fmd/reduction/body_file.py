@@ -76,20 +76,13 @@ _UNREADABLE = (ValueError, TypeError, LookupError, AttributeError, OverflowError
 
 @dataclass(frozen=True)
 class SavedBody:
-    """Reduced body with its surface and stress, as a file holds them.
-
-    Attributes
-    ----------
-    stress : ndarray, shape (n_surface, 6, n), or None
-        Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
-    elastic_hz : ndarray or None
-        Frequencies of the elastic modes that the basis is made of [Hz].
-    """
+    """Reduced body with its surface and stress, as a file holds them."""
 
     body: FlexibleBody
     surface: SurfaceTopology | None = None
+    # (n_surface, 6, n): stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit]
     stress: Array | None = None
-    elastic_hz: Array | None = None
+    elastic_hz: Array | None = None  # frequencies of the elastic modes that the basis is made of [Hz]
 
 
 def save_body(

@@ -206,27 +206,16 @@ def _independent(fe: FEModel, V: Array, n: int | None = None) -> Array:
 
 @dataclass(frozen=True)
 class Superelement:
-    """Matrices of a body in coordinates of its interface, six a marker, and of its fixed-interface modes.
+    """Matrices of a body in coordinates of its interface, six a marker, and of its fixed-interface modes."""
 
-    Attributes
-    ----------
-    K, M, D : ndarray, shape (6 k + n, 6 k + n)
-        Stiffness, mass and damping. Each marker has displacements along x, y and z, then rotations about them; the
-        modes, of unit modal mass, come last. Interface and modes are not coupled in K.
-    origins : mapping of str to ndarray, shape (3,)
-        The markers' positions in the part's own coordinates, by name [m].
-    omega : ndarray, shape (n,)
-        Angular frequencies of the fixed-interface modes [rad/s].
-    weight : ndarray, shape (6 k + n, 3)
-        Generalised forces of unit gravity along x, y and z.
-    """
-
+    # (6 k + n, 6 k + n): Stiffness, mass and damping. Each marker has displacements along x, y and z, then rotations
+    # about them; the modes, of unit modal mass, come last. Interface and modes are not coupled in K.
     K: Array
     M: Array
     D: Array
-    origins: Mapping[str, Array]
-    omega: Array
-    weight: Array
+    origins: Mapping[str, Array]  # (3,): the markers' positions in the part's own coordinates, by name [m]
+    omega: Array  # (n,): angular frequencies of the fixed-interface modes [rad/s]
+    weight: Array  # (6 k + n, 3): generalised forces of unit gravity along x, y and z
 
     @property
     def frequencies_hz(self) -> Array:
@@ -248,8 +237,6 @@ def make_superelement(
 
     Parameters
     ----------
-    count : int
-        Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
     damping : callable
         Damping ratios of the superelement's elastic modes by their angular frequencies [rad/s], ascending; its rigid
         motions have none.

@@ -34,21 +34,11 @@ from fmd.reduction.modes import EigenPairs
 
 @dataclass(frozen=True)
 class Sector:
-    """One sector of a cyclic body.
+    """One sector of a cyclic body."""
 
-    Attributes
-    ----------
-    fe : FEModel
-        The sector, its cuts free.
-    images : ndarray, shape (N, n_nodes)
-        Node of the whole body to which each turn carries each node of the sector.
-    low, high : ndarray, shape (n_cut,)
-        The sector's nodes on its cuts; a turn carries ``low`` onto ``high``.
-    """
-
-    fe: FEModel
-    images: IntArray
-    low: IntArray
+    fe: FEModel  # the sector, its cuts free
+    images: IntArray  # (N, n_nodes): node of the whole body to which each turn carries each node of the sector
+    low: IntArray  # (n_cut,): the sector's nodes on its cuts; a turn carries ``low`` onto ``high``
     high: IntArray
 
     @property

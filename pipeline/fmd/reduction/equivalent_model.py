@@ -27,18 +27,10 @@ from fmd.reduction.modes import Modes
 
 @dataclass(frozen=True)
 class EquivalentModel(MatrixModel):
-    """A model with the inertia integrals of a body from a file; it has no stiffness of its own, K is empty.
+    """A model with the inertia integrals of a body from a file; it has no stiffness of its own, K is empty."""
 
-    Attributes
-    ----------
-    data : ModalData
-        The body as its file holds it.
-    values : ndarray, shape (n_nodes, 4 + 3 n)
-        The functions 1, x, y, z and φ_ja, mode by mode, at the nodes.
-    """
-
-    data: ModalData
-    values: Array
+    data: ModalData  # the body as its file holds it
+    values: Array  # (n_nodes, 4 + 3 n): the functions 1, x, y, z and φ_ja, mode by mode, at the nodes
 
     @property
     def shapes(self) -> Array:

@@ -14,45 +14,25 @@ from fmd.reduction.body import MarkerShapes
 
 
 class Recovery(NamedTuple):
-    """Motion of points within a superelement.
+    """Motion of points within a superelement."""
 
-    Attributes
-    ----------
-    labels : sequence of int
-        Node numbers.
-    x : ndarray, shape (n_points, 3)
-        Positions [m].
-    matrix : ndarray, shape (n_points, 3, n)
-        Displacements for a unit of each unknown, of displacement [m] or rotation [rad].
-    """
-
-    labels: Sequence[int]
-    x: Array
-    matrix: Array
+    labels: Sequence[int]  # node numbers
+    x: Array  # (n_points, 3): positions [m]
+    matrix: Array  # (n_points, 3, n): displacements for a unit of each unknown, of displacement [m] or rotation [rad]
 
 
 @dataclass(frozen=True)
 class GivenSuperelement:
-    """A superelement as a file holds it, in the file's units until `in_si`.
+    """A superelement as a file holds it, in the file's units until `in_si`."""
 
-    Attributes
-    ----------
-    unknowns : tuple of (int, int)
-        Node number and component of each coordinate: 1 to 3 displacements, 4 to 6 rotations; modal coordinates are
-        those of nodes without a place.
-    K, M, D : ndarray, shape (n, n)
-        Stiffness, mass and damping.
-    nodes : mapping of int to ndarray, shape (3,)
-        Places of the boundary nodes.
-    axes : mapping of int to ndarray, shape (3, 3)
-        Directions, as columns, of the unknowns of nodes that have axes of their own.
-    """
-
+    # Node number and component of each coordinate: 1 to 3 displacements, 4 to 6 rotations; modal coordinates are those
+    # of nodes without a place.
     unknowns: tuple[tuple[int, int], ...]
-    K: Array
+    K: Array  # (n, n): stiffness, mass and damping
     M: Array
     D: Array
-    nodes: Mapping[int, Array] = field(default_factory=dict)
+    nodes: Mapping[int, Array] = field(default_factory=dict)  # (3,): places of the boundary nodes
+    # (3, 3): directions, as columns, of the unknowns of nodes that have axes of their own
     axes: Mapping[int, Array] = field(default_factory=dict)
 
     @property

@@ -15,36 +15,22 @@ from fmd.reduction.second_order import SecondOrderFields, SecondOrderMass, secon
 
 @dataclass(frozen=True)
 class InertiaIntegrals:
-    """Inertia integrals of a body whose points move as ``U_a p`` with ``U_a = [x_a, Φ_a]`` and ``p = (1, q)``.
+    """Inertia integrals of a body whose points move as ``U_a p`` with ``U_a = [x_a, Φ_a]`` and ``p = (1, q)``."""
 
-    Attributes
-    ----------
-    G : ndarray, shape (3, 3, 1 + n, 1 + n)
-        ``G[a, b] = U_aᵀ m U_b``: second moments, moment–mode and mode–mode integrals.
-    S : ndarray, shape (3, 1 + n)
-        ``S[a] = 1ᵀ m U_a``: first moments.
-    mass : float
-        ``1ᵀ m 1`` [kg].
-    stiffening : ndarray, shape (3, 3, n, n)
-        Geometric stiffness that was taken off the modal blocks of G, in which it counts as inertia; empty without.
-    displacement2 : ndarray, shape (3, n, n)
-        Second-order first moments: ``c_a = S_a p + ½ qᵀ displacement2_a q``; empty if they are left out.
-    rotation2 : ndarray, shape (3, n, n)
-        Second-order angular momentum of the deforming, ``qᵀ rotation2_a q̇``; empty if it is left out.
-    normal : int
-        Number of the only axis that the body turns about: that motion needs only the blocks of G across it, those along
-        it are left out (zero). -1 if G is whole.
-    whole : bool
-        True if displacements of second order count with all of their kinetic energy, as `second_order_fields` has it.
-    """
-
-    G: Array
-    S: Array
-    mass: float
+    G: Array  # (3, 3, 1 + n, 1 + n): ``G[a, b] = U_aᵀ m U_b``: second moments, moment–mode and mode–mode integrals
+    S: Array  # (3, 1 + n): ``S[a] = 1ᵀ m U_a``: first moments
+    mass: float  # ``1ᵀ m 1`` [kg]
+    # (3, 3, n, n): geometric stiffness that was taken off the modal blocks of G, in which it counts as inertia; empty
+    # without
     stiffening: Array = field(default_factory=lambda: np.zeros((3, 3, 0, 0)))
+    # (3, n, n): second-order first moments: ``c_a = S_a p + ½ qᵀ displacement2_a q``; empty if they are left out
     displacement2: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
+    # (3, n, n): second-order angular momentum of the deforming, ``qᵀ rotation2_a q̇``; empty if it is left out
     rotation2: Array = field(default_factory=lambda: np.zeros((3, 0, 0)))
+    # Number of the only axis that the body turns about: that motion needs only the blocks of G across it, those along
+    # it are left out (zero). -1 if G is whole.
     normal: int = -1
+    # True if displacements of second order count with all of their kinetic energy, as `second_order_fields` has it.
     whole: bool = False
 
     def second_moment(self, p: Array) -> Array:

@@ -15,36 +15,18 @@ from fmd.reduction.inertia import InertiaIntegrals
 
 @dataclass(frozen=True)
 class ModalData:
-    """Inertia, stiffness and damping of a body in a floating frame, for modal coordinates of any kind and scale.
+    """Inertia, stiffness and damping of a body in a floating frame, for modal coordinates of any kind and scale."""
 
-    Attributes
-    ----------
-    integrals : InertiaIntegrals
-        Inertia integrals, those along all axes, about the frame's origin.
-    K, D : ndarray, shape (n, n)
-        Modal stiffness and damping.
-    nodes : mapping of str to MarkerShapes
-        Nodes by label, about the frame's origin. Rotations are NaN where a file doesn't tell them.
-    notes : tuple of str
-        What a file says that can't be right, and what was taken instead.
-    in_own_frame : bool
-        True if the integrals hold geometric stiffening, and so in this frame alone.
-    is_separable : bool
-        True if the geometric stiffening can be taken out again; some files tell its sum alone.
-    surface : SurfaceTopology, optional
-        Outer surface, whose nodes are places among ``nodes``.
-    stress : ndarray, shape (n_surface, 6, n), optional
-        Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
-    """
-
-    integrals: InertiaIntegrals
-    K: Array
+    integrals: InertiaIntegrals  # inertia integrals, those along all axes, about the frame's origin
+    K: Array  # (n, n): modal stiffness and damping
     D: Array
+    # Nodes by label, about the frame's origin. Rotations are NaN where a file doesn't tell them.
     nodes: Mapping[str, MarkerShapes]
-    notes: tuple[str, ...] = ()
-    in_own_frame: bool = False
-    is_separable: bool = True
-    surface: SurfaceTopology | None = None
+    notes: tuple[str, ...] = ()  # what a file says that can't be right, and what was taken instead
+    in_own_frame: bool = False  # true if the integrals hold geometric stiffening, and so in this frame alone
+    is_separable: bool = True  # true if the geometric stiffening can be taken out again; some files tell its sum alone
+    surface: SurfaceTopology | None = None  # outer surface, whose nodes are places among ``nodes``
+    # (n_surface, 6, n): stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit]
     stress: Array | None = None
 
     @property

@@ -17,24 +17,13 @@ class TooManyModesError(ValueError):
 
 @dataclass(frozen=True)
 class EigenPairs:
-    """Eigenpairs of ``K φ = ω² M φ``, ascending, ``Φᵀ M Φ = 1``; the rigid-body modes are counted and left out.
+    """Eigenpairs of ``K φ = ω² M φ``, ascending, ``Φᵀ M Φ = 1``; the rigid-body modes are counted and left out."""
 
-    Attributes
-    ----------
-    omega : ndarray, shape (n,)
-        Angular frequencies [rad/s].
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Mode shapes [kg^-1/2].
-    residual : float
-        Largest defect of ``K φ = ω² M φ`` in the energy norm, relative to the mode's own.
-    factor : FactorFigures, optional
-        Solver, size and memory of the factorisation behind them.
-    """
-
-    omega: Array
-    shapes: Array
+    omega: Array  # (n,): angular frequencies [rad/s]
+    shapes: Array  # (n_nodes, 3, n): mode shapes [kg^-1/2]
     n_rigid: int
-    residual: float
+    residual: float  # largest defect of ``K φ = ω² M φ`` in the energy norm, relative to the mode's own
+    # Solver, size and memory of the factorisation behind them.
     factor: FactorFigures | None = field(default=None, kw_only=True)
 
     __repr__ = short_repr
@@ -48,17 +37,10 @@ class EigenPairs:
 
 @dataclass(frozen=True)
 class Modes(EigenPairs):
-    """Modes that are chosen among the elastic ones of a body, with their places among them.
+    """Modes that are chosen among the elastic ones of a body, with their places among them."""
 
-    Attributes
-    ----------
-    numbers : tuple of int
-        Place of each among all elastic modes of the body, from 1.
-    n_completing : int
-        Modes beyond the wanted number that complete the group of equal frequency of the highest.
-    """
-
-    numbers: tuple[int, ...]
+    numbers: tuple[int, ...]  # place of each among all elastic modes of the body, from 1
+    # Modes beyond the wanted number that complete the group of equal frequency of the highest.
     n_completing: int = field(default=0, kw_only=True)
 
     __repr__ = short_repr

@@ -16,20 +16,12 @@ class WhirlingModes(NamedTuple):
 
     Where a vibration has turned into two motions that grow or decay without oscillating, the one that decays least
     stands at its place; the other ones follow last.
-
-    Attributes
-    ----------
-    frequencies_hz : ndarray, shape (n,)
-        [Hz]
-    growth : ndarray, shape (n,)
-        Real parts of the poles [1/s]: positive for a vibration that grows.
-    whirl : ndarray, shape (n,)
-        Circulation about the axis, between -1 and 1: positive for points that go round in the sense of the rotation,
-        0 for a motion to and fro.
     """
 
-    frequencies_hz: Array
-    growth: Array
+    frequencies_hz: Array  # (n,) [Hz]
+    growth: Array  # (n,): real parts of the poles [1/s]: positive for a vibration that grows
+    # (n,): circulation about the axis, between -1 and 1: positive for points that go round in the sense of the
+    # rotation, 0 for a motion to and fro
     whirl: Array
 
     @property

@@ -35,20 +35,12 @@ from fmd.core.limits.rank import DEPENDENT_FIELD, FIELD_ROUND_OFF
 
 @dataclass(frozen=True)
 class SecondOrderFields:
-    """Affine fields of unit mass, orthogonal to each other, by which a body's points move in second order.
+    """Affine fields of unit mass, orthogonal to each other, by which a body's points move in second order."""
 
-    Attributes
-    ----------
-    F : ndarray, shape (k, n, n)
-        Coordinates ``½ qᵀ F_k q``.
-    W : ndarray, shape (k, n)
-        Modal mass between fields and modes.
-    G, S : ndarray, shapes (3, 3, 1 + n + k, 1 + n + k) and (3, 1 + n + k)
-        Inertia integrals as `InertiaIntegrals` has them, with the fields behind the modes.
-    """
-
-    F: Array
-    W: Array
+    F: Array  # (k, n, n): coordinates ``½ qᵀ F_k q``
+    W: Array  # (k, n): modal mass between fields and modes
+    # (3, 3, 1 + n + k, 1 + n + k) and (3, 1 + n + k): inertia integrals as `InertiaIntegrals` has them, with the fields
+    # behind the modes
     G: Array
     S: Array
 
@@ -129,21 +121,11 @@ def _orthogonal(tests: list[Array], momenta: list[Array], T: Array) -> tuple[Arr
 
 @dataclass(frozen=True)
 class SecondOrderMass:
-    """Constants of the modal mass that displacements of second order bring, by the momenta that they have.
+    """Constants of the modal mass that displacements of second order bring, by the momenta that they have."""
 
-    Attributes
-    ----------
-    F : ndarray, shape (k, n, n)
-        Momenta ``q̇ᵀ F_a q`` of displacements of second order, those that aren't 0.
-    g : ndarray, shape (k, n)
-        Rows of ``M₀⁻¹ W₀``.
-    N : ndarray, shape (k, k)
-        Rows and columns of ``M₀⁻¹``.
-    """
-
-    F: Array
-    g: Array
-    N: Array
+    F: Array  # (k, n, n): momenta ``q̇ᵀ F_a q`` of displacements of second order, those that aren't 0
+    g: Array  # (k, n): rows of ``M₀⁻¹ W₀``
+    N: Array  # (k, k): rows and columns of ``M₀⁻¹``
 
     def matrix(self, q: Array) -> Array:
         """Return the modal mass at modal coordinates q (n,), shape (n, n)."""

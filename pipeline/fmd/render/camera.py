@@ -29,34 +29,20 @@ FILM_PIXELS = (1280, 720)
 class Camera:
     """Direction, section, size and colours of a picture.
 
-    Attributes
-    ----------
-    angles : tuple of float, optional
-        Azimuth of the camera about z, counted from x, and its elevation above the plane of x and y [degrees]. By
-        default it looks obliquely at the plane of the part's longest two extents.
-    zoom : float
-        Factor on the part's size in the picture.
-    size : tuple of int
-        Width and height [pixels].
-    colour_map : str
-        Map for scalar fields: ``light turbo``, or a name in Matplotlib.
-    focus : tuple of float, optional
-        Point in the middle of a close-up, shape (3,) [m].
-    extent : float, optional
-        Length over the picture's width [m].
-
     Raises
     ------
     ValueError
         A value is out of range, or there is no such colour map; the message lists similar names.
     """
 
+    # Azimuth of the camera about z, counted from x, and its elevation above the plane of x and y [degrees]. By default
+    # it looks obliquely at the plane of the part's longest two extents.
     angles: tuple[float, float] | None = None
-    zoom: float = 1.0
-    size: tuple[int, int] = PIXELS
-    colour_map: str = LIGHT_TURBO
-    focus: tuple[float, float, float] | None = None
-    extent: float | None = None
+    zoom: float = 1.0  # factor on the part's size in the picture
+    size: tuple[int, int] = PIXELS  # width and height [pixels]
+    colour_map: str = LIGHT_TURBO  # map for scalar fields: ``light turbo``, or a name in Matplotlib
+    focus: tuple[float, float, float] | None = None  # point in the middle of a close-up, shape (3,) [m]
+    extent: float | None = None  # length over the picture's width [m]
 
     def __post_init__(self) -> None:
         if self.angles is not None and not (math.isfinite(self.angles[0]) and -90 <= self.angles[1] <= 90):

@@ -150,22 +150,12 @@ def _new_window(size: tuple[int, int]) -> pv.Plotter:
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """Style of the lines on a part.
+    """Style of the lines on a part."""
 
-    Attributes
-    ----------
-    elements : bool
-        True for the outlines of elements, False for the lines of the part's form alone.
-    width : float
-        [pixels].
-    lift : float
-        Distance towards the viewer, so that lines lie over faces [pixels].
-    """
-
-    elements: bool
-    width: float = 1.2
+    elements: bool  # true for the outlines of elements, False for the lines of the part's form alone
+    width: float = 1.2  # [pixels]
     opacity: float = 1.0
-    lift: float = 2.0
+    lift: float = 2.0  # distance towards the viewer, so that lines lie over faces [pixels]
 
 
 def choose_outline(surface: Surface, projection: Projection) -> Outline:

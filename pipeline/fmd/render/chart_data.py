@@ -9,20 +9,11 @@ from fmd.core.arrays import Array, read_only
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A quantity of one run over time.
+    """A quantity of one run over time."""
 
-    Attributes
-    ----------
-    label : str
-        The run's name in the legend.
-    values : ndarray, shape (n_times,) or (n_times, n_components)
-        The quantity in the unit of the chart's ``ylabel``.
-    errors : tuple of float
-        Stated error of each component, not a number where there is none; empty without any.
-    """
-
-    label: str
-    values: Array
+    label: str  # the run's name in the legend
+    values: Array  # (n_times,) or (n_times, n_components): the quantity in the unit of the chart's ``ylabel``
+    # Stated error of each component, not a number where there is none; empty without any.
     errors: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -47,22 +38,10 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class HistoryFrame:
-    """A quantity over time with its components.
+    """A quantity over time with its components."""
 
-    Attributes
-    ----------
-    name, unit : str
-        Its name and SI unit.
-    columns : ndarray, shape (n_times, n_components)
-        Values.
-    components : tuple of str
-        Names of the components, if there are several.
-    error : float, optional
-        Largest error over time.
-    """
-
-    name: str
+    name: str  # its name and SI unit
     unit: str
-    columns: Array
-    components: tuple[str, ...] = ()
-    error: float | None = None
+    columns: Array  # (n_times, n_components): values
+    components: tuple[str, ...] = ()  # names of the components, if there are several
+    error: float | None = None  # largest error over time

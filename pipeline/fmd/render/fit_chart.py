@@ -19,8 +19,6 @@ def draw_tornado(bars: Mapping[str, Sequence[tuple[str, float, float]]], path: P
     ----------
     bars : mapping of str to sequence of tuple
         Key, length of the bar and its error for each number that a result depends on, by the results' names.
-    label : str
-        What the bars' length is.
     """
     heights = [1.0 + 0.34 * len(rows) for rows in bars.values()]
     with open_figure(path, (9.0, sum(heights) + 0.5), 130, padding=0.08) as figure:
@@ -49,23 +47,13 @@ _FEW = 12  # measured values, such as those of modes, that are drawn as large do
 
 @dataclass(frozen=True)
 class FittedHistory:
-    """A channel of a fit.
+    """A channel of a fit."""
 
-    Attributes
-    ----------
-    label : str
-        Its name with its unit in brackets.
-    measured, first, fitted : ndarray, shape (n,)
-        As it was measured, and the scene's before and after the fit.
-    sigma : float or ndarray, shape (n,)
-        Standard deviation of its noise.
-    """
-
-    label: str
-    measured: Array
+    label: str  # its name with its unit in brackets
+    measured: Array  # (n,): as it was measured, and the scene's before and after the fit
     first: Array
     fitted: Array
-    sigma: float | Array
+    sigma: float | Array  # (n,): standard deviation of its noise
 
 
 def draw_fit(axis: tuple[str, Array], histories: Sequence[FittedHistory], path: Path, *, title: str) -> None:

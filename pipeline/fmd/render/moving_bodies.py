@@ -15,31 +15,15 @@ _FLAT = 1e-6  # of a body's extent: what is thinner has no hull
 
 @dataclass(frozen=True, slots=True)
 class MovingBody:
-    """A flexible body's motion at the instants of the frames, from which each is computed when it is drawn.
+    """A flexible body's motion at the instants of the frames, from which each is computed when it is drawn."""
 
-    Attributes
-    ----------
-    surface : Surface
-        The undeformed body, in its frame.
-    shapes : ndarray, shape (n_points, 3, n_modes)
-        Displacement of the points for a unit of each modal coordinate [kg^-1/2].
-    coordinates : ndarray, shape (n_frames, n_modes)
-        Modal coordinates [kg^1/2 m].
-    origin, rotation : ndarray, shapes (n_frames, 3) and (n_frames, 3, 3)
-        Place [m] and axes of the body's frame in space.
-    scale : float
-        Factor on the deformation.
-    stress : ndarray, shape (n_frames, n_points), optional
-        What colours it [Pa]; without, it has one colour.
-    """
-
-    surface: Surface
-    shapes: Array
-    coordinates: Array
-    origin: Array
+    surface: Surface  # the undeformed body, in its frame
+    shapes: Array  # (n_points, 3, n_modes): displacement of the points for a unit of each modal coordinate [kg^-1/2]
+    coordinates: Array  # (n_frames, n_modes): modal coordinates [kg^1/2 m]
+    origin: Array  # (n_frames, 3) and (n_frames, 3, 3): place [m] and axes of the body's frame in space
     rotation: Array
-    scale: float = 1.0
-    stress: Array | None = None
+    scale: float = 1.0  # factor on the deformation
+    stress: Array | None = None  # (n_frames, n_points): what colours it [Pa]; without, it has one colour
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -67,17 +51,11 @@ class MovingBody:
 
 @dataclass(frozen=True, slots=True)
 class MovingShape:
-    """A rigid shape in one colour: a rigid body, the mark of a joint, a piece of the ground.
-
-    Attributes
-    ----------
-    origin, rotation : ndarray, shapes (n_frames, 3) and (n_frames, 3, 3)
-        Place [m] and axes of the frame in space.
-    """
+    """A rigid shape in one colour: a rigid body, the mark of a joint, a piece of the ground."""
 
     surface: Surface
     colour: str
-    origin: Array
+    origin: Array  # (n_frames, 3) and (n_frames, 3, 3): place [m] and axes of the frame in space
     rotation: Array
     name: str = ""
 
@@ -93,42 +71,23 @@ class MovingShape:
 
 @dataclass(frozen=True, slots=True)
 class MovingLine:
-    """A line through points that move: a spring, a rail, a distance that is kept.
+    """A line through points that move: a spring, a rail, a distance that is kept."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n_frames, n_points, 3)
-        [m].
-    width : float
-        [pixels].
-    """
-
-    points: Array
+    points: Array  # (n_frames, n_points, 3) [m]
     colour: str
-    width: float = 1.6
+    width: float = 1.6  # [pixels]
 
 
 @dataclass(frozen=True, slots=True)
 class MovingMechanism:
-    """All that a picture or a film of a mechanism shows.
+    """All that a picture or a film of a mechanism shows."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (n_frames,)
-        [s].
-    shapes : tuple of MovingShape
-        Rigid bodies, marks and ground.
-    notes : tuple of str
-        Text beside the time of each frame, e.g. ``4000 rpm``; none, or one for each.
-    up : ndarray, shape (3,), optional
-        Direction that is up in the picture; by default that follows from the extents.
-    """
-
-    times: Array
+    times: Array  # (n_frames,) [s]
     bodies: tuple[MovingBody, ...] = ()
-    shapes: tuple[MovingShape, ...] = ()
+    shapes: tuple[MovingShape, ...] = ()  # rigid bodies, marks and ground
     lines: tuple[MovingLine, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # text beside the time of each frame, e.g. ``4000 rpm``; none, or one for each
+    # (3,): direction that is up in the picture; by default that follows from the extents
     up: Array | None = field(default=None)
 
     def around(self) -> Array:

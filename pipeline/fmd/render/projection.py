@@ -23,27 +23,13 @@ SAME_EXTENT = 1.3  # extents that differ by less than this factor count as equal
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """A parallel projection onto a picture.
+    """A parallel projection onto a picture."""
 
-    Attributes
-    ----------
-    axes : ndarray, shape (3, 3)
-        Unit vectors as rows: to the right, up, and towards the viewer.
-    centre : ndarray, shape (3,)
-        Point in the middle of the picture [m].
-    metres_per_pixel : float
-        Length of a pixel's side in space [m].
-    size : tuple of int
-        Width and height [pixels].
-    half_depth : float
-        Distance before and behind ``centre`` up to which points are drawn [m].
-    """
-
-    axes: Array
-    centre: Array
-    metres_per_pixel: float
-    size: tuple[int, int]
-    half_depth: float
+    axes: Array  # (3, 3): unit vectors as rows: to the right, up, and towards the viewer
+    centre: Array  # (3,): point in the middle of the picture [m]
+    metres_per_pixel: float  # length of a pixel's side in space [m]
+    size: tuple[int, int]  # width and height [pixels]
+    half_depth: float  # distance before and behind ``centre`` up to which points are drawn [m]
 
     def pixels(self, points: Array) -> Array:
         """Project points (n, 3) [m] to columns from the left and rows from the top, shape (n, 2)."""

@@ -16,22 +16,12 @@ _WIDE = 1e4  # ratio of frequencies from which their axis is logarithmic
 
 
 class ResponseCurve(NamedTuple):
-    """Response of one output to the input.
-
-    Attributes
-    ----------
-    unit : str
-        Of the response, e.g. ``m/N``.
-    values : ndarray
-        Complex, shape (n_frequencies,); real values have no phase, such as spectral densities.
-    error : ndarray, optional
-        Stated size of the values' errors, drawn as a band where it can be seen.
-    """
+    """Response of one output to the input."""
 
     label: str
-    unit: str
-    values: Array
-    error: Array | None = None
+    unit: str  # of the response, e.g. ``m/N``
+    values: Array  # complex, shape (n_frequencies,); real values have no phase, such as spectral densities
+    error: Array | None = None  # stated size of the values' errors, drawn as a band where it can be seen
 
 
 def draw_response(
@@ -43,8 +33,6 @@ def draw_response(
     ----------
     frequencies_hz : ndarray, shape (n_frequencies,)
         [Hz], ascending.
-    curves : sequence of ResponseCurve
-        What is drawn.
     along : str
         Label of the axis of frequencies, if these are something else.
     """

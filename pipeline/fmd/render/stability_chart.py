@@ -21,19 +21,11 @@ _STABLE = 1e-9  # excess of a spectral radius over 1 that counts as stable
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A stability map with its heading, one panel of a figure.
+    """A stability map with its heading, one panel of a figure."""
 
-    Attributes
-    ----------
-    omega_s, omega_l : ndarray, shapes (n_s,) and (n_l,)
-        Courant numbers of the fast and of the slow coordinates.
-    rho : ndarray, shape (n_l, n_s)
-        Spectral radius of a major cycle.
-    """
-
-    omega_s: Array
+    omega_s: Array  # (n_s,) and (n_l,): Courant numbers of the fast and of the slow coordinates
     omega_l: Array
-    rho: Array
+    rho: Array  # (n_l, n_s): spectral radius of a major cycle
     title: str
 
     def __post_init__(self) -> None:

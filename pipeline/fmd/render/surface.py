@@ -16,21 +16,11 @@ CREASE = np.cos(np.radians(35.0))  # faces that meet at more than this angle kee
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """The visible surface of a part as triangles with the outlines of its elements.
+    """The visible surface of a part as triangles with the outlines of its elements."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n_points, 3)
-        Undeformed positions [m].
-    triangles : ndarray, shape (n_triangles, 3)
-        Positions in ``points``, counter-clockwise seen from outside.
-    edges : ndarray, shape (n_edges, 2)
-        Positions in ``points``: the sides of triangles that outline elements.
-    """
-
-    points: Array
-    triangles: IntArray
-    edges: IntArray
+    points: Array  # (n_points, 3): undeformed positions [m]
+    triangles: IntArray  # (n_triangles, 3): positions in ``points``, counter-clockwise seen from outside
+    edges: IntArray  # (n_edges, 2): positions in ``points``: the sides of triangles that outline elements
 
     def __post_init__(self) -> None:
         require_shape("points", self.points, (None, 3))
@@ -52,29 +42,15 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Skin:
-    """Topology of a drawn surface, built once and used for every position of its points.
+    """Topology of a drawn surface, built once and used for every position of its points."""
 
-    Attributes
-    ----------
-    source : ndarray, shape (n_drawn,)
-        The surface's point of each drawn point: a point on a sharp edge is drawn once for each side of it.
-    triangles : ndarray, shape (n_triangles, 3)
-        Positions among the drawn points.
-    share : sparse array, shape (n_drawn, n_triangles)
-        1 where a triangle takes part in a drawn point's normal.
-    sides : ndarray, shape (n_sides, 2)
-        Ends of the triangles' sides, points of the surface; each side once.
-    between : ndarray, shape (n_sides, 2)
-        Triangles that meet at each side; at a border one triangle twice.
-    is_sharp, is_outline : ndarray of bool, shape (n_sides,)
-        True for sides at a crease or a border; true for sides that outline elements.
-    """
-
+    # (n_drawn,): the surface's point of each drawn point: a point on a sharp edge is drawn once for each side of it
     source: IntArray
-    triangles: IntArray
-    share: csr_array
-    sides: IntArray
-    between: IntArray
+    triangles: IntArray  # (n_triangles, 3): positions among the drawn points
+    share: csr_array  # (n_drawn, n_triangles): 1 where a triangle takes part in a drawn point's normal
+    sides: IntArray  # (n_sides, 2): ends of the triangles' sides, points of the surface; each side once
+    between: IntArray  # (n_sides, 2): triangles that meet at each side; at a border one triangle twice
+    # (n_sides,): true for sides at a crease or a border; true for sides that outline elements
     is_sharp: NDArray[np.bool_]
     is_outline: NDArray[np.bool_]
 

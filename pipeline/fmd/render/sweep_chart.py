@@ -23,46 +23,24 @@ _WIDE = 30.0  # largest value over the smallest, from which on an axis is logari
 
 @dataclass(frozen=True, slots=True)
 class SweepAxis:
-    """A varied key with its values.
+    """A varied key with its values."""
 
-    Attributes
-    ----------
-    label : str
-        The key, with the unit of its values in brackets.
-    texts : tuple of str
-        The values as they were given, one a point; of a map each once.
-    numbers : tuple of float, optional
-        The values as numbers, if they all are.
-    logarithmic : bool
-        True if they were asked for with equal ratios.
-    """
-
-    label: str
-    texts: tuple[str, ...]
-    numbers: tuple[float, ...] | None = None
-    logarithmic: bool = False
+    label: str  # the key, with the unit of its values in brackets
+    texts: tuple[str, ...]  # the values as they were given, one a point; of a map each once
+    numbers: tuple[float, ...] | None = None  # the values as numbers, if they all are
+    logarithmic: bool = False  # true if they were asked for with equal ratios
 
 
 @dataclass(frozen=True, slots=True)
 class SweepPanel:
-    """One figure of merit at all points.
+    """One figure of merit at all points."""
 
-    Attributes
-    ----------
-    label : str
-        The figure with its unit in brackets.
-    values : ndarray, shape (n_lines, n_points) or (n_first, n_second)
-        Lines over the one key, or a map over the two; not a number where a point has none.
-    names : tuple of str
-        Names of the lines, if there are several.
-    errors : ndarray, shape (n_lines, n_points), optional
-        Errors of the lines' values; not a number where none is stated.
-    """
-
-    label: str
+    label: str  # the figure with its unit in brackets
+    # (n_lines, n_points) or (n_first, n_second): lines over the one key, or a map over the two; not a number where a
+    # point has none
     values: Array
-    names: tuple[str, ...] = ()
-    errors: Array | None = None
+    names: tuple[str, ...] = ()  # names of the lines, if there are several
+    errors: Array | None = None  # (n_lines, n_points): errors of the lines' values; not a number where none is stated
 
 
 def draw_sweep_lines(keys: Sequence[SweepAxis], panels: Sequence[SweepPanel], path: Path, *, title: str) -> None:

@@ -52,8 +52,6 @@ class Linearisation:
     ----------
     mechanism : Mechanism
         Rigid and flexible bodies in a tree or with loops.
-    inputs, outputs : sequence of Port
-        What acts, and what answers.
     """
 
     def __init__(self, mechanism: Mechanism, inputs: Sequence[Port], outputs: Sequence[Port]) -> None:

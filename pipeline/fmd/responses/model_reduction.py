@@ -29,22 +29,13 @@ from fmd.responses.state_space import Channel, StateSpace, choose_frequencies
 
 @dataclass(frozen=True)
 class ReducedModel:
-    """A model with fewer states.
+    """A model with fewer states."""
 
-    Attributes
-    ----------
-    model : StateSpace
-        Its states have no unit, and numbers for names.
-    error : float
-        Largest error of a response at any frequency up to the fastest pole, over the output's largest response; those
-        of what doesn't decay, which are exact, are left out of both.
-    bound : float
-        Bound on it at all frequencies, from the singular values of what is left out.
-    """
-
-    model: StateSpace
+    model: StateSpace  # its states have no unit, and numbers for names
+    # Largest error of a response at any frequency up to the fastest pole, over the output's largest response; those of
+    # what doesn't decay, which are exact, are left out of both.
     error: float
-    bound: float
+    bound: float  # bound on it at all frequencies, from the singular values of what is left out
 
 
 class ModelReduction:

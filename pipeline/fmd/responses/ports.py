@@ -12,43 +12,23 @@ Direction = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Port:
-    """An input or an output.
+    """An input or an output."""
 
-    Parameters
-    ----------
-    name : str
-        E.g. ``plate.tip.z``.
-    unit : str
-        SI.
-    order : int
-        Of an output: 0 for a displacement, 1 for its rate, 2 for its acceleration.
-    """
-
-    name: str
-    unit: str
+    name: str  # e.g. ``plate.tip.z``
+    unit: str  # SI
+    # Of an output: 0 for a displacement, 1 for its rate, 2 for its acceleration.
     order: int = field(default=0, kw_only=True)
 
 
 @dataclass(frozen=True)
 class MarkerPort(Port):
-    """Force on a marker or its displacement along a direction; moment and rotation if it turns.
+    """Force on a marker or its displacement along a direction; moment and rotation if it turns."""
 
-    Parameters
-    ----------
-    body : int
-        Number of the body.
-    marker : MarkerShapes
-        The marker in the body's frame; what it consists of doesn't count in comparisons.
-    direction : tuple of float
-        Unit vector in space.
-    turns : bool
-        Moment and rotation.
-    """
-
-    body: int
+    body: int  # number of the body
+    # The marker in the body's frame; what it consists of doesn't count in comparisons.
     marker: MarkerShapes = field(compare=False, repr=False)
-    direction: Direction
-    turns: bool
+    direction: Direction  # unit vector in space
+    turns: bool  # moment and rotation
 
 
 @dataclass(frozen=True)
@@ -81,15 +61,7 @@ class GroundPort(Port):
 
 @dataclass(frozen=True)
 class ModalPort(Port):
-    """A linear function of a body's modal coordinates, such as a component of stress.
+    """A linear function of a body's modal coordinates, such as a component of stress."""
 
-    Parameters
-    ----------
-    body : int
-        Number of the body.
-    row : ndarray, shape (n_modes,)
-        Its value for unit modal coordinates.
-    """
-
-    body: int
-    row: Array = field(compare=False, repr=False)
+    body: int  # number of the body
+    row: Array = field(compare=False, repr=False)  # (n_modes,): its value for unit modal coordinates

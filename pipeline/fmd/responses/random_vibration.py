@@ -12,21 +12,11 @@ from fmd.core.arrays import Array
 
 @dataclass(frozen=True)
 class RandomResponse:
-    """Answer to a stationary random input.
+    """Answer to a stationary random input."""
 
-    Attributes
-    ----------
-    frequencies_hz : ndarray, shape (n_frequencies,)
-        [Hz]
-    density : ndarray, shape (n_frequencies, n_outputs)
-        One-sided power spectral density of the outputs [unit²/Hz].
-    rms : ndarray, shape (n_outputs,)
-        Root of the integral of the density over the frequencies [unit].
-    """
-
-    frequencies_hz: Array
-    density: Array
-    rms: Array
+    frequencies_hz: Array  # (n_frequencies,) [Hz]
+    density: Array  # (n_frequencies, n_outputs): one-sided power spectral density of the outputs [unit²/Hz]
+    rms: Array  # (n_outputs,): root of the integral of the density over the frequencies [unit]
 
     @property
     def rates_hz(self) -> Array:

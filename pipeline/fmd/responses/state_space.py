@@ -25,30 +25,15 @@ from fmd.core.limits.round_off import SUMMED
 
 
 class Channel(NamedTuple):
-    """A state, an input or an output.
+    """A state, an input or an output."""
 
-    Attributes
-    ----------
-    name : str
-        E.g. ``plate.tip.z``.
-    unit : str
-        SI, e.g. ``m``.
-    """
-
-    name: str
-    unit: str
+    name: str  # e.g. ``plate.tip.z``
+    unit: str  # SI, e.g. ``m``
 
 
 @dataclass(frozen=True)
 class StateSpace:
     """A linear time-invariant model of a mechanism's small motions.
-
-    Parameters
-    ----------
-    A, B, C, D : ndarray, shapes (n, n), (n, n_inputs), (n_outputs, n) and (n_outputs, n_inputs)
-        Matrices, in SI units.
-    states, inputs, outputs : tuple of Channel
-        Their names and units.
 
     Raises
     ------
@@ -56,11 +41,11 @@ class StateSpace:
         Shapes disagree with the names.
     """
 
-    A: Array
+    A: Array  # (n, n), (n, n_inputs), (n_outputs, n) and (n_outputs, n_inputs): matrices, in SI units
     B: Array
     C: Array
     D: Array
-    states: tuple[Channel, ...]
+    states: tuple[Channel, ...]  # their names and units
     inputs: tuple[Channel, ...]
     outputs: tuple[Channel, ...]
 
@@ -223,8 +208,6 @@ def choose_frequencies(model: StateSpace, lowest: float, highest: float, points:
     ----------
     lowest, highest : float
         Range [Hz].
-    points : int
-        Number of evenly spaced frequencies.
     ratio : float
         Of the distances from a pole of two neighbours about it.
     """

@@ -31,18 +31,10 @@ _TOLERANCE = Tolerance(limits.STEADY_CORRECTIONS, relative=limits.TURNING, absol
 
 @dataclass(frozen=True)
 class Rotation:
-    """A rotation of a mechanism as a whole.
+    """A rotation of a mechanism as a whole."""
 
-    Attributes
-    ----------
-    rates : ndarray, shape (n,)
-        Rates of all coordinates.
-    motions : mapping of int to tuple of float
-        Position, rate and acceleration of each prescribed joint.
-    """
-
-    rates: Array
-    motions: Motions
+    rates: Array  # (n,): rates of all coordinates
+    motions: Motions  # position, rate and acceleration of each prescribed joint
 
 
 class SteadyRotation:
@@ -50,8 +42,6 @@ class SteadyRotation:
 
     Parameters
     ----------
-    linearisation : Linearisation
-        Of the mechanism, without prescribed motions among its inputs.
     turning : callable
         Return the `Rotation` at a rate [rad/s] and positions (n_positions,).
     still : sequence of str

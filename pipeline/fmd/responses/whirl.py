@@ -40,23 +40,13 @@ class SpaceView:
     turning frame, ``Ω − ω`` if it lags, which is backwards where it is negative; of one to and fro, which has both,
     that of its larger part. A shape that grows or decays in the turning frame without oscillating is carried round at
     Ω. What doesn't bend the axis, as torsion, keeps its frequency.
-
-    Parameters
-    ----------
-    across : tuple of ndarray, shape (n_points, n) each
-        Displacements of points along two axes across that of rotation, for unit states.
-    along : ndarray, shape (n_points, n)
-        Displacements along the axis.
-    rate : float
-        Ω [rad/s].
-    on_axis : ndarray of int
-        Numbers of the points on the axis.
     """
 
+    # (n_points, n) each: displacements of points along two axes across that of rotation, for unit states
     across: tuple[Array, Array]
-    along: Array
-    rate: float
-    on_axis: IntArray
+    along: Array  # (n_points, n): displacements along the axis
+    rate: float  # Ω [rad/s]
+    on_axis: IntArray  # numbers of the points on the axis
 
     def look(self, poles: Array, vectors: Array) -> tuple[Array, Array, Array]:
         """Return frequencies, below 0 for backward whirl [rad/s], how each grows with its pole's, and circulations.
@@ -83,21 +73,11 @@ class SpaceView:
 
 
 class SolvedVibrations(NamedTuple):
-    """Vibrations in space, with the eigenvalues and vectors of the turning frame that they are.
+    """Vibrations in space, with the eigenvalues and vectors of the turning frame that they are."""
 
-    Attributes
-    ----------
-    seen : WhirlingModes
-        From space.
-    poles : ndarray, shape (n_modes,)
-        [1/s], complex.
-    vectors : ndarray, shape (n, n_modes)
-        States, complex.
-    """
-
-    seen: WhirlingModes
-    poles: Array
-    vectors: Array
+    seen: WhirlingModes  # from space
+    poles: Array  # (n_modes,) [1/s], complex
+    vectors: Array  # (n, n_modes): states, complex
 
 
 def whirling_modes(A: Array, view: SpaceView) -> SolvedVibrations:

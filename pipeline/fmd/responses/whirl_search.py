@@ -18,22 +18,12 @@ from fmd.responses.whirl import SolvedVibrations, SpaceView, state_scale, whirli
 
 
 class Bracket(NamedTuple):
-    """Two places of the grid between which a vibration has the frequency of its coefficients.
+    """Two places of the grid between which a vibration has the frequency of its coefficients."""
 
-    Attributes
-    ----------
-    mode : int
-        Its number at both, from 0.
-    low, high : float
-        The places [rad/s].
-    apart : tuple of float
-        How far its frequency is above each [rad/s].
-    """
-
-    mode: int
-    low: float
-    high: float
-    apart: tuple[float, float]
+    mode: int  # its number at both, from 0
+    low: float  # the places [rad/s]
+    high: float  # the places [rad/s]
+    apart: tuple[float, float]  # how far its frequency is above each [rad/s]
 
 
 class OwnVibration(NamedTuple):
@@ -52,21 +42,12 @@ class OwnVibration(NamedTuple):
 
 @dataclass(frozen=True)
 class WhirlSearch:
-    """Search for the vibrations of a rotor at one rate whose coefficients are those at their own frequency.
+    """Search for the vibrations of a rotor at one rate whose coefficients are those at their own frequency."""
 
-    Parameters
-    ----------
-    matrix : callable
-        Returns the state matrix (n, n) with the coefficients of a frequency [rad/s].
-    view : SpaceView
-        How vibrations are seen from space.
-    grid : ndarray, shape (n_places,)
-        Frequencies between which they are looked for [rad/s], ascending from 0. Beyond the last the coefficients are
-        constant.
-    """
-
-    matrix: Callable[[float], Array]
-    view: SpaceView
+    matrix: Callable[[float], Array]  # returns the state matrix (n, n) with the coefficients of a frequency [rad/s]
+    view: SpaceView  # how vibrations are seen from space
+    # (n_places,): Frequencies between which they are looked for [rad/s], ascending from 0. Beyond the last the
+    # coefficients are constant.
     grid: Array
 
     @cached_property

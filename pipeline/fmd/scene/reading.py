@@ -97,18 +97,10 @@ class UnknownNameError(FaultError):
 
 
 class Fault(NamedTuple):
-    """A value of a scene that is wrong.
+    """A value of a scene that is wrong."""
 
-    Attributes
-    ----------
-    path : tuple of str and int
-        The keys that lead to it.
-    mend : str
-        What is wrong and what would work.
-    """
-
-    path: KeyPath
-    mend: str
+    path: KeyPath  # the keys that lead to it
+    mend: str  # what is wrong and what would work
 
     def look_up(self, tables: Mapping[str, Any]) -> object:
         """Return the value; ``None`` if it is missing or too long for a message."""

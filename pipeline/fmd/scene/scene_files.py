@@ -22,24 +22,12 @@ Places = dict[KeyPath, Place]
 
 @dataclass(frozen=True, slots=True)
 class SceneSource:
-    """Content of a scene before its values are checked.
+    """Content of a scene before its values are checked."""
 
-    Parameters
-    ----------
-    file : str
-        Path of the file that it was read from; empty for a scene that was made in Python.
-    folder : Path
-        Folder that the scene's files are relative to.
-    data : dict
-        Its tables, with the overrides in them.
-    places : mapping
-        File and line of each key, of a base scene or of this one, by the path of keys that leads to it.
-    """
-
-    file: str
-    folder: Path
-    data: dict[str, Any]
-    places: Places
+    file: str  # path of the file that it was read from; empty for a scene that was made in Python
+    folder: Path  # folder that the scene's files are relative to
+    data: dict[str, Any]  # its tables, with the overrides in them
+    places: Places  # file and line of each key, of a base scene or of this one, by the path of keys that leads to it
 
     def with_values(self, overrides: Sequence[str]) -> SceneSource:
         """Return a scene that was read, with values instead of its own, and with what bodies have from others."""

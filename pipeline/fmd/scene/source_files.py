@@ -17,19 +17,12 @@ from fmd.scene.scene import Scene, load_scene
 
 @dataclass(frozen=True)
 class SourceFiles:
-    """The files that one flexible body comes from.
+    """The files that one flexible body comes from."""
 
-    Attributes
-    ----------
-    paths : dict of str to Path
-        Path of each file by its key in the scene; of a geometric stiffness with ``*`` those of all its files by
-        ``key/name``.
-    digests : dict of str to str
-        Digest of each file's content; results are kept by content, wherever the file lies.
-    """
-
+    # Path of each file by its key in the scene; of a geometric stiffness with ``*`` those of all its files by
+    # ``key/name``.
     paths: dict[str, Path]
-    digests: dict[str, str]
+    digests: dict[str, str]  # digest of each file's content; results are kept by content, wherever the file lies
 
     @property
     def path(self) -> Path:

@@ -42,21 +42,11 @@ AnyUnit = Annotated[str, WithJsonSchema({"$unit": True})]
 
 
 class MeasuredName(NamedTuple):
-    """Name of a quantity of the motion in a formula.
+    """Name of a quantity of the motion in a formula."""
 
-    Attributes
-    ----------
-    place : str
-        A joint, or a marker with its body.
-    axis : int
-        Axis of space, of a marker's motion; -1 for a joint's.
-    order : int
-        0 for a position, 1 for a rate or velocity.
-    """
-
-    place: str
-    axis: int
-    order: int
+    place: str  # a joint, or a marker with its body
+    axis: int  # axis of space, of a marker's motion; -1 for a joint's
+    order: int  # 0 for a position, 1 for a rate or velocity
 
 
 def read_measured(name: str) -> MeasuredName | None:

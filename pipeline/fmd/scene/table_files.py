@@ -29,18 +29,10 @@ Column = Annotated[str | int, BeforeValidator(_check_column), Words("name of a c
 
 
 class TableColumns(NamedTuple):
-    """Two columns of a file, row by row, in the file's units.
+    """Two columns of a file, row by row, in the file's units."""
 
-    Attributes
-    ----------
-    arguments : tuple of float
-        Column of times or elongations, ascending.
-    values : tuple of float
-        Column of values.
-    """
-
-    arguments: tuple[float, ...]
-    values: tuple[float, ...]
+    arguments: tuple[float, ...]  # column of times or elongations, ascending
+    values: tuple[float, ...]  # column of values
 
 
 class _Row(NamedTuple):

@@ -27,15 +27,9 @@ _NAME = "[A-Za-z][A-Za-z0-9_-]{0,39}"
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """Words for the values of a type, for people; they check nothing.
+    """Words for the values of a type, for people; they check nothing."""
 
-    Parameters
-    ----------
-    description : str
-        The words, e.g. ``"name of a joint"``.
-    """
-
-    description: str
+    description: str  # the words, e.g. ``"name of a joint"``
 
 
 def _check_name(name: str) -> str:
@@ -106,15 +100,9 @@ class TextCheck:
 
 @dataclass(frozen=True)
 class UnitCheck(TextCheck):
-    """Check for the name of a unit that converts to a given one.
+    """Check for the name of a unit that converts to a given one."""
 
-    Parameters
-    ----------
-    si : str
-        The unit that it must convert to, e.g. ``"m"``.
-    """
-
-    si: str
+    si: str  # the unit that it must convert to, e.g. ``"m"``
 
     def __call__(self, unit: str) -> str:
         """Return the unit, or raise ``ValueError`` if it is unknown or of another dimension."""
@@ -142,15 +130,9 @@ def check_file_name(file: str, *suffixes: str) -> str:
 
 @dataclass(frozen=True)
 class FileCheck(TextCheck):
-    """Check for the plain name of one file with one of the given suffixes.
+    """Check for the plain name of one file with one of the given suffixes."""
 
-    Parameters
-    ----------
-    suffixes : tuple of str
-        Suffixes that are allowed, e.g. ``(".png", ".pdf")``.
-    """
-
-    suffixes: tuple[str, ...]
+    suffixes: tuple[str, ...]  # suffixes that are allowed, e.g. ``(".png", ".pdf")``
 
     def __call__(self, file: str) -> str:
         """Return the name, or raise ``ValueError`` if it isn't a plain one or stands for several files."""
@@ -172,15 +154,9 @@ class FileCheck(TextCheck):
 
 @dataclass(frozen=True)
 class OneOf(TextCheck):
-    """Check for one of several words.
+    """Check for one of several words."""
 
-    Parameters
-    ----------
-    words : tuple of str
-        The words.
-    """
-
-    words: tuple[str, ...]
+    words: tuple[str, ...]  # the words
 
     def __call__(self, word: str) -> str:
         """Return the word, or raise ``ValueError``."""

@@ -18,12 +18,8 @@ def amplification_matrix(M: Array, K: Array, n_slow: int, step: float, substeps:
     ----------
     M, K, C : ndarray, shape (n, n)
         Mass, stiffness and coefficients of the rates, slow coordinates first.
-    n_slow : int
-        Number of slow coordinates.
     step : float
         Fast step [s].
-    substeps : int
-        Fast steps to a major cycle.
 
     Returns
     -------

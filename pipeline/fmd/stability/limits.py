@@ -37,54 +37,28 @@ class ReferenceMatrices(NamedTuple):
 
 @dataclass(frozen=True)
 class StepLimit:
-    """Largest fast steps that one ratio allows.
+    """Largest fast steps that one ratio allows."""
 
-    Attributes
-    ----------
-    substeps : int
-        Fast steps to a slow one; 1 is plain central difference.
-    critical_step : float
-        Fast step up to which the scheme by itself makes small vibrations grow less than tenfold over the duration [s].
-    worst_time : float
-        Time at which they grow fastest just beyond it [s]: 0 for the reference state.
-    sudden_step : float
-        Fast step up to which they grow weakly if at all, undamped in the reference state [s].
-    growth_rate : float
-        Fastest growth at half of that step [1/s]: 0 unless slow and fast coordinates couple through the mass matrix.
-    """
-
-    substeps: int
+    substeps: int  # fast steps to a slow one; 1 is plain central difference
+    # Fast step up to which the scheme by itself makes small vibrations grow less than tenfold over the duration [s].
     critical_step: float
-    worst_time: float
-    sudden_step: float
+    worst_time: float  # time at which they grow fastest just beyond it [s]: 0 for the reference state
+    sudden_step: float  # fast step up to which they grow weakly if at all, undamped in the reference state [s]
+    # Fastest growth at half of that step [1/s]: 0 unless slow and fast coordinates couple through the mass matrix.
     growth_rate: float
 
 
 @dataclass(frozen=True)
 class MechanismLimits:
-    """Largest stable steps of a mechanism, and the step and ratio that fit a wanted error.
+    """Largest stable steps of a mechanism, and the step and ratio that fit a wanted error."""
 
-    Attributes
-    ----------
-    coupling : float
-        Largest canonical correlation of slow and fast coordinates in the mass matrix, β of the two-dof system.
-    limits : tuple of StepLimit
-        One for each ratio.
-    along : bool
-        True if operating points of the motion count, and not the reference state alone.
-    duration : float
-        Of the motion [s].
-    n_slow : int
-        Number of slow coordinates.
-    recommended : tuple of float and int
-        Fast step [s] and ratio for the wanted error; the ratio is 1 if any other would let a vibration grow.
-    """
-
+    # Largest canonical correlation of slow and fast coordinates in the mass matrix, β of the two-dof system.
     coupling: float
-    limits: tuple[StepLimit, ...]
-    along: bool
-    duration: float
-    n_slow: int
+    limits: tuple[StepLimit, ...]  # one for each ratio
+    along: bool  # true if operating points of the motion count, and not the reference state alone
+    duration: float  # of the motion [s]
+    n_slow: int  # number of slow coordinates
+    # Fast step [s] and ratio for the wanted error; the ratio is 1 if any other would let a vibration grow.
     recommended: tuple[float, int]
 
 
@@ -104,8 +78,6 @@ def find_limits(
         Numbers of fast steps to a slow one, plain central difference first.
     duration : float
         Of the motion [s].
-    error : float
-        Wanted error of the recommended step, relative to the largest deformation.
     """
     limits = tuple(find_limit(system, reference, m, duration, points) for m in ratios)
     step, m = recommend_step(reference.M, reference.K, reference.n_slow, error, duration)

@@ -42,19 +42,11 @@ _SETTLING = Tolerance(limits.SETTLING_CORRECTIONS, relative=limits.SETTLED, abso
 
 @dataclass(frozen=True)
 class OperatingPoints:
-    """States of a mechanism that stand for its motion over a duration.
-
-    Attributes
-    ----------
-    points : tuple of OperatingPoint
-        In the middles of equal parts of the duration.
-    duration : float
-        [s]
-    """
+    """States of a mechanism that stand for its motion over a duration."""
 
     system: System
-    points: tuple[OperatingPoint, ...]
-    duration: float
+    points: tuple[OperatingPoint, ...]  # in the middles of equal parts of the duration
+    duration: float  # [s]
 
     @cached_property
     def slopes(self) -> Array:

@@ -43,35 +43,18 @@ State = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class PeriodicMotion:
-    """Start of a motion that repeats, and how it was found.
+    """Start of a motion that repeats, and how it was found."""
 
-    Attributes
-    ----------
-    period : float
-        [s]
-    q, v : ndarray, shapes (n_positions,) and (n,)
-        Positions and rates at the start.
-    gap : float
-        What is left after a period, beside the largest value of each kind of coordinate.
-    multipliers : ndarray of complex, shape (k,)
-        Floquet multipliers, the largest first; those so small that round-off hides them are left out.
-    marches, disturbed_marches : int
-        Periods that were marched to find it, and for the multipliers.
-    times : ndarray, shape (n_times,)
-        Some times of the period [s].
-    states : ndarray, shape (n_times, n_positions + n)
-        Positions and rates then.
-    """
-
-    period: float
-    q: Array
+    period: float  # [s]
+    q: Array  # (n_positions,) and (n,): positions and rates at the start
     v: Array
-    gap: float
+    gap: float  # what is left after a period, beside the largest value of each kind of coordinate
+    # (k,): Floquet multipliers, the largest first; those so small that round-off hides them are left out
     multipliers: NDArray[np.complex128]
-    marches: int
+    marches: int  # periods that were marched to find it, and for the multipliers
     disturbed_marches: int
-    times: Array
-    states: Array
+    times: Array  # (n_times,): some times of the period [s]
+    states: Array  # (n_times, n_positions + n): positions and rates then
 
 
 def find_periodic_motion(

@@ -27,23 +27,13 @@ from fmd.stability.tangent import OperatingPoint, differentiate
 
 @dataclass(frozen=True)
 class SampledLoops:
-    """Linear model of a mechanism between samples, and of what its controllers measure.
+    """Linear model of a mechanism between samples, and of what its controllers measure."""
 
-    Attributes
-    ----------
-    A, B : ndarray, shapes (n, n) and (n, n_held)
-        Rates of positions and rates by these, and by held values.
-    C, D : sequence of ndarray, shapes (n_measured, n) and (n_measured, n_held)
-        What each controller measures, likewise.
-    outputs : tuple of int
-        Number of the value that each controller holds.
-    """
-
-    A: Array
+    A: Array  # (n, n) and (n, n_held): rates of positions and rates by these, and by held values
     B: Array
-    C: Sequence[Array]
+    C: Sequence[Array]  # (n_measured, n) and (n_measured, n_held): what each controller measures, likewise
     D: Sequence[Array]
-    outputs: tuple[int, ...]
+    outputs: tuple[int, ...]  # number of the value that each controller holds
 
     def growth_rate(self, periods: Sequence[float], laws: Sequence[LinearLaw]) -> float | None:
         """Return the largest growth rate of small vibrations [1/s]; none if sample times have no common multiple.

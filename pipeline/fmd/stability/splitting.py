@@ -23,19 +23,11 @@ from fmd.stability.amplification import cycle_growth
 
 @dataclass(frozen=True)
 class Split:
-    """Split of a mechanism into slow and fast coordinates, with the steps of both.
+    """Split of a mechanism into slow and fast coordinates, with the steps of both."""
 
-    Attributes
-    ----------
-    frequency_hz : float
-        Coordinates below it are slow [Hz].
-    step : float
-        Fast step [s].
-    """
-
-    frequency_hz: float
+    frequency_hz: float  # coordinates below it are slow [Hz]
     substeps: int
-    step: float
+    step: float  # fast step [s]
 
 
 def split_at(system: CompiledSystem, frequency_hz: float) -> tuple[list[str], dict[str, int]]:
@@ -60,8 +52,6 @@ def choose_split(
 
     Parameters
     ----------
-    error : float
-        Wanted, relative to the largest deformation.
     duration : float
         Of the motion [s].
     spin : float

@@ -25,22 +25,13 @@ from fmd.integrators.protocol import ResumableIntegrator, State, evaluate, evalu
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """State of a mechanism about which small vibrations are studied.
+    """State of a mechanism about which small vibrations are studied."""
 
-    Attributes
-    ----------
-    time : float
-        [s]
-    q, v : ndarray, shapes (n_positions,) and (n,)
-        Positions and rates.
-    numbers : ndarray, shape (n_numbers,)
-        Numbers of the mechanism that it is a state of, where another one of that structure stands for it; see
-        `fmd.integrators.many_states.numbers_in`.
-    """
-
-    time: float
-    q: Array
+    time: float  # [s]
+    q: Array  # (n_positions,) and (n,): positions and rates
     v: Array
+    # (n_numbers,): numbers of the mechanism that it is a state of, where another one of that structure stands for it;
+    # see `fmd.integrators.many_states.numbers_in`
     numbers: Array = field(default_factory=lambda: np.zeros(0))
 
     @property

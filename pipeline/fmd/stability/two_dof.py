@@ -22,25 +22,13 @@ _COURANT = np.array([1e-3, 2e-3, 5e-3])
 
 @dataclass(frozen=True)
 class StabilityMap:
-    """Spectral radii of a major cycle over the Courant numbers of both coordinates.
+    """Spectral radii of a major cycle over the Courant numbers of both coordinates."""
 
-    Attributes
-    ----------
-    substeps : int
-        Fast steps to a major cycle.
-    coupling : float
-        β.
-    omega_s, omega_l : ndarray, shape (n,)
-        Courant numbers of the fast and of the slow coordinate.
-    rho : ndarray, shape (n, n)
-        Spectral radius; rows go with ``omega_l``.
-    """
-
-    substeps: int
-    coupling: float
-    omega_s: Array
+    substeps: int  # fast steps to a major cycle
+    coupling: float  # β
+    omega_s: Array  # (n,): Courant numbers of the fast and of the slow coordinate
     omega_l: Array
-    rho: Array
+    rho: Array  # (n, n): spectral radius; rows go with ``omega_l``
 
     @property
     def unstable(self) -> Array:
@@ -127,23 +115,13 @@ def reversible_growth(omega_s: Array, omega_l: Array, coupling: float, substeps:
 
 @dataclass(frozen=True)
 class GrowthLaw:
-    """Law ``ρ − 1 = c β^b Ω_S^s / (1 − β²)`` of the weak instability, fitted to computed radii.
+    """Law ``ρ − 1 = c β^b Ω_S^s / (1 − β²)`` of the weak instability, fitted to computed radii."""
 
-    Attributes
-    ----------
-    substeps : int
-        m.
-    factor, coupling_power, courant_power : float
-        c, b and s.
-    misfit : float
-        Largest relative difference of a radius's excess from the law.
-    """
-
-    substeps: int
-    factor: float
+    substeps: int  # m
+    factor: float  # c, b and s
     coupling_power: float
     courant_power: float
-    misfit: float
+    misfit: float  # largest relative difference of a radius's excess from the law
 
 
 def fit_growth_law(substeps: int) -> GrowthLaw:

@@ -31,30 +31,16 @@ from fmd.stages.parent_joint import ParentJoint
 
 @dataclass(frozen=True)
 class ConstrainedModel:
-    """A body's finite element model with its markers, its supports and the joint that carries it.
+    """A body's finite element model with its markers, its supports and the joint that carries it."""
 
-    Attributes
-    ----------
-    file, name : str
-        The scene's file and the body's name in it, for messages.
-    solver_name : str
-        Solver that the scene chooses.
-    factorise : callable
-        Factorises a matrix by that solver.
-    sectors : int
-        How many equal sectors a cyclic mesh has; 1 if it isn't cyclic.
-    fixed : ndarray of int, optional
-        Unknowns that the supports fix.
-    """
-
-    file: str
+    file: str  # the scene's file and the body's name in it, for messages
     name: str
-    solver_name: str
-    factorise: Callable[[Any], Factor]
+    solver_name: str  # solver that the scene chooses
+    factorise: Callable[[Any], Factor]  # factorises a matrix by that solver
     fe: FEModel
-    sectors: int
+    sectors: int  # how many equal sectors a cyclic mesh has; 1 if it isn't cyclic
     markers: Mapping[str, Marker]
-    fixed: IntArray | None
+    fixed: IntArray | None  # unknowns that the supports fix
     joint: ParentJoint
 
     @cached_property

@@ -34,40 +34,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StiffnessChange:
-    """Change of a stiffened body's stiffness by the loads through it.
+    """Change of a stiffened body's stiffness by the loads through it."""
 
-    Attributes
-    ----------
-    largest : float
-        Largest change of the stiffness of a shape, as a part of it.
-    buckling : float
-        Largest load as a part of the buckling load; 0 if nothing is compressed.
-    buckles_at : float
-        Time at which it first passes the buckling load [s]; infinite if it never does.
-    growth : float
-        Logarithm of the factor by which a deflection grows while the load is beyond that.
-    """
-
-    largest: float
-    buckling: float
-    buckles_at: float
-    growth: float
+    largest: float  # largest change of the stiffness of a shape, as a part of it
+    buckling: float  # largest load as a part of the buckling load; 0 if nothing is compressed
+    buckles_at: float  # time at which it first passes the buckling load [s]; infinite if it never does
+    growth: float  # logarithm of the factor by which a deflection grows while the load is beyond that
 
 
 @dataclass(frozen=True)
 class ConstrainedStiffness:
-    """Lowest stiffness of a mechanism's elastic motions under loads.
+    """Lowest stiffness of a mechanism's elastic motions under loads."""
 
-    Attributes
-    ----------
-    lowest : float
-        Lowest stiffness over mass [1/s²].
-    buckling : float
-        Load as a part of the buckling load; 0 if nothing softens.
-    """
-
-    lowest: float
-    buckling: float
+    lowest: float  # lowest stiffness over mass [1/s²]
+    buckling: float  # load as a part of the buckling load; 0 if nothing softens
 
 
 def find_changes(mechanism: Mechanism, checks: Mapping[str, StiffeningLoads]) -> dict[str, StiffnessChange]:

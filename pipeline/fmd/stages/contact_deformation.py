@@ -21,17 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ContactDeformation:
-    """Fields of displacement by forces of contact in a motion, without the part that modes have.
-
-    Parameters
-    ----------
-    fields : ResidualFields
-        The fields, and how much of each there is at the output times.
-    """
+    """Fields of displacement by forces of contact in a motion, without the part that modes have."""
 
     part: FlexiblePart
     points: ContactPoints
-    fields: ResidualFields
+    fields: ResidualFields  # the fields, and how much of each there is at the output times
 
     @cached_property
     def _surface_stress(self) -> Array:

@@ -133,22 +133,12 @@ def _piece(body: Flexible, name: str, k: int, cut: CutPart, elements: Mapping[st
 
 @dataclass(frozen=True)
 class DividedPart:
-    """A part in pieces, shown as one.
+    """A part in pieces, shown as one."""
 
-    Attributes
-    ----------
-    whole : FlexiblePart
-        The part as the scene has it.
-    pieces : tuple of FlexiblePart
-        The pieces, the first at the part's joint.
-    ports : tuple of str
-        Names of the markers at which joints and loads act.
-    """
-
-    whole: FlexiblePart
+    whole: FlexiblePart  # the part as the scene has it
     cut: CutPart
-    pieces: tuple[FlexiblePart, ...]
-    ports: tuple[str, ...]
+    pieces: tuple[FlexiblePart, ...]  # the pieces, the first at the part's joint
+    ports: tuple[str, ...]  # names of the markers at which joints and loads act
 
     @cached_property
     def nodes(self) -> tuple[IntArray, ...]:
@@ -234,20 +224,11 @@ class DividedPart:
 
 @dataclass(frozen=True)
 class Division:
-    """The parts of a scene as they are reduced.
+    """The parts of a scene as they are reduced."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The scene with pieces as bodies of their own.
-    parts : mapping of str to FlexiblePart
-        Parts and pieces by name.
-    divided : mapping of str to DividedPart
-        The parts in pieces by name; empty in most scenes.
-    """
-
-    scene: Scene
-    parts: Mapping[str, FlexiblePart]
+    scene: Scene  # the scene with pieces as bodies of their own
+    parts: Mapping[str, FlexiblePart]  # parts and pieces by name
+    # The parts in pieces by name; empty in most scenes.
     divided: Mapping[str, DividedPart] = field(default_factory=dict)
 
     def with_parts(self, parts: Mapping[str, FlexiblePart]) -> Division:

@@ -30,25 +30,14 @@ STARTS = ("start", "equilibrium", "steady")
 
 @dataclass(frozen=True)
 class LinearModel:
-    """A scene's linear model, with what belongs to its inputs.
-
-    Attributes
-    ----------
-    about : str
-        Operating point about which the scene is linearised.
-    motions : ndarray of bool, shape (n_inputs,)
-        Inputs that are the acceleration of a prescribed motion.
-    warnings : list of dict
-        ``code`` and ``text`` of what the answers suffer from.
-    holds_to_hz : float, optional
-        Half of the highest frequency that the modes of every body reach, up to which the model is close to that of the
-        whole meshes [Hz]; ``None`` without modes, which leave nothing out.
-    """
+    """A scene's linear model, with what belongs to its inputs."""
 
     model: StateSpace
-    about: str
-    motions: Array
-    warnings: list[dict[str, str]]
+    about: str  # operating point about which the scene is linearised
+    motions: Array  # (n_inputs,): inputs that are the acceleration of a prescribed motion
+    warnings: list[dict[str, str]]  # ``code`` and ``text`` of what the answers suffer from
+    # Half of the highest frequency that the modes of every body reach, up to which the model is close to that of the
+    # whole meshes [Hz]; ``None`` without modes, which leave nothing out.
     holds_to_hz: float | None = None
 
     def input_names(self, as_positions: bool) -> list[tuple[str, str]]:
@@ -71,8 +60,6 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
 
     Parameters
     ----------
-    inputs, outputs : sequence of str
-        Names, as docs/responses.md lists them.
     about : str
         ``start``, ``equilibrium``, ``steady``, or a time [s] of the scene's first run.
 

@@ -39,18 +39,10 @@ _ORDERS = {"velocity": 1, "acceleration": 2}
 
 @dataclass(frozen=True)
 class NamedInput:
-    """An input of a scene.
+    """An input of a scene."""
 
-    Attributes
-    ----------
-    port : callable
-        Makes the port of the scene's mechanism.
-    drive : Drive, optional
-        Load of size 0 whose static response the body there has to take.
-    """
-
-    port: Callable[[Mechanism], Port]
-    drive: Drive | None = None
+    port: Callable[[Mechanism], Port]  # makes the port of the scene's mechanism
+    drive: Drive | None = None  # load of size 0 whose static response the body there has to take
 
 
 def find_input(scene: Scene, name: str) -> NamedInput:

@@ -18,41 +18,20 @@ Direction = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class ParentJoint:
-    """The joint that carries a body, as far as the body's reduction depends on it.
+    """The joint that carries a body, as far as the body's reduction depends on it."""
 
-    Attributes
-    ----------
-    marker : str
-        The body's marker at the joint; empty in a scene of parts alone.
-    axis : tuple of float
-        Normal of the plane of motion: the hinge's axis, or that of the other hinges.
-    free : tuple
-        Directions (k, 3) about which the joint lets the body turn by itself: its frame floats about them.
-    floating : bool
-        Holds nothing at all: a free joint, or none.
-    welded : bool
-        Holds everything: a fixed joint.
-    prescribed : bool
-        Its motion is given.
-    in_plane : bool
-        Every joint of the scene keeps to the plane across ``axis``, and so do gravity and all loads.
-    normal : int
-        Number of the only coordinate axis that the body turns about in space, on a hinge to the ground; else -1.
-    accelerated : bool
-        The joint moves through space, or gravity acts: the body's frame accelerates.
-    loaded : tuple of (str, bool)
-        Markers where other bodies hang or loads act, by name, and if those keep to the plane of motion.
-    """
-
-    marker: str
-    axis: Direction
+    marker: str  # the body's marker at the joint; empty in a scene of parts alone
+    axis: Direction  # normal of the plane of motion: the hinge's axis, or that of the other hinges
+    # Directions (k, 3) about which the joint lets the body turn by itself: its frame floats about them.
     free: tuple[Direction, ...]
-    floating: bool
-    welded: bool
-    prescribed: bool
-    in_plane: bool
+    floating: bool  # holds nothing at all: a free joint, or none
+    welded: bool  # holds everything: a fixed joint
+    prescribed: bool  # its motion is given
+    in_plane: bool  # every joint of the scene keeps to the plane across ``axis``, and so do gravity and all loads
+    # Number of the only coordinate axis that the body turns about in space, on a hinge to the ground; else -1.
     normal: int = -1
-    accelerated: bool = True
+    accelerated: bool = True  # the joint moves through space, or gravity acts: the body's frame accelerates
+    # Markers where other bodies hang or loads act, by name, and if those keep to the plane of motion.
     loaded: tuple[tuple[str, bool], ...] = ()
 
     @property
@@ -161,18 +140,10 @@ def _across(a: Direction, b: Direction) -> bool:
 
 @dataclass(frozen=True)
 class JointAxes:
-    """Axes of a joint that carries a body.
+    """Axes of a joint that carries a body."""
 
-    Attributes
-    ----------
-    in_parent : ndarray, shape (3, 3)
-        Rotation from the joint's axes into those of the parent's body, or into space.
-    in_child : ndarray, shape (3, 3)
-        Rotation from the joint's axes, with its coordinates at 0, into those of the child's body.
-    """
-
-    in_parent: Array
-    in_child: Array
+    in_parent: Array  # (3, 3): rotation from the joint's axes into those of the parent's body, or into space
+    in_child: Array  # (3, 3): rotation from the joint's axes, with its coordinates at 0, into those of the child's body
 
     @property
     def of_child(self) -> Array:

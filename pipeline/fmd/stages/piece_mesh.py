@@ -20,26 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut between two pieces: their numbers, and the names of the markers that each has there.
+    """A cut between two pieces: their numbers, and the names of the markers that each has there."""
 
-    Attributes
-    ----------
-    first, second : int
-        Numbers of the pieces, from 0; in the tree the first is nearer to the joint that carries the part.
-    of_first, of_second : str
-        Names of the markers on both sides.
-    closes : bool
-        The cut closes a ring of pieces; else it is a branch of the tree.
-    facets : ndarray of int
-        Its facets, by their numbers among all between elements.
-    """
-
-    first: int
+    first: int  # numbers of the pieces, from 0; in the tree the first is nearer to the joint that carries the part
     second: int
-    of_first: str
-    of_second: str
-    closes: bool
-    facets: IntArray = field(repr=False, compare=False)
+    of_first: str  # names of the markers on both sides
+    of_second: str  # names of the markers on both sides
+    closes: bool  # the cut closes a ring of pieces; else it is a branch of the tree
+    facets: IntArray = field(repr=False, compare=False)  # its facets, by their numbers among all between elements
 
     @property
     def pieces(self) -> tuple[int, int]:
@@ -49,27 +37,14 @@ class Cut:
 
 @dataclass(frozen=True)
 class PieceMesh:
-    """Elements of one piece of a part.
+    """Elements of one piece of a part."""
 
-    Attributes
-    ----------
-    cells : ndarray of int
-        Their numbers in the mesh of the whole.
-    mesh : SolidMesh
-        The piece's mesh, its origin moved by ``offset``; its faces are those of its markers.
-    offset : ndarray, shape (3,)
-        Origin of the piece's coordinates in those of the whole [m].
-    cut_markers, own_markers : tuple of str
-        Names of the markers at its cuts, and of the whole part's markers that are on it.
-    given : mapping of str to Marker
-        Those of them, by name, that aren't made from a face of the piece's mesh.
-    """
-
-    cells: IntArray
-    mesh: SolidMesh
-    offset: Array
-    cut_markers: tuple[str, ...]
+    cells: IntArray  # their numbers in the mesh of the whole
+    mesh: SolidMesh  # the piece's mesh, its origin moved by ``offset``; its faces are those of its markers
+    offset: Array  # (3,): origin of the piece's coordinates in those of the whole [m]
+    cut_markers: tuple[str, ...]  # names of the markers at its cuts, and of the whole part's markers that are on it
     own_markers: tuple[str, ...]
+    # Those of them, by name, that aren't made from a face of the piece's mesh.
     given: Mapping[str, Marker] = field(default_factory=dict)
 
     @cached_property
@@ -94,18 +69,11 @@ class PieceMesh:
 
 @dataclass(frozen=True)
 class CutPart:
-    """A part's mesh cut into pieces.
+    """A part's mesh cut into pieces."""
 
-    Attributes
-    ----------
-    pieces : tuple of PieceMesh
-        The first carries the marker of the part's joint, each other comes after one that it is welded to.
-    cuts : tuple of Cut
-        Cuts between them, those that close rings last.
-    """
-
+    # The first carries the marker of the part's joint, each other comes after one that it is welded to.
     pieces: tuple[PieceMesh, ...]
-    cuts: tuple[Cut, ...]
+    cuts: tuple[Cut, ...]  # cuts between them, those that close rings last
 
     def holds(self, marker: str) -> int:
         """Return the number of the piece that a marker of the whole is on."""

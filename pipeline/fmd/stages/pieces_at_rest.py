@@ -29,24 +29,13 @@ class PiecesAtRest:
     """Mass and stiffness of pieces that are welded together, undeformed.
 
     Coordinates are those of all pieces, then velocity and spin of the first one's frame unless supports fix it.
-
-    Attributes
-    ----------
-    M, K : ndarray, shape (n, n)
-        Mass and stiffness.
-    closing : ndarray, shape (k, n)
-        Rows that the cuts which close rings keep at 0.
-    motions : mapping of str to ndarray, shape (6, n)
-        Translation and rotation of the part's markers by their names.
-    n_rigid : int
-        Number of rigid motions, which are the last coordinates.
     """
 
-    M: Array
+    M: Array  # (n, n): mass and stiffness
     K: Array
-    closing: Array
-    motions: Mapping[str, Array]
-    n_rigid: int
+    closing: Array  # (k, n): rows that the cuts which close rings keep at 0
+    motions: Mapping[str, Array]  # (6, n): translation and rotation of the part's markers by their names
+    n_rigid: int  # number of rigid motions, which are the last coordinates
 
     @cached_property
     def _free(self) -> Array:
@@ -101,18 +90,11 @@ def put_together(bodies: Sequence[FlexibleBody], cut: CutPart, supported: bool) 
 
 @dataclass(frozen=True)
 class PartAtRest:
-    """Frequencies and compliances of a part in one piece at rest.
+    """Frequencies and compliances of a part in one piece at rest."""
 
-    Attributes
-    ----------
-    frequencies_hz : ndarray
-        Lowest frequencies, free but for the supports [Hz].
-    compliances : mapping of str to ndarray, shape (6, 6)
-        Work of unit forces and torques at markers on the deflections by each other, balanced at the first marker
-        unless supports fix the part.
-    """
-
-    frequencies_hz: Array
+    frequencies_hz: Array  # lowest frequencies, free but for the supports [Hz]
+    # (6, 6): work of unit forces and torques at markers on the deflections by each other, balanced at the first marker
+    # unless supports fix the part
     compliances: Mapping[str, Array]
 
 

@@ -18,36 +18,17 @@ from fmd.stages.run_checks import describe_fastest
 
 @dataclass(frozen=True)
 class Plan:
-    """A run of a scene, ready to be integrated: an integrator, a mechanism and a start.
+    """A run of a scene, ready to be integrated: an integrator, a mechanism and a start."""
 
-    Attributes
-    ----------
-    key : str
-        The scene's key of its step.
-    mechanism : Mechanism
-        With the run's own split into slow and fast coordinates.
-    system : CompiledSystem
-        The mechanism as it is marched, whose steps are limited.
-    start : tuple of ndarray, shapes (n_positions,) and (n,)
-        Positions and rates.
-    excited : Excited, optional
-        The part of the mechanism that is integrated, if some modes can be left at rest.
-    excited_system : CompiledSystem, optional
-        That part as it is marched.
-    growth : float
-        Factor by which an explicit method itself makes small vibrations grow over the scene.
-    over_plain : float, optional
-        Run time of sub-cycling by tangents over that of plain central differences, where it might be above 1.
-    """
-
-    key: str
+    key: str  # the scene's key of its step
     integrator: Integrator
-    mechanism: Mechanism
-    system: CompiledSystem
-    start: tuple[Array, Array]
-    excited: Excited | None = None
-    excited_system: CompiledSystem | None = None
-    growth: float = 1.0
+    mechanism: Mechanism  # with the run's own split into slow and fast coordinates
+    system: CompiledSystem  # the mechanism as it is marched, whose steps are limited
+    start: tuple[Array, Array]  # (n_positions,) and (n,): positions and rates
+    excited: Excited | None = None  # the part of the mechanism that is integrated, if some modes can be left at rest
+    excited_system: CompiledSystem | None = None  # that part as it is marched
+    growth: float = 1.0  # factor by which an explicit method itself makes small vibrations grow over the scene
+    # Run time of sub-cycling by tangents over that of plain central differences, where it might be above 1.
     over_plain: float | None = None
 
     def require_positive_mass(self, trajectory: Trajectory) -> None:
@@ -101,21 +82,10 @@ def repeat_choice(plan: Plan, trajectory: Trajectory) -> Plan:
 
 @dataclass(frozen=True)
 class Growth:
-    """Step of a run that is safe to take, and the growth of small vibrations by the method itself.
+    """Step of a run that is safe to take, and the growth of small vibrations by the method itself."""
 
-    Attributes
-    ----------
-    step : float, optional
-        Step in place of the plan's, which is too long [s].
-    factor : float
-        Factor by which small vibrations grow over the scene.
-    carried : bool
-        Sub-cycling carries forces on from cycle to cycle, for that is cheapest.
-    over_plain : float, optional
-        Run time of a part of the motion over that of plain central differences, if sub-cycling takes tangents instead.
-    """
-
-    step: float | None = None
-    factor: float = 1.0
-    carried: bool = False
+    step: float | None = None  # step in place of the plan's, which is too long [s]
+    factor: float = 1.0  # factor by which small vibrations grow over the scene
+    carried: bool = False  # sub-cycling carries forces on from cycle to cycle, for that is cheapest
+    # Run time of a part of the motion over that of plain central differences, if sub-cycling takes tangents instead.
     over_plain: float | None = None

@@ -21,30 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Clip:
-    """Poses of a mechanism along one coordinate, its other joints at the start or as loops make them follow.
+    """Poses of a mechanism along one coordinate, its other joints at the start or as loops make them follow."""
 
-    Attributes
-    ----------
-    name : str
-        The joint's, or ``time`` for all prescribed motions.
-    unit : str
-        ``rad``, ``m`` or ``s``.
-    values : ndarray, shape (n_poses,)
-        Of the coordinate, ascending.
-    times : ndarray, shape (n_poses,)
-        At which prescribed motions are taken [s].
-    q : ndarray, shape (n_poses, n_positions)
-        Positions.
-    start : int
-        Number of the pose at the start.
-    """
-
-    name: str
-    unit: str
-    values: Array
-    times: Array
-    q: Array
-    start: int
+    name: str  # the joint's, or ``time`` for all prescribed motions
+    unit: str  # ``rad``, ``m`` or ``s``
+    values: Array  # (n_poses,): of the coordinate, ascending
+    times: Array  # (n_poses,): at which prescribed motions are taken [s]
+    q: Array  # (n_poses, n_positions): positions
+    start: int  # number of the pose at the start
 
 
 def undeformed_start(run: Pipeline) -> Array:
@@ -65,11 +49,6 @@ def find_clips(run: Pipeline, q0: Array, reach: float) -> tuple[Clip, ...]:
         Positions at the start, as `undeformed_start` gives them.
     reach : float
         How far slides without stops move to both sides [m]; hinges without stops make a whole turn.
-
-    Returns
-    -------
-    tuple of Clip
-        The prescribed motions' if there are any, and one for each joint with a single free coordinate.
     """
     poses, found = _Poses(run, q0, reach), []
     if any(link.motion is not None for link in run.mechanism.links):

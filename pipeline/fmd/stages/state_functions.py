@@ -37,19 +37,11 @@ Locate = Callable[[str], tuple[Place, Array]]
 
 @dataclass(frozen=True)
 class FunctionBuilder:
-    """Makes functions of a mechanism's state from the formulas of a scene.
-
-    Parameters
-    ----------
-    locate : callable
-        Returns a marker by its name.
-    outputs : dict of str to Measured
-        What the controllers' names stand for.
-    """
+    """Makes functions of a mechanism's state from the formulas of a scene."""
 
     scene: Scene
-    locate: Locate
-    outputs: dict[str, Measured] = field(default_factory=dict)
+    locate: Locate  # returns a marker by its name
+    outputs: dict[str, Measured] = field(default_factory=dict)  # what the controllers' names stand for
 
     def of_joint(self, joint: str) -> StateFunction | None:
         """Return the force or torque along a joint by the motion; none if no drive has such a formula."""

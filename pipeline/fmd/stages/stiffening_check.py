@@ -53,36 +53,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StiffeningLoads:
-    """Loads through a body over a scene, and whether they count.
+    """Loads through a body over a scene, and whether they count."""
 
-    Attributes
-    ----------
-    largest_rate : float
-        Largest angular rate of the body over the scene [rad/s].
-    first_frequency : float
-        Its lowest angular frequency [rad/s].
-    critical_rate : float
-        Rate at which it would have no stiffness left without geometric stiffening [rad/s].
-    stiffened : bool
-        True if the body has its geometric stiffness.
-    change : float
-        Estimate from above of how much the loads change the stiffness of a mode, as a part of it.
-    loads : BodyLoads
-        Loads through the body with all bodies rigid.
-    times : ndarray, shape (n_times,)
-        At which they are known [s].
-    positions : ndarray, shape (n_times, n_positions)
-        Of the mechanism with all bodies rigid.
-    """
-
-    largest_rate: float
-    first_frequency: float
-    critical_rate: float
-    stiffened: bool
-    change: float
-    loads: BodyLoads = field(repr=False)
-    times: Array = field(repr=False)
-    positions: Array = field(repr=False)
+    largest_rate: float  # largest angular rate of the body over the scene [rad/s]
+    first_frequency: float  # its lowest angular frequency [rad/s]
+    critical_rate: float  # rate at which it would have no stiffness left without geometric stiffening [rad/s]
+    stiffened: bool  # true if the body has its geometric stiffness
+    change: float  # estimate from above of how much the loads change the stiffness of a mode, as a part of it
+    loads: BodyLoads = field(repr=False)  # loads through the body with all bodies rigid
+    times: Array = field(repr=False)  # (n_times,): at which they are known [s]
+    positions: Array = field(repr=False)  # (n_times, n_positions): of the mechanism with all bodies rigid
 
 
 def check_stiffening_loads(

@@ -38,18 +38,11 @@ def _one_thread() -> AbstractContextManager[object]:
 
 @dataclass
 class Log:
-    """Time and origin of each stage's results, in the order in which they came.
+    """Time and origin of each stage's results, in the order in which they came."""
 
-    Attributes
-    ----------
-    seconds : dict of str to float
-        Time that each stage took, computed or read from the cache, of all bodies together [s].
-    run, cached : list of str
-        Stages that were computed and stages that were read.
-    """
-
+    # Time that each stage took, computed or read from the cache, of all bodies together [s].
     seconds: dict[str, float] = field(default_factory=dict)
-    run: list[str] = field(default_factory=list)
+    run: list[str] = field(default_factory=list)  # stages that were computed and stages that were read
     cached: list[str] = field(default_factory=list)
 
     def add(self, stage: str, seconds: float, names: list[str]) -> None:
@@ -61,24 +54,14 @@ class Log:
 
 @dataclass(frozen=True)
 class StageStore:
-    """Computes results of stages, or reads them from a cache.
-
-    Parameters
-    ----------
-    monitor : Monitor
-        Reports each stage's progress.
-    remarks : callable
-        Finds what is unusual about the scene, which an error of a stage has as its notes.
-    log : Log
-        Records what was done.
-    shared : dict of str to object
-        Results by their keys, which bodies of one part have in common.
-    """
+    """Computes results of stages, or reads them from a cache."""
 
     cache: Cache
-    monitor: Monitor = silent
+    monitor: Monitor = silent  # reports each stage's progress
+    # Finds what is unusual about the scene, which an error of a stage has as its notes.
     remarks: Callable[[], Iterable[str]] = tuple
-    log: Log = field(default_factory=Log)
+    log: Log = field(default_factory=Log)  # records what was done
+    # Results by their keys, which bodies of one part have in common.
     shared: dict[str, Any] = field(default_factory=dict)
 
     def alone(self) -> StageStore:

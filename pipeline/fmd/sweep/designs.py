@@ -21,25 +21,13 @@ _RANGE = re.compile(rf"({_VALUE})\s*\.\.\s*({_VALUE})(?::(\d+))?\s*([^:\d\s][^:]
 
 @dataclass(frozen=True)
 class Range:
-    """A range of values as ``100..400:8 N/m`` gives it, or ``1..1000:7 N/m log`` with equal ratios.
+    """A range of values as ``100..400:8 N/m`` gives it, or ``1..1000:7 N/m log`` with equal ratios."""
 
-    Parameters
-    ----------
-    low, high : float
-        Its ends, both of them values.
-    count : int
-        Number of values; 0 for a range that a design samples.
-    unit : str
-        Unit of all values, or empty.
-    logarithmic : bool
-        True if values have equal ratios.
-    """
-
-    low: float
-    high: float
-    count: int
-    unit: str
-    logarithmic: bool
+    low: float  # its ends, both of them values
+    high: float  # its ends, both of them values
+    count: int  # number of values; 0 for a range that a design samples
+    unit: str  # unit of all values, or empty
+    logarithmic: bool  # true if values have equal ratios
 
     def at(self, shares: Array) -> tuple[str, ...]:
         """Return values at shares of the way from the low end (0) to the high one (1)."""

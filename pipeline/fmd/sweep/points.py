@@ -31,27 +31,13 @@ class Variation:
 
 @dataclass(frozen=True)
 class Point:
-    """One combination of values, with its scene or the reason why there is none.
+    """One combination of values, with its scene or the reason why there is none."""
 
-    Parameters
-    ----------
-    values : tuple of str
-        One for each varied key.
-    scene : Scene or None
-        The scene with these values; ``None`` if it is refused.
-    key : str
-        Digest of the scene, its files and the sources that compute it; empty if it is refused.
-    refusal : str
-        The reason, if it is refused.
-    left_out : int
-        Number of the scene's runs that the point doesn't have.
-    """
-
-    values: tuple[str, ...]
-    scene: Scene | None
-    key: str = ""
-    refusal: str = ""
-    left_out: int = 0
+    values: tuple[str, ...]  # one for each varied key
+    scene: Scene | None  # the scene with these values; ``None`` if it is refused
+    key: str = ""  # digest of the scene, its files and the sources that compute it; empty if it is refused
+    refusal: str = ""  # the reason, if it is refused
+    left_out: int = 0  # number of the scene's runs that the point doesn't have
 
 
 def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:

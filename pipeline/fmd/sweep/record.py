@@ -15,21 +15,11 @@ STATUSES = ("ok", "refused", "failed")
 
 @dataclass(frozen=True)
 class Wanted:
-    """Results that are wanted of each point: those of some names alone, or else the summary of its run.
+    """Results that are wanted of each point: those of some names alone, or else the summary of its run."""
 
-    Parameters
-    ----------
-    budget : bool
-        Errors, which stand in the summary.
-    results : tuple of str
-        Names of results, as `fmd.output.channels.find_channels` takes them.
-    histories : bool
-        Values over time of the results that are histories.
-    """
-
-    budget: bool = False
-    results: tuple[str, ...] = ()
-    histories: bool = False
+    budget: bool = False  # errors, which stand in the summary
+    results: tuple[str, ...] = ()  # names of results, as `fmd.output.channels.find_channels` takes them
+    histories: bool = False  # values over time of the results that are histories
 
     @property
     def summary(self) -> bool:
@@ -42,24 +32,14 @@ SUMMARY = Wanted()
 
 @dataclass(frozen=True)
 class Record:
-    """The result of one point of a sweep.
+    """The result of one point of a sweep."""
 
-    Parameters
-    ----------
-    status : str
-        ``"ok"``; ``"refused"``: its input is wrong; ``"failed"``: a number failed its check, or its process died.
-    message : str
-        The reason, unless it is ok.
-    summary : dict
-        The figures that ``fmd run`` writes as summary.json; of results by their names alone these and warnings.
-    lasting : bool
-        False if computing once more may succeed, e.g. after a process has died; then it isn't kept.
-    """
-
+    # ``"ok"``; ``"refused"``: its input is wrong; ``"failed"``: a number failed its check, or its process died.
     status: str
-    message: str = ""
+    message: str = ""  # the reason, unless it is ok
+    # The figures that ``fmd run`` writes as summary.json; of results by their names alone these and warnings.
     summary: dict[str, Any] = field(default_factory=dict)
-    lasting: bool = True
+    lasting: bool = True  # false if computing once more may succeed, e.g. after a process has died; then it isn't kept
 
     def lacks(self, wanted: Wanted) -> bool:
         """Return true if a scene that was computed has to be computed anew for what is wanted."""

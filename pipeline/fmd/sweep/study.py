@@ -19,21 +19,12 @@ Compute = Callable[[Mapping[str, Scene]], Iterator[tuple[str, Record]]]
 
 @dataclass(frozen=True)
 class Sweep:
-    """A scene at many values, with the record of each.
-
-    Attributes
-    ----------
-    points : tuple of Point
-        All combinations, the last key varying fastest, or those of a design.
-    records : tuple of Record
-        The result of each point.
-    computed : int
-        Number of scenes computed now; the others were kept from before, refused at once, or equal to one of these.
-    """
+    """A scene at many values, with the record of each."""
 
     variations: tuple[Variation, ...]
-    points: tuple[Point, ...]
-    records: tuple[Record, ...]
+    points: tuple[Point, ...]  # all combinations, the last key varying fastest, or those of a design
+    records: tuple[Record, ...]  # the result of each point
+    # Number of scenes computed now; the others were kept from before, refused at once, or equal to one of these.
     computed: int
 
     @property

@@ -14,22 +14,12 @@ from fmd.stages.pipeline import Pipeline
 
 @dataclass(frozen=True)
 class Figure:
-    """One number of ours beside the published one.
+    """One number of ours beside the published one."""
 
-    Parameters
-    ----------
-    quantity : str
-        Name of the quantity, with its unit.
-    ours, published : float
-        Values in that unit.
-    tolerance : float
-        Largest difference allowed, relative to ``published``.
-    """
-
-    quantity: str
-    ours: float
-    published: float
-    tolerance: float
+    quantity: str  # name of the quantity, with its unit
+    ours: float  # values in that unit
+    published: float  # values in that unit
+    tolerance: float  # largest difference allowed, relative to ``published``
 
     @property
     def difference(self) -> float:
@@ -48,19 +38,12 @@ class CaseSkipped(Exception):  # noqa: N818 - no error: what a case needs isn't 
 
 @dataclass(frozen=True)
 class VerificationCase:
-    """A case: figures of ours beside those of one publication.
+    """A case: figures of ours beside those of one publication."""
 
-    Parameters
-    ----------
-    name, title, source : str
-        Name on the command line, title in the table, and publication of the numbers or formulas.
-    measure : callable
-        Function that computes the figures; takes the cache of the stages, ``None`` for the user's.
-    """
-
-    name: str
+    name: str  # name on the command line, title in the table, and publication of the numbers or formulas
     title: str
     source: str
+    # Function that computes the figures; takes the cache of the stages, ``None`` for the user's.
     measure: Callable[[Cache | None], list[Figure]]
 
 

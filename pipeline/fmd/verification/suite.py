@@ -22,25 +22,13 @@ CASES = {case.name: case for part in _PARTS for case in part.CASES}
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a case: its figures, or the failed check that ended it.
-
-    Parameters
-    ----------
-    figures : tuple of Figure
-        Its figures; none if it ended in an error.
-    seconds : float
-        Run time [s].
-    error : str
-        The failed check that ended it; empty if it was carried through.
-    skipped : str
-        What it needs and isn't there; empty if it was run.
-    """
+    """The result of a case: its figures, or the failed check that ended it."""
 
     case: VerificationCase
-    figures: tuple[Figure, ...]
-    seconds: float
-    error: str = ""
-    skipped: str = ""
+    figures: tuple[Figure, ...]  # its figures; none if it ended in an error
+    seconds: float  # run time [s]
+    error: str = ""  # the failed check that ended it; empty if it was carried through
+    skipped: str = ""  # what it needs and isn't there; empty if it was run
 
     @property
     def holds(self) -> bool:

@@ -14,29 +14,15 @@ from fmd.fem.elements import ElementKind, match_nodes
 
 @dataclass(frozen=True)
 class SolidCell:
-    """A type of solid cell: a shape with or without mid-edge nodes.
-
-    Parameters
-    ----------
-    order : int
-        2 if it has mid-edge nodes.
-    elements : tuple of ElementKind
-        The elements on it, of different orders of the displacement.
-    centres : tuple of tuple of int
-        Corners at whose centres its further nodes lie, after the mid-edge nodes.
-    nastran : tuple of str
-        Nastran's names of the element; none if it has no such element.
-    nastran_order, abaqus_order : tuple of int
-        Places of its nodes in the other program's order; empty if that is the same.
-    """
+    """A type of solid cell: a shape with or without mid-edge nodes."""
 
     name: str
     shape: type[CellShape]
-    order: int
-    elements: tuple[ElementKind, ...]
-    centres: tuple[Corners, ...] = ()
-    nastran: tuple[str, ...] = ()
-    nastran_order: Corners = ()
+    order: int  # 2 if it has mid-edge nodes
+    elements: tuple[ElementKind, ...]  # the elements on it, of different orders of the displacement
+    centres: tuple[Corners, ...] = ()  # corners at whose centres its further nodes lie, after the mid-edge nodes
+    nastran: tuple[str, ...] = ()  # Nastran's names of the element; none if it has no such element
+    nastran_order: Corners = ()  # places of its nodes in the other program's order; empty if that is the same
     abaqus_order: Corners = ()
 
     @property

@@ -15,29 +15,18 @@ Corners = tuple[int, ...]
 
 
 class CellShape(ABC):
-    """Corners, edges and faces of a solid cell, numbered as meshio and VTK number them.
-
-    Attributes
-    ----------
-    corners : tuple of tuple of float
-        Reference coordinates; exchanging the first two of them mirrors the cell into itself.
-    edges : tuple of tuple of int
-        Corners at the ends of each edge, in the order of the mid-edge nodes.
-    faces, abaqus_faces : tuple of tuple of int
-        Corners around each face, counter-clockwise seen from outside; in the order of Abaqus' faces S1, S2 …
-    corner_edges : tuple of tuple of int
-        A corner, and the other ends of three edges that leave it, right-handed.
-    ideal : float
-        Triple product of the unit edges at a corner of the cell with equal edges.
-    """
+    """Corners, edges and faces of a solid cell, numbered as meshio and VTK number them."""
 
     name: ClassVar[str]
+    # Reference coordinates; exchanging the first two of them mirrors the cell into itself.
     corners: ClassVar[tuple[tuple[float, float, float], ...]]
-    edges: ClassVar[tuple[tuple[int, int], ...]]
+    edges: ClassVar[tuple[tuple[int, int], ...]]  # corners at the ends of each edge, in the order of the mid-edge nodes
+    # Corners around each face, counter-clockwise seen from outside; in the order of Abaqus' faces S1, S2 …
     faces: ClassVar[tuple[Corners, ...]]
     abaqus_faces: ClassVar[tuple[Corners, ...]]
+    # A corner, and the other ends of three edges that leave it, right-handed.
     corner_edges: ClassVar[tuple[tuple[int, int, int, int], ...]]
-    ideal: ClassVar[float]
+    ideal: ClassVar[float]  # triple product of the unit edges at a corner of the cell with equal edges
 
     @staticmethod
     @abstractmethod

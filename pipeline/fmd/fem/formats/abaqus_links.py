@@ -32,29 +32,15 @@ Data = list[list[str]]
 
 @dataclass(frozen=True)
 class DeckPoints:
-    """Points of a deck as links name them.
+    """Points of a deck as links name them."""
 
-    Attributes
-    ----------
-    place : mapping of int to int
-        Place of each node by its number.
-    x : ndarray, shape (n, 3)
-        Positions.
-    nodes : callable
-        Places of the nodes of a set of nodes, or of one node, by name or number.
-    cell_nodes : callable
-        Places of the nodes of a set of elements.
-    surface : callable
-        Corners of a surface's facets and the places of its nodes; no facets if it is one of nodes.
-    elements : callable
-        Numbers of the elements in a set, of those with the given numbers.
-    """
-
-    place: Mapping[int, int]
-    x: Array
-    nodes: Callable[[str], IntArray]
-    cell_nodes: Callable[[str], IntArray]
+    place: Mapping[int, int]  # place of each node by its number
+    x: Array  # (n, 3): positions
+    nodes: Callable[[str], IntArray]  # places of the nodes of a set of nodes, or of one node, by name or number
+    cell_nodes: Callable[[str], IntArray]  # places of the nodes of a set of elements
+    # Corners of a surface's facets and the places of its nodes; no facets if it is one of nodes.
     surface: Callable[[str], tuple[list[IntArray], IntArray]]
+    # Numbers of the elements in a set, of those with the given numbers.
     elements: Callable[[str, Mapping[int, object]], list[int]]
 
 

@@ -15,57 +15,29 @@ from fmd.fem.sections import Section, box_section, i_section, rectangular_sectio
 
 
 class DrawnSection(NamedTuple):
-    """A section with its measures in the file's unit.
+    """A section with its measures in the file's unit."""
 
-    Attributes
-    ----------
-    make : callable
-        Makes the section of its measures [m].
-    turned : bool
-        True if the section's z is along the beam's first axis, and not its y.
-    """
-
-    make: Callable[..., Section]
+    make: Callable[..., Section]  # makes the section of its measures [m]
     measures: tuple[float, ...]
-    turned: bool = False
+    turned: bool = False  # true if the section's z is along the beam's first axis, and not its y
 
 
 class BeamElement(NamedTuple):
-    """Section, orientation and offsets of a beam by its card.
+    """Section, orientation and offsets of a beam by its card."""
 
-    Attributes
-    ----------
-    label : str
-        Its name and number, for messages.
-    towards : ndarray, shape (3,) or (0,)
-        Vector in the plane of the beam's first axis; empty if there is none.
-    offsets : ndarray, shape (2, 3)
-        Of both ends from their nodes, in the file's unit.
-    """
-
-    label: str
+    label: str  # its name and number, for messages
     section: str
-    towards: Array
-    offsets: Array
+    towards: Array  # (3,) or (0,): vector in the plane of the beam's first axis; empty if there is none
+    offsets: Array  # (2, 3): of both ends from their nodes, in the file's unit
 
 
 @dataclass
 class DeckBeams:
-    """Beams of a deck.
+    """Beams of a deck."""
 
-    Attributes
-    ----------
-    sections : dict of str to DrawnSection
-        By the name of their property or set.
-    elements : list of BeamElement
-        Of the lines of two nodes, in the order of their blocks.
-    faults : list of str
-        What isn't read.
-    """
-
-    sections: dict[str, DrawnSection] = field(default_factory=dict)
-    elements: list[BeamElement] = field(default_factory=list)
-    faults: list[str] = field(default_factory=list)
+    sections: dict[str, DrawnSection] = field(default_factory=dict)  # by the name of their property or set
+    elements: list[BeamElement] = field(default_factory=list)  # of the lines of two nodes, in the order of their blocks
+    faults: list[str] = field(default_factory=list)  # what isn't read
 
 
 class NastranBeams:

@@ -52,13 +52,7 @@ BASIC = Axes(np.zeros(3), np.eye(3))
 
 
 class CoordinateSystems:
-    """The systems of a deck by their numbers, found on demand.
-
-    Parameters
-    ----------
-    cards : iterable of (str, list of str)
-        Names and fields of all cards of the deck.
-    """
+    """The systems of a deck by their numbers, found on demand."""
 
     def __init__(self, cards: Iterable[tuple[str, list[str]]]) -> None:
         self._cards = {fields[0]: (name, fields) for name, fields in cards if name.startswith("CORD") and fields}

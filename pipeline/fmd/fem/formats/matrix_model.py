@@ -21,65 +21,34 @@ _EXPORT = "write load cases anew (fmd export --to load-cases), for what the scen
 
 @dataclass(frozen=True)
 class StressFields:
-    """Displacements of a body with the stress that another program has computed for each.
-
-    Attributes
-    ----------
-    nodes : ndarray, shape (n,)
-        Nodes of the model.
-    displacement : ndarray, shape (n, 3, k)
-        [m]
-    stress : ndarray, shape (n, 6, k)
-        xx, yy, zz, yz, xz, xy [Pa].
-    surface : SurfaceTopology
-        Surface whose nodes are among those; without triangles if its facets aren't known.
-    not_drawn : str
-        Why it has no triangles.
-    """
+    """Displacements of a body with the stress that another program has computed for each."""
 
     file: str
-    nodes: IntArray
-    displacement: Array
-    stress: Array
-    surface: SurfaceTopology
-    not_drawn: str = ""
+    nodes: IntArray  # (n,): nodes of the model
+    displacement: Array  # (n, 3, k) [m]
+    stress: Array  # (n, 6, k): xx, yy, zz, yz, xz, xy [Pa]
+    surface: SurfaceTopology  # surface whose nodes are among those; without triangles if its facets aren't known
+    not_drawn: str = ""  # why it has no triangles
 
 
 @dataclass(frozen=True)
 class StressedStiffness:
-    """Geometric stiffness under some loads, as another program has computed it.
-
-    Attributes
-    ----------
-    matrices : tuple of sparse array, shape (n_nodes, n_nodes)
-        Scalar matrices k [N/m], each for all three components of a displacement. Since ``k (θ × x) = θ × f``, the load
-        of each is ``k x``.
-    """
+    """Geometric stiffness under some loads, as another program has computed it."""
 
     files: str
+    # (n_nodes, n_nodes): Scalar matrices k [N/m], each for all three components of a displacement. Since ``k (θ × x) =
+    # θ × f``, the load of each is ``k x``.
     matrices: tuple[sp.csr_array, ...]
 
 
 @dataclass(frozen=True)
 class MatrixModel(FEModel):
-    """A finite element model without elements: discretisation and material are ``None``.
+    """A finite element model without elements: discretisation and material are ``None``."""
 
-    Attributes
-    ----------
-    positions : ndarray, shape (n_nodes, 3)
-        Node positions [m].
-    labels : ndarray, shape (n_nodes,)
-        Node numbers in the other program.
-    fields : StressFields, optional
-        Stress of some displacements.
-    stressed : StressedStiffness, optional
-        Geometric stiffness under some loads.
-    """
-
-    positions: Array
-    labels: IntArray
-    fields: StressFields | None = field(default=None, kw_only=True)
-    stressed: StressedStiffness | None = field(default=None, kw_only=True)
+    positions: Array  # (n_nodes, 3): node positions [m]
+    labels: IntArray  # (n_nodes,): node numbers in the other program
+    fields: StressFields | None = field(default=None, kw_only=True)  # stress of some displacements
+    stressed: StressedStiffness | None = field(default=None, kw_only=True)  # geometric stiffness under some loads
 
     @property
     def local_pairs(self) -> int:

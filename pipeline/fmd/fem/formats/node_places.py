@@ -22,20 +22,12 @@ from fmd.fem.formats.raw_mesh import MeshFileError
 
 @dataclass(frozen=True)
 class Places:
-    """Places of nodes, as a file gives them.
+    """Places of nodes, as a file gives them."""
 
-    Attributes
-    ----------
-    places : mapping of int to ndarray, shape (3,)
-        By node number, in the file's unit.
-    axes : mapping of int to ndarray, shape (3, 3)
-        Directions, as columns, of the unknowns of nodes that don't move along the basic axes.
-    unknowns : tuple of (int, int)
-        Node and component of an external superelement's unknowns, in their order, if the file lists them (EXTRN).
-    """
-
-    places: Mapping[int, Array]
+    places: Mapping[int, Array]  # (3,): by node number, in the file's unit
+    # (3, 3): directions, as columns, of the unknowns of nodes that don't move along the basic axes
     axes: Mapping[int, Array] = field(default_factory=dict)
+    # Node and component of an external superelement's unknowns, in their order, if the file lists them (EXTRN).
     unknowns: tuple[tuple[int, int], ...] = ()
 
 

@@ -30,8 +30,6 @@ def read_stress(model: MatrixModel, path: Path, nodes: Path, units: tuple[float,
     ----------
     path : Path
         CalculiX's results (``.frd``), or rows of case, node, displacements and stresses (``.csv``).
-    nodes : Path
-        The body's nodes; a deck's elements give the surface.
     units : tuple of float
         The file's units of length [m] and stress [Pa].
 
@@ -82,8 +80,6 @@ def read_geometric_stiffness(model: MatrixModel, paths: Sequence[Path], unknowns
     ----------
     paths : sequence of Path
         Matrices in any of the formats of `read_matrices`: geometric stiffness alone, or with the stiffness in it.
-    unknowns : int
-        Unknowns a node.
     unit : float
         The files' unit of stiffness [N/m].
 

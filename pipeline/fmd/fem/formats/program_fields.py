@@ -16,21 +16,11 @@ _FRD_COMPONENTS = {"DISP": ("D1", "D2", "D3"), "STRESS": ("SXX", "SYY", "SZZ", "
 
 @dataclass(frozen=True)
 class ProgramFields:
-    """Displacements with their stress, a case each, in the units of their file.
+    """Displacements with their stress, a case each, in the units of their file."""
 
-    Attributes
-    ----------
-    labels : ndarray, shape (n,)
-        Numbers of the nodes, ascending.
-    displacement : ndarray, shape (n, 3, k)
-        Displacement of each case.
-    stress : ndarray, shape (n, 6, k)
-        xx, yy, zz, yz, xz, xy.
-    """
-
-    labels: IntArray
-    displacement: Array
-    stress: Array
+    labels: IntArray  # (n,): numbers of the nodes, ascending
+    displacement: Array  # (n, 3, k): displacement of each case
+    stress: Array  # (n, 6, k): xx, yy, zz, yz, xz, xy
 
 
 def read_frd(text: str) -> ProgramFields:

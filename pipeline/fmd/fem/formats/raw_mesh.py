@@ -19,93 +19,48 @@ class MeshFileError(ValueError):
 
 @dataclass(frozen=True)
 class ShellSection:
-    """Section of a deck's shells.
+    """Section of a deck's shells."""
 
-    Attributes
-    ----------
-    thickness : float
-        In the file's unit.
-    offset : float
-        Distance of the middle from the nodes along the normal, in the file's unit.
-    fault : str
-        What of the section isn't read; empty if all is.
-    plies : tuple of DeckPly
-        Layers from the lower face to the upper one, thicknesses in the file's unit.
-    direction : tuple of float
-        Vector from whose projection onto the shell their angles count.
-    """
-
-    thickness: float
-    offset: float = 0.0
-    fault: str = ""
-    plies: tuple[DeckPly, ...] = ()
+    thickness: float  # in the file's unit
+    offset: float = 0.0  # distance of the middle from the nodes along the normal, in the file's unit
+    fault: str = ""  # what of the section isn't read; empty if all is
+    plies: tuple[DeckPly, ...] = ()  # layers from the lower face to the upper one, thicknesses in the file's unit
+    # Vector from whose projection onto the shell their angles count.
     direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
 
 class BlockShells(NamedTuple):
-    """Sections of a block's shells, lengths in the file's unit.
+    """Sections of a block's shells, lengths in the file's unit."""
 
-    Attributes
-    ----------
-    thickness, offset : ndarray, shape (n,)
-        NaN where there is no section; distance of the middle from the nodes along the normal.
-    stack : ndarray, shape (n,)
-        Place of the layers of each among those of the mesh, -1 without layers.
-    direction : ndarray, shape (n, 3)
-        Vector from whose projection onto the shell the angles of layers count.
-    """
-
-    thickness: Array
+    thickness: Array  # (n,): NaN where there is no section; distance of the middle from the nodes along the normal
     offset: Array
-    stack: IntArray
-    direction: Array
+    stack: IntArray  # (n,): place of the layers of each among those of the mesh, -1 without layers
+    direction: Array  # (n, 3): vector from whose projection onto the shell the angles of layers count
 
 
 @dataclass
 class RawMesh:
-    """Contents of a mesh file before any check.
+    """Contents of a mesh file before any check."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (n_points, 3)
-        Positions in the file's unit.
-    blocks : list of (str, ndarray)
-        Cell type by meshio's name, and the points of each cell in meshio's order, shape (n, n_local).
-    cell_sets : dict of str to list of ndarray
-        Cells of each named set, an array for each block.
-    facet_sets : dict of str to list of ndarray
-        Corners of the facets of each named surface, arrays (n, 3) or (n, 4).
-    others : dict of str to int
-        Number of elements and links that aren't read, by type.
-    connections : Connections
-        Links, equations, springs and lumped masses between points, in the file's units.
-    shells : list of BlockShells
-        Sections of each block's elements; empty for files without sections.
-    stacks : list of tuple
-        Layers of sections.
-    shell_faults : list of str
-        What of the sections of shells isn't read.
-    beams : DeckBeams
-        Sections and orientation of beams of two nodes.
-    numbers : ndarray, shape (n_points,)
-        Numbers of the points in the file, if it is a deck of Abaqus.
-    notes : list of str
-        What was done to the mesh on the way.
-    """
-
-    points: Array
+    points: Array  # (n_points, 3): positions in the file's unit
+    # Cell type by meshio's name, and the points of each cell in meshio's order, shape (n, n_local).
     blocks: list[tuple[str, IntArray]] = field(default_factory=list)
+    # Cells of each named set, an array for each block.
     cell_sets: dict[str, list[IntArray]] = field(default_factory=dict)
     point_sets: dict[str, IntArray] = field(default_factory=dict)
+    # Corners of the facets of each named surface, arrays (n, 3) or (n, 4).
     facet_sets: dict[str, list[IntArray]] = field(default_factory=dict)
-    others: dict[str, int] = field(default_factory=dict)
+    others: dict[str, int] = field(default_factory=dict)  # number of elements and links that aren't read, by type
+    # Links, equations, springs and lumped masses between points, in the file's units.
     connections: Connections = field(default_factory=Connections)
+    # Sections of each block's elements; empty for files without sections.
     shells: list[BlockShells] = field(default_factory=list)
-    stacks: list[tuple[DeckPly, ...]] = field(default_factory=list)
-    shell_faults: list[str] = field(default_factory=list)
-    beams: DeckBeams = field(default_factory=DeckBeams)
+    stacks: list[tuple[DeckPly, ...]] = field(default_factory=list)  # layers of sections
+    shell_faults: list[str] = field(default_factory=list)  # what of the sections of shells isn't read
+    beams: DeckBeams = field(default_factory=DeckBeams)  # sections and orientation of beams of two nodes
+    # (n_points,): numbers of the points in the file, if it is a deck of Abaqus
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # what was done to the mesh on the way
 
     def count_elements(self) -> dict[str, int]:
         """Return the number of elements of each type, those that aren't read included."""

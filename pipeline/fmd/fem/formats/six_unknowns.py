@@ -27,20 +27,11 @@ from fmd.fem.markers import Marker
 
 @dataclass(frozen=True)
 class SixUnknownsModel(MatrixModel):
-    """A model of points by matrices with rotations.
+    """A model of points by matrices with rotations."""
 
-    Attributes
-    ----------
-    given_mass : sparse array, shape (n, n)
-        The mass matrix as the file has it, by the unknowns y of ``T``.
-    shown : sparse array, shape (n, 3 n_points)
-        Unknowns y by the displacements of points, S.
-    turning : ndarray, shape (n_nodes,)
-        Number of the first of the seven points around each node; -1 for a node without rotations.
-    """
-
-    given_mass: sp.csr_array
-    shown: sp.csr_array
+    given_mass: sp.csr_array  # (n, n): the mass matrix as the file has it, by the unknowns y of ``T``
+    shown: sp.csr_array  # (n, 3 n_points): unknowns y by the displacements of points, S
+    # (n_nodes,): number of the first of the seven points around each node; -1 for a node without rotations
     turning: IntArray
 
     def turning_marker(self, node: int) -> Marker | None:
@@ -67,8 +58,6 @@ def six_unknowns_model(
 
     Parameters
     ----------
-    path : Path
-        File of the masses, for messages.
     K, M : sparse array, shape (6 n_nodes, 6 n_nodes)
         Symmetric; unknown ``6 i + a`` is displacement (0, 1, 2) or rotation (3, 4, 5) of node i.
     turned : ndarray of int, optional

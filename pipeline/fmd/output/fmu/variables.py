@@ -14,59 +14,30 @@ from fmd.output.fmu.names import Entry, Names
 
 
 class FmuVariable(NamedTuple):
-    """A variable of an FMU.
-
-    Attributes
-    ----------
-    reference : int
-        Number by which it is read and set.
-    causality, variability, initial : str
-        As FMI has them; ``initial`` may be empty.
-    start : float, optional
-        Value at the start.
-    unit, description : str
-        The unit may be empty.
-    state : int, optional
-        Reference of the state whose derivative it is.
-    depends : tuple of int, optional
-        References of the states and inputs that it depends on; None for those that nothing else determines.
-    nominal : float
-        Size of a state.
-    """
+    """A variable of an FMU."""
 
     name: str
-    reference: int
-    causality: str
+    reference: int  # number by which it is read and set
+    causality: str  # as FMI has them; ``initial`` may be empty
     variability: str = "continuous"
     initial: str = ""
-    start: float | None = None
-    unit: str = ""
-    description: str = ""
-    state: int | None = None
+    start: float | None = None  # value at the start
+    unit: str = ""  # the unit may be empty
+    description: str = ""  # the unit may be empty
+    state: int | None = None  # reference of the state whose derivative it is
+    # References of the states and inputs that it depends on; None for those that nothing else determines.
     depends: tuple[int, ...] | None = None
-    nominal: float = 1.0
+    nominal: float = 1.0  # size of a state
 
 
 @dataclass(frozen=True)
 class Interface:
-    """Variables that an FMU shows of a mechanism, and where the mechanism's functions have them.
+    """Variables that an FMU shows of a mechanism, and where the mechanism's functions have them."""
 
-    Attributes
-    ----------
-    variables : tuple of FmuVariable
-        In the order of their references, which are 1, 2, …
-    input_places : tuple of int
-        Place of each input among the functions' ``inputs``.
-    n_own_inputs : int
-        How many inputs come before those of markers.
-    parameters : tuple of float
-        Values of the constants, of the factors of own loads and motions, and the tolerance.
-    """
-
-    variables: tuple[FmuVariable, ...]
-    input_places: tuple[int, ...]
-    n_own_inputs: int
-    parameters: tuple[float, ...]
+    variables: tuple[FmuVariable, ...]  # in the order of their references, which are 1, 2, …
+    input_places: tuple[int, ...]  # place of each input among the functions' ``inputs``
+    n_own_inputs: int  # how many inputs come before those of markers
+    parameters: tuple[float, ...]  # values of the constants, of the factors of own loads and motions, and the tolerance
 
     def of(self, causality: str) -> list[FmuVariable]:
         """Return the variables of a causality."""

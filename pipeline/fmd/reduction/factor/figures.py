@@ -7,24 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class FactorFigures:
-    """Solver, order, size and memory of a factorisation.
+    """Solver, order, size and memory of a factorisation."""
 
-    Attributes
-    ----------
-    solver : str
-        ``CHOLMOD`` or ``SuperLU``; ``MUMPS`` and others of PETSc's with the number of ranks.
-    order : str
-        Method that reordered the unknowns: ``METIS`` (nested dissection), ``MMD`` (minimum degree) or ``own``.
-    unknowns : int
-        Number of unknowns of the matrix.
-    nonzeros : int
-        Number of nonzeros of its Cholesky factor in this order.
-    memory : int
-        Memory that the solver keeps, by prediction [bytes].
-    """
-
-    solver: str
-    order: str
-    unknowns: int
-    nonzeros: int
-    memory: int
+    solver: str  # ``CHOLMOD`` or ``SuperLU``; ``MUMPS`` and others of PETSc's with the number of ranks
+    order: str  # method that reordered the unknowns: ``METIS`` (nested dissection), ``MMD`` (minimum degree) or ``own``
+    unknowns: int  # number of unknowns of the matrix
+    nonzeros: int  # number of nonzeros of its Cholesky factor in this order
+    memory: int  # memory that the solver keeps, by prediction [bytes]

@@ -21,57 +21,31 @@ if TYPE_CHECKING:
 
 
 class DrawnBody(NamedTuple):
-    """A reduced body with what is seen of it.
-
-    Attributes
-    ----------
-    surface : SurfaceTopology or None
-        Its outer surface, if its file or mesh has one.
-    stress : ndarray, shape (n_surface, 6, n), or None
-        Stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit].
-    """
+    """A reduced body with what is seen of it."""
 
     body: FlexibleBody
-    surface: SurfaceTopology | None
+    surface: SurfaceTopology | None  # its outer surface, if its file or mesh has one
+    # (n_surface, 6, n): stress of each modal coordinate at the surface's nodes: xx, yy, zz, yz, xz, xy [Pa per unit]
     stress: Array | None
 
 
 class LoadCases(NamedTuple):
-    """Loads for another program's deck of a body, in its units.
+    """Loads for another program's deck of a body, in its units."""
 
-    Attributes
-    ----------
-    deck : str
-        Text of the deck that holds the body.
-    labels : ndarray, shape (n_nodes,)
-        Node numbers.
-    rigid : ndarray, shape (3 n_nodes, 6)
-        Rigid motions.
-    stiffening, shapes : dict of str to ndarray, shape (n_nodes, 3)
-        Loads that stiffen, and those under which the body deforms as its shapes.
-    """
-
-    deck: str
-    labels: IntArray
-    rigid: Array
+    deck: str  # text of the deck that holds the body
+    labels: IntArray  # (n_nodes,): node numbers
+    rigid: Array  # (3 n_nodes, 6): rigid motions
+    # (n_nodes, 3): loads that stiffen, and those under which the body deforms as its shapes
     stiffening: dict[str, Array]
     shapes: dict[str, Array]
 
 
 class ExportedBody(ABC):
-    """A flexible body of a scene as a format's writer sees it; each result is computed when it is asked for.
-
-    Attributes
-    ----------
-    gravity : ndarray, shape (3,)
-        Gravity of the scene, zero without motion [m/s²].
-    stiffened : bool
-        True unless the scene turns geometric stiffening off.
-    """
+    """A flexible body of a scene as a format's writer sees it; each result is computed when it is asked for."""
 
     name: str
-    gravity: Array
-    stiffened: bool
+    gravity: Array  # (3,): gravity of the scene, zero without motion [m/s²]
+    stiffened: bool  # true unless the scene turns geometric stiffening off
 
     @abstractmethod
     def modal_data(self, stiffened: bool) -> ModalData:
@@ -107,20 +81,12 @@ class ExportedBody(ABC):
 
 
 class BodyFormat(NamedTuple):
-    """How bodies are written and read in one format.
+    """How bodies are written and read in one format."""
 
-    Attributes
-    ----------
-    write : callable or None
-        Writes a body's files. It returns their paths, the given one first, or ``None`` if that is all.
-    read : callable or None
-        Reads a body that a scene names by its file.
-    read_superelement : callable or None
-        Reads a body's matrices of boundary nodes and modal coordinates, in the file's units.
-    """
-
+    # Writes a body's files. It returns their paths, the given one first, or ``None`` if that is all.
     write: Callable[[ExportedBody, Path], list[Path] | None] | None = None
-    read: Callable[[Path], ModalData] | None = None
+    read: Callable[[Path], ModalData] | None = None  # reads a body that a scene names by its file
+    # Reads a body's matrices of boundary nodes and modal coordinates, in the file's units.
     read_superelement: Callable[[Path], GivenSuperelement] | None = None
 
 

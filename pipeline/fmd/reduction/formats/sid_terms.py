@@ -34,17 +34,10 @@ PARTS = ("mdCM", "J", "Ct", "Cr", "Me", "Gr", "Ge", "Oe", "ksigma", "Ke", "De")
 
 @dataclass(frozen=True)
 class Taylor:
-    """A term of SID: ``M0 + Σ_k M1[:, k] q_k``.
+    """A term of SID: ``M0 + Σ_k M1[:, k] q_k``."""
 
-    Attributes
-    ----------
-    M0 : ndarray, shape (n_rows, n_columns)
-        Order zero.
-    M1 : ndarray, shape (n_rows, n, n_columns) or (n_rows, 0, n_columns)
-        First order; no entries if it is left out.
-    """
-
-    M0: Array
+    M0: Array  # (n_rows, n_columns): order zero
+    # (n_rows, n, n_columns) or (n_rows, 0, n_columns): first order; no entries if it is left out
     M1: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     @property

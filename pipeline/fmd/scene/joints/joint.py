@@ -23,25 +23,14 @@ RATE_KEYS = ("rate", "rates", "spin", "velocity")
 
 @dataclass(frozen=True)
 class Mark:
-    """A joint's mark in pictures.
+    """A joint's mark in pictures."""
 
-    Attributes
-    ----------
-    shape : str
-        ``ball``, ``pin`` along the axis, ``box`` with its last edge along the axis, ``line`` from place to place, or
-        empty for none.
-    edges : tuple of float
-        Edges of a box in radii of a mark.
-    rail : bool
-        True if a line shows the way of the child on the ground.
-    stands : bool
-        True if the ground is shown where it holds the joint.
-    """
-
+    # ``ball``, ``pin`` along the axis, ``box`` with its last edge along the axis, ``line`` from place to place, or
+    # empty for none.
     shape: str = ""
-    edges: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    rail: bool = False
-    stands: bool = True
+    edges: tuple[float, float, float] = (1.0, 1.0, 1.0)  # edges of a box in radii of a mark
+    rail: bool = False  # true if a line shows the way of the child on the ground
+    stands: bool = True  # true if the ground is shown where it holds the joint
 
 
 @dataclass(frozen=True)

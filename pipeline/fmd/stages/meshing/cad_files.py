@@ -29,91 +29,45 @@ _TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
 
 @dataclass(frozen=True)
 class FaceOutline:
-    """A face of a CAD part.
+    """A face of a CAD part."""
 
-    Attributes
-    ----------
-    name : str
-        Its name in the file, else that by its place, ``xmin`` or ``hole-1``, else its number, ``face-7``.
-    kind : str
-        Kind of surface: ``plane``, ``cylinder``, ``cone``, ``sphere``, ``torus`` or ``free-form``.
-    area : float
-        [m²].
-    centre : tuple of float
-        Its centroid [m].
-    """
-
-    name: str
-    kind: str
-    area: float
-    centre: tuple[float, float, float]
+    name: str  # its name in the file, else that by its place, ``xmin`` or ``hole-1``, else its number, ``face-7``
+    kind: str  # kind of surface: ``plane``, ``cylinder``, ``cone``, ``sphere``, ``torus`` or ``free-form``
+    area: float  # [m²]
+    centre: tuple[float, float, float]  # its centroid [m]
 
 
 @dataclass(frozen=True)
 class PartOutline:
-    """A CAD part before it is meshed.
-
-    Attributes
-    ----------
-    volume : float
-        [m³].
-    low, high : tuple of float
-        Corners of the box around it [m].
-    faces : tuple of FaceOutline
-        Its faces, in the file's order.
-    """
+    """A CAD part before it is meshed."""
 
     solids: int
-    volume: float
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
-    faces: tuple[FaceOutline, ...]
+    volume: float  # [m³]
+    low: tuple[float, float, float]  # corners of the box around it [m]
+    high: tuple[float, float, float]  # corners of the box around it [m]
+    faces: tuple[FaceOutline, ...]  # its faces, in the file's order
 
 
 @dataclass(frozen=True)
 class RoundFace:
-    """A face of a part that is a whole cylinder.
+    """A face of a part that is a whole cylinder."""
 
-    Attributes
-    ----------
-    what : str
-        ``"pin"`` with material within, ``"hole"`` without.
-    middle, axis : ndarray, shape (3,)
-        Middle of its axis [m], and the axis' direction.
-    radius, length : float
-        [m]
-    """
-
-    what: str
-    middle: Array
+    what: str  # ``"pin"`` with material within, ``"hole"`` without
+    middle: Array  # (3,): middle of its axis [m], and the axis' direction
     axis: Array
-    radius: float
-    length: float
+    radius: float  # [m]
+    length: float  # [m]
 
 
 @dataclass(frozen=True)
 class AssemblyPart:
-    """A solid of an assembly, where it stands.
+    """A solid of an assembly, where it stands."""
 
-    Attributes
-    ----------
-    name : str
-        Its name in the file as scenes may have it, or its number.
-    volume : float
-        [m³]
-    centre : ndarray, shape (3,)
-        Centre of mass [m].
-    inertia : ndarray, shape (3, 3)
-        About the centre of mass, for a density of 1 [m⁵].
-    round_faces : tuple of RoundFace
-        Its bores and pins.
-    """
-
-    name: str
-    volume: float
-    centre: Array
-    inertia: Array
-    round_faces: tuple[RoundFace, ...]
+    name: str  # its name in the file as scenes may have it, or its number
+    volume: float  # [m³]
+    centre: Array  # (3,): centre of mass [m]
+    inertia: Array  # (3, 3): about the centre of mass, for a density of 1 [m⁵]
+    round_faces: tuple[RoundFace, ...]  # its bores and pins
 
 
 def cad_suffixes() -> tuple[str, ...]:
@@ -133,8 +87,6 @@ def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, s
 
     Parameters
     ----------
-    path : Path
-        STEP, IGES or BREP.
     size : float
         Edge length of an element [m].
     order : int
