@@ -27,17 +27,7 @@ from fmd.accuracy.time_limit import FAULTS, LeftOutError, TimeLimit
 from fmd.accuracy.truncation import compare_bases, reactions_of_other_loops
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.errors import (
-    ACROSS_SHARE,
-    ALIKE_MODES,
-    COARSE_SHARE,
-    FINER_WORK,
-    MORE_COARSE_MODES,
-    MOST_OF_CHANGE,
-    MOST_REFINEMENTS,
-    OF_TOLERANCE,
-    SAFETY,
-)
+from fmd.core.limits import errors as limits
 from fmd.integrators.march_pairs import motion_difference
 from fmd.recovery.stress import excess_in_middle, von_mises
 from fmd.scene.variants import change_modes, enrich_bases
@@ -48,7 +38,7 @@ if TYPE_CHECKING:
     from fmd.stages.pipeline import Pipeline
 
 # Multiples of the extrapolated change of frequencies; the first, SAFETY, matters most.
-_SHIFTS = (SAFETY, 1.0, 0.5, 1.5)
+_SHIFTS = (limits.SAFETY, 1.0, 0.5, 1.5)
 
 
 class Estimates(Comparison):
@@ -113,31 +103,31 @@ class Estimates(Comparison):
     def _corner_stress(self) -> dict[str, float | str]:
         """Find the bodies whose largest stress has no limit, by a third mesh."""
         if isinstance(self.pair, Pair):
-            self.require_modes(COARSE_SHARE)
+            self.require_modes(limits.COARSE_SHARE)
             self.corners = find_corner_stress(self.pair)
         return {}
 
     def _time(self) -> dict[str, float | str]:
         """Estimate the error of time integration by another step or a finer tolerance."""
         plan, gain = self.plan, 0.0
-        for _ in range(MOST_REFINEMENTS):
+        for _ in range(limits.MOST_REFINEMENTS):
             integrator, gain = change_fineness(plan, self.motion.trajectory.seconds)
             try:
-                other = self.march(self.run, replace(plan, integrator=integrator), FINER_WORK)
+                other = self.march(self.run, replace(plan, integrator=integrator), limits.FINER_WORK)
             except AccuracyError:
                 if not integrator.step > plan.integrator.step:
                     raise
                 integrator, gain = change_fineness(plan, 0.0)  # a longer step has no solution
-                other = self.march(self.run, replace(plan, integrator=integrator), FINER_WORK)
+                other = self.march(self.run, replace(plan, integrator=integrator), limits.FINER_WORK)
             plan = replace(plan, integrator=integrator)
             at_outputs = self.at_outputs(other.trajectory)
             if not np.array_equal(at_outputs.q, self.motion.trajectory.q):
                 break  # else a method that chooses its step had met the finer tolerance already, and took the same one
         theirs = self.quantities_of(self.run, other, self.hot)
         own = self.motion.trajectory
-        self.of_integration = SAFETY * motion_difference(self.plan.system, own.q, own.v, at_outputs) / gain
+        self.of_integration = limits.SAFETY * motion_difference(self.plan.system, own.q, own.v, at_outputs) / gain
         # Two tolerances may take the same steps as far as a slow body is concerned, whose error then doesn't change.
-        least = OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
+        least = limits.OF_TOLERANCE * getattr(self.plan.integrator, "tolerance", 0.0)
         coarser = plan.integrator.step > self.plan.integrator.step
         self.correct_by(theirs, -1 / gain if coarser else 1 / gain)
         changes = self.changes(theirs).items()
@@ -151,7 +141,12 @@ class Estimates(Comparison):
             return {}
         rows = [row for row in self.of_mesh if row.startswith(tuple(f"{name}, frequency" for name in names))]
         most = max(len(self.run.parts[name].modes.omega) for name in names)
-        free = {"boundary": "free", "interface": (), "enrich": "none", "count": math.ceil(MORE_COARSE_MODES * most)}
+        free = {
+            "boundary": "free",
+            "interface": (),
+            "enrich": "none",
+            "count": math.ceil(limits.MORE_COARSE_MODES * most),
+        }
         scene = change_modes(self.run.scene, lambda body: free if body.modes.boundary == "interface" else {})
         others, found = self.run.variant(scene).parts, dict[str, float | str]()
         try:
@@ -166,7 +161,7 @@ class Estimates(Comparison):
             for k, hertz in enumerate(theirs.frequencies_hz[numbers]):
                 row, value = f"{name}, frequency {k + 1}", own.modes.frequencies_hz[k]
                 found[row] = NO_VIBRATION
-                if alike[k] > ALIKE_MODES:
+                if alike[k] > limits.ALIKE_MODES:
                     found[row] = abs(float(value / hertz - 1))
                     self.correct(row, float(hertz - value))
         return found
@@ -212,7 +207,7 @@ class Estimates(Comparison):
     def _coarse_pair(self) -> Pair | str:
         """Return the run and its scene on a coarser mesh, or the reason why there is none."""
         try:
-            self.require_modes(COARSE_SHARE)
+            self.require_modes(limits.COARSE_SHARE)
         except LeftOutError as why:
             self._leave_out_mesh("a coarser mesh", why)
             return str(why)
@@ -222,7 +217,7 @@ class Estimates(Comparison):
     def _pair_across(self) -> Pair | None:
         """Return the run and its scene with more elements from side to side, if it has few and time is left."""
         try:
-            self.require_modes(ACROSS_SHARE)
+            self.require_modes(limits.ACROSS_SHARE)
             return make_pair_across(self.run)
         except (LeftOutError, *FAULTS) as why:
             self._leave_out_mesh("few elements from side to side", why)
@@ -250,9 +245,9 @@ class Estimates(Comparison):
         motion = self.march(moved, plan_like(self.plan, moved))
         theirs = self.quantities_of(moved, motion, self.hot, as_if=forces)
         if shift == _SHIFTS[0]:
-            self.correct_by(theirs, 1 / SAFETY)
+            self.correct_by(theirs, 1 / limits.SAFETY)
         for name, quantity in theirs.items():
-            change = self.quantities[name].error(quantity) / SAFETY
+            change = self.quantities[name].error(quantity) / limits.SAFETY
             self._shifts[name] = max(self._shifts.get(name, 0.0), change)
         return dict(self._shifts)
 
@@ -282,7 +277,7 @@ class Estimates(Comparison):
             shape = error / pair.gains[self.quantities[name].kind]
             if isinstance(again := recovery.get(name), float):
                 if name not in self._by_recovery:
-                    recovery[name] = again = min(again, MOST_OF_CHANGE * shape)
+                    recovery[name] = again = min(again, limits.MOST_OF_CHANGE * shape)
                 shape = max(shape - again, 0.0)
             self._shapes[name] = math.hypot(self._shapes.get(name, 0.0), shape)
         return {}

@@ -28,17 +28,7 @@ from fmd.accuracy.deflection import (
 from fmd.accuracy.quantities import find_counterparts
 from fmd.accuracy.time_limit import FAULTS, LeftOutError
 from fmd.core.arrays import Array
-from fmd.core.limits.errors import (
-    ALIKE,
-    BARE_METAL,
-    HARDLY_SHIFTED,
-    LARGE_MESH,
-    OF_EIGENVALUE,
-    OF_EIGENVALUE_SECOND_ORDER,
-    OF_LIMIT,
-    OF_VIBRATION,
-    WORTH_NAMING,
-)
+from fmd.core.limits import errors as limits
 from fmd.scene.variants import attach_roots_rigidly, damp_bodies
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
@@ -119,8 +109,8 @@ class ModelErrors:
             (
                 "no damping",
                 self._damping,
-                f"a body has no damping, and its vibrations never die; with {100 * BARE_METAL:g} % of critical, as "
-                "of bare metal, results would change so much; modes.damping of the body takes it in",
+                f"a body has no damping, and its vibrations never die; with {100 * limits.BARE_METAL:g} % of critical, "
+                "as of bare metal, results would change so much; modes.damping of the body takes it in",
                 False,
             ),
         )
@@ -142,7 +132,7 @@ class ModelErrors:
     def _add(self, cause: str, errors: dict[str, float], text: str, counted: bool = True) -> None:
         named = [name for name in errors if name not in self._comparison.details]
         quantity = max(named, key=lambda name: errors[name], default="")
-        if errors.get(quantity, 0.0) > WORTH_NAMING:
+        if errors.get(quantity, 0.0) > limits.WORTH_NAMING:
             self.causes.append(ModelError(cause, errors[quantity], quantity, text, counted))
         for name, error in errors.items() if counted else ():
             before = self.of_quantities.get(name, 0.0)
@@ -170,7 +160,7 @@ class ModelErrors:
     def _shifted_vibrations(self) -> dict[str, float] | None:
         """Return the change of the motion where each body rings as deflections of its size make it ring."""
         shifts = {name: self._shift_of_eigenvalues(name) for name in self._run.deformations}
-        if not max(shifts.values(), default=0.0) > HARDLY_SHIFTED:
+        if not max(shifts.values(), default=0.0) > limits.HARDLY_SHIFTED:
             return None
         self._by_shift = self._softened(
             {name: shift * np.eye(len(self._run.bodies[name].omega)) for name, shift in shifts.items()}
@@ -201,7 +191,7 @@ class ModelErrors:
     def _shift_of_eigenvalues(self, name: str) -> float:
         """Return the relative shift of a body's eigenvalues by its largest rotation."""
         bowed = any(marker.displacement2.size for marker in self._run.bodies[name].markers.values())
-        share = OF_EIGENVALUE_SECOND_ORDER if bowed else OF_EIGENVALUE
+        share = limits.OF_EIGENVALUE_SECOND_ORDER if bowed else limits.OF_EIGENVALUE
         return share * self._run.deformations[name].rotation ** 2
 
     def _stretching(self) -> dict[str, float] | None:
@@ -213,8 +203,10 @@ class ModelErrors:
         ratios = {name: stiffening_by_stretch(self._run, name) for name in names}
         too_far = max(excess_deflection(ratio) for ratio in ratios.values())
         errors = dict.fromkeys(self._comparison.of_motion, too_far)
-        if too_far > WORTH_NAMING:
-            sizes = {name: -OF_VIBRATION * r * np.eye(len(self._run.bodies[name].omega)) for name, r in ratios.items()}
+        if too_far > limits.WORTH_NAMING:
+            sizes = {
+                name: -limits.OF_VIBRATION * r * np.eye(len(self._run.bodies[name].omega)) for name, r in ratios.items()
+            }
             errors |= {name: max(too_far, change) for name, change in self._softened(sizes).items()}
         return errors
 
@@ -255,11 +247,11 @@ class ModelErrors:
             else:
                 of_modes, of_shapes = _gain_by_rigid_root(pair.coarse, on_coarse, name)
                 of_shapes = of_shapes[pair.counterparts(name)[0]]
-                if run.parts[name].modes.dofs <= LARGE_MESH:
+                if run.parts[name].modes.dofs <= limits.LARGE_MESH:
                     own_modes, own_shapes = _gain_by_rigid_root(run, rigid, name)
                     of_modes, of_shapes = (
-                        OF_LIMIT * (2 * own_modes - of_modes),
-                        OF_LIMIT * (2 * own_shapes - of_shapes),
+                        limits.OF_LIMIT * (2 * own_modes - of_modes),
+                        limits.OF_LIMIT * (2 * own_shapes - of_shapes),
                     )
             excess[name] = -np.diag(of_shapes)
             fixed = run.parts[name].modes.n_rigid == 0  # a free part's own frequencies know of no root
@@ -269,7 +261,7 @@ class ModelErrors:
 
     def _damping(self) -> dict[str, float] | None:
         """Return the change of the motion with a little damping, if a body has none."""
-        scene = damp_bodies(self._run.scene, BARE_METAL)
+        scene = damp_bodies(self._run.scene, limits.BARE_METAL)
         return (
             None
             if scene is None
@@ -290,5 +282,5 @@ def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Arra
     for own, other in ((part.modes, other_part.modes), (part.body, other_part.body)):
         x = part.fe.x
         numbers, alike = find_counterparts(x, own.shapes, x, m, other.shapes, other.omega)
-        gains.append(np.where(alike > ALIKE, (other.omega[numbers] / own.omega) ** 2 - 1, 0.0))
+        gains.append(np.where(alike > limits.ALIKE, (other.omega[numbers] / own.omega) ** 2 - 1, 0.0))
     return gains[0], gains[1]

@@ -11,17 +11,7 @@ from fmd.accuracy.comparison import change_fineness
 from fmd.accuracy.details import is_reaction
 from fmd.accuracy.time_limit import LeftOutError
 from fmd.core.errors import AccuracyError
-from fmd.core.limits.errors import (
-    COMPARED_IMPLICIT_STEPS,
-    DOUBTED,
-    EVALUATIONS_A_STEP,
-    FINER_WORK,
-    FOLLOWED,
-    LARGE_BASIS,
-    LOWEST_SHAPES,
-    MOST_REFINEMENTS,
-    RESOLVED_PART,
-)
+from fmd.core.limits import errors as limits
 from fmd.core.limits.stability import SURELY_STABLE
 from fmd.core.limits.stepping import IMPLICIT_STEPS_IN_ACTION
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
@@ -84,9 +74,9 @@ def _compare_lowest(of: Comparison, rich: Pipeline) -> tuple[Quantities, Quantit
     as_if: dict[str, Array] = {}
     for name, body in rich.bodies.items():
         own = of.run.bodies[name]
-        bodies[name], as_if[name] = keep_lowest(body, own.shapes, len(own.omega) + LOWEST_SHAPES)
+        bodies[name], as_if[name] = keep_lowest(body, own.shapes, len(own.omega) + limits.LOWEST_SHAPES)
     lowest = sum(len(body.omega) for body in bodies.values())
-    if lowest > LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
+    if lowest > limits.LARGE_BASIS * sum(len(body.omega) for body in rich.bodies.values()):
         return _by_implicit_steps(of, rich, {})
     rich = rich.with_bodies(bodies)
     return _by_one_method(of, rich, as_if) or _by_implicit_steps(of, rich, as_if)
@@ -98,12 +88,12 @@ def _by_implicit_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) 
     Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
     """
     method = _implicit_method(of)
-    for k in range(MOST_REFINEMENTS):
+    for k in range(limits.MOST_REFINEMENTS):
         plan = replace(of.plan, integrator=replace(method, step=method.step / 2**k))
         try:
-            theirs = of.march(rich, plan_like(plan, rich), FINER_WORK if k else 1.0)
+            theirs = of.march(rich, plan_like(plan, rich), limits.FINER_WORK if k else 1.0)
         except AccuracyError:
-            if k + 1 == MOST_REFINEMENTS:
+            if k + 1 == limits.MOST_REFINEMENTS:
                 raise
         else:
             break
@@ -119,18 +109,18 @@ def _is_resolved(
     Its fastest vibrations may be a hundred times those that the method's fixed step was chosen for. Where the
     basis changes little, nothing can be far off.
     """
-    rows = [name for name in changes if name not in of.details and changes[name] > DOUBTED]
+    rows = [name for name in changes if name not in of.details and changes[name] > limits.DOUBTED]
     if not rows or not plan.integrator.step:
         return True
-    finer = of.march(rich, replace(plan, integrator=change_fineness(plan, 0.0)[0]), FINER_WORK)
+    finer = of.march(rich, replace(plan, integrator=change_fineness(plan, 0.0)[0]), limits.FINER_WORK)
     again = of.changes(of.quantities_of(rich, finer, as_if=as_if or None), enriched)
-    return all(again[name] < RESOLVED_PART * changes[name] for name in rows)
+    return all(again[name] < limits.RESOLVED_PART * changes[name] for name in rows)
 
 
 def _implicit_method(of: Comparison) -> GeneralizedAlpha:
     """Return generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
     duration, system = float(of.run.output_times[-1]), of.plan.system
-    steps = max(COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action))
+    steps = max(limits.COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action))
     return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
 
 
@@ -149,7 +139,7 @@ def _comparable(of: Comparison, rich: Pipeline) -> tuple[Plan, Motion | None]:
         of.limit.require(_work_of_vibrations(of, rich) * of.run.fine_motion.trajectory.seconds)
         return plan_like(of.plan, rich), None
     size = rich.system.n / of.plan.system.n  # a step takes about its square; the richer march is repeated finer
-    work = method.step / limit * (1 + (1 + FINER_WORK) * size**2)
+    work = method.step / limit * (1 + (1 + limits.FINER_WORK) * size**2)
     of.limit.require(work * of.run.fine_motion.trajectory.seconds)
     shorter = replace(of.plan, integrator=replace(method, step=limit))
     return plan_like(shorter, rich), of.march(of.run, shorter)
@@ -159,6 +149,6 @@ def _work_of_vibrations(of: Comparison, rich: Pipeline) -> float:
     """Return the work of the Runge-Kutta method on a richer basis over the run's own, where steps follow vibrations."""
     if not isinstance(of.plan.integrator, RungeKutta):
         return 1.0
-    steps = rich.system.highest_frequency * float(of.run.output_times[-1]) / FOLLOWED
-    more = EVALUATIONS_A_STEP * steps / of.run.fine_motion.trajectory.evaluations
+    steps = rich.system.highest_frequency * float(of.run.output_times[-1]) / limits.FOLLOWED
+    more = limits.EVALUATIONS_A_STEP * steps / of.run.fine_motion.trajectory.evaluations
     return max(more, 1.0) * (rich.system.n / of.plan.system.n) ** 2

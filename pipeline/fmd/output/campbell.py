@@ -15,16 +15,7 @@ from fmd.accuracy.response_errors import NO_ERRORS
 from fmd.accuracy.rotor_errors import estimate_frequency_errors
 from fmd.core.arrays import Array
 from fmd.core.files import write_table
-from fmd.core.limits.responses import (
-    BESIDE_MEETING,
-    DOUBLED_RATES,
-    GROWS,
-    LOOKED_RATES,
-    NEAR_CRITICAL,
-    NO_DAMPING,
-    NO_WHIRL,
-    UNSTABLE_EDGE,
-)
+from fmd.core.limits import responses as limits
 from fmd.core.limits.shown import DRAWN_MODES
 from fmd.core.progress import Advance, Monitor, silent
 from fmd.output.error_table import NOT_STATED
@@ -162,7 +153,7 @@ class CampbellDiagram:
 
 def whirl_word(whirl: float) -> str:
     """Return ``forward``, ``backward`` or ``none`` for a circulation."""
-    return "none" if abs(whirl) < NO_WHIRL else "forward" if whirl > 0 else "backward"
+    return "none" if abs(whirl) < limits.NO_WHIRL else "forward" if whirl > 0 else "backward"
 
 
 def compute_campbell(
@@ -193,8 +184,8 @@ def find_critical_speeds(run: Pipeline, count: int) -> tuple[list[float], float]
     with threadpool_limits(1):
         at_rest = find_vibrations(coupled(run))(0.0).frequencies_hz
     lowest, highest = 0.0, 4.0 * np.pi * float(np.sort(at_rest[at_rest > 0.0])[:count].max(initial=0.0))
-    for _ in range(DOUBLED_RATES if highest else 0):
-        rates = np.linspace(lowest, highest, LOOKED_RATES)
+    for _ in range(limits.DOUBLED_RATES if highest else 0):
+        rates = np.linspace(lowest, highest, limits.LOOKED_RATES)
         found += [at.rate for at in compute_campbell(run, rates, [1.0]).crossings]
         if len(found) >= count:
             break
@@ -204,7 +195,7 @@ def find_critical_speeds(run: Pipeline, count: int) -> tuple[list[float], float]
 
 def find_critical_speed_near(run: Pipeline, rate: float) -> float | None:
     """Find the rate nearest to another one [rad/s] at which the rotation itself meets a frequency, or none close by."""
-    ends = rate * np.array([1.0 - NEAR_CRITICAL, 1.0 + NEAR_CRITICAL])
+    ends = rate * np.array([1.0 - limits.NEAR_CRITICAL, 1.0 + limits.NEAR_CRITICAL])
     with threadpool_limits(1):
         vibrations = cache(find_vibrations(coupled(run)))
         values = zip(*(vibrations(end).frequencies_hz for end in ends.tolist()), strict=False)
@@ -226,7 +217,7 @@ def _compute(run: Pipeline, rates: Array, orders: Sequence[float], in_rpm: bool,
     for k, at in enumerate(found):
         for table, values in zip(tables, (at.frequencies_hz, at.growth, at.damping, at.whirl), strict=True):
             table[k, : len(values)] = values
-    damping[np.abs(damping) < NO_DAMPING] = 0.0
+    damping[np.abs(damping) < limits.NO_DAMPING] = 0.0
     still = rates == 0.0
     whirl[still] = np.where(np.isfinite(frequencies[still]), 0.0, np.nan)  # pairs of equal frequency whirl at will
     with monitor("crossings") as advance:
@@ -250,7 +241,7 @@ def _find_crossings(
             for rate in _meet(vibrations, rates, values, order, mode):
                 at = _vibration_at(vibrations, rate, order * rate / (2 * np.pi), mode)
                 frequency, damping, whirl = (float(x[mode]) for x in (at.frequencies_hz, at.damping, at.whirl))
-                damping = 0.0 if abs(damping) < NO_DAMPING else damping
+                damping = 0.0 if abs(damping) < limits.NO_DAMPING else damping
                 found.append(Crossing(order, mode + 1, rate, frequency, damping, whirl))
         advance(number / len(orders))
     return tuple(sorted(found, key=lambda at: at.rate))
@@ -258,7 +249,7 @@ def _find_crossings(
 
 def _vibration_at(vibrations: Vibrations, rate: float, hertz: float, mode: int) -> WhirlingModes:
     """Return the vibrations at a rate where a mode has a frequency, or beside it if it stands still there."""
-    beside = (vibrations(rate * share) for share in (1.0, 1.0 - BESIDE_MEETING, 1.0 + BESIDE_MEETING))
+    beside = (vibrations(rate * share) for share in (1.0, 1.0 - limits.BESIDE_MEETING, 1.0 + limits.BESIDE_MEETING))
     there = [at for at in beside if len(at.frequencies_hz) > mode]
     return min(there, key=lambda at: abs(float(at.frequencies_hz[mode]) - hertz))
 
@@ -280,7 +271,7 @@ def _meet(vibrations: Vibrations, rates: Array, values: Array, order: float, mod
         fewest = min(len(vibrations(rate).frequencies_hz) for rate in ends)
         found = float(brentq(inside, *ends, rtol=1e-10))
         if len(vibrations(found).frequencies_hz) < fewest:
-            low, high = found * (1.0 - BESIDE_MEETING), found * (1.0 + BESIDE_MEETING)
+            low, high = found * (1.0 - limits.BESIDE_MEETING), found * (1.0 + limits.BESIDE_MEETING)
             found = low + (high - low) * difference(low) / (difference(low) - difference(high))
         yield found
 
@@ -303,7 +294,7 @@ def _find_unstable(vibrations: Vibrations, rates: Array, frequencies_hz: Array) 
         while last + 1 < len(looked) and grown[k] > 0.0 and grown[last + 1] > 0.0:
             last += 1
         if grown[k] > 0.0:
-            nearness = UNSTABLE_EDGE * looked[-1]
+            nearness = limits.UNSTABLE_EDGE * looked[-1]
             start = looked[0] if k == 0 else _edge(vibrations, looked[k], looked[k - 1], nearness)
             end = looked[-1] if last + 1 == len(looked) else _edge(vibrations, looked[last], looked[last + 1], nearness)
             found.append(UnstableRange(start, end, max(grown[k : last + 1])))
@@ -314,7 +305,7 @@ def _find_unstable(vibrations: Vibrations, rates: Array, frequencies_hz: Array) 
 def _growth(at: WhirlingModes) -> float:
     """Return the largest rate at which a vibration grows [1/s]; 0 if none does."""
     size = np.hypot(at.growth, 2 * np.pi * at.frequencies_hz)
-    return float(np.where(at.growth > GROWS * size, at.growth, 0.0).max(initial=0.0))
+    return float(np.where(at.growth > limits.GROWS * size, at.growth, 0.0).max(initial=0.0))
 
 
 def _edge(vibrations: Vibrations, inside: float, outside: float, nearness: float) -> float:

@@ -14,16 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits import recovery as limits
 from fmd.core.limits.memory import DEFORMED_AT_ONCE, STRAINED_AT_ONCE
-from fmd.core.limits.recovery import (
-    EVEN_POINTS,
-    MOST_PLACES,
-    NEAREST_NODES,
-    OF_LARGEST_STRAIN,
-    OF_SQUARED_ROTATION,
-    POINTS_ON_LINE,
-    TOP_POINTS,
-)
 from fmd.core.limits.round_off import SOLVED
 
 if TYPE_CHECKING:
@@ -56,7 +48,7 @@ class Deformation:
     @property
     def second_order_error(self) -> float:
         """Estimated relative error of sizes, stress, energies and joints by the squares that are left out."""
-        return OF_SQUARED_ROTATION * self.rotation**2 + OF_LARGEST_STRAIN * self.strain
+        return limits.OF_SQUARED_ROTATION * self.rotation**2 + limits.OF_LARGEST_STRAIN * self.strain
 
 
 def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: bool) -> DeformationShapes:
@@ -69,7 +61,7 @@ def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: boo
     """
     X = space.kind.corners.T
     n_elements = len(space.element_nodes)
-    looked_at = np.linspace(0, n_elements - 1, min(MOST_PLACES, n_elements)).astype(int)
+    looked_at = np.linspace(0, n_elements - 1, min(limits.MOST_PLACES, n_elements)).astype(int)
     parts = [
         _rotation_and_strain(space, body.shapes, X, looked_at[start : start + STRAINED_AT_ONCE])
         for start in range(0, len(looked_at), STRAINED_AT_ONCE)
@@ -77,8 +69,10 @@ def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: boo
     rotation, strain = (
         np.concatenate(field).reshape(-1, field[0].shape[2], len(body.omega)) for field in zip(*parts, strict=True)
     )
-    largest = [np.argsort(-np.linalg.norm(field, axis=1), axis=0)[:TOP_POINTS].ravel() for field in (rotation, strain)]
-    even = np.linspace(0, len(rotation) - 1, min(EVEN_POINTS, len(rotation))).astype(int)
+    largest = [
+        np.argsort(-np.linalg.norm(field, axis=1), axis=0)[: limits.TOP_POINTS].ravel() for field in (rotation, strain)
+    ]
+    even = np.linspace(0, len(rotation) - 1, min(limits.EVEN_POINTS, len(rotation))).astype(int)
     chosen = np.unique(np.concatenate([*largest, even]))
     rotation, strain = rotation[chosen], strain[chosen]
     return DeformationShapes(rotation, strain, _rotation_on_lines(space, body, supported))
@@ -115,7 +109,7 @@ def node_deformation_shapes(body: FlexibleBody, supported: bool, of_matter: bool
         across = np.eye(3) - np.outer(way, way) / length**2
         bent = marker.translation - joint.translation - np.cross(carried, way, axisa=0).T
         chord = np.cross(way, bent, axisb=0).T / length**2
-        s = ((np.arange(POINTS_ON_LINE) + 0.5) / POINTS_ON_LINE)[:, None, None]
+        s = ((np.arange(limits.POINTS_ON_LINE) + 0.5) / limits.POINTS_ON_LINE)[:, None, None]
         lines[name] = np.asarray(6 * (s - s**2) * chord + (3 * s**2 - 2 * s) * (across @ (marker.rotation - carried)))
     return DeformationShapes(rotation, stretched, lines)
 
@@ -124,8 +118,8 @@ def _near_pairs(x: Array, shapes: Array) -> tuple[Array, Array]:
     """Return the ways between near points x (n_pairs, 3) and how much each shape changes them (n_pairs, 3, n)."""
     from scipy.spatial import cKDTree
 
-    chosen = np.linspace(0, len(x) - 1, min(MOST_PLACES, len(x))).astype(int)
-    near = cKDTree(x).query(x[chosen], min(NEAREST_NODES, len(x)))[1].reshape(len(chosen), -1)
+    chosen = np.linspace(0, len(x) - 1, min(limits.MOST_PLACES, len(x))).astype(int)
+    near = cKDTree(x).query(x[chosen], min(limits.NEAREST_NODES, len(x)))[1].reshape(len(chosen), -1)
     first, second = np.repeat(chosen, near.shape[1]), near.ravel()
     apart = np.linalg.norm(x[second] - x[first], axis=1)
     used = apart > SOLVED * float(np.ptp(x, axis=0).max())
@@ -181,7 +175,7 @@ def _rotation_on_lines(space: Discretisation, body: FlexibleBody, supported: boo
         way = marker.position - joint.position
         if not (length := float(np.linalg.norm(way))) or name == body.joint:
             continue
-        places = joint.position + np.outer((np.arange(POINTS_ON_LINE) + 0.5) / POINTS_ON_LINE, way)
+        places = joint.position + np.outer((np.arange(limits.POINTS_ON_LINE) + 0.5) / limits.POINTS_ON_LINE, way)
         elements = tree.query(places)[1]
         needed, back = np.unique(elements, return_inverse=True)
         rotation = _rotation_and_strain(space, body.shapes, middle, needed)[0][back, 0]

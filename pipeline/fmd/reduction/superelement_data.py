@@ -16,15 +16,7 @@ from scipy.linalg import eigh, eigvalsh, null_space
 
 from fmd.core.arrays import EPSILON, Array
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.files import (
-    DENSEST,
-    FASTEST_WAVE,
-    LEAST_MOMENT,
-    RIGID_FORCE,
-    RIGID_INERTIA,
-    SUPPORT_STIFFNESS,
-    SYMMETRIC,
-)
+from fmd.core.limits import files as limits
 from fmd.core.limits.modes import MASSLESS, NO_FREQUENCY
 from fmd.core.rotations import RIGID_MOTIONS
 from fmd.reduction.body import MarkerShapes
@@ -59,7 +51,7 @@ def superelement_data(
     for what, A in (("stiffness", given.K), ("mass", given.M)):
         if not A.any():
             raise AccuracyError(f"{path}: all entries of the {what} matrix are zero")
-        if not (apart := float(np.abs(A - A.T).max() / np.abs(A).max())) < SYMMETRIC:
+        if not (apart := float(np.abs(A - A.T).max() / np.abs(A).max())) < limits.SYMMETRIC:
             raise AccuracyError(f"{path}: the {what} isn't symmetric, entries differ by {apart:.1e} of the largest")
     used = np.flatnonzero(given.K.any(axis=1) | given.M.any(axis=1))  # rotations of solids' nodes have neither
     unknowns, used_of = tuple(given.unknowns[k] for k in used), np.ix_(used, used)
@@ -130,13 +122,13 @@ def _rigid_inertia(path: Path, M: Array, R: Array, size: float, wanted: float | 
     masses = H[:3, :3].diagonal()
     apart = float(np.abs(H[:3, :3] - total * np.eye(3)).max() / total)
     across = 0.5 * (H[:3, 3:] + H[:3, 3:].T)
-    if not max(apart, float(np.abs(across).max() / total)) < RIGID_INERTIA:
+    if not max(apart, float(np.abs(across).max() / total)) < limits.RIGID_INERTIA:
         given = ", ".join(f"{m:.6g}" for m in masses)
         raise AccuracyError(
             f"{path}: moved along x, y and z the body has {given} kg, and its moments are none of a body's; unknowns "
             "of nodes are missing, or are in axes of their own"
         )
-    if wanted is not None and not abs(total / wanted - 1.0) < RIGID_INERTIA:
+    if wanted is not None and not abs(total / wanted - 1.0) < limits.RIGID_INERTIA:
         raise AccuracyError(
             f"{path}: the mass matrix has {total:.6g} kg, and body.mass is {wanted:.6g} kg; check mass_unit, and that "
             "the superelement has all masses"
@@ -144,7 +136,7 @@ def _rigid_inertia(path: Path, M: Array, R: Array, size: float, wanted: float | 
     second = 0.5 * np.trace(J) * np.eye(3) - J
     moments, axes = np.linalg.eigh(second)
     about = eigvalsh(J)
-    if not (moments[0] > -RIGID_INERTIA * moments[2] and about[0] > LEAST_MOMENT * about[2]):
+    if not (moments[0] > -limits.RIGID_INERTIA * moments[2] and about[0] > limits.LEAST_MOMENT * about[2]):
         raise AccuracyError(
             f"{path}: no body has moments of inertia of {', '.join(f'{j:.3g}' for j in size**2 * about)} kg m² about "
             "its centre of mass: its nodes, on one line perhaps, don't tell how it turns; retain more of them, or "
@@ -182,14 +174,14 @@ def _require_matter(path: Path, K: Array, M: Array, R: Array, mass: float, size:
     terms, inertia = ((np.abs(A) @ np.abs(R)).max(axis=0) for A in (K, M))
     defect = np.abs(K @ R).max(axis=0) / np.maximum(terms, omega2 * inertia)  # a node alone has terms of round-off
     support = np.abs(eigh(R.T @ K @ R, R.T @ M @ R, eigvals_only=True)).max() / omega2
-    if not (defect.max() < RIGID_FORCE and support < SUPPORT_STIFFNESS):
+    if not (defect.max() < limits.RIGID_FORCE and support < limits.SUPPORT_STIFFNESS):
         raise AccuracyError(
             f"{path}: the body isn't free: {RIGID_MOTIONS[int(defect.argmax())]} as a whole it answers with "
-            f"{defect.max():.1e} of its forces (at most {RIGID_FORCE:.0e}), with {100 * support:.2g} % of the "
-            f"stiffness of its first mode (at most {100 * SUPPORT_STIFFNESS:g} %); reduce it without supports, "
+            f"{defect.max():.1e} of its forces (at most {limits.RIGID_FORCE:.0e}), with {100 * support:.2g} % of the "
+            f"stiffness of its first mode (at most {100 * limits.SUPPORT_STIFFNESS:g} %); reduce it without supports, "
             "check unit of body, write all digits"
         )
-    if mass / size**3 > DENSEST or size * np.sqrt(omega2) / np.pi > FASTEST_WAVE:
+    if mass / size**3 > limits.DENSEST or size * np.sqrt(omega2) / np.pi > limits.FASTEST_WAVE:
         raise AccuracyError(
             f"{path}: {mass:.3g} kg within {1e3 * size:.3g} mm and a first frequency of "
             f"{np.sqrt(omega2) / (2 * np.pi):.3g} Hz are of no matter; check unit, stiffness_unit and mass_unit of body"

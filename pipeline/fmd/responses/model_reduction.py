@@ -15,14 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.responses import (
-    BEYOND_POLES,
-    FINE_RATIO,
-    RESPONSE_POINTS,
-    ROUNDED_GRAMIAN,
-    UNDAMPED,
-    WORST_VIBRATIONS,
-)
+from fmd.core.limits import responses as limits
 from fmd.core.limits.round_off import SUMMED
 from fmd.responses.state_space import Channel, StateSpace, choose_frequencies
 
@@ -47,8 +40,8 @@ class ModelReduction:
         self._kept, self._decaying = kept, (A, B, C)
         empty = tuple(Channel(f"state {k + 1}", "") for k in range(len(A)))
         part = StateSpace(A, B, C, np.zeros_like(model.D), empty, model.inputs, model.outputs)
-        highest = BEYOND_POLES * float(np.abs(part.poles).max(initial=1.0)) / (2 * np.pi)
-        self._frequencies = choose_frequencies(part, 0.0, highest, RESPONSE_POINTS, FINE_RATIO)
+        highest = limits.BEYOND_POLES * float(np.abs(part.poles).max(initial=1.0)) / (2 * np.pi)
+        self._frequencies = choose_frequencies(part, 0.0, highest, limits.RESPONSE_POINTS, limits.FINE_RATIO)
         self._response = part.frequency_response(self._frequencies)
         self._to_size, self._from_size = _sizes(self._response, model)
         self._balance()
@@ -71,7 +64,7 @@ class ModelReduction:
         reach = _root(solve_continuous_lyapunov(A, -B @ B.T))
         seen = _root(solve_continuous_lyapunov(A.T, -C.T @ C))
         left, values, right = np.linalg.svd(seen.T @ reach)
-        count = int((values > ROUNDED_GRAMIAN * values.max(initial=0.0)).sum())
+        count = int((values > limits.ROUNDED_GRAMIAN * values.max(initial=0.0)).sum())
         self.singular_values = values[:count]
         scale = 1.0 / np.sqrt(values[:count])
         self._into = reach @ right[:count].T * scale
@@ -160,7 +153,7 @@ def _split(model: StateSpace) -> tuple[tuple[Array, Array, Array], Array, Array,
     still = model.slowest_pole
 
     def stays(real: float, imaginary: float) -> bool:
-        return real > -max(still, UNDAMPED * float(np.hypot(real, imaginary)))
+        return real > -max(still, limits.UNDAMPED * float(np.hypot(real, imaginary)))
 
     T, Q, k = schur(balanced, output="real", sort=stays)
     B, C = Q.T @ (model.B / scale[:, None]), (model.C * scale) @ Q
@@ -178,7 +171,7 @@ def _to_vibrations(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
     upper = values.imag >= 0.0
     columns = [part for v, one in zip(vectors.T[upper], values[upper], strict=True) for part in _parts(v, one)]
     T = np.array(columns).T.reshape(len(A), len(A))
-    if not len(A) or np.linalg.cond(T) * np.finfo(float).eps > WORST_VIBRATIONS:
+    if not len(A) or np.linalg.cond(T) * np.finfo(float).eps > limits.WORST_VIBRATIONS:
         return A, B, C
     A, B, C = np.asarray(np.linalg.solve(T, A @ T)), np.asarray(np.linalg.solve(T, B)), C @ T
     reached, seen = np.linalg.norm(B, axis=1), np.linalg.norm(C, axis=0)

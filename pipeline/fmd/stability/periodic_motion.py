@@ -21,17 +21,8 @@ from numpy.typing import NDArray
 from fmd.core import newton
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError
+from fmd.core.limits import stability as limits
 from fmd.core.limits.newton import SHORTEST_NORM
-from fmd.core.limits.stability import (
-    ADDED_UP,
-    ASTRAY,
-    CORRECTIONS,
-    FOLLOWED,
-    KEPT_SLOPES,
-    SAME_MULTIPLIER,
-    SAMPLES,
-    SHOWN_MULTIPLIERS,
-)
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.adaptive import AdaptiveIntegrator
 from fmd.integrators.protocol import evaluate_projection, move_positions
@@ -81,7 +72,7 @@ def find_periodic_motion(
         A march fails.
     """
     search = _Search(system, method, period)
-    tolerance = newton.Tolerance(CORRECTIONS, absolute=closes)
+    tolerance = newton.Tolerance(limits.CORRECTIONS, absolute=closes)
     found = newton.solve(
         search.march(start),
         search.gap,
@@ -122,7 +113,7 @@ class _Search:
     def __init__(self, system: Any, method: AdaptiveIntegrator, period: float) -> None:
         self.system, self.method, self.period = system, method, period
         self.turning, self.counted = _turning_rates(system.mechanism)
-        self.error = ADDED_UP * method.tolerance
+        self.error = limits.ADDED_UP * method.tolerance
         self.marches = 0
         self.known: list[tuple[Array, Array]] = []  # directions v, and Φ v
         self.before, self.stale = np.inf, False  # the last gap; if directions of an orbit before served
@@ -130,7 +121,7 @@ class _Search:
 
     def march(self, start: State) -> _Orbit:
         """March over a period from a state."""
-        times = np.linspace(0.0, self.period, SAMPLES + 1)
+        times = np.linspace(0.0, self.period, limits.SAMPLES + 1)
         trajectory = self.method.march(self.system, *start, times)
         self.marches += 1
         states = np.concatenate([trajectory.q, trajectory.v], axis=1)
@@ -166,7 +157,7 @@ class _Search:
     def correct(self, orbit: _Orbit, gap: Array) -> Array:
         """Return the small motion that Newton's method asks for, over its scale."""
         size = newton.largest(gap)
-        if size > KEPT_SLOPES * self.before:
+        if size > limits.KEPT_SLOPES * self.before:
             self.known = []
         self.before, self.stale = size, bool(self.known)
         while True:
@@ -174,7 +165,7 @@ class _Search:
             for v, _ in 2 * self.known:  # the second turn takes the first one's round-off away
                 rest = rest - (v @ rest) * v
             left = float(np.linalg.norm(rest))
-            if left <= FOLLOWED * np.linalg.norm(gap) or len(self.known) == np.count_nonzero(self.counted):
+            if left <= limits.FOLLOWED * np.linalg.norm(gap) or len(self.known) == np.count_nonzero(self.counted):
                 return found
             self.known.append((rest / left, self._follow(orbit, rest / left, [np.sqrt(self.error), 0.0])))
 
@@ -208,7 +199,7 @@ class _Search:
         One that directions of an orbit before have led astray a little is no reason for shorter steps: new ones follow.
         """
         before, after = newton.largest(trial.before), newton.largest(trial.after)
-        if self.stale and before <= after < ASTRAY * before:
+        if self.stale and before <= after < limits.ASTRAY * before:
             self.known = []
             return True
         return after < max(before, self.error)
@@ -233,9 +224,11 @@ class _Search:
             values, ways = np.linalg.eig(H[: k + 1, : k + 1])
             errors = rest * np.abs(ways[-1])
             order = np.lexsort((-values.imag, -np.abs(values)))
-            sure = (errors <= SAME_MULTIPLIER) & (np.abs(values) > self.error / step)
+            sure = (errors <= limits.SAME_MULTIPLIER) & (np.abs(values) > self.error / step)
             known = np.asarray(values[order][sure[order]], dtype=complex)
-            if rest <= self.error / step or (k >= SHOWN_MULTIPLIERS and sure[order[:SHOWN_MULTIPLIERS]].all()):
+            if rest <= self.error / step or (
+                k >= limits.SHOWN_MULTIPLIERS and sure[order[: limits.SHOWN_MULTIPLIERS]].all()
+            ):
                 break
             H[k + 1, k] = rest
             V.append(moved / rest)

@@ -10,18 +10,7 @@ import numpy as np
 
 from fmd.core.errors import InputError
 from fmd.core.formula import parse_formula
-from fmd.core.limits.loads import (
-    DRIVE_SAMPLES,
-    FLAT,
-    GROWS,
-    JUMP,
-    JUMP_ROUND_OFF,
-    KINK_WIDTH,
-    PEAKS,
-    POLE_HALVINGS,
-    SHORTER_SPAN,
-    SPANS,
-)
+from fmd.core.limits import loads as limits
 from fmd.core.limits.scene import CLOSES
 from fmd.dynamics.signals.activity import find_activity
 from fmd.dynamics.signals.signal import Signal, constant, formula, linear_table, smooth_table
@@ -110,14 +99,16 @@ def _time_without_value(signal: Signal, duration: float, n_derivatives: int) -> 
     inside = [
         at for time in signal.breakpoints for at in (np.nextafter(time, -np.inf), time, np.nextafter(time, np.inf))
     ]
-    times = np.unique([*np.linspace(0.0, duration, DRIVE_SAMPLES), *(at for at in inside if 0.0 <= at <= duration)])
+    times = np.unique(
+        [*np.linspace(0.0, duration, limits.DRIVE_SAMPLES), *(at for at in inside if 0.0 <= at <= duration)]
+    )
     sizes = np.abs(signal.values(times)[:, :n_derivatives])
     if (bad := np.flatnonzero(~np.isfinite(sizes).all(axis=1))).size:
         return float(times[bad[0]])
     largest = sizes[:, 0]
     padded = np.r_[-1.0, largest, -1.0]
     tops = np.flatnonzero((padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]))
-    for top in tops[np.argsort(-largest[tops])][:PEAKS]:
+    for top in tops[np.argsort(-largest[tops])][: limits.PEAKS]:
         around = times[max(top - 1, 0)], times[min(top + 1, len(times) - 1)]
         if (pole := _find_pole(signal, float(times[top]), *map(float, around))) is not None:
             return pole
@@ -127,7 +118,7 @@ def _time_without_value(signal: Signal, duration: float, n_derivatives: int) -> 
 def _find_pole(signal: Signal, at: float, low: float, high: float) -> float | None:
     """Look for a pole about a local maximum between two other times, where values grow at every halving [s]."""
     sizes = []
-    for _ in range(POLE_HALVINGS):
+    for _ in range(limits.POLE_HALVINGS):
         points = np.array([low, 0.5 * (low + at), at, 0.5 * (at + high), high])
         values = np.abs(signal.values(points[1:4])[:, 0])
         if not np.isfinite(values).all():
@@ -135,9 +126,9 @@ def _find_pole(signal: Signal, at: float, low: float, high: float) -> float | No
         k = int(values.argmax())
         low, at, high = (float(point) for point in points[k : k + 3])
         sizes.append(values[k])
-        if values.min() >= FLAT * values[k]:  # of a smooth function, seen from near
+        if values.min() >= limits.FLAT * values[k]:  # of a smooth function, seen from near
             return None
-    return at if sizes[-1] > GROWS * sizes[-11] else None
+    return at if sizes[-1] > limits.GROWS * sizes[-11] else None
 
 
 def _describe_fault(signal: Signal, time: float, moves: bool) -> str:
@@ -156,14 +147,16 @@ def _describe_fault(signal: Signal, time: float, moves: bool) -> str:
 def _require_continuous(scene: Scene, path: str, given: TimeFunction, signal: Signal) -> None:
     """Raise ``InputError`` if a motion's position or rate jumps: no impulse would pass to the other coordinates."""
     assert scene.simulation is not None
-    course = signal.values(np.linspace(0.0, scene.simulation.duration, DRIVE_SAMPLES))[:, :2]
-    little = JUMP * np.ptp(course, axis=0) + JUMP_ROUND_OFF * np.abs(course).max(axis=0)
+    course = signal.values(np.linspace(0.0, scene.simulation.duration, limits.DRIVE_SAMPLES))[:, :2]
+    little = limits.JUMP * np.ptp(course, axis=0) + limits.JUMP_ROUND_OFF * np.abs(course).max(axis=0)
     switches = [(time, 0.0) for time in signal.breakpoints if 0.0 < time <= scene.simulation.duration]
     for time, aside in [*switches, *_kinks(signal, scene.simulation.duration)]:
         sides = (min(time - aside, np.nextafter(time, -np.inf)), max(time + aside, np.nextafter(time, np.inf)))
         before, after = (np.array(signal.value(side)) for side in sides)
         passing = (sides[1] - sides[0]) * np.maximum(np.abs(before[1:]), np.abs(after[1:]))  # without any jump
-        if (np.abs(after - before)[:2] <= passing + np.maximum(little, JUMP_ROUND_OFF * np.abs(after[:2]))).all():
+        if (
+            np.abs(after - before)[:2] <= passing + np.maximum(little, limits.JUMP_ROUND_OFF * np.abs(after[:2]))
+        ).all():
             continue
         (x, rate), (other_x, other_rate) = before[:2] / given.factor, after[:2] / given.factor
         raise InputError(
@@ -179,8 +172,8 @@ def _require_continuous(scene: Scene, path: str, given: TimeFunction, signal: Si
 def _kinks(signal: Signal, duration: float) -> list[tuple[float, float]]:
     """Find kinks of abs, min and max in a formula, the first of them if they are very many; each with its width [s]."""
     span = duration
-    for _ in range(SPANS):
+    for _ in range(limits.SPANS):
         if kinks := find_activity(signal, span).kinks:
-            return [(time, KINK_WIDTH * span) for time in kinks]
-        span *= SHORTER_SPAN
+            return [(time, limits.KINK_WIDTH * span) for time in kinks]
+        span *= limits.SHORTER_SPAN
     return []

@@ -14,17 +14,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError, InputError
-from fmd.core.limits.modes import (
-    CLOSED_BY_DEFORMING,
-    MOST_RADIANS,
-    NEGLIGIBLE_TERMS,
-    OF_PIECES,
-    RIGID_IMPLICIT_STEPS,
-    RIGID_LEAPFROGS,
-    RINGING,
-    SAMPLED_TIMES,
-    SLOPES,
-)
+from fmd.core.limits import modes as limits
 from fmd.core.limits.stability import RIGID_TOLERANCE
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
@@ -117,12 +107,12 @@ def check_stiffening_loads(
         change = estimate_change(body, loads)
         (ratio,) = damping_ratios(scene.flexible[name].modes.damping, [first])
         lasting = 1.0 / max(ratio, 1e-300)  # radians of ringing
-        matters = change * (1.0 + 0.5 * RINGING * min(first * scene.simulation.duration, lasting)) > error
+        matters = change * (1.0 + 0.5 * limits.RINGING * min(first * scene.simulation.duration, lasting)) > error
         # Displacements of second order in its pieces also make the rotations of a chain converge faster.
         counts = (matters and (meshed is None or name in meshed)) or bool(part_of(name))
         stiffened = setting == "on" or (setting == "auto" and counts)
         checks[name] = StiffeningLoads(largest, first, critical, stiffened, change, loads, motion.times, motion.q)
-    opened = largest_residual(mechanism.rigid, motion.times, motion.q) > CLOSED_BY_DEFORMING
+    opened = largest_residual(mechanism.rigid, motion.times, motion.q) > limits.CLOSED_BY_DEFORMING
     if setting == "auto" and (opened or any(check.stiffened for check in checks.values())):
         for name, check in checks.items():  # stretched by a body that deflects, or by a motion that is prescribed
             strained = bool(check.loads.open.any()) and (meshed is None or name in meshed)
@@ -139,7 +129,7 @@ def estimate_change(body: FlexibleBody, loads: BodyLoads) -> float:
         np.linalg.norm(loads.wrenches[:, :, :3], axis=2) + np.linalg.norm(loads.wrenches[:, :, 3:], axis=2) / length
     )
     inertia = body.integrals.mass * (acceleration + 0.5 * length * (spin**2 + turning))
-    return float(SLOPES * (forces.sum(axis=0) + inertia).max() * (peaks / body.omega**2).max() / length)
+    return float(limits.SLOPES * (forces.sum(axis=0) + inertia).max() * (peaks / body.omega**2).max() / length)
 
 
 def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, StiffeningLoads], error: float) -> Mechanism:
@@ -150,7 +140,7 @@ def keep_what_counts(mechanism: Mechanism, checks: Mapping[str, StiffeningLoads]
     for name, check in checks.items():
         if check.stiffened and not part_of(name):
             mechanism = without_negligible_terms(
-                mechanism, mechanism.number_of(name), check.loads, NEGLIGIBLE_TERMS * error
+                mechanism, mechanism.number_of(name), check.loads, limits.NEGLIGIBLE_TERMS * error
             )
     return mechanism
 
@@ -177,7 +167,7 @@ def keep_inertia_of_pieces(
     counts = {
         part_of(name)
         for name, body in pieces.items()
-        if not error or OF_PIECES * change_by_inertia(body, checks[name].loads) > error
+        if not error or limits.OF_PIECES * change_by_inertia(body, checks[name].loads) > error
     }
     return {
         name: body if part_of(name) in counts else replace(body, integrals=linear[name].integrals)
@@ -223,7 +213,7 @@ def rigid_spins(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> 
 
 def rigid_motion(mechanism: Mechanism, q0: Array, v0: Array, duration: float) -> Kinematics:
     """Compute the motion of a mechanism in which no body deforms; the arguments are those of `rigid_spins`."""
-    times = np.linspace(0.0, duration, SAMPLED_TIMES)
+    times = np.linspace(0.0, duration, limits.SAMPLED_TIMES)
     rigid = mechanism.rigid
     q, v, held = _march_rigid(rigid, q0, v0, times)
     return Kinematics(rigid if held is None else rigid.with_known(held.know), times, q, v)
@@ -246,11 +236,11 @@ def _method_for(system: CompiledSystem, duration: float) -> Integrator:
 
     Vibrations that are too many to be followed keep their size by the trapezoidal rule, though not their frequency.
     """
-    if system.highest_frequency * duration > MOST_RADIANS and not system.is_sampled:
+    if system.highest_frequency * duration > limits.MOST_RADIANS and not system.is_sampled:
         from fmd.integrators.generalized_alpha import GeneralizedAlpha
 
-        return GeneralizedAlpha(duration / RIGID_IMPLICIT_STEPS, rho=1.0)
-    if duration <= RIGID_LEAPFROGS * system.largest_step:
+        return GeneralizedAlpha(duration / limits.RIGID_IMPLICIT_STEPS, rho=1.0)
+    if duration <= limits.RIGID_LEAPFROGS * system.largest_step:
         from fmd.integrators.runge_kutta import RungeKutta
 
         return RungeKutta(RIGID_TOLERANCE)
