@@ -63,8 +63,6 @@ def contact_points(
 
     Parameters
     ----------
-    faces : mapping of str to Marker
-        Averaged markers on faces.
     triangles : mapping of str to ndarray, shapes (n_triangles, 3)
         Nodes at the corners of the triangles of those faces that may touch other bodies: all of these become points.
 
@@ -134,18 +132,10 @@ def _elastic_shapes(fe: FEModel, solver: FreeBodySolver, body: FlexibleBody) -> 
 
 @dataclass(frozen=True)
 class ResidualFields:
-    """Displacements of a body that its modes leave out, as combinations of fields.
+    """Displacements of a body that its modes leave out, as combinations of fields."""
 
-    Parameters
-    ----------
-    shapes : ndarray, shape (n_nodes, 3, n_fields)
-        Fields [m].
-    sizes : ndarray, shape (n_times, n_fields)
-        How much of each there is at the output times.
-    """
-
-    shapes: Array
-    sizes: Array
+    shapes: Array  # (n_nodes, 3, n_fields): fields [m]
+    sizes: Array  # (n_times, n_fields): how much of each there is at the output times
 
 
 def find_residual_fields(

@@ -31,30 +31,14 @@ from fmd.core.limits.contact import (
 
 @dataclass(frozen=True)
 class CurvedPlace:
-    """Where a curved face comes nearest to a plane, and how it is curved there.
+    """Where a curved face comes nearest to a plane, and how it is curved there."""
 
-    Parameters
-    ----------
-    surface : Quadric
-        The face, in its body's frame.
-    place : ndarray, shape (3,)
-        Its lowest place [m].
-    axes : ndarray, shape (3, 3)
-        Normal into the body and directions of the largest and the least curvature, a row each.
-    curvatures : tuple of float
-        Along these [1/m]; the first is positive, and the second 0 on a cylinder.
-    beside : ndarray, shape (2, 2)
-        Least and greatest place of the face along the two directions, from the lowest place [m].
-    spacing : float
-        Distance of the mesh's points there [m].
-    """
-
-    surface: Quadric
-    place: Array
-    axes: Array
-    curvatures: tuple[float, float]
-    beside: Array
-    spacing: float
+    surface: Quadric  # the face, in its body's frame
+    place: Array  # (3,): its lowest place [m]
+    axes: Array  # (3, 3): normal into the body and directions of the largest and the least curvature, a row each
+    curvatures: tuple[float, float]  # along these [1/m]; the first is positive, and the second 0 on a cylinder
+    beside: Array  # (2, 2): least and greatest place of the face along the two directions, from the lowest place [m]
+    spacing: float  # distance of the mesh's points there [m]
 
     @property
     def is_line(self) -> bool:

@@ -14,27 +14,15 @@ PLANE, BALL, BOX, PIN, BORE = range(5)
 
 @dataclass(frozen=True)
 class Primitive:
-    """A surface of a rigid body that points may touch, known by its distance from any place.
+    """A surface of a rigid body that points may touch, known by its distance from any place."""
 
-    Parameters
-    ----------
-    kind : int
-        `BALL`, `BOX`, `PIN` or `BORE`.
-    at : tuple of float
-        Its middle in the body's frame [m].
-    axes : tuple of tuple of float
-        Rows: directions in the body's frame, the last one along the axis of a pin or a bore.
-    half : tuple of float
-        Half extents of what is round about it along these [m]: a box without its rounding, an axis, a point.
-    radius : float
-        Distance of the surface from that [m].
-    """
-
-    kind: int
-    at: tuple[float, float, float]
+    kind: int  # `BALL`, `BOX`, `PIN` or `BORE`
+    at: tuple[float, float, float]  # its middle in the body's frame [m]
+    # Rows: directions in the body's frame, the last one along the axis of a pin or a bore.
     axes: tuple[tuple[float, float, float], ...]
+    # Half extents of what is round about it along these [m]: a box without its rounding, an axis, a point.
     half: tuple[float, float, float]
-    radius: float
+    radius: float  # distance of the surface from that [m]
 
     @property
     def edge_middles(self) -> Array:
@@ -57,24 +45,10 @@ class Primitive:
 
 @dataclass(frozen=True)
 class RoundPoints:
-    """Points of a rigid body, each the centre of a ball or of a piece of a pin.
+    """Points of a rigid body, each the centre of a ball or of a piece of a pin."""
 
-    Parameters
-    ----------
-    x : ndarray, shape (n, 3)
-        Centres in the body's frame [m].
-    radius : float
-        Distance of the surface from them [m].
-    shares : ndarray, shape (n,)
-        Part of the law's force that each has at a depth: 1 of a ball, less of the pieces of a pin.
-    length : float
-        Length of a pin [m]; 0 of balls.
-    of_edges : bool
-        True if they are on edges of a box, wherever these cross edges of another.
-    """
-
-    x: Array
-    radius: float
-    shares: Array
-    length: float = 0.0
-    of_edges: bool = False
+    x: Array  # (n, 3): centres in the body's frame [m]
+    radius: float  # distance of the surface from them [m]
+    shares: Array  # (n,): part of the law's force that each has at a depth: 1 of a ball, less of the pieces of a pin
+    length: float = 0.0  # length of a pin [m]; 0 of balls
+    of_edges: bool = False  # true if they are on edges of a box, wherever these cross edges of another

@@ -30,16 +30,10 @@ class RecordedBody(Protocol):
 
 @dataclass(frozen=True)
 class ContactRecord:
-    """Values of contacts at output times, and the forces on points, frames and modes of the bodies that touch.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (n_times, n_values)
-        What `fmd.contact.sums.note_values` has filled, a row for each output time.
-    """
+    """Values of contacts at output times, and the forces on points, frames and modes of the bodies that touch."""
 
     bodies: Sequence[RecordedBody]
-    rows: Array
+    rows: Array  # (n_times, n_values): what `fmd.contact.sums.note_values` has filled, a row for each output time
 
     @classmethod
     def width(cls, bodies: Sequence[RecordedBody]) -> int:

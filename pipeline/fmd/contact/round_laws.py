@@ -32,21 +32,11 @@ Row = tuple[float, ...]
 
 @dataclass(frozen=True)
 class RoundLaw:
-    """Force over depth, by pieces that are powers, and what is lost in a shock.
+    """Force over depth, by pieces that are powers, and what is lost in a shock."""
 
-    Parameters
-    ----------
-    rows : tuple of tuple of float
-        Columns `DEPTH` [m], `LOAD` [N], `POWER`, `STORED` [J], `SIZE` [m²], `GROWTH` and `PEAK`.
-    restitution : float
-        Speed after a shock of two free bodies over that before.
-    ends : float
-        Depth up to which it is known [m].
-    """
-
-    rows: tuple[Row, ...]
-    restitution: float = 1.0
-    ends: float = np.inf
+    rows: tuple[Row, ...]  # columns `DEPTH` [m], `LOAD` [N], `POWER`, `STORED` [J], `SIZE` [m²], `GROWTH` and `PEAK`
+    restitution: float = 1.0  # speed after a shock of two free bodies over that before
+    ends: float = np.inf  # depth up to which it is known [m]
 
     @property
     def loss(self) -> float:

@@ -12,18 +12,10 @@ from fmd.core.limits.contact import FIT_ROUNDS, OFF_SURFACE, ONE_QUADRIC
 
 @dataclass(frozen=True)
 class Quadric:
-    """Surface ``F(x) = xᵀ A x + bᵀ x + c = 0``.
+    """Surface ``F(x) = xᵀ A x + bᵀ x + c = 0``."""
 
-    Parameters
-    ----------
-    A : ndarray, shape (3, 3)
-        Symmetric [1/m²].
-    b : ndarray, shape (3,)
-        [1/m].
-    """
-
-    A: Array
-    b: Array
+    A: Array  # (3, 3): symmetric [1/m²]
+    b: Array  # (3,) [1/m]
     c: float
 
     def values(self, x: Array) -> Array:

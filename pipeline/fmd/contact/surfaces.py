@@ -15,44 +15,20 @@ from fmd.core.limits.contact import EDGE_SOFTNESS, SHARP_EDGE
 
 @dataclass(frozen=True)
 class ContactSurface:
-    """Points of a body before a plane, or before triangles of another body.
+    """Points of a body before a plane, or before triangles of another body."""
 
-    Attributes
-    ----------
-    slave, master : int
-        Number of the points' body, and of the triangles'; -1 for a plane.
-    points : ndarray, shape (n,)
-        Numbers in the points of the first body.
-    areas : ndarray, shape (n,)
-        [m²]
-    outward : ndarray, shape (n, 3)
-        Unit normals of the first body's face; 0 before a plane.
-    triangles : ndarray, shape (n_triangles, 3)
-        Numbers in the points of the second body.
-    rim : ndarray, shape (n_triangles, 6)
-        1 for each side and each corner on the rim of the face.
-    sign : int
-        1 if the contact's force is reported on the points' body, else -1.
-    softness : float
-        More of the own flexibility of each point.
-    primitive : Primitive, optional
-        The second body's surface, if that is rigid.
-    edges : Primitive, optional
-        The first body's box, if its edges are meant.
-    """
-
-    slave: int
+    slave: int  # number of the points' body, and of the triangles'; -1 for a plane
     master: int
-    points: IntArray
-    areas: Array
-    outward: Array
-    triangles: IntArray
-    rim: IntArray
+    points: IntArray  # (n,): numbers in the points of the first body
+    areas: Array  # (n,) [m²]
+    outward: Array  # (n, 3): unit normals of the first body's face; 0 before a plane
+    triangles: IntArray  # (n_triangles, 3): numbers in the points of the second body
+    rim: IntArray  # (n_triangles, 6): 1 for each side and each corner on the rim of the face
     of: ContactPlane | ContactPair
-    sign: int
-    softness: float
-    primitive: Primitive | None = None
-    edges: Primitive | None = None
+    sign: int  # 1 if the contact's force is reported on the points' body, else -1
+    softness: float  # more of the own flexibility of each point
+    primitive: Primitive | None = None  # the second body's surface, if that is rigid
+    edges: Primitive | None = None  # the first body's box, if its edges are meant
 
 
 _NO_TRIANGLES = np.zeros((0, 3), dtype=np.int64), np.zeros((0, 6), dtype=np.int64)

@@ -18,21 +18,11 @@ from fmd.core.limits.contact import CARRYING
 
 @dataclass(frozen=True)
 class Grid:
-    """Rectangles on a curved face, each with a point in its middle.
+    """Rectangles on a curved face, each with a point in its middle."""
 
-    Parameters
-    ----------
-    places : ndarray, shape (n, 2)
-        Middles along the face [m].
-    cell : tuple of float
-        Sides [m].
-    axes : ndarray, shape (3, 3)
-        Inward normal and the two directions along the face, a row each, in the body's frame.
-    """
-
-    places: Array
-    cell: tuple[float, float]
-    axes: Array
+    places: Array  # (n, 2): middles along the face [m]
+    cell: tuple[float, float]  # sides [m]
+    axes: Array  # (3, 3): inward normal and the two directions along the face, a row each, in the body's frame
 
 
 @dataclass(frozen=True)
@@ -42,54 +32,30 @@ class ContactPoints:
     A force ``f_d`` on point d moves point c by ``shapes_c q`` through the modes and by ``G_cd f_d`` beside them; what
     the modes leave out is static and has no mass (massless-boundary reduction; Monjaraz-Tec, Gross & Krack, J Sound
     Vib 534, 2022).
-
-    Parameters
-    ----------
-    x : ndarray, shape (n, 3)
-        Undeformed positions in the body's frame [m].
-    areas : mapping of str to ndarray
-        Force on each of a face's points by a pressure of 1 on it [m²].
-    shapes : ndarray, shape (n, 3, n_modes)
-        Displacements for unit modal coordinates [kg^-1/2].
-    G : ndarray, shape (n, 3, n, 3)
-        Residual flexibility [m/N], symmetric and positive definite.
-    faces : mapping of str to ndarray
-        Numbers of the points that carry pressure on each face, by its marker's name.
-    raised : float
-        Share of its directions in which modes left too little, and G has been raised.
-    surfaces : mapping of str to ndarray, shapes (n_triangles, 3)
-        Points at the corners of the triangles of each face that may touch one of another body, counter-clockwise seen
-        from outside.
-    border : ndarray, shape (n,)
-        Points at the border of a grid that is smaller than its face: a contact that presses them is larger.
-    elastic : tuple of float, optional
-        Young's modulus [Pa] and Poisson's ratio; ``None`` of several materials.
-    nodes : ndarray, shape (n_nodes,)
-        Nodes of the body's mesh that the points are at, or that a grid's are between.
-    weights : ndarray, shape (n, n_nodes), optional
-        By which forces on a grid's points act on these nodes; without, each point is at its own.
-    radii : ndarray, shape (n,)
-        Of points that are centres of balls or of pieces of pins [m]; 0 of nodes.
-    shares : ndarray, shape (n,)
-        Part of a law's force that each of those has.
-    primitives : mapping of str to Primitive
-        Surfaces of a rigid body that points of others may touch.
     """
 
-    x: Array
-    areas: Mapping[str, Array]
-    shapes: Array
-    G: Array
-    faces: Mapping[str, IntArray]
-    raised: float = 0.0
+    x: Array  # (n, 3): undeformed positions in the body's frame [m]
+    areas: Mapping[str, Array]  # force on each of a face's points by a pressure of 1 on it [m²]
+    shapes: Array  # (n, 3, n_modes): displacements for unit modal coordinates [kg^-1/2]
+    G: Array  # (n, 3, n, 3): residual flexibility [m/N], symmetric and positive definite
+    faces: Mapping[str, IntArray]  # numbers of the points that carry pressure on each face, by its marker's name
+    raised: float = 0.0  # share of its directions in which modes left too little, and G has been raised
+    # (n_triangles, 3): points at the corners of the triangles of each face that may touch one of another body,
+    # counter-clockwise seen from outside
     surfaces: Mapping[str, IntArray] = field(default_factory=dict)
+    # (n,): points at the border of a grid that is smaller than its face: a contact that presses them is larger
     border: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    # Young's modulus [Pa] and Poisson's ratio; ``None`` of several materials.
     elastic: tuple[float, float] | None = None
+    # (n_nodes,): nodes of the body's mesh that the points are at, or that a grid's are between
     nodes: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    # (n, n_nodes): by which forces on a grid's points act on these nodes; without, each point is at its own
     weights: Array | None = None
     grids: Mapping[str, Grid] = field(default_factory=dict)
+    # (n,): of points that are centres of balls or of pieces of pins [m]; 0 of nodes
     radii: Array = field(default_factory=lambda: np.zeros(0))
-    shares: Array = field(default_factory=lambda: np.zeros(0))
+    shares: Array = field(default_factory=lambda: np.zeros(0))  # (n,): part of a law's force that each of those has
+    # Surfaces of a rigid body that points of others may touch.
     primitives: Mapping[str, Primitive] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -141,38 +107,18 @@ class ContactPoints:
 
 @dataclass(frozen=True)
 class ContactPlane:
-    """A plane of the ground that some of a body's points may touch.
-
-    Parameters
-    ----------
-    position : ndarray, shape (3,)
-        A point of the plane in space [m].
-    normal : ndarray, shape (3,)
-        Unit vector out of the ground.
-    friction : float
-        Coefficient of Coulomb's friction.
-    clearance : float
-        What is added to gaps [m].
-    damping : float
-        Time β of the damping of the points' flexibility [s].
-    near_field : str
-        What gives the flexibility near a contact.
-    law : RoundLaw, optional
-        Force of each point of a rigid body by its depth.
-    slide : float
-        How much softer it is aside.
-    """
+    """A plane of the ground that some of a body's points may touch."""
 
     name: str
-    position: Array
-    normal: Array
-    friction: float
+    position: Array  # (3,): a point of the plane in space [m]
+    normal: Array  # (3,): unit vector out of the ground
+    friction: float  # coefficient of Coulomb's friction
     face: str
-    clearance: float = 0.0
-    damping: float = 0.0
-    near_field: str = "mesh"
-    law: RoundLaw | None = None
-    slide: float = 1.0
+    clearance: float = 0.0  # what is added to gaps [m]
+    damping: float = 0.0  # time β of the damping of the points' flexibility [s]
+    near_field: str = "mesh"  # what gives the flexibility near a contact
+    law: RoundLaw | None = None  # force of each point of a rigid body by its depth
+    slide: float = 1.0  # how much softer it is aside
 
     @property
     def axes(self) -> Array:
@@ -188,65 +134,35 @@ class ContactPair:
     """A face of a body whose points may touch the triangles of a face of another.
 
     Corners and edges of the other's face are looked for on this one's triangles, since they may come between points.
-
-    Parameters
-    ----------
-    other : str
-        The other body's name.
-    friction : float
-        Coefficient of Coulomb's friction.
-    clearance : float
-        What is added to gaps [m].
-    damping : float
-        Time β of the damping of the points' flexibility [s].
-    reported_on_other : bool
-        True if the contact's force is to be that on the other body.
-    near_field : str
-        What gives the flexibility near a contact.
-    law : RoundLaw, optional
-        Force of each point of a rigid body by its depth, before another one.
-    slide : float
-        How much softer it is aside.
-    edges : str
-        This body's surface, a box, if its edges are meant, before those of the other's.
-    others : tuple of ContactPair
-        What belongs to the same contact: of two boxes the other's corners before this one, and edges before edges.
     """
 
     name: str
     face: str
-    other: str
+    other: str  # the other body's name
     other_face: str
-    friction: float = 0.0
-    clearance: float = 0.0
-    damping: float = 0.0
-    reported_on_other: bool = False
-    near_field: str = "mesh"
-    law: RoundLaw | None = None
-    slide: float = 1.0
-    edges: str = ""
+    friction: float = 0.0  # coefficient of Coulomb's friction
+    clearance: float = 0.0  # what is added to gaps [m]
+    damping: float = 0.0  # time β of the damping of the points' flexibility [s]
+    reported_on_other: bool = False  # true if the contact's force is to be that on the other body
+    near_field: str = "mesh"  # what gives the flexibility near a contact
+    law: RoundLaw | None = None  # force of each point of a rigid body by its depth, before another one
+    slide: float = 1.0  # how much softer it is aside
+    edges: str = ""  # this body's surface, a box, if its edges are meant, before those of the other's
+    # What belongs to the same contact: of two boxes the other's corners before this one, and edges before edges.
     others: tuple[ContactPair, ...] = ()
 
 
 @dataclass(frozen=True)
 class TouchingBody:
-    """A body of a mechanism that touches planes or other bodies.
+    """A body of a mechanism that touches planes or other bodies."""
 
-    Parameters
-    ----------
-    body : str
-        The link's name.
-    pairs : tuple of ContactPair
-        Contacts of its faces with those of other bodies, each in the list of one of the two.
-    anchor : tuple of ndarray, shapes (3,) and (3, 3), optional
-        Origin and axes of its frame at the start; slip before planes counts from where points are then, undeformed.
-        By default from where each is as it comes near.
-    """
-
-    body: str
+    body: str  # the link's name
     points: ContactPoints
     planes: tuple[ContactPlane, ...] = ()
+    # Contacts of its faces with those of other bodies, each in the list of one of the two.
     pairs: tuple[ContactPair, ...] = ()
+    # (3,) and (3, 3): Origin and axes of its frame at the start; slip before planes counts from where points are then,
+    # undeformed. By default from where each is as it comes near.
     anchor: tuple[Array, Array] | None = None
 
     @property

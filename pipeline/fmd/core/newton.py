@@ -29,27 +29,13 @@ def settles(size: float, before: float, tight: float, loose: float) -> bool:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Size below which a state counts as found: of the residual by itself, or of the last correction.
+    """Size below which a state counts as found: of the residual by itself, or of the last correction."""
 
-    Parameters
-    ----------
-    relative : float
-        Correction over what is reached.
-    absolute : float
-        Correction; one so small isn't shortened either.
-    residual : float
-        Largest entry of the residual.
-    stalled : float
-        Largest entry of a residual that no longer shrinks; round-off holds it there.
-    corrections : int
-        Largest number of corrections.
-    """
-
-    corrections: int
-    relative: float = 0.0
-    absolute: float = 0.0
-    residual: float = 0.0
-    stalled: float = 0.0
+    corrections: int  # largest number of corrections
+    relative: float = 0.0  # correction over what is reached
+    absolute: float = 0.0  # correction; one so small isn't shortened either
+    residual: float = 0.0  # largest entry of the residual
+    stalled: float = 0.0  # largest entry of a residual that no longer shrinks; round-off holds it there
 
 
 @dataclass(frozen=True)
@@ -64,23 +50,13 @@ class Trial:
 
 @dataclass(frozen=True)
 class Solution(Generic[State]):
-    """State at which Newton's method ended.
-
-    Attributes
-    ----------
-    residual : float
-        Largest entry of its residual.
-    size : float
-        Size of the last whole correction; infinite before the first.
-    failure : str
-        Why it hasn't converged; empty if it has.
-    """
+    """State at which Newton's method ended."""
 
     state: State
-    residual: float
-    size: float
+    residual: float  # largest entry of its residual
+    size: float  # size of the last whole correction; infinite before the first
     corrections: int
-    failure: Failure
+    failure: Failure  # why it hasn't converged; empty if it has
 
     @property
     def converged(self) -> bool:

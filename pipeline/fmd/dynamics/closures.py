@@ -18,18 +18,10 @@ GROUND = ""
 
 @dataclass(frozen=True)
 class Place:
-    """A marker of a body, or a place on the ground.
+    """A marker of a body, or a place on the ground."""
 
-    Parameters
-    ----------
-    body : str
-        The link's name; empty for the ground.
-    marker : MarkerShapes
-        Place, and how the body's modes move and turn it, in the body's frame [m].
-    """
-
-    body: str
-    marker: MarkerShapes
+    body: str  # the link's name; empty for the ground
+    marker: MarkerShapes  # place, and how the body's modes move and turn it, in the body's frame [m]
 
     def with_modes(self, kept: Mapping[str, IntArray]) -> Self:
         """Return the same on a body with some of its modes alone, by bodies' names."""
@@ -45,30 +37,20 @@ def fixed_place(position: Array) -> Place:
 
 @dataclass(frozen=True)
 class Closure:
-    """A joint that closes a loop: what the relative motion of two places has to keep.
-
-    Parameters
-    ----------
-    first, second : Place
-        The joint's places on the parent and on the child.
-    along : ndarray, shape (k, 3)
-        Directions in which the places coincide: in space if they are three, else in the axes of the first's section.
-    square : sequence of ndarray, shapes (k, 2, 3)
-        Pairs of directions, one in the axes of the first's and one of the second's section, whose products sum to
-        zero: a single pair stays perpendicular.
-    distance : float
-        Distance that the places keep [m]; 0 for none.
-    left_out : sequence of int
-        Numbers of the scalar constraints that aren't kept, in the order ``along``, ``square``, ``distance``: nothing
-        can move them, so they hold by themselves.
-    """
+    """A joint that closes a loop: what the relative motion of two places has to keep."""
 
     name: str
-    first: Place
+    first: Place  # the joint's places on the parent and on the child
     second: Place
+    # (k, 3): directions in which the places coincide: in space if they are three, else in the axes of the first's
+    # section
     along: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    # (k, 2, 3): pairs of directions, one in the axes of the first's and one of the second's section, whose products sum
+    # to zero: a single pair stays perpendicular
     square: Sequence[Array] = ()
-    distance: float = 0.0
+    distance: float = 0.0  # distance that the places keep [m]; 0 for none
+    # Numbers of the scalar constraints that aren't kept, in the order ``along``, ``square``, ``distance``: nothing can
+    # move them, so they hold by themselves.
     left_out: Sequence[int] = ()
 
     @property
@@ -98,20 +80,12 @@ class Closure:
 
 @dataclass(frozen=True)
 class Coupler:
-    """A linear relation between joint coordinates, ``Σ factors s = offset``: gears and racks.
-
-    Parameters
-    ----------
-    joints : sequence of str
-        Links whose joints, of one coordinate each, take part.
-    offset : float
-        Value of the sum.
-    """
+    """A linear relation between joint coordinates, ``Σ factors s = offset``: gears and racks."""
 
     name: str
-    joints: Sequence[str]
+    joints: Sequence[str]  # links whose joints, of one coordinate each, take part
     factors: Sequence[float]
-    offset: float = 0.0
+    offset: float = 0.0  # value of the sum
 
     @property
     def bodies(self) -> tuple[str, ...]:

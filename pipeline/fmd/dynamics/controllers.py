@@ -20,20 +20,15 @@ class LinearLaw:
     """Linear law in discrete time whose output has limits: ``x⁺ = A x + B e + L (u − ū)``, ``ū = C x + D e``.
 
     The output u is ū within the limits; L winds the memory back by what they cut off.
-
-    Parameters
-    ----------
-    A, B, C, D, L : tuple
-        Rows of the matrices (n, n) and (n, m), and entries of the vectors (n,), (m,) and (n,).
-    S : tuple
-        Rows of a matrix (n, m): the memory before the first sample by what is measured then.
     """
 
+    # Rows of the matrices (n, n) and (n, m), and entries of the vectors (n,), (m,) and (n,).
     A: tuple[tuple[float, ...], ...]
     B: tuple[tuple[float, ...], ...]
     C: tuple[float, ...]
     D: tuple[float, ...]
     L: tuple[float, ...]
+    # Rows of a matrix (n, m): the memory before the first sample by what is measured then.
     S: tuple[tuple[float, ...], ...]
     lowest: float = -np.inf
     highest: float = np.inf
@@ -65,25 +60,13 @@ class LinearLaw:
 
 @dataclass(frozen=True)
 class SampledController:
-    """A controller that measures at times 0, T, 2 T … and holds its output in between.
-
-    Parameters
-    ----------
-    period : float
-        Sample time T [s].
-    measured : tuple of StateFunction
-        What its law takes.
-    output : HeldValue
-        The value that functions of the state take.
-    law : LinearLaw or FmuLaw
-        From what is measured to the output.
-    """
+    """A controller that measures at times 0, T, 2 T … and holds its output in between."""
 
     name: str
-    period: float
-    measured: tuple[StateFunction, ...]
-    output: HeldValue
-    law: LinearLaw | FmuLaw
+    period: float  # sample time T [s]
+    measured: tuple[StateFunction, ...]  # what its law takes
+    output: HeldValue  # the value that functions of the state take
+    law: LinearLaw | FmuLaw  # from what is measured to the output
 
     def with_modes(self, kept: Mapping[str, IntArray]) -> Self:
         """Return the same for bodies with some of their modes alone, by the bodies' names."""
@@ -92,17 +75,10 @@ class SampledController:
 
 @dataclass
 class HeldValues:
-    """Values that were held over a march, from each of their times on.
+    """Values that were held over a march, from each of their times on."""
 
-    Parameters
-    ----------
-    times : list of float
-        Times at which a value changed [s], ascending.
-    values : list of tuple
-        All held values from then on, in the order of their numbers.
-    """
-
-    times: list[float] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)  # times at which a value changed [s], ascending
+    # All held values from then on, in the order of their numbers.
     values: list[tuple[float, ...]] = field(default_factory=list)
 
     def add(self, time: float, values: Sequence[float]) -> None:

@@ -23,22 +23,12 @@ from fmd.reduction.inertia import InertiaIntegrals
 
 @dataclass(frozen=True)
 class Excited:
-    """A mechanism without the modes that stay at rest.
+    """A mechanism without the modes that stay at rest."""
 
-    Attributes
-    ----------
-    mechanism : Mechanism
-        With the other modes alone.
-    positions, rates : ndarray
-        Numbers of its positions and rates in the whole mechanism.
-    left_out : mapping of str to tuple of int
-        Numbers of the modes of each body that are left out, from 0.
-    """
-
-    mechanism: Mechanism
-    positions: IntArray
+    mechanism: Mechanism  # with the other modes alone
+    positions: IntArray  # numbers of its positions and rates in the whole mechanism
     rates: IntArray
-    left_out: Mapping[str, tuple[int, ...]]
+    left_out: Mapping[str, tuple[int, ...]]  # numbers of the modes of each body that are left out, from 0
 
 
 def excited_part(mechanism: Mechanism, q0: Array, tolerance: float) -> Excited | None:

@@ -18,18 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FastestPart:
-    """Stiffness or damper that sets the shortest time in a mechanism's reference state.
-
-    Attributes
-    ----------
-    damps : bool
-        True if it is a damper that stops a motion, false if it is a stiffness that makes a vibration.
-    rate : float
-        Angular frequency of that vibration, or one over the time in which the motion falls to 37 % [rad/s or 1/s].
-    """
+    """Stiffness or damper that sets the shortest time in a mechanism's reference state."""
 
     name: str
-    damps: bool
+    damps: bool  # true if it is a damper that stops a motion, false if it is a stiffness that makes a vibration
+    # Angular frequency of that vibration, or one over the time in which the motion falls to 37 % [rad/s or 1/s].
     rate: float
 
 

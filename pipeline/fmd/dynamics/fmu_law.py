@@ -30,21 +30,6 @@ COUPLINGS = {
 class FmuLaw:
     """Law of a controller that an FMU computes, from sample to sample.
 
-    Parameters
-    ----------
-    inputs : tuple of str
-        Its variables that take what is measured.
-    output : str
-        Its variable that is held.
-    parameters : tuple of (str, float)
-        Values that are set before it begins.
-    period : float
-        Sample time [s].
-    coupling : str
-        Key of ``COUPLINGS`` with the order.
-    order : int
-        1 or 2.
-
     References
     ----------
     Busch, Continuous approximation techniques for co-simulation methods, ZAMM 96, 2016.
@@ -53,12 +38,12 @@ class FmuLaw:
     name: str
     path: str
     digest: str
-    inputs: tuple[str, ...]
-    output: str
-    parameters: tuple[tuple[str, float], ...]
-    period: float
-    coupling: str
-    order: int
+    inputs: tuple[str, ...]  # its variables that take what is measured
+    output: str  # its variable that is held
+    parameters: tuple[tuple[str, float], ...]  # values that are set before it begins
+    period: float  # sample time [s]
+    coupling: str  # key of ``COUPLINGS`` with the order
+    order: int  # 1 or 2
 
     def begin(self) -> Callable[[float, Array], float]:
         """Return a function that takes the time [s] and what is measured (m,), and advances an FMU of its own."""

@@ -31,24 +31,12 @@ class Bend:
 
 @dataclass(frozen=True)
 class ForceCurve:
-    """A function of one variable: a polynomial with bends, or a formula of its own.
+    """A function of one variable: a polynomial with bends, or a formula of its own."""
 
-    Parameters
-    ----------
-    polynomial : tuple of float
-        Coefficients, lowest power first.
-    bends : tuple of Bend
-        What is added from some places on.
-    formula : Formula, optional
-        A formula of the variable, which is its ``t``; it stands alone.
-    factor : float
-        Factor of the formula's values.
-    """
-
-    polynomial: tuple[float, ...] = (0.0,)
-    bends: tuple[Bend, ...] = ()
-    formula: Formula | None = None
-    factor: float = 1.0
+    polynomial: tuple[float, ...] = (0.0,)  # coefficients, lowest power first
+    bends: tuple[Bend, ...] = ()  # what is added from some places on
+    formula: Formula | None = None  # a formula of the variable, which is its ``t``; it stands alone
+    factor: float = 1.0  # factor of the formula's values
 
     def trace(self, x: Scalar) -> Scalar:
         """Trace the value."""
@@ -99,24 +87,13 @@ class Stop:
 
     Beyond its place by p it pushes back with ``stiffness ψ(p) + damping ψ'(p) ṗ`` where the slope of ψ grows from 0 to
     1 over the width: ``ψ = (max(0, p)² − max(0, p − width)²)/(2 width)``.
-
-    Parameters
-    ----------
-    at : float
-        Its place [m or rad].
-    side : float
-        1 if it acts beyond its place, -1 below it.
-    stiffness, damping : float
-        Of full contact [N/m and N s/m, or N m/rad and N m s/rad].
-    width : float
-        Distance over which they come in [m or rad].
     """
 
-    at: float
-    side: float
-    stiffness: float
+    at: float  # its place [m or rad]
+    side: float  # 1 if it acts beyond its place, -1 below it
+    stiffness: float  # of full contact [N/m and N s/m, or N m/rad and N m s/rad]
     damping: float
-    width: float
+    width: float  # distance over which they come in [m or rad]
 
     def depths(self, x: Scalar) -> tuple[Scalar, Scalar]:
         """Trace how far an elongation is beyond the place, and beyond the end of the width; 0 before."""
@@ -129,24 +106,13 @@ class ForceLaw:
     """Force that resists an elongation x and its rate: a curve, a damper, end stops and friction.
 
     ``F = curve(x) + damping ẋ + stops + friction ẋ/√(ẋ² + friction_rate²)``, positive in tension.
-
-    Parameters
-    ----------
-    curve : ForceCurve
-        Elastic force by the elongation.
-    damping : float
-        Coefficient of a linear damper.
-    friction : float
-        Largest friction [N or N m].
-    friction_rate : float
-        Rate at which friction has reached 71 % of that [m/s or rad/s].
     """
 
-    curve: ForceCurve = ForceCurve()
-    damping: float = 0.0
+    curve: ForceCurve = ForceCurve()  # elastic force by the elongation
+    damping: float = 0.0  # coefficient of a linear damper
     stops: tuple[Stop, ...] = ()
-    friction: float = 0.0
-    friction_rate: float = 1.0
+    friction: float = 0.0  # largest friction [N or N m]
+    friction_rate: float = 1.0  # rate at which friction has reached 71 % of that [m/s or rad/s]
 
     def __post_init__(self) -> None:
         if not self.friction_rate > 0.0:

@@ -32,17 +32,10 @@ from fmd.dynamics.signals.bounds import PieceBounds
 
 @dataclass(frozen=True)
 class LawPieces:
-    """Places between which a force law is smooth.
+    """Places between which a force law is smooth."""
 
-    Attributes
-    ----------
-    edges : ndarray, shape (n_edges,)
-        Ends of the pieces [m or rad], ascending; the first and the last piece go on beyond.
-    beyond : float
-        Length of the pieces beyond the first and the last edge [m or rad]; infinite where the law is smooth there.
-    """
-
-    edges: Array
+    edges: Array  # (n_edges,): ends of the pieces [m or rad], ascending; the first and the last piece go on beyond
+    # Length of the pieces beyond the first and the last edge [m or rad]; infinite where the law is smooth there.
     beyond: float = math.inf
 
     @property

@@ -44,19 +44,11 @@ class ConstraintValues(NamedTuple):
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Positions, velocities, energies and momenta of a mechanism's bodies at given states.
-
-    Parameters
-    ----------
-    times : ndarray, shape (n_times,)
-        At which prescribed motions are taken [s].
-    q, v : ndarray, shapes (n_times, n_positions) and (n_times, n)
-        Positions and rates.
-    """
+    """Positions, velocities, energies and momenta of a mechanism's bodies at given states."""
 
     mechanism: Mechanism
-    times: Array
-    q: Array
+    times: Array  # (n_times,): at which prescribed motions are taken [s]
+    q: Array  # (n_times, n_positions) and (n_times, n): positions and rates
     v: Array
 
     def modal_coordinates(self, body: int) -> Array:

@@ -24,18 +24,12 @@ def find_pieces(law: ForceLaw) -> LawPieces:
 
 @dataclass(frozen=True)
 class PiecewiseLaw:
-    """A force law with short pieces.
-
-    Attributes
-    ----------
-    holder : PointSpring or int
-        The spring, or the number of the body whose joint has the law.
-    """
+    """A force law with short pieces."""
 
     name: str
     law: ForceLaw
     pieces: LawPieces
-    holder: PointSpring | int
+    holder: PointSpring | int  # the spring, or the number of the body whose joint has the law
     unit: str
 
 

@@ -16,23 +16,14 @@ from fmd.dynamics.mechanism import Layout, Mechanism
 
 
 class LinearForces(NamedTuple):
-    """Stiffness and damping in the order of rates.
+    """Stiffness and damping in the order of rates."""
 
-    Attributes
-    ----------
-    own : ndarray, shape (n,)
-        Stiffness of each mode and each spring by itself.
-    K, C : ndarray, shape (n, n)
-        Stiffness and damping, with springs and dampers that grip a section which turns with its body's modes, and the
-        slope of friction at rest.
-    stop_K, stop_C : ndarray, shape (n, n)
-        What end stops add where all of them touch.
-    """
-
-    own: Array
+    own: Array  # (n,): stiffness of each mode and each spring by itself
+    # (n, n): stiffness and damping, with springs and dampers that grip a section which turns with its body's modes, and
+    # the slope of friction at rest
     K: Array
     C: Array
-    stop_K: Array
+    stop_K: Array  # this and the next: (n, n): what end stops add where all of them touch
     stop_C: Array
 
     def __add__(self, other: object) -> LinearForces:

@@ -22,80 +22,45 @@ _FLYWHEEL = JointKind("controller", ("rad",), turns=(ElementaryMotion(AXIS),))
 
 @dataclass(frozen=True)
 class Link:
-    """A body with the joint that carries it on another body or on the ground; rigid if it has no modes.
-
-    Parameters
-    ----------
-    integrals : InertiaIntegrals
-        Inertia integrals about the joint, in the body's frame, for unit modal masses.
-    joint : JointKind
-        Its coordinates and motion.
-    parent : int
-        Number of the body that carries it, -1 for the ground; smaller than its own.
-    place : MarkerShapes
-        The joint's place on the parent: in its frame, and its motion by the parent's modes.
-    axis : ndarray, shape (3,)
-        Direction of the joint's axis, in the joint's axes.
-    omega : ndarray, shape (n,)
-        Modal angular frequencies [rad/s], ascending.
-    damping : ndarray, shape (n,)
-        Modal damping ratios.
-    joint_rotation : ndarray, shape (n,)
-        Rotation of the body's own section at a hinge about its axis, for unit modal coordinates.
-    joint_displacement2 : ndarray, shape (n, n)
-        Its second order, ``½ qᵀ joint_displacement2 q``; empty if it is left out.
-    spring, rest, damper : float
-        Along a joint with one coordinate [N m/rad or N/m; rad or m; N m s/rad or N s/m].
-    load : Signal
-        Torque or force along a joint with one coordinate [N m or N].
-    motion : Signal, optional
-        Prescribed angle or displacement of a joint with one coordinate [rad or m], which has none then.
-    markers : mapping of str to MarkerShapes
-        Named places of the body, in its frame.
-    section : str
-        The marker on the section at the joint, from which deflections are seen; empty where they are seen from the
-        body's frame itself.
-    other_axis : ndarray, shape (3,)
-        Second axis of a joint that has two, in the body's axes.
-    lead : float
-        Displacement for an angle, where one coordinate is for both [m/rad].
-    laws : tuple of ForceLaw
-        Forces along each of a joint's coordinates, beside its spring and damper; none, or one for each.
-    place_axes : ndarray, shape (3, 3)
-        Rotation from the joint's axes, those of the body at angle 0, into the parent's.
-    part : str
-        Name of the part that the body is a piece of; empty if it is whole.
-    effort : StateFunction, optional
-        Force or torque along the joint by the mechanism's state, beside ``load``.
-    state : StateFunction or float, optional
-        Of a controller's state, what it is at the start; none of a body. Such a link is a flywheel with unit inertia on
-        the ground: its rate is the state, whose slope is the torque ``effort``.
-    """
+    """A body with the joint that carries it on another body or on the ground; rigid if it has no modes."""
 
     name: str
-    integrals: InertiaIntegrals
-    joint: JointKind
-    parent: int = -1
+    integrals: InertiaIntegrals  # inertia integrals about the joint, in the body's frame, for unit modal masses
+    joint: JointKind  # its coordinates and motion
+    parent: int = -1  # number of the body that carries it, -1 for the ground; smaller than its own
+    # The joint's place on the parent: in its frame, and its motion by the parent's modes.
     place: MarkerShapes = field(default_factory=lambda: MarkerShapes(np.zeros(3)))
+    # (3,): direction of the joint's axis, in the joint's axes
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    omega: Array = field(default_factory=lambda: np.zeros(0))
-    damping: Array = field(default_factory=lambda: np.zeros(0))
+    omega: Array = field(default_factory=lambda: np.zeros(0))  # (n,): modal angular frequencies [rad/s], ascending
+    damping: Array = field(default_factory=lambda: np.zeros(0))  # (n,): modal damping ratios
+    # (n,): rotation of the body's own section at a hinge about its axis, for unit modal coordinates
     joint_rotation: Array = field(default_factory=lambda: np.zeros(0))
+    # (n, n): its second order, ``½ qᵀ joint_displacement2 q``; empty if it is left out
     joint_displacement2: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    spring: float = 0.0
+    spring: float = 0.0  # along a joint with one coordinate [N m/rad or N/m; rad or m; N m s/rad or N s/m]
     rest: float = 0.0
     damper: float = 0.0
+    # Torque or force along a joint with one coordinate [N m or N].
     load: Signal = field(default_factory=lambda: constant(0.0))
+    # Prescribed angle or displacement of a joint with one coordinate [rad or m], which has none then.
     motion: Signal | None = None
     joint_name: str = ""
-    markers: Mapping[str, MarkerShapes] = field(default_factory=dict)
+    markers: Mapping[str, MarkerShapes] = field(default_factory=dict)  # named places of the body, in its frame
+    # The marker on the section at the joint, from which deflections are seen; empty where they are seen from the body's
+    # frame itself.
     section: str = ""
+    # (3,): second axis of a joint that has two, in the body's axes
     other_axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
-    lead: float = 0.0
+    lead: float = 0.0  # displacement for an angle, where one coordinate is for both [m/rad]
+    # Forces along each of a joint's coordinates, beside its spring and damper; none, or one for each.
     laws: tuple[ForceLaw, ...] = ()
+    # (3, 3): rotation from the joint's axes, those of the body at angle 0, into the parent's
     place_axes: Array = field(default_factory=lambda: np.eye(3))
-    part: str = ""
-    effort: StateFunction | None = None
+    part: str = ""  # name of the part that the body is a piece of; empty if it is whole
+    effort: StateFunction | None = None  # force or torque along the joint by the mechanism's state, beside ``load``
+    # Of a controller's state, what it is at the start; none of a body. Such a link is a flywheel with unit inertia on
+    # the ground: its rate is the state, whose slope is the torque ``effort``.
     state: StateFunction | float | None = None
 
     @property
@@ -201,31 +166,15 @@ def _require_smooth(name: str, motion: Signal, unit: str) -> None:
 
 @dataclass(frozen=True)
 class PointLoad:
-    """A force or a torque at a point of a body, fixed in space or turning with the body.
+    """A force or a torque at a point of a body, fixed in space or turning with the body."""
 
-    Parameters
-    ----------
-    body : str
-        The link that it acts on.
-    direction : ndarray, shape (3,)
-        Unit vector: in space, or in the axes of the point's section if the load follows it.
-    size : Signal
-        Along the direction [N or N m].
-    following : bool
-        Whether its direction turns with the section.
-    marker : MarkerShapes
-        The point in the body's frame.
-    effort : StateFunction, optional
-        Size by the mechanism's state, beside ``size``.
-    """
-
-    body: str
-    direction: Array
-    size: Signal
+    body: str  # the link that it acts on
+    direction: Array  # (3,): unit vector: in space, or in the axes of the point's section if the load follows it
+    size: Signal  # along the direction [N or N m]
     torque: bool = False
-    following: bool = False
-    marker: MarkerShapes = field(default_factory=lambda: MarkerShapes(np.zeros(3)))
-    effort: StateFunction | None = None
+    following: bool = False  # whether its direction turns with the section
+    marker: MarkerShapes = field(default_factory=lambda: MarkerShapes(np.zeros(3)))  # the point in the body's frame
+    effort: StateFunction | None = None  # size by the mechanism's state, beside ``size``
 
     def with_modes(self, kept: IntArray) -> PointLoad:
         """Return the load on its body with some of its modes alone, by their numbers."""

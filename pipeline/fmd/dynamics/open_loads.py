@@ -24,21 +24,11 @@ _KNOWN = ("", 0)  # key of a point load
 
 @dataclass(frozen=True)
 class SelfStress:
-    """A state of self-stress, over its largest component.
+    """A state of self-stress, over its largest component."""
 
-    Attributes
-    ----------
-    wrenches : tuple of ndarray, shapes (n_loads, 6)
-        On each body in its own axes, in the order of `BodyLoads.wrenches`.
-    joints : tuple of ndarray, shape (6,)
-        Force and moment of the joint that carries each body, in its axes.
-    compliance : float
-        Twice the elastic energy of its force element [J].
-    """
-
-    wrenches: tuple[Array, ...]
-    joints: tuple[Array, ...]
-    compliance: float
+    wrenches: tuple[Array, ...]  # (n_loads, 6): on each body in its own axes, in the order of `BodyLoads.wrenches`
+    joints: tuple[Array, ...]  # (6,): force and moment of the joint that carries each body, in its axes
+    compliance: float  # twice the elastic energy of its force element [J]
 
 
 State = Mapping[tuple[str, int], Array]

@@ -14,21 +14,15 @@ from fmd.dynamics.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class JointLoads:
-    """Accelerations of a mechanism's bodies over a motion, and the forces and moments of its joints.
+    """Accelerations of a mechanism's bodies over a motion, and the forces and moments of its joints."""
 
-    Attributes
-    ----------
-    accelerations : ndarray, shape (n_times, n)
-        Of the coordinates, in the order of rates.
-    frames : ndarray, shape (n_times, n_bodies, 6)
-        Acceleration of each body's origin [m/s²] and angular acceleration of its frame [rad/s²], in space.
-    reactions : mapping of str to ndarray, shape (n_times, 2, 6)
-        Force [N] and moment [N m] of each joint on its parent and on its child, in space, about the joint's place on
-        each, by the joints' names. They hold all that the joint transmits, its spring, damper and drive included.
-    """
-
-    accelerations: Array
+    accelerations: Array  # (n_times, n): of the coordinates, in the order of rates
+    # (n_times, n_bodies, 6): acceleration of each body's origin [m/s²] and angular acceleration of its frame [rad/s²],
+    # in space
     frames: Array
+    # (n_times, 2, 6): Force [N] and moment [N m] of each joint on its parent and on its child, in space, about the
+    # joint's place on each, by the joints' names. They hold all that the joint transmits, its spring, damper and drive
+    # included.
     reactions: Mapping[str, Array]
 
 

@@ -31,28 +31,16 @@ ELEMENT = "element "
 
 @dataclass(frozen=True)
 class BodyLoads:
-    """Loads on one body over a motion, in its own axes.
+    """Loads on one body over a motion, in its own axes."""
 
-    Attributes
-    ----------
-    spin, turning : ndarray, shape (n_times, 3)
-        Angular velocity [rad/s] and acceleration [rad/s²].
-    acceleration : ndarray, shape (n_times, 3)
-        Acceleration of its frame less that of free fall [m/s²].
-    wrenches : ndarray, shape (n_loads, n_times, 6)
-        Force [N] and moment [N m] of each body that it carries, then of each point load on it, then of each joint on it
-        that closes a loop, then of each force element's end on it.
-    joint : ndarray, shape (n_times, 6)
-        Force and moment of the joint that carries it, at its origin.
-    open : ndarray of bool, shape (n_loads, 6)
-        Components of ``wrenches`` that the motion of rigid bodies leaves open, as `open_loads` finds them.
-    """
-
-    spin: Array
+    spin: Array  # (n_times, 3): angular velocity [rad/s] and acceleration [rad/s²]
     turning: Array
-    acceleration: Array
+    acceleration: Array  # (n_times, 3): acceleration of its frame less that of free fall [m/s²]
+    # (n_loads, n_times, 6): force [N] and moment [N m] of each body that it carries, then of each point load on it,
+    # then of each joint on it that closes a loop, then of each force element's end on it
     wrenches: Array
-    joint: Array
+    joint: Array  # (n_times, 6): force and moment of the joint that carries it, at its origin
+    # (n_loads, 6): components of ``wrenches`` that the motion of rigid bodies leaves open, as `open_loads` finds them
     open: Array
 
 
@@ -197,18 +185,11 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
 
 
 class LoadedPlaces(NamedTuple):
-    """Places of a body at which something acts on it, in the order of `BodyLoads.wrenches`.
+    """Places of a body at which something acts on it, in the order of `BodyLoads.wrenches`."""
 
-    Attributes
-    ----------
-    carried : list of int
-        Numbers of the bodies that it carries.
-    joined : list of tuple
-        Of each joint that closes a loop, and of each force element, its name, the number of its place, and the marker.
-    """
-
-    carried: list[int]
+    carried: list[int]  # numbers of the bodies that it carries
     loads: list[PointLoad]
+    # Of each joint that closes a loop, and of each force element, its name, the number of its place, and the marker.
     joined: list[tuple[str, int, MarkerShapes]]
     markers: list[MarkerShapes]
 

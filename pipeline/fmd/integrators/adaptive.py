@@ -86,74 +86,42 @@ def set_trial(s: AdaptiveMarch) -> None:
 
 @dataclass(frozen=True)
 class AdaptiveMarch(Table):
-    """State of a march whose step follows the error, the step that is tried, and the output.
+    """State of a march whose step follows the error, the step that is tried, and the output."""
 
-    Attributes
-    ----------
-    tolerance : float
-        Of each step, relative to the largest value of a coordinate's group.
-    order : int
-        Of the step's error.
-    longest : float
-        Step [s] beyond which none grows, unless nothing moves.
-    settles : bool
-        True if states settle after each step: loops close, or quaternions become unit ones.
-    q, v, a : ndarray
-        Positions, rates and accelerations.
-    clock : ndarray, shape (2,)
-        Present time, and the step to try next [s].
-    groups : ndarray of int, shape (n_positions + n,)
-        Group of each position and rate.
-    kinds, most : ndarray, shapes (n_groups,) and (n_kinds,)
-        Kind of each group, and room for the largest value of each kind; empty where each kind has one group.
-    balance : ndarray, shape (n_groups,)
-        Accelerations that balance at the march's start, as `balance_of_groups` has them, or that constraints have
-        held of groups that haven't moved.
-    largest, trial : ndarray
-        Largest values of the groups so far, with numbers of the method's own behind, and with the trial step's end.
-    begin, new, out : ndarray, shape (n_positions + n,)
-        Positions and rates at a step's begin, at its end, and at an output time.
-    times, sample_q, sample_v : ndarray
-        Output times [s], and positions and rates there.
-    cursor : ndarray of int, shape (1,)
-        How many output times are passed.
-    evaluations : ndarray, shape (1,)
-        How often the whole system was solved.
-    fresh : ndarray, shape (1,)
-        1 where the accelerations ``a`` are not those of the present state: loads jump there, none are known yet, or
-        the state has settled since.
-    bounds : StepBounds
-        Of a step by force laws with short pieces.
-    spare : ndarray, shape (1,)
-        How many more of the smallest steps may be taken before the next breakpoint although their error is too large:
-        where a load's rate is infinite, it is always the same part of what has moved since rest.
-    """
-
-    tolerance: float
-    order: int
-    longest: float
-    settles: bool
-    q: Array
+    tolerance: float  # of each step, relative to the largest value of a coordinate's group
+    order: int  # of the step's error
+    longest: float  # step [s] beyond which none grows, unless nothing moves
+    settles: bool  # true if states settle after each step: loops close, or quaternions become unit ones
+    q: Array  # positions, rates and accelerations
     v: Array
     a: Array
-    clock: Array
-    groups: IntArray
+    clock: Array  # (2,): present time, and the step to try next [s]
+    groups: IntArray  # (n_positions + n,): group of each position and rate
+    # (n_groups,) and (n_kinds,): kind of each group, and room for the largest value of each kind; empty where each kind
+    # has one group
     kinds: IntArray
     most: Array
+    # (n_groups,): accelerations that balance at the march's start, as `balance_of_groups` has them, or that constraints
+    # have held of groups that haven't moved
     balance: Array
+    # Largest values of the groups so far, with numbers of the method's own behind, and with the trial step's end.
     largest: Array
     trial: Array
-    begin: Array
+    begin: Array  # (n_positions + n,): positions and rates at a step's begin, at its end, and at an output time
     new: Array
     out: Array
-    times: Array
+    times: Array  # output times [s], and positions and rates there
     sample_q: Array
     sample_v: Array
-    cursor: IntArray
-    evaluations: Array
+    cursor: IntArray  # (1,): how many output times are passed
+    evaluations: Array  # (1,): how often the whole system was solved
+    # (1,): 1 where the accelerations ``a`` are not those of the present state: loads jump there, none are known yet, or
+    # the state has settled since
     fresh: Array
+    # (1,): how many more of the smallest steps may be taken before the next breakpoint although their error is too
+    # large: where a load's rate is infinite, it is always the same part of what has moved since rest
     spare: Array
-    bounds: StepBounds
+    bounds: StepBounds  # of a step by force laws with short pieces
 
 
 @singledispatch
@@ -300,16 +268,12 @@ class AdaptiveIntegrator(ResumableIntegrator):
 
     Attributes
     ----------
-    tolerance : float
-        Of each step, relative to the largest value of a coordinate's group.
-    most_steps : float
-        With more of them a march is ended; no number, unless another method takes over.
     n_own : int
         Length of what such a method remembers beside the largest values.
     """
 
-    tolerance: float
-    most_steps: float = math.inf
+    tolerance: float  # of each step, relative to the largest value of a coordinate's group
+    most_steps: float = math.inf  # with more of them a march is ended; no number, unless another method takes over
     step = 0.0
     n_own = 0
 

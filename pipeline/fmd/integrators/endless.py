@@ -9,25 +9,13 @@ from fmd.core.errors import StabilityError
 
 @dataclass
 class StepsLeft:
-    """Number of steps that a march still has before it, by the mean of its last ones.
-
-    Parameters
-    ----------
-    end : float
-        Time at which the march ends [s].
-    most : float
-        Steps that are taken for an end that never comes.
-    over : int
-        Steps over which the mean is taken: steps that are short for a while, as after a start, are fewer.
-    steps, time : float
-        Steps done and time reached where the present mean begins [s].
-    """
+    """Number of steps that a march still has before it, by the mean of its last ones."""
 
     name: str
-    end: float
-    most: float
-    over: int
-    steps: int = 0
+    end: float  # time at which the march ends [s]
+    most: float  # steps that are taken for an end that never comes
+    over: int  # steps over which the mean is taken: steps that are short for a while, as after a start, are fewer
+    steps: int = 0  # steps done and time reached where the present mean begins [s]
     time: float = 0.0
 
     def require_end(self, steps: int, time: float) -> None:

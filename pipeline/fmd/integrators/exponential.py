@@ -131,18 +131,10 @@ class Exponential(ResumableIntegrator):
 
 @dataclass(frozen=True)
 class PiecewiseExponential(Integrator):
-    """Exponential method that starts anew at each breakpoint of the loads, with a constant step between two of them.
+    """Exponential method that starts anew at each breakpoint of the loads, with a constant step between two of them."""
 
-    Parameters
-    ----------
-    step : float
-        Longest step [s].
-    least : int
-        Smallest number of steps between two breakpoints.
-    """
-
-    step: float
-    least: int = 1
+    step: float  # longest step [s]
+    least: int = 1  # smallest number of steps between two breakpoints
 
     name = "exponential"
 

@@ -200,32 +200,16 @@ def make_samples(state: State, times: Array, step: float) -> Samples:
 
 @dataclass(frozen=True)
 class FixedMarch:
-    """March of a system by a method with a fixed step.
-
-    Attributes
-    ----------
-    make : callable
-        Make the method's table for a state, into whose arrays it writes.
-    frozen : Any
-        Its storage for the method.
-    step : float
-        Fast step [s].
-    substeps : int
-        Fast steps to a major cycle, which is never divided.
-    origin : float
-        Time of step number 0 [s].
-    own_memory : int
-        Entries of a state's memory that are the method's own; contacts' follow.
-    """
+    """March of a system by a method with a fixed step."""
 
     name: str
-    make: Callable[[State], Table]
+    make: Callable[[State], Table]  # make the method's table for a state, into whose arrays it writes
     system: System
-    frozen: Any
-    step: float
-    substeps: int = 1
-    origin: float = 0.0
-    own_memory: int = 0
+    frozen: Any  # Any: its storage for the method
+    step: float  # fast step [s]
+    substeps: int = 1  # fast steps to a major cycle, which is never divided
+    origin: float = 0.0  # time of step number 0 [s]
+    own_memory: int = 0  # entries of a state's memory that are the method's own; contacts' follow
 
     def run(
         self, start: State, times: Array, progress: Progress | None, contacts: Array | None = None

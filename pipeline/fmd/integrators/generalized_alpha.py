@@ -50,17 +50,10 @@ _settles = inlined(settles)
 
 @dataclass(frozen=True)
 class GeneralizedAlpha(ResumableIntegrator):
-    """Generalised-α method with a constant step: implicit, of order 2.
+    """Generalised-α method with a constant step: implicit, of order 2."""
 
-    Parameters
-    ----------
-    step : float
-        Time step [s].
-    rho : float
-        Spectral radius at infinite frequency, 0 (strongest damping of what the step can't resolve) … 1 (none).
-    """
-
-    step: float
+    step: float  # time step [s]
+    # Spectral radius at infinite frequency, 0 (strongest damping of what the step can't resolve) … 1 (none).
     rho: float = 0.8
 
     name = "generalized-alpha"

@@ -17,61 +17,33 @@ from fmd.kernels.table import Table
 
 @dataclass(frozen=True)
 class Samples(Table):
-    """Output times of a march, and the states there.
+    """Output times of a march, and the states there."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (n_times,)
-        [s]
-    step : ndarray of int, shape (n_times,)
-        Number of the step that each time is in.
-    offset : ndarray, shape (n_times,)
-        Time since that step's begin [s].
-    q, v : ndarray, shapes (n_times, n_positions) and (n_times, n)
-        Positions and rates, NaN as long as they aren't known.
-    contacts : ndarray, shape (n_times, n_values)
-        Values of contacts; none without contacts.
-    cursor : ndarray of int, shape (1,)
-        How many are known.
-    """
-
-    times: Array
-    step: IntArray
-    offset: Array
-    q: Array
+    times: Array  # (n_times,) [s]
+    step: IntArray  # (n_times,): number of the step that each time is in
+    offset: Array  # (n_times,): time since that step's begin [s]
+    q: Array  # (n_times, n_positions) and (n_times, n): positions and rates, NaN as long as they aren't known
     v: Array
-    contacts: Array
-    cursor: IntArray
+    contacts: Array  # (n_times, n_values): values of contacts; none without contacts
+    cursor: IntArray  # (1,): how many are known
 
 
 @dataclass(frozen=True)
 class Starts(Table):
-    """States from which marches start, one after the other.
+    """States from which marches start, one after the other."""
 
-    Attributes
-    ----------
-    first : ndarray of int, shape (n_marches,)
-        Number of the first step of each.
-    done : ndarray of int, shape (n_marches,)
-        How many steps each has taken before it ran away.
-    q, v, a, memory : ndarray
-        The arrays of the state that the method's table writes into.
-    numbers : ndarray, shape (n_numbers,)
-        The place of the system's numbers, if each march has its own.
-    values : ndarray, shape (n_marches, n_values + n_numbers)
-        `State.values` of each, at its start and then at its end; behind them its numbers.
-    sampled_q, sampled_v : ndarray, shapes (n_marches, n_times, n_positions) and (n_marches, n_times, n)
-        Positions and rates of each at the output times, if there are any.
-    """
-
-    first: IntArray
-    done: IntArray
-    q: Array
+    first: IntArray  # (n_marches,): number of the first step of each
+    done: IntArray  # (n_marches,): how many steps each has taken before it ran away
+    q: Array  # this and the next 3: the arrays of the state that the method's table writes into
     v: Array
     a: Array
     memory: Array
-    numbers: Array
+    numbers: Array  # (n_numbers,): the place of the system's numbers, if each march has its own
+    # (n_marches, n_values + n_numbers): `State.values` of each, at its start and then at its end; behind them its
+    # numbers
     values: Array
+    # (n_marches, n_times, n_positions) and (n_marches, n_times, n): positions and rates of each at the output times, if
+    # there are any
     sampled_q: Array
     sampled_v: Array
 

@@ -34,31 +34,16 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class State:
-    """State of a march, from which it continues bit for bit, from a pickled copy too.
+    """State of a march, from which it continues bit for bit, from a pickled copy too."""
 
-    Attributes
-    ----------
-    step : int
-        Number of fast steps done.
-    q : ndarray, shape (n,)
-        Coordinates at the present time.
-    v : ndarray, shape (n,)
-        Rates; explicit methods keep them half a step behind ``q``.
-    a : ndarray, shape (n,)
-        Accelerations of the last step.
-    time, next_step : float
-        Present time, and the step that a method which chooses its steps would try next [s].
-    memory : ndarray
-        All else that a method needs to continue: generalised-α Newton's tangent, reversible sub-cycling the last change
-        of the fast coordinates, adaptive methods the largest value so far of each group of coordinates.
-    """
-
-    step: int
-    q: Array
-    v: Array
-    a: Array
-    time: float = 0.0
+    step: int  # number of fast steps done
+    q: Array  # (n,): coordinates at the present time
+    v: Array  # (n,): rates; explicit methods keep them half a step behind ``q``
+    a: Array  # (n,): accelerations of the last step
+    time: float = 0.0  # present time, and the step that a method which chooses its steps would try next [s]
     next_step: float = 0.0
+    # All else that a method needs to continue: generalised-α Newton's tangent, reversible sub-cycling the last change
+    # of the fast coordinates, adaptive methods the largest value so far of each group of coordinates.
     memory: Array = field(default_factory=lambda: np.zeros(0))
 
     def copy(self) -> State:
@@ -85,78 +70,40 @@ class State:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """States of a mechanism at output times, and the work and run time that they took.
+    """States of a mechanism at output times, and the work and run time that they took."""
 
-    Attributes
-    ----------
-    integrator : str
-        The method's name.
-    step : float
-        Fast step [s].
-    substeps : int
-        Fast steps to one slow step.
-    times : ndarray, shape (n_times,)
-        Output times [s].
-    q, v : ndarray, shape (n_times, n)
-        Coordinates and rates at the output times.
-    evaluations, fast_evaluations : int
-        Solutions of the whole system and of the fast part alone.
-    seconds : float
-        Run time of the compiled march, the least if it was repeated.
-    end : State
-        State after the last step.
-    chosen : Integrator, optional
-        The method that an automatic choice ended with: it alone gives the same motion again.
-    error : float, optional
-        Error that an automatic choice's last two marches tell, relative to the largest value of each kind of
-        coordinate.
-    contacts : ndarray, shape (n_times, n_values)
-        Values of the mechanism's contacts at the output times; none without contacts.
-    spread : float
-        How far the median of repeated marches' run times is above the least, relative to that.
-    held : HeldValues, optional
-        What sampled controllers have held.
-    """
-
-    integrator: str
-    step: float
-    substeps: int
-    times: Array
-    q: Array
+    integrator: str  # the method's name
+    step: float  # fast step [s]
+    substeps: int  # fast steps to one slow step
+    times: Array  # (n_times,): output times [s]
+    q: Array  # (n_times, n): coordinates and rates at the output times
     v: Array
-    evaluations: int
+    evaluations: int  # solutions of the whole system and of the fast part alone
     fast_evaluations: int
-    seconds: float
-    end: State
+    seconds: float  # run time of the compiled march, the least if it was repeated
+    end: State  # state after the last step
+    # The method that an automatic choice ended with: it alone gives the same motion again.
     chosen: Integrator | None = None
+    # Error that an automatic choice's last two marches tell, relative to the largest value of each kind of coordinate.
     error: float | None = None
-    spread: float = 0.0
-    held: HeldValues | None = None
+    spread: float = 0.0  # how far the median of repeated marches' run times is above the least, relative to that
+    held: HeldValues | None = None  # what sampled controllers have held
+    # (n_times, n_values): values of the mechanism's contacts at the output times; none without contacts
     contacts: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     __repr__ = short_repr
 
 
 class Integrator(ABC):
-    """Method of time integration with its settings; most methods share the answers that stand here.
-
-    Attributes
-    ----------
-    step : float
-        Fast step [s]; 0 if the method chooses its steps.
-    substeps : int
-        Fast steps to one slow step.
-    chooses_method : bool
-        True if it chooses another method as it marches, so that what it calls can't be compiled beforehand.
-    marches_tangents : bool
-        True if its steps are made of accelerations and of sums of what it has, so that tangents of a motion can be
-        marched beside it as more coordinates.
-    """
+    """Method of time integration with its settings; most methods share the answers that stand here."""
 
     name: str
-    step: float
-    substeps: int = 1
+    step: float  # fast step [s]; 0 if the method chooses its steps
+    substeps: int = 1  # fast steps to one slow step
+    # True if it chooses another method as it marches, so that what it calls can't be compiled beforehand.
     chooses_method: bool = False
+    # True if its steps are made of accelerations and of sums of what it has, so that tangents of a motion can be
+    # marched beside it as more coordinates.
     marches_tangents: bool = False
 
     @abstractmethod
@@ -292,8 +239,6 @@ class ResumableIntegrator(Integrator):
             `State.values` in the place of the start's own, a row for each march.
         first : ndarray of int, shape (n_marches,)
             Number of the first step of each.
-        n_cycles : int
-            How many major cycles each takes.
         """
         found = np.empty(values.shape)
         for row, own, step in zip(found, values, first.tolist(), strict=True):

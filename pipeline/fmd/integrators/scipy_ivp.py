@@ -34,18 +34,10 @@ IN_SCENES: tuple[Literal["Radau", "LSODA"], ...] = ("Radau", "LSODA")
 
 @dataclass(frozen=True)
 class ScipyIvp(Integrator):
-    """One of SciPy's methods; it chooses its steps by a relative tolerance, and starts anew where a load jumps.
+    """One of SciPy's methods; it chooses its steps by a relative tolerance, and starts anew where a load jumps."""
 
-    Parameters
-    ----------
-    name : str
-        ``DOP853``, ``Radau`` or ``LSODA``.
-    tolerance : float
-        Relative local error; the absolute one is a millionth of it.
-    """
-
-    name: Literal["DOP853", "Radau", "LSODA"]
-    tolerance: float = 1e-9
+    name: Literal["DOP853", "Radau", "LSODA"]  # ``DOP853``, ``Radau`` or ``LSODA``
+    tolerance: float = 1e-9  # relative local error; the absolute one is a millionth of it
 
     step = 0.0
 

@@ -26,26 +26,17 @@ TAKEN, SAMPLED, SINGLE = range(3)
 
 @dataclass(frozen=True)
 class TouchingCycles(Table):
-    """State of a march whose cycles are of sub-cycling or of single steps; both kinds have the same arrays.
-
-    Attributes
-    ----------
-    cycles : FrozenSteps or CarriedSteps
-        Cycles of sub-cycling.
-    memory : ndarray, shape (2,)
-        1 if the slow rates are half a step before the state's time, and how many cycles were of single steps.
-    carried : ndarray, shape (1,)
-        How many cycles are known that carried forces go on from: none after single steps.
-    """
+    """State of a march whose cycles are of sub-cycling or of single steps; both kinds have the same arrays."""
 
     q: Array
     v: Array
     a: Array
-    cycles: Any
+    cycles: Any  # FrozenSteps or CarriedSteps: cycles of sub-cycling
     singles: LeapfrogSteps
     leapfrog: Any
+    # (2,): 1 if the slow rates are half a step before the state's time, and how many cycles were of single steps
     memory: Array
-    carried: Array
+    carried: Array  # (1,): how many cycles are known that carried forces go on from: none after single steps
     kind: IntArray  # (1,)
     q_begin: Array
     v_begin: Array

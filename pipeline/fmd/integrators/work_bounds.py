@@ -32,23 +32,13 @@ from fmd.kernels.table import Table
 
 @dataclass(frozen=True)
 class ElongationLog(Table):
-    """Elongations at the ends of some cycles of a march.
-
-    Attributes
-    ----------
-    origin, h : float
-        Time of step number 0, and the step [s].
-    x : ndarray, shape (n_cycles, n_laws)
-        Elongations [m or rad].
-    cursor : ndarray of int, shape (1,)
-        How many cycles are known.
-    """
+    """Elongations at the ends of some cycles of a march."""
 
     bounds: StepBounds
-    origin: float
+    origin: float  # time of step number 0, and the step [s]
     h: float
-    x: Array
-    cursor: IntArray
+    x: Array  # (n_cycles, n_laws): elongations [m or rad]
+    cursor: IntArray  # (1,): how many cycles are known
 
 
 @inlined
@@ -112,11 +102,6 @@ class WorkCheck:
 
     def require_little_missed(self, name: str) -> None:
         """Check that the march missed little of each law's work.
-
-        Parameters
-        ----------
-        name : str
-            The method's.
 
         Raises
         ------

@@ -24,30 +24,15 @@ from fmd.dynamics.compiler.compiled import CompiledMechanism
 
 
 class Couplings(NamedTuple):
-    """Structure of the fast coordinates' equations that holds in any state.
+    """Structure of the fast coordinates' equations that holds in any state."""
 
-    Attributes
-    ----------
-    inertial : bool
-        Slow and fast coordinates couple through the mass matrix.
-    mass : ndarray, shape (n,) or None
-        Diagonal of the fast mass matrix, 0 for the slow ones; None if it isn't constant and diagonal.
-    elastic : bool
-        Fast coordinates couple with each other by stiffness or by rates.
-    damped : bool
-        Fast accelerations depend on fast rates.
-    dragging : bool
-        Forces, slow ones or fast ones, depend on fast rates.
-    driven : ndarray
-        Those of the compiled functions' ``inputs`` that accelerate fast coordinates.
-    """
-
-    inertial: bool
+    inertial: bool  # slow and fast coordinates couple through the mass matrix
+    # (n,) or None: diagonal of the fast mass matrix, 0 for the slow ones; None if it isn't constant and diagonal
     mass: Array | None
-    elastic: bool
-    damped: bool
-    dragging: bool
-    driven: IntArray
+    elastic: bool  # fast coordinates couple with each other by stiffness or by rates
+    damped: bool  # fast accelerations depend on fast rates
+    dragging: bool  # forces, slow ones or fast ones, depend on fast rates
+    driven: IntArray  # those of the compiled functions' ``inputs`` that accelerate fast coordinates
 
 
 class _Sample(NamedTuple):

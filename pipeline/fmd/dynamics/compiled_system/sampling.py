@@ -50,8 +50,6 @@ class Sampling:
 
     Parameters
     ----------
-    compiled : CompiledMechanism
-        The equations of the mechanism that they control.
     controllers : sequence of SampledController
         In the order in which they sample at one time, so that a later one sees what an earlier one has just set.
     held : int

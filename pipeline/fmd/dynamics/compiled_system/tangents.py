@@ -35,48 +35,29 @@ from fmd.kernels.table import aligned
 
 @dataclass(frozen=True)
 class Variant:
-    """A mechanism a little beside another one, with coordinates of the same kind.
-
-    Attributes
-    ----------
-    weight : float
-        Of its residual in a derivative.
-    signs_q, signs_v : ndarray, shapes (n_positions,) and (n,)
-        1, or -1 for a modal coordinate of which the other's has the opposite sign.
-    """
+    """A mechanism a little beside another one, with coordinates of the same kind."""
 
     compiled: CompiledMechanism
-    weight: float
+    weight: float  # of its residual in a derivative
+    # (n_positions,) and (n,): 1, or -1 for a modal coordinate of which the other's has the opposite sign
     signs_q: Array
     signs_v: Array
 
 
 @dataclass(frozen=True)
 class Direction:
-    """How a mechanism's equations and its start change with a number.
+    """How a mechanism's equations and its start change with a number."""
 
-    Attributes
-    ----------
-    numbers : ndarray, shape (n_numbers,)
-        Derivatives of what is a number in the equations, `CompiledMechanism.numbers`.
-    lifted : bool
-        True if these, or the variants, are those of the mechanism where it is lifted.
-    signals : sequence of tuple
-        Signals beside the mechanism's own, in their order, with weights: the weighted sums of their values are the
-        derivatives of the mechanism's. Four sets at most; none where these stay as they are.
-    q, v : ndarray, shapes (n_positions,) and (n,)
-        Derivatives of positions and rates at the start.
-    variants : sequence of Variant
-        Mechanisms whose weighted residuals are the derivative of the mechanism's own, where more than inputs of its
-        equations change: four at most, and then neither numbers nor signals.
-    """
-
-    numbers: Array
+    numbers: Array  # (n_numbers,): derivatives of what is a number in the equations, `CompiledMechanism.numbers`
+    # Signals beside the mechanism's own, in their order, with weights: the weighted sums of their values are the
+    # derivatives of the mechanism's. Four sets at most; none where these stay as they are.
     signals: Sequence[tuple[tuple[Signal, ...], float]]
-    q: Array
+    q: Array  # (n_positions,) and (n,): derivatives of positions and rates at the start
     v: Array
+    # Mechanisms whose weighted residuals are the derivative of the mechanism's own, where more than inputs of its
+    # equations change: four at most, and then neither numbers nor signals.
     variants: Sequence[Variant] = ()
-    lifted: bool = False
+    lifted: bool = False  # true if these, or the variants, are those of the mechanism where it is lifted
 
 
 def lift_system(system: CompiledSystem) -> CompiledSystem:

@@ -107,18 +107,10 @@ def congruence(R: Matrix, A: Matrix) -> Matrix:
 
 @dataclass(frozen=True)
 class SymmetricFactor:
-    """Factors of a symmetric positive definite matrix ``A = L D Lᵀ``, L unit lower.
+    """Factors of a symmetric positive definite matrix ``A = L D Lᵀ``, L unit lower."""
 
-    Attributes
-    ----------
-    L : Matrix
-        Its entries below the diagonal; the others are unused.
-    inverse_D : list of Scalar
-        Inverses of the diagonal of D.
-    """
-
-    L: Matrix
-    inverse_D: list[Scalar]
+    L: Matrix  # its entries below the diagonal; the others are unused
+    inverse_D: list[Scalar]  # inverses of the diagonal of D
 
     def forward(self, x: Sequence[Scalar]) -> list[Scalar]:
         """Return ``L⁻¹ x``."""

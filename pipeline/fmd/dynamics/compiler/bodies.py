@@ -52,19 +52,11 @@ AXES = range(3)
 
 @dataclass(frozen=True)
 class AddedMass:
-    """Modal mass of a body's displacements of second order: ``Rᵀ C R`` of low rank, with the rows R = (g, F q).
+    """Modal mass of a body's displacements of second order: ``Rᵀ C R`` of low rank, with the rows R = (g, F q)."""
 
-    Attributes
-    ----------
-    g, F : ndarray, shapes (k, n) and (k, n, n)
-        As in `SecondOrderMass`, without round-off.
-    rows : list of Vector
-        R: those of g, then those of f.
-    """
-
-    g: Array
+    g: Array  # (k, n) and (k, n, n): as in `SecondOrderMass`, without round-off
     F: Array
-    rows: list[Vector]
+    rows: list[Vector]  # R: those of g, then those of f
     C: Matrix
 
     @property
@@ -104,40 +96,20 @@ def trace_added_mass(graph: Graph, mass: SecondOrderMass | None, q: Vector) -> A
 
 @dataclass
 class Inertia:
-    """A body's inertia at its state, in its own axes.
+    """A body's inertia at its state, in its own axes."""
 
-    Attributes
-    ----------
-    mass : Scalar
-        [kg]
-    c, c_rate : Vector3
-        First moment about the origin, and its rate.
-    J, N : Matrix
-        Inertia tensor, and half its rate's symmetric part: ``N_ab = q̇ · I_ab p``.
-    h : Vector3
-        Angular momentum of the deforming alone.
-    y : list of list of Vector
-        Modal parts of ``I_ab p``.
-    S, z, z_rate : list of Vector
-        First moments of the modes, modal parts of ``A_a p`` and ``A_a q̇``.
-    bending : Vector6
-        Force and moment that displacements of second order take at constant modal rates.
-    more : AddedMass, optional
-        What displacements of second order add to the modal mass.
-    """
-
-    mass: Scalar
-    c: Vector3
+    mass: Scalar  # [kg]
+    c: Vector3  # first moment about the origin, and its rate
     c_rate: Vector3
-    J: Matrix
+    J: Matrix  # inertia tensor, and half its rate's symmetric part: ``N_ab = q̇ · I_ab p``
     N: Matrix
-    h: Vector3
-    y: list[list[Vector]]
-    S: list[Vector]
+    h: Vector3  # angular momentum of the deforming alone
+    y: list[list[Vector]]  # modal parts of ``I_ab p``
+    S: list[Vector]  # first moments of the modes, modal parts of ``A_a p`` and ``A_a q̇``
     z: list[Vector]
     z_rate: list[Vector]
-    bending: Vector6
-    more: AddedMass | None
+    bending: Vector6  # force and moment that displacements of second order take at constant modal rates
+    more: AddedMass | None  # what displacements of second order add to the modal mass
 
     @property
     def M(self) -> Matrix:

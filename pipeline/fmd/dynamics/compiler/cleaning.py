@@ -21,32 +21,17 @@ from fmd.reduction.second_order import SecondOrderMass, second_order_mass
 
 @dataclass(frozen=True)
 class InertiaForms:
-    """Constant inertia integrals of a body, in the combinations that its equations take.
+    """Constant inertia integrals of a body, in the combinations that its equations take."""
 
-    Attributes
-    ----------
-    I_ab : ndarray, shape (3, 3, 1 + n, 1 + n)
-        ``I_aa = G_bb + G_cc`` and ``I_ab = −½ (G_ab + G_ba)``, symmetric each: with p = (1, q), the inertia tensor is
-        ``J_ab = pᵀ I_ab p``.
-    A_a : ndarray, shape (3, 1 + n, 1 + n)
-        ``A_a = G_bc − G_cb`` by the axis a across b and c, antisymmetric each.
-    S : ndarray, shape (3, 1 + n)
-        First moments.
-    displacement2, rotation2 : ndarray, shape (3, n, n) or (3, 0, 0)
-        Second-order first moments and angular momentum.
-    mass : float
-        [kg]
-    normal : int
-        Number of the only axis that the body turns about, or -1.
-    """
-
+    # (3, 3, 1 + n, 1 + n): ``I_aa = G_bb + G_cc`` and ``I_ab = −½ (G_ab + G_ba)``, symmetric each: with p = (1, q), the
+    # inertia tensor is ``J_ab = pᵀ I_ab p``
     I_ab: Array
-    A_a: Array
-    S: Array
-    displacement2: Array
+    A_a: Array  # (3, 1 + n, 1 + n): ``A_a = G_bc − G_cb`` by the axis a across b and c, antisymmetric each
+    S: Array  # (3, 1 + n): first moments
+    displacement2: Array  # (3, n, n) or (3, 0, 0): second-order first moments and angular momentum
     rotation2: Array
-    mass: float
-    normal: int
+    mass: float  # [kg]
+    normal: int  # number of the only axis that the body turns about, or -1
 
     @property
     def second_order(self) -> SecondOrderMass | None:
@@ -59,15 +44,9 @@ class InertiaForms:
 
 @dataclass(frozen=True)
 class WholeForms(InertiaForms):
-    """Constant inertia integrals of a body whose displacements of second order count with their whole energy.
+    """Constant inertia integrals of a body whose displacements of second order count with their whole energy."""
 
-    Attributes
-    ----------
-    F, W : ndarray, shapes (k, n, n) and (k, n)
-        As in `SecondOrderFields`, whose fields are behind the modes in all forms.
-    """
-
-    F: Array
+    F: Array  # (k, n, n) and (k, n): as in `SecondOrderFields`, whose fields are behind the modes in all forms
     W: Array
 
     @property

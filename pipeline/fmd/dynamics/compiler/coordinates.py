@@ -22,13 +22,6 @@ JOINT_CONSTANTS = ("spring", "rest", "damper")
 class Coordinates:
     """Inputs of a mechanism's graph: positions, rates, values of its signals, springs and dampers, and held values.
 
-    Parameters
-    ----------
-    graph : Graph
-        Where the inputs become nodes.
-    mechanism : Mechanism
-        Its layout says where each coordinate is.
-
     Attributes
     ----------
     signals : tuple of Signal

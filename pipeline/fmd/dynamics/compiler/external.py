@@ -42,11 +42,6 @@ _STATE = ("constants", "inputs", "q", "v")
 class ExternalMechanism:
     """A mechanism without loops whose loads, motions, springs and damping are arguments.
 
-    Parameters
-    ----------
-    whole : Mechanism
-        The same with the whole inertia of each body, which what joints transmit takes; see `joint_loads`.
-
     Raises
     ------
     ValueError
@@ -54,6 +49,7 @@ class ExternalMechanism:
     """
 
     mechanism: Mechanism
+    # The same with the whole inertia of each body, which what joints transmit takes; see `joint_loads`.
     whole: Mechanism
     stresses: tuple[ElementStress, ...] = ()
 

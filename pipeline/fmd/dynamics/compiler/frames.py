@@ -47,42 +47,24 @@ from fmd.reduction.body import MarkerShapes
 
 @dataclass
 class MovingFrame:
-    """A body's frame and the joint that carries it; see this module's equations.
-
-    Attributes
-    ----------
-    q, v : Vector
-        Modal coordinates and rates.
-    R : Matrix
-        From the body's axes into its parent's.
-    beta, gamma : Vector6
-        Bias accelerations of the marker, in the parent's axes, and of the joint.
-    B : Matrix
-        Shift of accelerations from the parent's origin to the marker.
-    marker : MarkerMotion
-        Where the joint sits.
-    shift : Vector3
-        From the joint to the body's origin, in the body's axes.
-    rigid : RigidInertia
-        Of the undeformed body.
-    """
+    """A body's frame and the joint that carries it; see this module's equations."""
 
     number: int
     link: Link
     parent: MovingFrame | None
-    q: Vector
+    q: Vector  # modal coordinates and rates
     v: Vector
     spin: Vector3
-    R: Matrix
-    beta: Vector6
+    R: Matrix  # from the body's axes into its parent's
+    beta: Vector6  # bias accelerations of the marker, in the parent's axes, and of the joint
     gamma: Vector6
-    B: Matrix
-    marker: MarkerMotion
-    shift: Vector3
+    B: Matrix  # shift of accelerations from the parent's origin to the marker
+    marker: MarkerMotion  # where the joint sits
+    shift: Vector3  # from the joint to the body's origin, in the body's axes
     directions: list[Vector6]
     velocity: Vector3
     forms: InertiaForms
-    rigid: RigidInertia
+    rigid: RigidInertia  # of the undeformed body
     children: list[MovingFrame] = field(default_factory=list)
     _world: tuple[Vector3, Matrix] | None = None
 

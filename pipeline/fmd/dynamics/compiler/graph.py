@@ -59,13 +59,7 @@ class Graph(NodeTable):
 
 
 class Scalar:
-    """A scalar expression; operators simplify what they build.
-
-    Attributes
-    ----------
-    constant : float or None
-        Value of a scalar that is a number.
-    """
+    """A scalar expression; operators simplify what they build."""
 
     __slots__ = ("constant", "graph", "node", "operation")
 

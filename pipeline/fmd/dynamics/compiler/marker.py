@@ -32,37 +32,19 @@ from fmd.reduction.body import MarkerShapes
 
 @dataclass
 class MarkerMotion:
-    """Motion of a marker, in the axes of its body.
+    """Motion of a marker, in the axes of its body."""
 
-    Attributes
-    ----------
-    arm, moving : Vector3
-        Its place, and twice the rate at which the modes move it.
-    R : Matrix
-        ``exp(θ̃)``: its rotation by the modes.
-    A : Matrix
-        Its rotation rate is ``A θ̇``.
-    turned, turning : Vector3
-        That rate, and its derivative while the modal rates don't change.
-    bending : Vector3
-        Acceleration of its place at constant modal rates.
-    slopes, turns : list of Vector
-        Derivatives of its place and of θ by the modal coordinates.
-    angle : tuple of ndarray and Scalar, optional
-        Axis and angle, of a rotation about one axis only.
-    """
-
-    arm: Vector3
+    arm: Vector3  # its place, and twice the rate at which the modes move it
     moving: Vector3
-    R: Matrix
-    A: Matrix
-    turned: Vector3
+    R: Matrix  # ``exp(θ̃)``: its rotation by the modes
+    A: Matrix  # its rotation rate is ``A θ̇``
+    turned: Vector3  # that rate, and its derivative while the modal rates don't change
     turning: Vector3
-    bending: Vector3
+    bending: Vector3  # acceleration of its place at constant modal rates
     shapes: MarkerShapes
-    slopes: list[Vector]
+    slopes: list[Vector]  # derivatives of its place and of θ by the modal coordinates
     turns: list[Vector]
-    angle: tuple[Array, Scalar] | None = None
+    angle: tuple[Array, Scalar] | None = None  # axis and angle, of a rotation about one axis only
 
 
 def trace_marker(graph: Graph, at: MarkerShapes, q: Vector, v: Vector) -> MarkerMotion:

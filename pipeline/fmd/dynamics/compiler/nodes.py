@@ -15,28 +15,18 @@ Place = tuple[str, tuple[int, ...]]
 
 
 class Node(NamedTuple):
-    """One operation of a graph.
+    """One operation of a graph."""
 
-    Attributes
-    ----------
-    operation : str
-        Scalars: ``number``, ``input``, ``add``, ``subtract``, ``multiply``, ``negate``, ``invert``, one of
-        `functions.FUNCTIONS` or `functions.CHOICES`, ``piece`` of ascending constants that a scalar is in, ``pick`` of
-        constants by such a number, ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``,
-        ``combine`` (scalar, vector, scalar, vector, …: the sum of the products), ``diagonal`` and ``matrix`` (constant,
-        times a vector), and those of `oscillators.OSCILLATED`.
-    arguments : tuple of int
-        Numbers of the nodes that it takes, all smaller than its own.
-    data : float, int or Place
-        The number; which entry; the number of the constant array in `Graph.arrays`; where an input is.
-    size : int
-        Entries of a vector, 0 for a scalar.
-    """
-
+    # Scalars: ``number``, ``input``, ``add``, ``subtract``, ``multiply``, ``negate``, ``invert``, one of
+    # `functions.FUNCTIONS` or `functions.CHOICES`, ``piece`` of ascending constants that a scalar is in, ``pick`` of
+    # constants by such a number, ``dot`` of two vectors, ``entry`` of one. Vectors: ``array``, ``vector input``,
+    # ``combine`` (scalar, vector, scalar, vector, …: the sum of the products), ``diagonal`` and ``matrix`` (constant,
+    # times a vector), and those of `oscillators.OSCILLATED`.
     operation: str
-    arguments: tuple[int, ...]
+    arguments: tuple[int, ...]  # numbers of the nodes that it takes, all smaller than its own
+    # The number; which entry; the number of the constant array in `Graph.arrays`; where an input is.
     data: float | int | Place | None
-    size: int
+    size: int  # entries of a vector, 0 for a scalar
 
 
 class NodeTable:

@@ -15,15 +15,7 @@ _End = tuple[str, str, str]
 
 
 class OscillatorWriter:
-    """Writes the steps of oscillators in LLVM's language, a few chunks side by side through each loop.
-
-    Parameters
-    ----------
-    scalars : sequence of str
-        Values of its scalar arguments.
-    vectors : sequence of list of Chunk
-        Values of its vector arguments.
-    """
+    """Writes the steps of oscillators in LLVM's language, a few chunks side by side through each loop."""
 
     def __init__(
         self,

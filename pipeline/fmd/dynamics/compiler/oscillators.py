@@ -27,34 +27,19 @@ from fmd.dynamics.compiler.program import LANES
 
 @dataclass(frozen=True)
 class Oscillators:
-    """Oscillators at a cycle's begin, vectors of one size; each force is one over the mass, but for its sign.
+    """Oscillators at a cycle's begin, vectors of one size; each force is one over the mass, but for its sign."""
 
-    Attributes
-    ----------
-    x, v, a : Vector
-        Positions, rates half a step before them, and accelerations.
-    inverse_mass : Vector
-        1 over their masses.
-    by_positions, drift : Vector
-        How their residual changes with positions, and with time.
-    late : tuple of (Scalar, Vector)
-        Accelerations and how it changes with time by each of them beside the drift: they are known late, so that what
-        they are multiplied by is made ready first.
-    damping : tuple of Vector
-        How it changes with rates, and the rates w₀; empty without damping.
-    levers : tuple of (int, Vector)
-        Numbers of loads in the argument ``inputs``, and how it changes with each.
-    """
-
-    x: Vector
+    x: Vector  # positions, rates half a step before them, and accelerations
     v: Vector
     a: Vector
-    inverse_mass: Vector
-    by_positions: Vector
+    inverse_mass: Vector  # 1 over their masses
+    by_positions: Vector  # how their residual changes with positions, and with time
     drift: Vector
+    # Accelerations and how it changes with time by each of them beside the drift: they are known late, so that what
+    # they are multiplied by is made ready first.
     late: tuple[tuple[Scalar, Vector], ...]
-    damping: tuple[Vector, ...]
-    levers: tuple[tuple[int, Vector], ...]
+    damping: tuple[Vector, ...]  # how it changes with rates, and the rates w₀; empty without damping
+    levers: tuple[tuple[int, Vector], ...]  # numbers of loads in the argument ``inputs``, and how it changes with each
 
     def take_steps(self, n_inputs: int, count: int) -> tuple[Vector, Vector, Vector]:
         """Return positions, rates and the last accelerations at the cycle's end; most cycles have ``count`` steps.

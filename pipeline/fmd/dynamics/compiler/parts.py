@@ -35,40 +35,23 @@ _INPUTS, _CONSTANTS = ("input", "vector input"), ("number", "array")
 
 @dataclass(frozen=True)
 class Call:
-    """A call of a shared function.
-
-    Attributes
-    ----------
-    places : tuple of int
-        Where the values that it takes, and then those that it gives, begin in their arrays [doubles].
-    constants : ndarray
-        What its k-th constant is; the function has the number k + 2 in its place.
-    """
+    """A call of a shared function."""
 
     function: int
+    # Where the values that it takes, and then those that it gives, begin in their arrays [doubles].
     places: tuple[int, ...]
-    constants: Array = field(repr=False)
+    constants: Array = field(repr=False)  # what its k-th constant is; the function has the number k + 2 in its place
 
 
 @dataclass(frozen=True)
 class Parts:
-    """A program as calls of shared functions.
+    """A program as calls of shared functions."""
 
-    Attributes
-    ----------
-    before, after : list of Program
-        Copy inputs to the arrays, and outputs from them.
-    functions : list of Program
-        Functions of the two arrays.
-    sizes : dict of str to int
-        Of the arrays [doubles].
-    """
-
-    before: list[Program]
+    before: list[Program]  # copy inputs to the arrays, and outputs from them
     after: list[Program]
-    functions: list[Program]
+    functions: list[Program]  # functions of the two arrays
     calls: list[Call]
-    sizes: dict[str, int]
+    sizes: dict[str, int]  # of the arrays [doubles]
 
 
 def cut_program(program: Program, register: int) -> Parts | None:

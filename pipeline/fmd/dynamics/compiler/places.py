@@ -30,23 +30,13 @@ _AXES = range(3)
 
 @dataclass
 class PlaceMotion:
-    """Motion of a place in space.
-
-    Attributes
-    ----------
-    A : Matrix
-        From the axes of its section into those of space.
-    w : Vector3
-        Angular velocity of the section.
-    frame, marker : MovingFrame and MarkerMotion, optional
-        Of the body that it is on; none for the ground.
-    """
+    """Motion of a place in space."""
 
     x: Vector3
     v: Vector3
-    A: Matrix
-    w: Vector3
-    frame: MovingFrame | None = None
+    A: Matrix  # from the axes of its section into those of space
+    w: Vector3  # angular velocity of the section
+    frame: MovingFrame | None = None  # of the body that it is on; none for the ground
     marker: MarkerMotion | None = None
 
     def turned(self, direction: Array) -> Vector3:

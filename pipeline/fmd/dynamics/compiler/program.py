@@ -25,32 +25,18 @@ class Output(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """A function of arrays of doubles, as part of a graph.
-
-    Attributes
-    ----------
-    arguments : tuple of str
-        Names of its arrays in their order, those that it fills last.
-    outputs : tuple of Output
-        What it fills them with; places that none names are left as they are.
-    lanes : tuple of str
-        Arguments that have `LANES` entries in each place: the directions of derivatives, and these.
-    in_place : bool
-        Outputs replace inputs.
-    seldom : bool
-        Python calls it, not a march: it is to be compiled fast rather than to run fast.
-    guard : Scalar, optional
-        All outputs are 0 unless it is above 0, so that code may leave there.
-    """
+    """A function of arrays of doubles, as part of a graph."""
 
     name: str
     graph: Graph
-    arguments: tuple[str, ...]
+    arguments: tuple[str, ...]  # names of its arrays in their order, those that it fills last
+    # What it fills them with; places that none names are left as they are.
     outputs: tuple[Output, ...] = field(repr=False)
+    # Arguments that have `LANES` entries in each place: the directions of derivatives, and these.
     lanes: tuple[str, ...] = ()
-    in_place: bool = False
-    seldom: bool = False
-    guard: Scalar | None = None
+    in_place: bool = False  # outputs replace inputs
+    seldom: bool = False  # Python calls it, not a march: it is to be compiled fast rather than to run fast
+    guard: Scalar | None = None  # all outputs are 0 unless it is above 0, so that code may leave there
 
     @cached_property
     def nodes(self) -> list[int]:

@@ -56,41 +56,23 @@ from fmd.dynamics.compiler.span import ModalRows, Span, rows_of_marker, span_row
 
 @dataclass
 class Carried:
-    """An articulated body as its parent feels it at the marker, in the parent's axes.
-
-    Attributes
-    ----------
-    pA : Vector6
-        Force for a marker that doesn't accelerate.
-    """
+    """An articulated body as its parent feels it at the marker, in the parent's axes."""
 
     IA: Matrix
-    pA: Vector6
+    pA: Vector6  # force for a marker that doesn't accelerate
 
 
 @dataclass
 class CarrierModes:
-    """A carrier's modes along the span Q of its markers; see this module's equations.
-
-    Attributes
-    ----------
-    PQW : Matrix
-        ``P⁻¹ Q`` times the coupling of frame and modes.
-    PQe : list of Scalar
-        ``P⁻¹ Q`` times the modes' bias.
-    Y, f : Matrix and list of Scalar
-        ``L⁻¹ Y`` and ``L⁻¹ f`` with the factor L of F.
-    T : dict of int to Matrix
-        Each child's T by the rows of Q, ``T_c = T Q``, by its number.
-    """
+    """A carrier's modes along the span Q of its markers; see this module's equations."""
 
     span: Span
-    PQW: Matrix
-    PQe: list[Scalar]
+    PQW: Matrix  # ``P⁻¹ Q`` times the coupling of frame and modes
+    PQe: list[Scalar]  # ``P⁻¹ Q`` times the modes' bias
     F: SymmetricFactor
-    Y: Matrix
+    Y: Matrix  # ``L⁻¹ Y`` and ``L⁻¹ f`` with the factor L of F
     f: list[Scalar]
-    T: dict[int, Matrix]
+    T: dict[int, Matrix]  # each child's T by the rows of Q, ``T_c = T Q``, by its number
 
 
 @dataclass
@@ -99,40 +81,22 @@ class ArticulatedBody:
 
     Attributes
     ----------
-    free : ndarray, shape (n,)
-        1 for each mode that isn't frozen.
-    W, e : list of Vector and Vector
-        Coupling of frame and free modes, and the bias of these.
-    modes : CarrierModes, optional
-        Of a flexible body that carries others.
-    IA, pA : Matrix and Vector6
-        Articulated inertia and bias force at the body's origin.
-    directions : list of Vector6
-        Columns of S, none if the joint is frozen.
-    U : list of Vector6
-        ``IA S`` column by column.
-    D : SymmetricFactor, optional
-        Factors of ``Sᵀ IA S``; of IA itself for a free joint.
-    u : list of Scalar
-        The joint's load less ``Sᵀ pA``; the load itself for a free joint.
-    carried : Carried
-        What its parent feels.
     x, eta, zeta : Vector6, Vector and list of Scalar
         Accelerations of its frame, of its modes, and of these along Q: filled by the walk outwards.
     """
 
     frame: MovingFrame
-    free: Array
-    W: list[Vector]
+    free: Array  # (n,): 1 for each mode that isn't frozen
+    W: list[Vector]  # coupling of frame and free modes, and the bias of these
     e: Vector
-    IA: Matrix
+    IA: Matrix  # articulated inertia and bias force at the body's origin
     pA: Vector6
-    directions: list[Vector6]
-    modes: CarrierModes | None = None
-    U: list[Vector6] = field(default_factory=list)
-    D: SymmetricFactor | None = None
-    u: list[Scalar] = field(default_factory=list)
-    carried: Carried | None = None
+    directions: list[Vector6]  # columns of S, none if the joint is frozen
+    modes: CarrierModes | None = None  # of a flexible body that carries others
+    U: list[Vector6] = field(default_factory=list)  # ``IA S`` column by column
+    D: SymmetricFactor | None = None  # factors of ``Sᵀ IA S``; of IA itself for a free joint
+    u: list[Scalar] = field(default_factory=list)  # the joint's load less ``Sᵀ pA``; the load itself for a free joint
+    carried: Carried | None = None  # what its parent feels
     x: Vector6 = field(default_factory=list)
     zeta: list[Scalar] = field(default_factory=list)
 

@@ -27,21 +27,11 @@ from fmd.dynamics.compiler.recursion import BodyValues
 
 @dataclass
 class JointForce:
-    """Force that moves a body and all that it carries, in the body's axes.
+    """Force that moves a body and all that it carries, in the body's axes."""
 
-    Attributes
-    ----------
-    x : Vector6
-        Acceleration of the body's frame, less that of free fall.
-    force : Vector6
-        Force and moment about the body's origin, by its joint.
-    modes : Vector
-        Residual of the body's modes.
-    """
-
-    x: Vector6
-    force: Vector6
-    modes: Vector
+    x: Vector6  # acceleration of the body's frame, less that of free fall
+    force: Vector6  # force and moment about the body's origin, by its joint
+    modes: Vector  # residual of the body's modes
 
     def at_place(self, frame: MovingFrame) -> Vector6:
         """Return force and moment about the joint's place on the parent, in the body's axes."""

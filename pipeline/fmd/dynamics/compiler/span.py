@@ -33,32 +33,18 @@ from fmd.dynamics.compiler.marker import MarkerMotion
 
 @dataclass(frozen=True)
 class Span:
-    """Orthogonal rows Q that span groups of rows, ``R_c = L_c Q``.
-
-    Attributes
-    ----------
-    inverse_squares : list of Scalar
-        ``1 / (Q_i · Q_i)``.
-    L : list of Matrix
-        L_c of each group of rows, as many columns as Q has rows.
-    """
+    """Orthogonal rows Q that span groups of rows, ``R_c = L_c Q``."""
 
     Q: list[Vector]
-    inverse_squares: list[Scalar]
-    L: list[Matrix]
+    inverse_squares: list[Scalar]  # ``1 / (Q_i · Q_i)``
+    L: list[Matrix]  # L_c of each group of rows, as many columns as Q has rows
 
 
 @dataclass(frozen=True)
 class ModalRows:
-    """Rows that change linearly with the modal coordinates.
+    """Rows that change linearly with the modal coordinates."""
 
-    Attributes
-    ----------
-    shapes, forms : ndarray, shapes (m, n) and (m, n, n)
-        Their constant part, and their derivatives.
-    """
-
-    shapes: Array
+    shapes: Array  # (m, n) and (m, n, n): their constant part, and their derivatives
     forms: Array
     values: list[Vector]
 

@@ -29,24 +29,12 @@ from fmd.dynamics.signals.signal import Signal
 
 @dataclass(frozen=True)
 class Activity:
-    """Pieces of time on each of which a signal is close to a parabola or next to nothing.
+    """Pieces of time on each of which a signal is close to a parabola or next to nothing."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (n_pieces + 1,)
-        Ends of the pieces [s].
-    quiet : ndarray of bool, shape (n_pieces,)
-        Pieces on which the signal stays below 1e-9 of its largest value.
-    unresolved : ndarray of bool, shape (n_pieces,)
-        Pieces with fast vibrations all along that were not divided further.
-    kinks : tuple of float
-        Times at which abs, min or max change their branch [s].
-    """
-
-    times: Array
-    quiet: BoolArray
-    unresolved: BoolArray
-    kinks: tuple[float, ...]
+    times: Array  # (n_pieces + 1,): ends of the pieces [s]
+    quiet: BoolArray  # (n_pieces,): pieces on which the signal stays below 1e-9 of its largest value
+    unresolved: BoolArray  # (n_pieces,): pieces with fast vibrations all along that were not divided further
+    kinks: tuple[float, ...]  # times at which abs, min or max change their branch [s]
 
     @property
     def events(self) -> tuple[float, ...]:

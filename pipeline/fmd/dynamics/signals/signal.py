@@ -64,16 +64,11 @@ class Term:
 
 @dataclass(frozen=True)
 class Signal:
-    """A function of time, made by the functions of this module.
-
-    Attributes
-    ----------
-    breakpoints : tuple of float
-        Times at which it or its first derivative may jump, and the ends of a smooth table, at which its second one
-        does [s], ascending. Kinks of abs, min and max in a formula are not among them.
-    """
+    """A function of time, made by the functions of this module."""
 
     terms: tuple[Term, ...]
+    # Times at which it or its first derivative may jump, and the ends of a smooth table, at which its second one does
+    # [s], ascending. Kinks of abs, min and max in a formula are not among them.
     breakpoints: tuple[float, ...] = ()
 
     @property
@@ -164,8 +159,6 @@ def half_sine(start: float, duration: float, peak: float) -> Signal:
     ----------
     start, duration : float
         When it begins and how long it lasts [s].
-    peak : float
-        Its largest value.
 
     Raises
     ------

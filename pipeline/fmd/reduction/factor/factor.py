@@ -84,19 +84,12 @@ class MissingSolverError(ImportError):
 
 @dataclass(frozen=True)
 class Factor:
-    """Factorised matrix: its solves, and its size.
+    """Factorised matrix: its solves, and its size."""
 
-    Attributes
-    ----------
-    solve : callable
-        ``A⁻¹ f`` of f, (n,) or (n, k).
-    lowest : callable, optional
-        Where the factor's package has a method of its own: ``lowest(M, count, ncv, Z)`` finds the lowest eigenpairs of
-        ``A φ = θ M φ`` outside known eigenvectors Z (n, k): θ (count,), Φ (n, count) with ``Φᵀ M Φ = 1``.
-    """
-
-    solve: Callable[[Array], Array]
+    solve: Callable[[Array], Array]  # ``A⁻¹ f`` of f, (n,) or (n, k)
     figures: FactorFigures
+    # Where the factor's package has a method of its own: ``lowest(M, count, ncv, Z)`` finds the lowest eigenpairs of
+    # ``A φ = θ M φ`` outside known eigenvectors Z (n, k): θ (count,), Φ (n, count) with ``Φᵀ M Φ = 1``.
     lowest: Callable[[Any, int, int, Array], tuple[Array, Array]] | None = None
 
 
