@@ -12,8 +12,9 @@ import pytest
 from fmd import Pipeline
 from fmd.cli.cad_assembly import read_assembly, suggest_joint
 from fmd.cli.robot import Robot
+from fmd.meshes.cad_places import WholeCylinder
 from fmd.scene.scene import load_scene
-from fmd.stages.meshing.cad_files import AssemblyPart, RoundFace, describe_cad_file
+from fmd.stages.meshing.cad_files import AssemblyPart, describe_cad_file
 
 RHO = 7850.0
 
@@ -22,7 +23,7 @@ Faces = tuple[str, list[float], list[float], float, float]
 
 
 def part(name: str, *faces: Faces, volume: float = 1.0) -> AssemblyPart:
-    found = tuple(RoundFace(what, np.array(at), np.array(axis), r, length) for what, at, axis, r, length in faces)
+    found = tuple(WholeCylinder(what, np.array(at), np.array(axis), r, length) for what, at, axis, r, length in faces)
     return AssemblyPart(name, volume, np.zeros(3), np.eye(3), found)
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from fmd.core.errors import StabilityError
+from fmd.dynamics.compiled_system.reference_state import FreeMotion
 from fmd.dynamics.vibration import inertial_coupling
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import cycle_growth
 from fmd.stability.limits import (
-    ReferenceMatrices,
     explicit_method,
     find_limits,
     find_sudden_step,
@@ -67,7 +67,7 @@ def test_a_coupled_mechanisms_limits_shrink_with_the_duration() -> None:
     """Growth per cycle by the weak law, m(m − 1)/4 · β²/(1 − β²) · Ω_S², adds up to ln 10 over the duration."""
     beta, m, duration = 0.1, 5, 1e4
     M, K = np.array([[1.0, beta], [beta, 1.0]]), np.diag([1e-6, 1.0])
-    reference = ReferenceMatrices(M, K, np.zeros_like(K), 1)
+    reference = FreeMotion(M, K, np.zeros_like(K), 1)
     found = find_limits(LinearSystem(M, K, 1), reference, [1, m], duration, 1e-3)
     assert found.coupling == pytest.approx(beta)
     assert (found.along, found.n_slow, found.duration) == (False, 1, duration)
@@ -83,7 +83,7 @@ def test_a_coupled_mechanisms_limits_shrink_with_the_duration() -> None:
 def test_at_rest_an_operating_point_adds_nothing_to_the_reference_state() -> None:
     M, K = np.eye(2), np.diag([0.01, 1.0])
     system, rest = LinearSystem(M, K, 1), OperatingPoint(0.0, np.zeros(2), np.zeros(2))
-    reference = ReferenceMatrices(M, K, np.zeros_like(K), 1)
+    reference = FreeMotion(M, K, np.zeros_like(K), 1)
     points = OperatingPoints(system, (rest,), 100.0)
     alone, along = (find_limits(system, reference, [1, 2], 100.0, 1e-2, at) for at in (None, points))
     assert along.along

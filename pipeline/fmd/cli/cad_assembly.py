@@ -5,14 +5,17 @@ from __future__ import annotations
 import re
 from itertools import combinations
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmd.cli.robot import Pose, Robot, RobotJoint, RobotLink, Shape
 from fmd.core.arrays import Array
 from fmd.core.limits.scene import BORE_CLEARANCE, COAXIAL, STEEL
-from fmd.stages.meshing.cad_files import AssemblyPart, RoundFace, describe_assembly_file
+from fmd.stages.meshing.cad_files import AssemblyPart, describe_assembly_file
+
+if TYPE_CHECKING:
+    from fmd.meshes.cad_places import WholeCylinder
 
 
 class Suggestion(NamedTuple):
@@ -91,7 +94,7 @@ def suggest_joint(one: AssemblyPart, other: AssemblyPart) -> Suggestion | None:
     return Suggestion("fixed" if others else "revolute", (one.name, other.name), place, axis, why)
 
 
-def _shared_place(a: RoundFace, b: RoundFace) -> Array | None:
+def _shared_place(a: WholeCylinder, b: WholeCylinder) -> Array | None:
     """Return the middle of what two round faces share of one axis; ``None`` if they aren't a bearing."""
     if a.what == b.what == "pin" or np.linalg.norm(np.cross(a.axis, b.axis)) > COAXIAL:
         return None
@@ -105,7 +108,7 @@ def _shared_place(a: RoundFace, b: RoundFace) -> Array | None:
     return None if low > high + gap else a.middle + 0.5 * (low + high) * a.axis
 
 
-def _off_axis(face: RoundFace, place: Array) -> float:
+def _off_axis(face: WholeCylinder, place: Array) -> float:
     return float(np.linalg.norm(np.cross(face.axis, place - face.middle)))
 
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.round_off import SOLVED
 from fmd.core.limits.stability import BELOW_CRITICAL, BEYOND_LIMIT, BISECTIONS
+from fmd.dynamics.compiled_system.reference_state import FreeMotion
 from fmd.dynamics.system import System
 from fmd.dynamics.vibration import highest_frequency, inertial_coupling
 from fmd.integrators.central_difference import CentralDifference
@@ -24,15 +24,6 @@ from fmd.stability.amplification import cycle_growth
 from fmd.stability.operating_points import OperatingPoints
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stability.splitting import recommend_step
-
-
-class ReferenceMatrices(NamedTuple):
-    """Mass, stiffness and damping of an undeformed mechanism at rest, its slow coordinates first, and their number."""
-
-    M: Array
-    K: Array
-    C: Array
-    n_slow: int
 
 
 @dataclass(frozen=True)
@@ -64,7 +55,7 @@ class MechanismLimits:
 
 def find_limits(
     system: System,
-    reference: ReferenceMatrices,
+    reference: FreeMotion,
     ratios: Iterable[int],
     duration: float,
     error: float,
@@ -89,7 +80,7 @@ def find_limits(
 
 
 def find_limit(
-    system: System, reference: ReferenceMatrices, m: int, duration: float, points: OperatingPoints | None = None
+    system: System, reference: FreeMotion, m: int, duration: float, points: OperatingPoints | None = None
 ) -> StepLimit:
     """Find the largest stable fast step of a mechanism with m fast steps to a slow one."""
     M, K, C, n_slow = reference

@@ -10,7 +10,7 @@ from fmd.core.limits.contact import CHOSEN_STEP
 from fmd.core.progress import Advance
 from fmd.dynamics.vibration import inertial_coupling
 from fmd.scene.run_table import SubCycledRun
-from fmd.stability.limits import MechanismLimits, ReferenceMatrices, find_limits
+from fmd.stability.limits import MechanismLimits, find_limits
 from fmd.stability.operating_points import find_operating_points
 from fmd.stages.run_checks import require_no_contact
 from fmd.stages.runs import plan_sub_cycled
@@ -36,7 +36,7 @@ def find_scene_limits(pipeline: Pipeline, ratios: Sequence[int], along: bool) ->
         require_no_contact(pipeline.scene, "--along")
     ratios = [1] if pipeline.scene.contact else ratios
     system = _split(pipeline)
-    reference, points = ReferenceMatrices(*system.stiffest_motion), None
+    reference, points = system.stiffest_motion, None
     if along:
         points = find_operating_points(system, pipeline.mechanism, *pipeline.start, simulation.duration)
     with pipeline.store.monitor("stability") as advance:

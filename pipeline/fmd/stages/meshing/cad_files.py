@@ -10,6 +10,7 @@ import tempfile
 from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from fmd.core.memory import available_memory
 from fmd.core.processes import ChildError, run_child
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
+
+if TYPE_CHECKING:
+    from fmd.meshes.cad_places import WholeCylinder
 
 UNLIKE_SOLID = ", by ribs, fillets or corners, and so does its mass; what they do for stiffness isn't there"
 _TETRAHEDRON = 0.117851  # volume of the regular tetrahedron of unit edge
@@ -49,17 +53,6 @@ class PartOutline:
 
 
 @dataclass(frozen=True)
-class RoundFace:
-    """A face of a part that is a whole cylinder."""
-
-    what: str  # ``"pin"`` with material within, ``"hole"`` without
-    middle: Array  # (3,): middle of its axis [m], and the axis' direction
-    axis: Array
-    radius: float  # [m]
-    length: float  # [m]
-
-
-@dataclass(frozen=True)
 class AssemblyPart:
     """A solid of an assembly, where it stands."""
 
@@ -67,7 +60,7 @@ class AssemblyPart:
     volume: float  # [m³]
     centre: Array  # (3,): centre of mass [m]
     inertia: Array  # (3, 3): about the centre of mass, for a density of 1 [m⁵]
-    round_faces: tuple[RoundFace, ...]  # its bores and pins
+    round_faces: tuple[WholeCylinder, ...]  # its bores and pins
 
 
 def cad_suffixes() -> tuple[str, ...]:
@@ -161,6 +154,8 @@ def describe_assembly_file(path: Path, folder: Path) -> list[AssemblyPart]:
     InputError
         As `mesh_cad_file`, the file has one solid, or the folder has a file of a part's name.
     """
+    from fmd.meshes.cad_places import WholeCylinder
+
     with tempfile.TemporaryDirectory(prefix="fmd-") as temporary:
         description = Path(temporary) / "parts.json"
         _run_gmsh(path, description, temporary, entry="fmd.meshes.cad_assembly:main")
@@ -182,7 +177,8 @@ def describe_assembly_file(path: Path, folder: Path) -> list[AssemblyPart]:
             np.array(part["centre"]),
             np.array(part["inertia"]),
             tuple(
-                RoundFace(**own | {key: np.array(own[key]) for key in ("middle", "axis")}) for own in part["cylinders"]
+                WholeCylinder(**own | {key: np.array(own[key]) for key in ("middle", "axis")})
+                for own in part["cylinders"]
             ),
         )
         for name, part in zip(names, found, strict=True)
