@@ -30,13 +30,9 @@ class Deformable(SceneTable):
     """Every flexible body: how its mesh can be changed, which is not at all where a file holds the mesh.
 
     Changes are values of the table's keys.
-
-    Attributes
-    ----------
-    file_keys : tuple of str
-        Table that names the files that the body comes from, and the keys there; empty if it comes from none.
     """
 
+    # Table that names the files that the body comes from, and the keys there; empty if it comes from none.
     file_keys: ClassVar[tuple[str, ...]] = ()
 
     @property

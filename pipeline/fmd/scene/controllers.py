@@ -15,18 +15,10 @@ from fmd.scene.values import Number, SourceFile, Text
 
 
 class Controller(FormulaVariables):
-    """Something whose output formulas may name.
+    """Something whose output formulas may name."""
 
-    Attributes
-    ----------
-    inputs : tuple of str
-        Keys that hold formulas of what it takes.
-    has_states : bool
-        True if its output isn't known from the state of the mechanism alone.
-    """
-
-    inputs: ClassVar[tuple[str, ...]] = ()
-    has_states: ClassVar[bool] = True
+    inputs: ClassVar[tuple[str, ...]] = ()  # keys that hold formulas of what it takes
+    has_states: ClassVar[bool] = True  # true if its output isn't known from the state of the mechanism alone
 
     @property
     def formulas(self) -> Mapping[str, str]:

@@ -32,22 +32,12 @@ class FormulaOrTable(SceneTable):
         Column of the file with the values.
     unit : str, optional
         Unit of the formula's or the table's values, e.g. ``"N m"``; required with either.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of quantity that the values are.
-    variable : str
-        Variable of a formula.
-    argument : str
-        Key of a file's column with the table's arguments; those in the scene have its plural.
-    default_between : str
-        Course of a table between its rows, unless the scene says it.
     """
 
-    kind: ClassVar[str]
-    variable: ClassVar[str]
-    argument: ClassVar[str]
+    kind: ClassVar[str]  # kind of quantity that the values are
+    variable: ClassVar[str]  # variable of a formula
+    argument: ClassVar[str]  # key of a file's column with the table's arguments; those in the scene have its plural
+    # Course of a table between its rows, unless the scene says it.
     default_between: ClassVar[Literal["straight", "smooth"]] = "straight"
 
     formula: str | None = None

@@ -19,35 +19,18 @@ Tolerance = Annotated[Number, Field(ge=3e-14, lt=1.0)]
 
 
 class RunTable(SceneTable):
-    """A run by one method of integration: the base of all methods' tables.
+    """A run by one method of integration: the base of all methods' tables."""
 
-    Attributes
-    ----------
-    title : str
-        The method's name in the reference of scene files.
-    method : str
-        Module in `fmd.integrators` and class of the integrator.
-    chooses_steps : bool
-        Its error sets the steps; any other method is given one, in the run or in the simulation.
-    keeps_loops : bool
-        It brings each step back onto the constraints of loops.
-    samples : bool
-        Its steps end where sampled controllers measure.
-    takes_contact : bool
-        Its steps are given, and it tells contacts when one ends.
-    passes_over : bool
-        It stays stable where its steps don't resolve fast vibrations.
-    limit_remedy, growth_remedy : str
-        How the messages that refuse a step for its limit, or for vibrations that it makes grow, name another method.
-    """
-
-    title: ClassVar[str]
-    method: ClassVar[str]
+    title: ClassVar[str]  # the method's name in the reference of scene files
+    method: ClassVar[str]  # module in `fmd.integrators` and class of the integrator
+    # Its error sets the steps; any other method is given one, in the run or in the simulation.
     chooses_steps: ClassVar[bool] = False
-    keeps_loops: ClassVar[bool] = True
-    samples: ClassVar[bool] = False
-    takes_contact: ClassVar[bool] = False
-    passes_over: ClassVar[bool] = False
+    keeps_loops: ClassVar[bool] = True  # it brings each step back onto the constraints of loops
+    samples: ClassVar[bool] = False  # its steps end where sampled controllers measure
+    takes_contact: ClassVar[bool] = False  # its steps are given, and it tells contacts when one ends
+    passes_over: ClassVar[bool] = False  # it stays stable where its steps don't resolve fast vibrations
+    # this and the next: how the messages that refuse a step for its limit, or for vibrations that it makes grow, name
+    # another method
     limit_remedy: ClassVar[str] = ""
     growth_remedy: ClassVar[str] = ""
 

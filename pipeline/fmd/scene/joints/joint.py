@@ -46,39 +46,21 @@ class Along:
 
 
 class JointTable(SceneTable):
-    """Answers of a joint of any kind, of which a kind overrides those that are its own.
+    """Answers of a joint of any kind, of which a kind overrides those that are its own."""
 
-    Attributes
-    ----------
-    kind : JointKind
-        Coordinates, motion and constraints.
-    title : str
-        Heading of its section in the page about scenes.
-    mark : Mark
-        In pictures.
-    carries : bool
-        True if a joint of this kind can carry a body; else it closes a loop wherever it is.
-    start_keys : tuple of tuple of str
-        Keys of the coordinates at the start, and of their rates.
-    closing_keys : tuple of str
-        Keys that have an effect only where the joint closes a loop.
-    measured_across : bool
-        True if coordinates are measured along or about directions across the axis, in the child's own axes.
-    starts_turned : bool
-        True if ``rotate`` and ``axes`` turn the child at the start, and not the joint.
-    cannot_close : str
-        Why a joint of this kind can't close a loop, if so.
-    """
-
-    kind: ClassVar[JointKind]
-    title: ClassVar[str]
-    mark: ClassVar[Mark] = Mark()
+    kind: ClassVar[JointKind]  # coordinates, motion and constraints
+    title: ClassVar[str]  # heading of its section in the page about scenes
+    mark: ClassVar[Mark] = Mark()  # in pictures
+    # True if a joint of this kind can carry a body; else it closes a loop wherever it is.
     carries: ClassVar[bool] = True
+    # Keys of the coordinates at the start, and of their rates.
     start_keys: ClassVar[tuple[tuple[str, ...], tuple[str, ...]]] = ((), ())
-    closing_keys: ClassVar[tuple[str, ...]] = ()
+    closing_keys: ClassVar[tuple[str, ...]] = ()  # keys that have an effect only where the joint closes a loop
+    # True if coordinates are measured along or about directions across the axis, in the child's own axes.
     measured_across: ClassVar[bool] = False
+    # True if ``rotate`` and ``axes`` turn the child at the start, and not the joint.
     starts_turned: ClassVar[bool] = False
-    cannot_close: ClassVar[str] = ""
+    cannot_close: ClassVar[str] = ""  # why a joint of this kind can't close a loop, if so
 
     @property
     def kept_distance(self) -> float:
