@@ -85,12 +85,8 @@ def read_varied(run: Pipeline, vary: Sequence[str], priors: Sequence[str] = ()) 
             raise InputError("--vary", key, given, "is varied twice")
         found.append(VariedNumber(parameter, low, high, known.pop(key, np.inf)))
     if not found:
-        raise InputError(
-            "--vary",
-            "",
-            None,
-            "is missing: numbers to vary, e.g. --vary joint.elbow.spring=10..200, or in the scene's table [fit]",
-        )
+        mend = "is missing: numbers to vary, e.g. --vary joint.elbow.spring=10..200, or in the scene's table [fit]"
+        raise InputError("--vary", "", None, mend)
     if known:
         raise InputError("--prior", next(iter(known)), None, "isn't varied: a prior belongs to a number of --vary")
     return tuple(found)

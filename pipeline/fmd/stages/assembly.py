@@ -126,12 +126,8 @@ def close_start(scene: Scene, system: CompiledSystem, q: Array, v: Array) -> tup
     if len(rates) and np.abs(rates[worst]) > limits.OPEN * max(1.0, largest(v)):
         row = system.compiled.rows[worst]
         unit = "rad/s" if row.rotational else "m/s"
-        raise InputError(
-            scene.file,
-            f"joint.{row.name}",
-            None,
-            f"opens at {abs(rates[worst]):.3g} {unit} at the start: the prescribed motions work against each other",
-        )
+        mend = f"opens at {abs(rates[worst]):.3g} {unit} at the start: the prescribed motions work against each other"
+        raise InputError(scene.file, f"joint.{row.name}", None, mend)
     _require_freedom(scene, system, q)
     return q, v
 
@@ -255,13 +251,11 @@ def _require_closed(scene: Scene, system: CompiledSystem, q: Array) -> None:
     if len(g) and abs(g[worst]) > limits.OPEN:
         row = system.compiled.rows[worst]
         size = f"{np.degrees(abs(g[worst])):.4g} degrees" if row.rotational else f"{abs(g[worst]):.4g} m"
-        raise InputError(
-            scene.file,
-            f"joint.{row.name}",
-            None,
+        mend = (
             f"can't close its loop: a residual of {size} is left; check lengths, places and axes of the loop, "
-            "or give joints a position nearer to the closed one",
+            "or give joints a position nearer to the closed one"
         )
+        raise InputError(scene.file, f"joint.{row.name}", None, mend)
 
 
 def _require_freedom(scene: Scene, system: CompiledSystem, q: Array) -> None:
@@ -271,12 +265,8 @@ def _require_freedom(scene: Scene, system: CompiledSystem, q: Array) -> None:
     deforms = bool(scene.flexible) and not any(len(link.omega) for link in links)  # but these are left out here
     if not moves and not deforms and constraint_rank(system, q) == system.n:
         names = ", ".join(closure.name for closure in system.mechanism.closures)
-        raise InputError(
-            scene.file,
-            "joint",
-            None,
-            f"nothing can move: {names} leave no freedom to the {system.n} coordinates of the other joints and modes",
-        )
+        mend = f"nothing can move: {names} leave no freedom to the {system.n} coordinates of the other joints and modes"
+        raise InputError(scene.file, "joint", None, mend)
 
 
 def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
@@ -289,13 +279,11 @@ def _require_one_way(scene: Scene, rigid: CompiledSystem, q: Array) -> None:
             rigid, move_positions(rigid.parameters, q, AWAY * direction), np.arange(rigid.n), np.ones(rigid.n)
         )
         if _residual(rigid, near) <= limits.OPEN and (others := constraint_rank(rigid, near)) > rank:
-            raise InputError(
-                scene.file,
-                "joint",
-                None,
+            mend = (
                 f"the start is a singular position: {rank} constraints are independent there and {others} close by, so "
-                "that it isn't known which way the mechanism goes; start it a little off",
+                "that it isn't known which way the mechanism goes; start it a little off"
             )
+            raise InputError(scene.file, "joint", None, mend)
 
 
 def _without_idle_rows(mechanism: Mechanism, rigid: CompiledSystem, q: Array) -> Mechanism:

@@ -96,13 +96,11 @@ def require_unbuckled(scene: Scene, changes: Mapping[str, StiffnessChange]) -> N
     """
     for name, change in changes.items():
         if change.growth > GROWTH and not part_of(name):
-            raise InputError(
-                scene.file,
-                f"body.{name}",
-                None,
+            mend = (
                 f"the body would buckle: from t = {change.buckles_at:.4g} s on the loads through it are up to "
-                f"{change.buckling:.3g} times what it bears; reduce them, or make it stiffer",
+                f"{change.buckling:.3g} times what it bears; reduce them, or make it stiffer"
             )
+            raise InputError(scene.file, f"body.{name}", None, mend)
 
 
 def constrained_stiffness(

@@ -65,14 +65,12 @@ def require_resolved_loads(file: str, key: str, method: Integrator, system: Comp
     if longest >= cycle * method.step:
         return
     frozen = f", which freezes loads over {cycle} steps," if cycle > 1 else ""
-    raise InputError(
-        file,
-        key,
-        f"{method.step:.6g} s",
+    mend = (
         f"a load acts for {lasts:.4g} s only, which {method.name}{frozen} would step over; "
         f"a step of {round_down(longest / cycle):g} s or less works, and "
-        f"{name_methods('chooses_steps', 'keeps_loops')} find theirs",
+        f"{name_methods('chooses_steps', 'keeps_loops')} find theirs"
     )
+    raise InputError(file, key, f"{method.step:.6g} s", mend)
 
 
 def require_countable_steps(file: str, key: str, step: float, duration: float) -> None:
@@ -85,12 +83,8 @@ def require_countable_steps(file: str, key: str, step: float, duration: float) -
     """
     if 0.0 < step * MOST_STEPS < duration:
         shortest = duration / MOST_STEPS
-        raise InputError(
-            file,
-            key,
-            f"{step:.6g} s",
-            f"makes {duration / step:.3g} steps, which never come to an end; {1.1 * shortest:.2g} s or longer does",
-        )
+        mend = f"makes {duration / step:.3g} steps, which never come to an end; {1.1 * shortest:.2g} s or longer does"
+        raise InputError(file, key, f"{step:.6g} s", mend)
 
 
 def require_known_phases(file: str, key: str, method: Integrator, system: CompiledSystem, run: Simulation) -> None:
@@ -105,13 +99,11 @@ def require_known_phases(file: str, key: str, method: Integrator, system: Compil
     """
     lost = method.lost_phase(system, run.duration)
     if lost > run.error:
-        raise InputError(
-            file,
-            key,
-            f"{method.step:.6g} s",
+        mend = (
             f"round-off leaves the phase of the fastest vibration unknown by {lost:.1g} rad at the end"
-            f"{describe_fastest(system, run.duration)}",
+            f"{describe_fastest(system, run.duration)}"
         )
+        raise InputError(file, key, f"{method.step:.6g} s", mend)
 
 
 def describe_fastest(system: CompiledSystem, duration: float) -> str:
@@ -148,13 +140,11 @@ def require_inertia(scene: Scene, system: CompiledSystem) -> None:
     if least[0] > NO_INERTIA * len(M):
         return
     joint, motion = _describe_rate(system.mechanism, vectors[:, 0] / sizes)
-    raise InputError(
-        scene.file,
-        f"joint.{joint}",
-        None,
+    mend = (
         f"nothing has inertia against its {motion}; give what it carries an extent (shape 'rigid' with inertias above "
-        "0 or 'rod' across the axis), or take a joint without this motion",
+        "0 or 'rod' across the axis), or take a joint without this motion"
     )
+    raise InputError(scene.file, f"joint.{joint}", None, mend)
 
 
 def _describe_rate(mechanism: Mechanism, vector: Array) -> tuple[str, str]:
@@ -211,10 +201,8 @@ def require_room(scene: Scene, mechanism: Mechanism | None = None) -> None:
     if needed <= ALWAYS_FIT or needed <= (free := available_memory()):
         return
     shortest = simulation.output_step * needed / free
-    raise InputError(
-        scene.file,
-        "simulation.output_step",
-        f"{simulation.output_step:.6g} s",
+    mend = (
         f"makes {n_outputs:.3g} output times, whose results take about {needed / 1e9:.3g} GB of memory; "
-        f"{free / 1e9:.3g} GB are free: {1.1 * shortest:.2g} s or longer fits",
+        f"{free / 1e9:.3g} GB are free: {1.1 * shortest:.2g} s or longer fits"
     )
+    raise InputError(scene.file, "simulation.output_step", f"{simulation.output_step:.6g} s", mend)

@@ -210,13 +210,11 @@ def _measure_growth(built: Pipeline, plan: Plan, run: Run, known: list[Operating
     if plan.mechanism.contacts:
         return _limit_contact_step(built, plan, run, known, limit, free)
     if not method.step < limit and not free:
-        raise InputError(
-            built.scene.file,
-            plan.key,
-            f"{method.step:.6g} s",
+        mend = (
             f"{method.name} would diverge; the largest stable step of this model is {limit:.4g} s "
-            f"({method.describe_limit(plan.system)}{run.limit_remedy})",
+            f"({method.describe_limit(plan.system)}{run.limit_remedy})"
         )
+        raise InputError(built.scene.file, plan.key, f"{method.step:.6g} s", mend)
     if not (np.isfinite(limit) or method.may_grow(plan.system)):  # implicit, exact, or steered by its error
         return Growth()
     from fmd.stability.operating_points import find_operating_points
@@ -237,12 +235,8 @@ def _measure_growth(built: Pipeline, plan: Plan, run: Run, known: list[Operating
         search = points if free or not method.step < limit else points.worst(method)
         longest = longest_safe_step(lambda step: search.e_folds(replace(method, step=step)), min(method.step, limit))
         if not (free and longest):
-            raise InputError(
-                built.scene.file,
-                plan.key,
-                f"{method.step:.6g} s",
-                _describe_growth(method, folds, longest) + ("" if built.scene.contact else run.growth_remedy),
-            )
+            mend = _describe_growth(method, folds, longest) + ("" if built.scene.contact else run.growth_remedy)
+            raise InputError(built.scene.file, plan.key, f"{method.step:.6g} s", mend)
         return Growth(longest, float(np.exp(points.e_folds(replace(method, step=longest)))))
     return Growth(None, float(np.exp(folds)))
 
@@ -268,14 +262,12 @@ def _limit_contact_step(
         longest = plan.system.resolving_step(longest)[0] / substeps
         return replace(apart, step=min(longest, apart.step or longest))
     if step > LARGEST_STEP * limit:  # which an implicit method has none of
-        raise InputError(
-            built.scene.file,
-            plan.key,
-            f"{step:.6g} s",
+        mend = (
             f"lets contact feed the highest modes; with all points closed, steps are stable up to {limit:.4g} s, and "
             f"{round_down(LARGEST_STEP * limit):g} s is the longest step, {round_down(CHOSEN_STEP * limit):g} s a good "
-            "one",
+            "one"
         )
+        raise InputError(built.scene.file, plan.key, f"{step:.6g} s", mend)
     return apart
 
 

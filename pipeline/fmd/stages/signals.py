@@ -159,14 +159,12 @@ def _require_continuous(scene: Scene, path: str, given: TimeFunction, signal: Si
         ).all():
             continue
         (x, rate), (other_x, other_rate) = before[:2] / given.factor, after[:2] / given.factor
-        raise InputError(
-            scene.file,
-            path,
-            given.formula,
+        mend = (
             f"jumps at t = {time:.6g} s, from {x:.6g} {given.unit} at {rate:.6g} {given.unit}/s to {other_x:.6g} "
             f"{given.unit} at {other_rate:.6g} {given.unit}/s; a prescribed motion must keep its position and its rate "
-            "there: use a smooth formula, or a table of times and values",
+            "there: use a smooth formula, or a table of times and values"
         )
+        raise InputError(scene.file, path, given.formula, mend)
 
 
 def _kinks(signal: Signal, duration: float) -> list[tuple[float, float]]:

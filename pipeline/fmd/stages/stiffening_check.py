@@ -97,13 +97,11 @@ def check_stiffening_loads(
         largest, first = float(rates.max()), float(body.omega[0])
         critical = critical_rate(body, loads.spin[rates.argmax()])
         if setting == "off" and largest >= critical:
-            raise InputError(
-                scene.file,
-                "simulation.stiffening",
-                "off",
+            mend = (
                 f"body '{name}' would diverge: it turns at up to {largest:.4g} rad/s, and from {critical:.4g} rad/s on "
-                "the linear floating frame has no stiffness left; 'auto' adds geometric stiffening",
+                "the linear floating frame has no stiffness left; 'auto' adds geometric stiffening"
             )
+            raise InputError(scene.file, "simulation.stiffening", "off", mend)
         change = estimate_change(body, loads)
         (ratio,) = damping_ratios(scene.flexible[name].modes.damping, [first])
         lasting = 1.0 / max(ratio, 1e-300)  # radians of ringing

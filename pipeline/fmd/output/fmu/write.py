@@ -88,12 +88,8 @@ def make_model(run: Pipeline) -> tuple[Heading, Interface, dict[str, str]]:
         mend = "export the scene without it, and let the other program give the torque"
         raise InputError(scene.file, "drive", None, f"an FMU can't hold a load by a formula of the motion; {mend}")
     if loops := [*scene.closing, *scene.coupler]:
-        raise InputError(
-            scene.file,
-            "joint" if scene.closing else "coupler",
-            ", ".join(loops),
-            "closes a loop, whose forces an FMU can't compute yet; export a tree of joints",
-        )
+        mend = "closes a loop, whose forces an FMU can't compute yet; export a tree of joints"
+        raise InputError(scene.file, "joint" if scene.closing else "coupler", ", ".join(loops), mend)
     mechanism = run.mechanism
     external = ExternalMechanism(mechanism, run.with_whole_inertia(mechanism), _element_stresses(run))
     point_loads = [name for name, drive in scene.drive.items() if isinstance(drive, MarkerLoad)]
