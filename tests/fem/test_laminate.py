@@ -8,9 +8,13 @@ from scipy.optimize import brentq
 from fmd.core.arrays import Array
 from fmd.core.rotations import rotation_matrix
 from fmd.fem.assembly import assemble
+from fmd.fem.cells.shape import skfem_quadrature
+from fmd.fem.elements import shape_functions
 from fmd.fem.geometric_stiffness import geometric_stiffness, quadratic_strain_load
-from fmd.fem.laminate import Lamina, Laminate, Layered, Ply
+from fmd.fem.laminate import Lamina, Laminate, Ply
+from fmd.fem.layered import Layered
 from fmd.fem.material import Material
+from fmd.fem.strain import TENSOR, strains
 from fmd.recovery.patch_stress import energy_errors
 from fmd.recovery.plies import modal_ply_stress
 from fmd.reduction.eigen import FreeBodySolver
@@ -179,6 +183,59 @@ def test_a_stack_of_one_isotropic_material_is_the_plain_shell(element: str) -> N
         (energy_errors(plain.discretisation, ALUMINIUM, u), energy_errors(plies.discretisation, plies.material, u)),
     ):
         assert np.abs(one - other).max() < 1e-10 * np.abs(one).max()
+
+
+@both
+@pytest.mark.parametrize(
+    ("bend", "within"), [(0.0, 3 * (1e-12,)), (0.02, (1e-6, 1e-4, 5e-4)), (0.2, (2e-4, 5e-4, 1e-2))]
+)
+def test_plies_summed_beforehand_have_the_energies_of_each_by_itself(
+    element: str, bend: float, within: tuple[float, ...]
+) -> None:
+    """Thickness over radius is ``bend``: energies of flat elements are exact, those of curved ones nearly."""
+    heavy = Lamina(70e9, 70e9, 0.3, 27e9, 27e9, 27e9, 4000.0)
+    plies = [Ply(own, 0.005, np.radians(a)) for own, a in ((heavy, 0), (CARBON, 45), (CARBON, -60), (CARBON, 90))]
+    laminate = Laminate(tuple(plies))
+    p, cells = unit_grid(6, 4, element)
+    p[8:-8] += np.random.default_rng(2).uniform(-0.03, 0.03, p[8:-8].shape)
+    x = np.column_stack([p, 0 * p[:, 0]])
+    if bend:
+        radius = laminate.thickness / bend
+        angle = min(1.0, 1.0 / radius) * p[:, 0]
+        x = np.column_stack([radius * np.sin(angle), p[:, 1], radius * np.cos(angle)])
+    fe = assemble(shell_mesh(x, cells, laminate.thickness), 1, layered(laminate, len(cells)))
+    space, material = fe.discretisation, fe.material
+    assert isinstance(material, Layered)
+    assert fe.T is not None
+    u = (fe.T @ np.random.default_rng(3).standard_normal((fe.T.shape[1], 2))).reshape(-1, 3, 2)[: len(space.x)]
+    plane = "RefQuad" if element == "quadrilateral" else "RefTri"
+    (XY, w_plane), (Z, w_line) = (
+        skfem_quadrature(cell, n) for cell, n in ((plane, space.kind.stiffness_order), ("RefLine", 4))
+    )
+    size = np.diff(laminate.ends)[:, None]
+    places, w = (laminate.ends[:-1, None] + size * Z).ravel(), np.kron((size * w_line).ravel(), w_plane)
+    X, each = np.concatenate([np.tile(XY, len(places)), np.repeat(places, len(w_plane))[None]]), np.arange(len(cells))
+    strain = strains(space, material, u, X, each)
+    stress = material.stress(space, X, each, strain)
+    g, det = space.gradients(X, each)
+    slopes = np.einsum("eqia,eibn->eqabn", g, u[space.element_nodes])
+    N, _ = shape_functions(space.kind.element, X)
+    moved = np.einsum("iq,eibn->eqbn", N, u[space.element_nodes])
+    density = np.array([ply.lamina.rho for ply in plies])[laminate.ply_at(X[2])]
+    flat = u.reshape(-1, 2)
+    n = len(flat)
+    K_G = geometric_stiffness.dispatch(object)(fe, u)[0]
+    pulled = np.einsum("eqabn,eqac,eqcbm,eq->nm", slopes, stress[:, :, TENSOR, 0], slopes, det * w, optimize=True)
+    for (found, expected), share in zip(
+        (
+            (flat.T @ (fe.K[:n, :n] @ flat), np.einsum("eqan,eqam,eq->nm", strain, stress, det * w)),
+            (flat.T @ (fe.M[:n, :n] @ flat), np.einsum("eqbn,eqbm,eq->nm", moved, moved, det * w * density)),
+            (sum(u[:, b].T @ (K_G @ u[:, b]) for b in range(3)), pulled),
+        ),
+        within,
+        strict=True,
+    ):
+        assert np.abs(found - expected).max() < share * np.abs(expected).max()
 
 
 @both

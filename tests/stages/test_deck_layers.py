@@ -12,7 +12,8 @@ from fmd.core.errors import InputError
 from fmd.fem.assembly import assemble
 from fmd.fem.formats.nastran import read_nastran
 from fmd.fem.formats.shell_sections import orientation_direction
-from fmd.fem.laminate import Lamina, Laminate, Layered, Ply
+from fmd.fem.laminate import Lamina, Laminate, Ply
+from fmd.fem.layered import Layered
 from fmd.reduction.eigen import FreeBodySolver
 from tests.fem.formats.test_import_shell import panel, write_abaqus
 from tests.fem.sheets import shell_mesh

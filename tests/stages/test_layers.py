@@ -8,7 +8,7 @@ import pytest
 
 import fmd
 from fmd.core.errors import InputError
-from fmd.fem.laminate import Layered
+from fmd.fem.layered import Layered
 from fmd.output.plies import draw_plies, find_plies, summarise_plies, write_plies
 from fmd.output.result import Result
 from fmd.scene.stress_outputs import Plies

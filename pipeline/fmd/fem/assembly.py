@@ -129,7 +129,7 @@ def _mass_products(space: Discretisation, material: AnyMaterial) -> Array:
     n_elements, n_local = space.element_nodes.shape
     products = np.empty((n_elements, n_local**2))
     for own, part in batches(material, n_elements, ELEMENTS_AT_ONCE):
-        X, w = own.quadrature(space.kind, space.kind.mass_order)
+        X, w = space.kind.quadrature(space.kind.mass_order)
         N, _ = shape_functions(space.kind.element, X)
         weights = (N[:, None] * N[None]).reshape(-1, w.size) * (w * own.density(X))
         if space.kind.is_affine:

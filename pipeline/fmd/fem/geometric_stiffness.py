@@ -42,9 +42,9 @@ def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
     n_elements, n_local = space.element_nodes.shape
     entries = np.empty((n_elements, n_local, n_local, u.shape[2]))
     for own, part in batches(fe.material, n_elements, STRESSED_AT_ONCE):
-        X, w = own.quadrature(space.kind, space.kind.stiffness_order)
+        X, w = space.kind.quadrature(space.kind.stiffness_order)
         g, det = space.gradients(X, part)
-        stress = stresses(space, fe.material, u, X, part)[:, :, TENSOR] * (det * w)[..., None, None, None]
+        stress = stresses(space, own.summed, u, X, part)[:, :, TENSOR] * (det * w)[..., None, None, None]
         flat = g.swapaxes(1, 2).reshape(len(g), n_local, -1)
         for k in range(u.shape[2]):
             pulled = (g @ stress[..., k]).swapaxes(1, 2).reshape(flat.shape)
@@ -71,8 +71,9 @@ def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
     space = fe.discretisation
     n, f, energy = len(space.x), np.zeros_like(u), 0.0
     f[:n] = geometric_stiffness(fe, u[:, :, None])[0] @ u[:n]
-    for own, part in batches(fe.material, len(space.element_nodes), STRESSED_AT_ONCE):
-        X, w = own.quadrature(space.kind, space.kind.mass_order)
+    for material, part in batches(fe.material, len(space.element_nodes), STRESSED_AT_ONCE):
+        own = material.summed
+        X, w = space.kind.quadrature(space.kind.mass_order)
         g, det = space.gradients(X, part)
         nodes = space.element_nodes[part]
         slopes = np.einsum("eqia,eib->eqab", g, u[nodes], optimize=True)  # ∂_a u_b

@@ -12,23 +12,14 @@ from the lower face, and ``S = (∫ Tᵀ G⁻¹ T dz)⁻¹``; a single isotropic
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray, read_only
-from fmd.core.limits.mesh import DIRECTION_ALONG_NORMAL
-from fmd.fem.material import PLANE, bond, plane_tensor
-
-if TYPE_CHECKING:
-    from fmd.fem.elements import ElementKind, ElementSpace
-
-
-class DirectionError(ValueError):
-    """The direction from which a laminate's angles count is the shell's normal somewhere."""
+from fmd.fem.material import PLANE, bond
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +92,18 @@ class Ply:
         return np.asarray(N.T @ self.lamina.stiffness @ N)
 
 
+class Moments(NamedTuple):
+    """Integrals over a laminate's thickness, 0 … 1, of polynomials ℓ_i that interpolate strains between n places.
+
+    S takes mean transverse shear to that at ζ.
+    """
+
+    weights: Array  # (n,): ``∫ ℓ_i dζ``
+    density: Array  # (n,): ``∫ ℓ_i ρ dζ`` [kg/m³]
+    stress: Array  # (n, 5, n, 5): ``∫ ℓ_i ℓ_j Q̄ S dζ`` [Pa]
+    energy: Array  # (n, 5, n, 5): ``∫ ℓ_i ℓ_j Sᵀ Q̄ S dζ`` [Pa]
+
+
 @dataclass(frozen=True)
 class Laminate:
     """Plies from a shell's lower face to the upper one."""
@@ -143,11 +146,30 @@ class Laminate:
     @cached_property
     def shear(self) -> Array:
         """Stiffness (2, 2) against mean transverse shear along and across the laminate's direction [N/m]."""
-        x, w = np.polynomial.legendre.leggauss(3)  # exact: energies are of fourth degree in each ply
-        zeta = (self.ends[:-1, None] + np.diff(self.ends)[:, None] * (0.5 + 0.5 * x)).ravel()
-        weights = 0.5 * self.thickness * (np.diff(self.ends)[:, None] * w).ravel()
+        zeta, weights = self._points
         T, G = self._shear_stress(zeta), self.stiffnesses[self.ply_at(zeta)][:, _ACROSS[:, None], _ACROSS]
-        return np.asarray(np.linalg.inv(np.einsum("q,qba,qbc->ac", weights, T, np.linalg.solve(G, T))))
+        compliance = np.einsum("q,qba,qbc->ac", self.thickness * weights, T, np.linalg.solve(G, T))
+        return np.asarray(np.linalg.inv(compliance))
+
+    @cached_property
+    def _points(self) -> tuple[Array, Array]:
+        """Places 0 … 1 and weights of three points in each ply: exact, as energies are of fourth degree there."""
+        x, w = np.polynomial.legendre.leggauss(3)
+        size = np.diff(self.ends)[:, None]
+        return (self.ends[:-1, None] + size * (0.5 + 0.5 * x)).ravel(), (0.5 * size * w).ravel()
+
+    def moments(self, places: Array) -> Moments:
+        """Return moments of the polynomials ℓ_i that are 1 at one of some places 0 … 1 and 0 at the others."""
+        zeta, weights = self._points
+        ply, S = self.ply_at(zeta), np.tile(np.eye(5), (len(zeta), 1, 1))
+        S[:, _ACROSS[:, None], _ACROSS] = self.shear_strain(zeta)
+        share = np.linalg.solve(np.vander(places).T, np.vander(zeta, len(places)).T)
+        rho, stress = np.array([each.lamina.rho for each in self.plies])[ply], self.stiffnesses[ply] @ S
+        of_stress, of_energy = (
+            np.einsum("q,iq,jq,qab->iajb", weights, share, share, C, optimize=True)
+            for C in (stress, S.swapaxes(1, 2) @ stress)
+        )
+        return Moments(share @ weights, share @ (weights * rho), of_stress, of_energy)
 
     def shear_strain(self, zeta: Array) -> Array:
         """Return transverse shear at places across the laminate over its mean, shape (n, 2, 2)."""
@@ -174,106 +196,3 @@ class Laminate:
 
 _IN_PLANE = np.array([0, 1, 4])  # of xx, yy, 2yz, 2xz, 2xy
 _ACROSS = np.array([3, 2])  # along the direction, xz, and across it, yz
-
-
-@dataclass(frozen=True)
-class Layered:
-    """A laminate as the material of a shell's elements.
-
-    Parameters
-    ----------
-    directions : ndarray, shape (n_elements, 3)
-        Vector for each element of the body, whose projection onto the shell is the laminate's direction.
-    """
-
-    laminate: Laminate
-    directions: Array
-
-    def over(self, elements: IntArray | slice) -> Iterator[tuple[Layered, IntArray | slice]]:
-        """Yield the material with all of the elements."""
-        yield self, slice(None)
-
-    def repeats(self, times: int) -> bool:
-        """Return false: shells aren't of sectors."""
-        return False
-
-    def of_elements(self, elements: IntArray) -> Layered:
-        """Return the material of some elements."""
-        return Layered(self.laminate, self.directions[elements])
-
-    @property
-    def n_layers(self) -> int:
-        """Number of plies."""
-        return len(self.laminate.plies)
-
-    @property
-    def isotropic(self) -> None:
-        """Nothing: no modulus and no ratio are its own."""
-
-    @property
-    def rho(self) -> float:
-        """Mean density [kg/m³]."""
-        plies = self.laminate.plies
-        return sum(ply.lamina.rho * ply.thickness for ply in plies) / self.laminate.thickness
-
-    def quadrature(self, kind: ElementKind, order: int) -> tuple[Array, Array]:
-        """Return points (3, n_q) and weights (n_q,) in each ply, exact to a polynomial degree."""
-        return kind.shape.quadrature(order, self.laminate.ends)  # type: ignore[call-arg]
-
-    def density(self, X: Array) -> Array:
-        """Return the density at reference points X (3, n_q), shape (n_q,) [kg/m³]."""
-        return np.array([ply.lamina.rho for ply in self.laminate.plies])[self.laminate.ply_at(X[2])]
-
-    def energy_root(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
-        """Return R (n_elements, 5, n_q, n) with ``|R|²`` twice the energy of strains (n_elements, 6, n_q, n)."""
-        root = np.linalg.cholesky(self.laminate.stiffnesses).swapaxes(1, 2)[self.laminate.ply_at(X[2])]
-        local = root @ bond(self.frames(space.jacobians(X, elements), elements))[..., PLANE, :]
-        return np.ascontiguousarray((local @ strain.swapaxes(1, 2)).swapaxes(1, 2))
-
-    def stress(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
-        """Return the stress of strains at points X of elements, both of shape (n_elements, n_q, 6, n)."""
-        N = bond(self.frames(space.jacobians(X, elements), elements))[..., PLANE, :]
-        C = self.laminate.stiffnesses[self.laminate.ply_at(X[2])]
-        return np.asarray((N.swapaxes(2, 3) @ C @ N) @ strain)
-
-    def ply_stress(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
-        """Return the stress of strains at points X in the axes of their plies, (n_elements, n_q, 5, n).
-
-        Components are 11, 22, 23, 13, 12 [Pa].
-        """
-        frames, ply = self.frames(space.jacobians(X, elements), elements), self.laminate.ply_at(X[2])
-        turn = np.array([each.turn for each in self.laminate.plies])[ply]
-        C = np.array([each.lamina.stiffness for each in self.laminate.plies])[ply]
-        return np.asarray((C @ bond(turn @ frames)[..., PLANE, :]) @ strain)
-
-    def through_shell(
-        self, A: Array, J: Array, zeta: Array | None, elements: IntArray, given_at: float | None = None
-    ) -> Array:
-        """Return strains (n_elements, n_q, 3, 3) of a shell's displacement with the plies' transverse shear.
-
-        Parameters are those of `Material.through_shell`. Stretch through the thickness is left out: its stress is none.
-        """
-        R = self.frames(J, elements)
-        local = R @ A @ R.swapaxes(2, 3)
-        share = np.zeros((1, 2, 2)) if zeta is None else self.laminate.shear_strain(zeta)
-        if given_at is not None:
-            share = share @ np.linalg.inv(self.laminate.shear_strain(np.array([given_at])))
-        across = (share @ local[..., :2, 2:])[..., 0]
-        return np.asarray(R.swapaxes(2, 3) @ plane_tensor(local, across) @ R)
-
-    def frames(self, J: Array, elements: IntArray) -> Array:
-        """Return the laminate's axes at points with base vectors J, rows along, across and normal, (…, 3, 3).
-
-        Raises
-        ------
-        DirectionError
-            The direction is that of the shell's normal; the message counts the elements.
-        """
-        n = J[..., 2] / np.linalg.norm(J[..., 2], axis=-1, keepdims=True)
-        d = np.broadcast_to(self.directions[elements][:, None], n.shape)
-        along = d - (d * n).sum(axis=-1, keepdims=True) * n
-        size, whole = np.linalg.norm(along, axis=-1, keepdims=True), np.linalg.norm(d, axis=-1, keepdims=True)
-        if (bad := ~(size >= DIRECTION_ALONG_NORMAL * whole).all(axis=(1, 2))).any():
-            raise DirectionError(f"is along the normal of {np.count_nonzero(bad)} elements; take another direction")
-        along = along / size
-        return np.stack([along, np.cross(n, along), n], axis=-2)

@@ -11,7 +11,7 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 
 if TYPE_CHECKING:
-    from fmd.fem.elements import ElementKind, ElementSpace
+    from fmd.fem.elements import ElementSpace
 
 PLANE = np.array([0, 1, 3, 4, 5])  # strains xx, yy, 2yz, 2xz, 2xy of six
 
@@ -43,10 +43,6 @@ class AnyElastic(Protocol):
         """Mean density [kg/m³]."""
 
     @property
-    def n_layers(self) -> int:
-        """Number of layers through a shell."""
-
-    @property
     def isotropic(self) -> tuple[float, float] | None:
         """Young's modulus [Pa] and Poisson's ratio, if these are all that it has."""
 
@@ -59,14 +55,12 @@ class AnyElastic(Protocol):
     def of_elements(self, elements: IntArray) -> AnyElastic:
         """Return the material of some elements."""
 
-    def quadrature(self, kind: ElementKind, order: int) -> tuple[Array, Array]:
-        """Return points (3, n_q) and weights (n_q,) on the reference cell, exact to a polynomial degree."""
+    @property
+    def summed(self) -> SummedElastic:
+        """The material at quadrature points: with layers summed over the thickness."""
 
     def density(self, X: Array) -> Array:
-        """Return the density at reference points X (3, n_q), shape (n_q,) [kg/m³]."""
-
-    def energy_root(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
-        """Return R with ``|R|²`` twice the energy of strains (n_elements, 6, n_q, n) at points X of elements."""
+        """Return the density at quadrature points X (3, n_q), shape (n_q,) [kg/m³]."""
 
     def stress(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
         """Return the stress of strains at points X of elements, both of shape (n_elements, n_q, 6, n)."""
@@ -75,6 +69,13 @@ class AnyElastic(Protocol):
         self, A: Array, J: Array, zeta: Array | None, elements: IntArray, given_at: float | None = None
     ) -> Array:
         """Return strains (n_elements, n_q, 3, 3) of a shell's displacement as its plane stress has them."""
+
+
+class SummedElastic(AnyElastic, Protocol):
+    """A material at quadrature points, of which energies are."""
+
+    def energy_root(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
+        """Return R with ``|R|²`` twice the energy of strains (n_elements, 6, n_q, n) at quadrature points X."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,21 +113,17 @@ class Material:
         return self
 
     @property
-    def n_layers(self) -> int:
-        """Number of layers through a shell."""
-        return 1
+    def summed(self) -> Material:
+        """The material itself: it has no layers."""
+        return self
 
     @property
     def isotropic(self) -> tuple[float, float] | None:
         """Young's modulus [Pa] and Poisson's ratio."""
         return self.E, self.nu
 
-    def quadrature(self, kind: ElementKind, order: int) -> tuple[Array, Array]:
-        """Return points (3, n_q) and weights (n_q,) on the reference cell, exact to a polynomial degree."""
-        return kind.quadrature(order)
-
     def density(self, X: Array) -> Array:
-        """Return the density at reference points X (3, n_q), shape (n_q,) [kg/m³]."""
+        """Return the density at quadrature points X (3, n_q), shape (n_q,) [kg/m³]."""
         return np.full(X.shape[1], self.rho)
 
     def energy_root(self, space: ElementSpace, X: Array, elements: IntArray, strain: Array) -> Array:
@@ -214,9 +211,9 @@ AnyMaterial = AnyElastic | MaterialOfElements
 
 
 def batches(material: AnyMaterial, n_elements: int, size: int) -> Iterator[tuple[AnyElastic, IntArray]]:
-    """Yield each material with some of its elements at a time, fewer of many layers."""
+    """Yield each material with some of its elements at a time."""
     everything = np.arange(n_elements)
     for own, mine in material.over(slice(None)):
-        numbers, step = everything[mine], max(1, size // own.n_layers)
-        for start in range(0, len(numbers), step):
-            yield own, numbers[start : start + step]
+        numbers = everything[mine]
+        for start in range(0, len(numbers), size):
+            yield own, numbers[start : start + size]

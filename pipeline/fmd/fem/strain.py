@@ -62,11 +62,12 @@ def enhanced_strains(
 
 
 def _energy_root(space: Discretisation, material: AnyElastic, elements: IntArray) -> Array:
-    """Return R with ``|R (u, α)|²`` twice the strain energy, shape (n_elements, 6 n_q, n_local + n_internal)."""
-    X, w = material.quadrature(space.kind, space.kind.stiffness_order)
-    B, det = _strain_matrix(space, material, X, elements)
+    """Return R with ``|R (u, α)|²`` twice the strain energy, shape (n_elements, n_rows, n_local + n_internal)."""
+    summed = material.summed
+    X, w = space.kind.quadrature(space.kind.stiffness_order)
+    B, det = _strain_matrix(space, summed, X, elements)
     B *= np.sqrt(det * w)[:, None, :, None]
-    return material.energy_root(space, X, elements, B).reshape(len(B), -1, B.shape[3])
+    return summed.energy_root(space, X, elements, B).reshape(len(B), -1, B.shape[3])
 
 
 def _strain_matrix(space: Discretisation, material: AnyElastic, X: Array, elements: IntArray) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ class Sheet:
 
     x: Array  # (n_nodes, 3): positions of the nodes [m]
     cells: IntArray  # (n_cells, 3 or 4): nodes around each element
-    thickness: Array  # (n_cells,) [m]
+    thickness: Array  # (n_cells,) or (n_cells, 3 or 4): of each element, or at its nodes [m]
     # Elements of each part; nodes of each face, which is all of the shell's surface between them.
     parts: Mapping[str, IntArray]
     faces: Mapping[str, IntArray]
@@ -57,12 +57,14 @@ def thicken(sheet: Sheet) -> SolidMesh:
     # Corners with a common director have points of their own where thickness or offset jumps.
     offset = np.zeros(len(cells)) if sheet.offset is None else np.where(turned, -sheet.offset, sheet.offset)
     offset = offset + sheet.shift
-    section = np.unique(np.stack([sheet.thickness, offset]), axis=1, return_inverse=True)[1].ravel()
-    keys = smooth * (section.max() + 1) + np.repeat(section, n_local)
+    t = np.array(np.broadcast_to(sheet.thickness.reshape(len(cells), -1), cells.shape))
+    t[turned] = t[turned, ::-1]
+    section = np.unique(np.stack([t.ravel(), np.repeat(offset, n_local)]), axis=1, return_inverse=True)[1].ravel()
+    keys = smooth * (section.max() + 1) + section
     _, first, pair = np.unique(keys, return_index=True, return_inverse=True)
     pair, of_cell = pair.ravel(), first // n_local
     owner, d = cells.ravel()[first], directors[smooth[first]]
-    middle, half = x[owner] + offset[of_cell, None] * d, sheet.thickness[of_cell, None] / 2 * d
+    middle, half = x[owner] + offset[of_cell, None] * d, t.ravel()[first, None] / 2 * d
     pairs = pair.reshape(cells.shape)
     n_pairs = len(first)
     points, layer = np.concatenate([middle - half, middle + half]), np.concatenate([pairs, pairs + n_pairs], axis=1)

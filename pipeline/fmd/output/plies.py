@@ -10,7 +10,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, write_table
-from fmd.fem.laminate import Layered
+from fmd.fem.layered import Layered
 from fmd.output.error_table import NOT_STATED, write_errors
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind, read_body

@@ -106,10 +106,11 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
     """
     nodes, everything = np.arange(len(space.x)), np.arange(len(space.element_nodes))
     total = np.zeros((shapes.shape[2],) * 2)
-    for own, mine in material.over(slice(None)):
+    for own_material, mine in material.over(slice(None)):
+        own = own_material.summed
         evaluate = partial(_strains_with_middle_shear, space, own)
         recovered = average_at_nodes(space, shapes, nodes, evaluate, everything[mine])
-        X, w = own.quadrature(space.kind, space.kind.stiffness_order)
+        X, w = space.kind.quadrature(space.kind.stiffness_order)
         N, _ = shape_functions(space.kind.element, X)
         for _, chosen in batches(own, len(everything[mine]), STRAINED_AT_ONCE):
             part = everything[mine][chosen]

@@ -19,7 +19,8 @@ from fmd.core.limits.recovery import INSIDE_PLY
 from fmd.fem.strain import strains
 
 if TYPE_CHECKING:
-    from fmd.fem.laminate import Laminate, Layered
+    from fmd.fem.laminate import Laminate
+    from fmd.fem.layered import Layered
     from fmd.fem.space import Discretisation
 
 PLY_STRESSES = ("11", "22", "23", "13", "12")
@@ -61,7 +62,7 @@ def modal_ply_stress(space: Discretisation, material: Layered, shapes: Array, el
     X = np.stack([*(np.full_like(zeta, each) for each in middle), zeta])
     strain = strains(space, material, shapes[: len(space.x)], X, elements)
     stress = material.ply_stress(space, X, elements, strain)
-    return stress.reshape(len(elements), material.n_layers, 2, *stress.shape[2:])
+    return stress.reshape(len(elements), len(material.laminate.plies), 2, *stress.shape[2:])
 
 
 def ply_extremes(
@@ -77,9 +78,10 @@ def ply_extremes(
         Xt, Xc, Yt, Yc, S of each ply, NaN if unknown [Pa].
     """
     strength = np.array(strengths)[:, None, :, None]
+    batches = max(1, len(elements) * len(q) * len(material.laminate.plies) // PLIES_AT_ONCE)
     found = [
         [_over_time(measure) for measure in _measures(modal @ q.T, strength)]
-        for part in np.array_split(elements, max(1, len(elements) * len(q) * material.n_layers // PLIES_AT_ONCE))
+        for part in np.array_split(elements, batches)
         for modal in [modal_ply_stress(space, material, shapes, part)]
     ]
     names = [f"{c} {end}" for c in PLY_STRESSES for end in ("max", "min")] + [*FAILURE_INDICES]

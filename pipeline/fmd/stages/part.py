@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError, blaming
-from fmd.fem.laminate import DirectionError
+from fmd.fem.layered import DirectionError
 from fmd.fem.surface import SurfaceTopology, surface_elements, surface_topology
 from fmd.recovery.deformation import DeformationShapes, deformation_shapes, node_deformation_shapes
 from fmd.recovery.stress import element_stress, modal_stress, point_stress

@@ -154,6 +154,32 @@ def test_thickness_and_offset_come_from_the_sections_of_a_deck(tmp_path: Path) -
     assert moved == pytest.approx(frequencies(shell_mesh(flat / 1e3, cells, 2e-3)), rel=1e-8)
 
 
+@pytest.mark.parametrize("deck", ["absolute", "relative", "abaqus"])
+def test_thickness_comes_from_the_nodes_of_a_deck(deck: str, tmp_path: Path) -> None:
+    """It grows along the panel from 2 to 4 mm; of half of its elements the normals are turned."""
+    x, cells = panel()
+    cells[::2] = cells[::2, ::-1]
+    t = 2.0 + 2.0 * (x[:, 0] - x[:, 0].min()) / np.ptp(x[:, 0])
+    path = tmp_path / ("panel.inp" if deck == "abaqus" else "panel.bdf")
+    if deck == "abaqus":
+        at_nodes = "".join(f"\n{k + 1}, {each!r}" for k, each in enumerate(t.tolist()))
+        write_abaqus(
+            path, x, {"S4": cells}, f"*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS\n1.0\n*NODAL THICKNESS{at_nodes}"
+        )
+    else:
+        unit, flag = (2.5, "1") if deck == "relative" else (1.0, "")
+        own = [f"\n+,,{flag},{','.join(f'{each / unit:.6g}' for each in t[cell])}" for cell in cells]
+        write_nastran(path, x, {"CQUAD4": cells}, "PSHELL,7,1,2.5,1")
+        lines = path.read_text().splitlines()
+        given = iter(own)
+        path.write_text("\n".join(line + (next(given) if line.startswith("CQUAD4") else "") for line in lines))
+    mesh = read_shell(path, 1e-3, None)
+    n = len(mesh.points) // 2
+    assert mesh.midsurface is not None
+    half = np.linalg.norm(mesh.points[n:] - mesh.points[:n], axis=1) / 2
+    assert half == pytest.approx(t[mesh.midsurface.owner[:n]] / 2e3, rel=1e-5)
+
+
 @pytest.mark.parametrize(
     ("section", "tail", "message"),
     [
@@ -161,7 +187,7 @@ def test_thickness_and_offset_come_from_the_sections_of_a_deck(tmp_path: Path) -
         ("PSHELL,7,1,2.0,1,1.3", "", "PSHELL 7 has 12I/T"),
         ("PSHELL,7,1,2.0", "", "PSHELL 7 bends by another material"),
         ("PCOMPG,7", "", "PCOMPG 7"),
-        ("PSHELL,7,1,2.0,1", "\n+,,,2.0,2.0,2.1,2.1", "element 1 has thicknesses of its own and 23 more"),
+        ("PCOMP,7\n+,1,2.0", "\n+,,,2.0,2.0,2.1,2.1", "PCOMP 7 is of elements with thicknesses of their own and 23"),
     ],
 )
 def test_sections_that_are_more_than_a_thickness_are_refused(
@@ -178,7 +204,9 @@ def test_sections_that_are_more_than_a_thickness_are_refused(
     ("section", "message"),
     [
         ("", "says no thickness of its shells"),
-        ("*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS\n1.0, 3, M", "with NODAL THICKNESS"),
+        ("*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS\n1.0, 3, M", "24 of its 24 shells have no thickness"),
+        ("*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS, OFFSET=0.5\n1.0", "NODAL THICKNESS and OFFSET"),
+        ("*SHELL SECTION, ELSET=ALL-S4, SHELL THICKNESS=D\n1.0", "with SHELL THICKNESS"),
         ("*SHELL GENERAL SECTION, ELSET=ALL-S4\n1.0", "SHELL GENERAL SECTION"),
         ("*SHELL SECTION, ELSET=ALL-S4, OFFSET=EDGE\n1.0", "neither a share nor SPOS"),
         ("*SHELL SECTION, ELSET=ALL-S4\n,5", "has no thickness"),

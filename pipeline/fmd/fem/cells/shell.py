@@ -15,18 +15,10 @@ from fmd.fem.elements import ElementKind
 from fmd.fem.shell_strain import across_plane_stress, from_middle, quadrilateral_strain, triangle_strain
 
 
-def _layered(cell: str, order: int, ends: Array | tuple[float, ...] = (0.0, 1.0)) -> tuple[Array, Array]:
-    """Return points (3, n_q) and weights (n_q,) exact to a degree in the plane, and in layers to that across them.
-
-    Parameters
-    ----------
-    ends : ndarray, shape (n_layers + 1,)
-        Places of the layers' faces across the shell, from 0 to 1.
-    """
+def _quadrature(cell: str, order: int) -> tuple[Array, Array]:
+    """Return points (3, n_q) and weights (n_q,) exact to a degree in the plane and across it, place by place there."""
     of_shear = 4  # the square of its parabola
-    (XY, w_plane), (z, w) = skfem_quadrature(cell, order), skfem_quadrature("RefLine", max(order, of_shear))
-    size = np.diff(ends)[:, None]
-    Z, w_line = (np.asarray(ends)[:-1, None] + size * z).reshape(1, -1), (size * w).ravel()
+    (XY, w_plane), (Z, w_line) = skfem_quadrature(cell, order), skfem_quadrature("RefLine", max(order, of_shear))
     X = np.concatenate([np.tile(XY, len(w_line)), np.repeat(Z, len(w_plane), axis=1)])
     return X, np.tile(w_plane, len(w_line)) * np.repeat(w_line, len(w_plane))
 
@@ -41,9 +33,9 @@ class ShellQuadrilateral(Hexahedron):
     """The cube, whose third coordinate runs through the thickness."""
 
     @staticmethod
-    def quadrature(order: int, ends: Array | tuple[float, ...] = (0.0, 1.0)) -> tuple[Array, Array]:
-        """Return points (3, n_q) and weights (n_q,), exact to a degree in the plane, of layers between places."""
-        return _layered("RefQuad", order, ends)
+    def quadrature(order: int) -> tuple[Array, Array]:
+        """Return points (3, n_q) and weights (n_q,), exact to a degree in the plane and across it."""
+        return _quadrature("RefQuad", order)
 
     @classmethod
     def stress_points(cls, order: int) -> Array:
@@ -55,9 +47,9 @@ class ShellTriangle(Wedge):
     """The wedge, whose third coordinate runs through the thickness."""
 
     @staticmethod
-    def quadrature(order: int, ends: Array | tuple[float, ...] = (0.0, 1.0)) -> tuple[Array, Array]:
-        """Return points (3, n_q) and weights (n_q,), exact to a degree in the plane, of layers between places."""
-        return _layered("RefTri", order, ends)
+    def quadrature(order: int) -> tuple[Array, Array]:
+        """Return points (3, n_q) and weights (n_q,), exact to a degree in the plane and across it."""
+        return _quadrature("RefTri", order)
 
     @classmethod
     def stress_points(cls, order: int) -> Array:

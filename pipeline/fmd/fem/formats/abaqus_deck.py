@@ -43,6 +43,7 @@ class Deck:
         self.others: dict[str, int] = defaultdict(int)
         self.links = AbaqusLinks()
         self.shells: dict[str, ShellSection] = {}
+        self.nodal_thickness: list[tuple[str, float]] = []  # by a node's number or a set
         self.directions: dict[str, Array | str] = {}  # of orientations, or why one isn't read
         self.beams = DeckBeams()
         self.beam_sections: dict[str, tuple[dict[str, str], list[list[str]]]] = {}
@@ -93,7 +94,15 @@ class Deck:
         for name, rows in self.surfaces.items():
             raw.facet_sets[name] = self._facets(name, rows, raw, where)
         if self.shells:
-            raw.shells = of_sets(self.shells, cell_sets, [len(cells) for _, cells in blocks])
+            nodal = np.full(len(place), np.nan)
+            for name, thickness in self.nodal_thickness:
+                at = (
+                    [place[int(name)]]
+                    if name.isdigit() and int(name) in place
+                    else point_sets.get(self.named(name), [])
+                )
+                nodal[at] = thickness
+            raw.shells = of_sets(self.shells, cell_sets, blocks, nodal)
             raw.stacks = [section.plies for section in self.shells.values()]
             raw.shell_faults = [section.fault for section in self.shells.values() if section.fault]
         raw.beams = self._beams(raw)

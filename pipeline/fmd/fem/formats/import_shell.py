@@ -93,7 +93,7 @@ def _sheet(
         )
     require_one_piece(raw, cells, "shells")
     used, place = number_used(cells, len(raw.points))
-    t, offset, layup = _sections(raw, of, scale, section[0])
+    t, offset, layup = _sections(raw, of, cells, scale, section[0])
     sets = {name: _members(chosen, of) for name, chosen in raw.cell_sets.items()}
     sets = {name: own for name, own in sets.items() if len(own)}
     rest = np.setdiff1d(np.arange(len(cells)), np.concatenate([_NONE, *sets.values()]))
@@ -130,8 +130,10 @@ def _rims(raw: RawMesh) -> dict[str, IntArray]:
     return {name: np.unique(np.concatenate(nodes)) for name, nodes in rims.items()}
 
 
-def _sections(raw: RawMesh, of: IntArray, scale: float, thickness: float | None) -> tuple[Array, Array, Layup | None]:
-    """Return thickness and offset of each element [m], and their layers, if there are any and no given thickness."""
+def _sections(
+    raw: RawMesh, of: IntArray, cells: IntArray, scale: float, thickness: float | None
+) -> tuple[Array, Array, Layup | None]:
+    """Return thickness at the nodes and offset of each element [m], and layers, if there are any and none is given."""
     if not raw.shells and thickness is None:
         raise MeshFileError("says no thickness of its shells; give one, mesh.shell = '2 mm'")
     if raw.shell_faults and thickness is None:
@@ -139,19 +141,17 @@ def _sections(raw: RawMesh, of: IntArray, scale: float, thickness: float | None)
         raise MeshFileError(
             f"sections of shells that aren't read: {raw.shell_faults[0]}{more}; give mesh.shell a thickness"
         )
-    t, offset = np.full(len(of), np.nan if thickness is None else thickness), np.zeros(len(of))
+    t, offset = np.full(cells.shape, np.nan if thickness is None else thickness), np.zeros(len(of))
     stack, direction = np.full(len(of), -1), np.zeros((len(of), 3))
     for b, block in enumerate(raw.shells):
         own = np.flatnonzero(of[:, 0] == b)
         there = of[own, 1]
         offset[own] = scale * block.offset[there]
         if thickness is None:
-            t[own], stack[own], direction[own] = (
-                scale * block.thickness[there],
-                block.stack[there],
-                block.direction[there],
-            )
-    without = int(np.count_nonzero(~(t > 0)))
+            corner = (raw.blocks[b][1][there][:, None] == cells[own][:, :, None]).argmax(axis=2)
+            t[own] = scale * np.take_along_axis(block.thickness[there], corner, axis=1)
+            stack[own], direction[own] = block.stack[there], block.direction[there]
+    without = int(np.count_nonzero(~(t > 0).all(axis=1)))
     if without:
         raise MeshFileError(f"{without} of its {len(t)} shells have no thickness above 0 by a section")
     if not (stack >= 0).any():

@@ -27,13 +27,14 @@ class ShellSection:
     plies: tuple[DeckPly, ...] = ()  # layers from the lower face to the upper one, thicknesses in the file's unit
     # Vector from whose projection onto the shell their angles count.
     direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    nodal: bool = False  # True if the thickness is that of the deck's nodes
 
 
 class BlockShells(NamedTuple):
     """Sections of a block's shells, lengths in the file's unit."""
 
-    thickness: Array  # (n,): NaN where there is no section; distance of the middle from the nodes along the normal
-    offset: Array
+    thickness: Array  # (n, n_local): at the nodes of each, NaN where there is no section
+    offset: Array  # (n,): distance of the middle from the nodes along the normal
     stack: IntArray  # (n,): place of the layers of each among those of the mesh, -1 without layers
     direction: Array  # (n, 3): vector from whose projection onto the shell the angles of layers count
 

@@ -23,6 +23,7 @@ class NastranShells:
     sections: dict[str, ShellSection] = field(default_factory=dict)
     offsets: dict[str, list[float]] = field(default_factory=dict)
     turns: dict[str, list[str]] = field(default_factory=dict)
+    nodal: dict[str, dict[int, list[str]]] = field(default_factory=dict)  # TFLAG, T1, T2 … of elements that have them
     faults: list[str] = field(default_factory=list)
 
     def takes(self, name: str, fields: list[str]) -> bool:
@@ -50,12 +51,12 @@ class NastranShells:
         return False
 
     def add(self, kind: str, n_local: int, fields: list[str]) -> None:
-        """Take the offset of an element, and its THETA or MCID."""
+        """Take the offset of an element, its THETA or MCID, and the thicknesses at its nodes."""
         self.turns.setdefault(kind, []).append(fields[2 + n_local] if len(fields) > 2 + n_local else "")
         given = fields[3 + n_local] if len(fields) > 3 + n_local else ""
         self.offsets.setdefault(kind, []).append(read_field(given))
-        if any(fields[8 + 2 :]):
-            self.faults.append(f"element {fields[0]} has thicknesses of its own")
+        if any(fields[10:]):
+            self.nodal.setdefault(kind, {})[len(self.offsets[kind]) - 1] = (fields + [""] * n_local)[9 : 10 + n_local]
 
     @property
     def stacks(self) -> list[tuple[DeckPly, ...]]:
@@ -74,7 +75,13 @@ class NastranShells:
         found = []
         for (kind, own), (_, cells) in zip(properties.items(), blocks, strict=True):
             sections = [self.sections.get(p, _NO_SECTION) for p in own]
-            t = np.array([section.thickness for section in sections])
+            t = np.repeat([[section.thickness] for section in sections], cells.shape[1], axis=1)
+            for number, (flag, *given) in self.nodal.get(kind, {}).items():
+                section = sections[number]
+                if section.plies:
+                    self.faults.append(f"PCOMP {own[number]} is of elements with thicknesses of their own")
+                unit = section.thickness if flag == "1" else 1.0
+                t[number] = [unit * read_field(each) if each else section.thickness for each in given]
             offset = np.array(self.offsets.get(kind, [0.0] * len(own))) + [section.offset for section in sections]
             stack = np.array([place[p] if section.plies else -1 for p, section in zip(own, sections, strict=True)])
             direction = np.tile(_ALONG_X, (len(own), 1))
@@ -154,9 +161,12 @@ def abaqus_section(
     """
     name = options.get("ELSET", "")
     of = f"*SHELL SECTION of {name} with"
-    for word in ("NODAL THICKNESS", "SHELL THICKNESS", "STACK DIRECTION"):
+    for word in ("SHELL THICKNESS", "STACK DIRECTION"):
         if word in options:
             return ShellSection(np.nan, fault=f"{of} {word}")
+    if "NODAL THICKNESS" in options:
+        other = next((f"{of} NODAL THICKNESS and {word}" for word in ("COMPOSITE", "OFFSET") if word in options), "")
+        return ShellSection(np.nan, fault=other, nodal=True)
     if not data or not data[0][0]:
         raise MeshFileError(f"*SHELL SECTION of {name} has no thickness")
     plies: list[DeckPly] = []
@@ -187,12 +197,19 @@ def abaqus_section(
 
 
 def of_sets(
-    sections: Mapping[str, ShellSection], cell_sets: Mapping[str, list[IntArray]], sizes: list[int]
+    sections: Mapping[str, ShellSection],
+    cell_sets: Mapping[str, list[IntArray]],
+    blocks: Sequence[tuple[str, IntArray]],
+    nodal: Array,
 ) -> list[BlockShells]:
-    """Return the sections of the elements of each block from those of sets."""
-    found = [BlockShells(np.full(n, np.nan), np.zeros(n), np.full(n, -1), np.tile(_ALONG_X, (n, 1))) for n in sizes]
+    """Return the sections of the elements of each block from those of sets, and from thicknesses of points."""
+    sizes = [(len(own), own.shape[1]) for _, own in blocks]
+    found = [
+        BlockShells(np.full((n, m), np.nan), np.zeros(n), np.full(n, -1), np.tile(_ALONG_X, (n, 1))) for n, m in sizes
+    ]
     for k, (name, section) in enumerate(sections.items()):
-        for block, cells in zip(found, cell_sets.get(name, []), strict=False):
-            block.thickness[cells], block.offset[cells] = section.thickness, section.offset
+        for block, cells, (_, own) in zip(found, cell_sets.get(name, []), blocks, strict=False):
+            block.thickness[cells] = nodal[own[cells]] if section.nodal else section.thickness
+            block.offset[cells] = section.offset
             block.stack[cells], block.direction[cells] = k if section.plies else -1, section.direction
     return found

@@ -11,7 +11,8 @@ import numpy as np
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError, blaming
 from fmd.core.units import unit_ratio
-from fmd.fem.laminate import Lamina, Laminate, Layered, Ply
+from fmd.fem.laminate import Lamina, Laminate, Ply
+from fmd.fem.layered import Layered
 from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.midsurface import Layup
