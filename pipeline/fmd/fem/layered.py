@@ -26,7 +26,7 @@ class Layered:
     """A laminate as the material of a shell's elements."""
 
     laminate: Laminate
-    # (n_elements, 3): vectors for the elements of the body, whose projections onto the shell are the laminate's direction
+    # (n_elements, 3): of the body, vectors whose projections onto the shell are the laminate's direction
     directions: Array
 
     def over(self, elements: IntArray | slice) -> Iterator[tuple[Layered, IntArray | slice]]:
