@@ -18,32 +18,42 @@ from fmd.fem.markers import face_marker
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
-from fmd.meshes.propeller import PropellerCounts, PropellerShape, propeller
+from fmd.meshes.propeller import mesh
 from fmd.reduction.cyclic import CyclicSolver, cut_first_sector
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor.factor import Solver, factorise
+from fmd.scene.propeller import Propeller
 
 ALUMINIUM = Material(E=70e9, nu=0.3, rho=2780.0)
-SHAPE = PropellerShape(
-    blades=6,
-    bore=0.04,
-    hub=0.075,
-    root=0.13,
-    tip=0.45,
-    length=0.11,
-    chord=(0.095, 0.06),
-    thickness=(0.03, 0.01),
-    pitch=(radians(60), radians(30)),
-    camber=0.03,
-    edge=0.3,
-)
 
 
 def model(blades: int, order: int = 1, element: Literal["hexahedron", "tetrahedron"] = "hexahedron") -> FEModel:
-    counts = PropellerCounts(
-        around=4 * blades, axial=2, sleeve_radial=1, seat=2, joint_radial=2, blade_radial=4, growth=2.0
+    table = Propeller(
+        shape="propeller",
+        blades=blades,
+        bore=0.08,
+        hub=0.15,
+        root=0.26,
+        diameter=0.9,
+        length=0.11,
+        chord=(0.095, 0.06),
+        thickness=(0.03, 0.01),
+        pitch=(radians(60), radians(30)),
+        camber=0.03,
+        E=ALUMINIUM.E,
+        nu=ALUMINIUM.nu,
+        rho=ALUMINIUM.rho,
+        modes={"count": 1},
+        mesh={
+            "element": element,
+            "order": order,
+            "sleeve": (4 * blades, 2, 1),
+            "joint": (2, 2, 2),
+            "blade": (2, 2, 4),
+            "growth": 2.0,
+        },
     )
-    return assemble(SolidMesh(*propeller(replace(SHAPE, blades=blades), counts, element, order)), order, ALUMINIUM)
+    return assemble(SolidMesh(*mesh(table)), order, ALUMINIUM)
 
 
 @pytest.fixture(scope="module", params=[(3, 1), (4, 1), (5, 1), (6, 1), (3, 2), (3, 1, "tetrahedron")], ids=str)
