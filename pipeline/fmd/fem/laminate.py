@@ -24,27 +24,15 @@ from fmd.fem.material import PLANE, bond
 
 @dataclass(frozen=True, slots=True)
 class Lamina:
-    """Material of a ply in its own axes, 1 along its fibres and 2 across them.
+    """Material of a ply in its own axes, 1 along its fibres and 2 across them."""
 
-    Parameters
-    ----------
-    E1, E2 : float
-        Young's moduli [Pa].
-    nu12 : float
-        Contraction along 2 over stretch along 1.
-    G12, G13, G23 : float
-        Shear moduli [Pa].
-    rho : float
-        Density [kg/m³].
-    """
-
-    E1: float
-    E2: float
-    nu12: float
-    G12: float
-    G13: float
-    G23: float
-    rho: float
+    E1: float  # Young's moduli [Pa]
+    E2: float  # Young's moduli [Pa]
+    nu12: float  # contraction along 2 over stretch along 1
+    G12: float  # shear moduli [Pa]
+    G13: float  # shear moduli [Pa]
+    G23: float  # shear moduli [Pa]
+    rho: float  # density [kg/m³]
 
     def __post_init__(self) -> None:
         if not (min(self.E1, self.E2, self.G12, self.G13, self.G23, self.rho) > 0):
@@ -62,22 +50,12 @@ class Lamina:
 
 @dataclass(frozen=True, slots=True)
 class Ply:
-    """A layer of a laminate.
-
-    Parameters
-    ----------
-    thickness : float
-        [m]
-    angle : float
-        From the laminate's direction to the fibres, about the normal [rad].
-    name : str
-        Of its material.
-    """
+    """A layer of a laminate."""
 
     lamina: Lamina
-    thickness: float
-    angle: float
-    name: str = ""
+    thickness: float  # [m]
+    angle: float  # from the laminate's direction to the fibres, about the normal [rad]
+    name: str = ""  # of its material
 
     @property
     def turn(self) -> Array:

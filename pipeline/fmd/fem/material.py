@@ -80,21 +80,11 @@ class SummedElastic(AnyElastic, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """A homogeneous isotropic material.
+    """A homogeneous isotropic material."""
 
-    Parameters
-    ----------
-    E : float
-        Young's modulus [Pa].
-    nu : float
-        Poisson's ratio, between -1 and 0.5.
-    rho : float
-        Density [kg/m³].
-    """
-
-    E: float
-    nu: float
-    rho: float
+    E: float  # Young's modulus [Pa]
+    nu: float  # Poisson's ratio, between -1 and 0.5
+    rho: float  # density [kg/m³]
 
     def __post_init__(self) -> None:
         if not (self.E > 0 and self.rho > 0 and -1 < self.nu < 0.5):
@@ -181,16 +171,10 @@ class Material:
 
 @dataclass(frozen=True)
 class MaterialOfElements:
-    """Materials of a body's elements.
-
-    Parameters
-    ----------
-    numbers : ndarray, shape (n_elements,)
-        Position in ``materials`` of each element's.
-    """
+    """Materials of a body's elements."""
 
     materials: tuple[AnyElastic, ...]
-    numbers: IntArray
+    numbers: IntArray  # (n_elements,): position in ``materials`` of each element's
 
     def over(self, elements: IntArray | slice) -> Iterator[tuple[AnyElastic, IntArray | slice]]:
         """Yield each material of the elements with the numbers of those made of it."""

@@ -29,22 +29,14 @@ FAILURE_INDICES = ("maximum stress", "Tsai-Hill")
 
 @dataclass(frozen=True)
 class PlyExtremes:
-    """Extremes over time in the middle of elements of one laminate, at the lower and the upper face of each ply.
-
-    Attributes
-    ----------
-    elements : ndarray, shape (n_elements,)
-        Their numbers.
-    values : dict of str to ndarray, shape (n_elements, n_plies, 2)
-        ``"11 max"``, ``"11 min"`` … [Pa], and ``FAILURE_INDICES``, NaN in plies without strengths.
-    frames : dict of str to ndarray, shape (n_elements, n_plies, 2)
-        Number of the output time of each.
-    """
+    """Extremes over time in the middle of elements of one laminate, at the lower and the upper face of each ply."""
 
     laminate: Laminate
-    elements: IntArray
+    elements: IntArray  # (n_elements,): their numbers
+    # (n_elements, n_plies, 2): ``"11 max"``, ``"11 min"`` … [Pa], and ``FAILURE_INDICES``, NaN in plies without
+    # strengths
     values: dict[str, Array]
-    frames: dict[str, IntArray]
+    frames: dict[str, IntArray]  # (n_elements, n_plies, 2): number of the output time of each
 
 
 def modal_ply_stress(space: Discretisation, material: Layered, shapes: Array, elements: IntArray) -> Array:
