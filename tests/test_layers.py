@@ -51,6 +51,8 @@ HEAVY = {
     *("matplotlib", "meshio", "petsc4py", "pint", "psutil", "pymetis", "pyvista", "rich", "scipy", "skfem"),
     *("slepc4py", "vtk", "vtkmodules", "xarray"),
 }
+# So many modules of the package, of half a millisecond to a whole one each, are worth an import inside a function, too.
+MANY = 4
 MISSING_ON_SOME_SYSTEMS = {"resource"}
 # `fmd --help` and `import fmd` load nothing but the standard library and the command line's own package.
 HEAVY_FOR_COMMANDS = HEAVY | {"numpy", "pydantic"}
@@ -198,24 +200,28 @@ def circles(sources: Sources) -> Iterator[str]:
 
 
 def needless_late_imports(sources: Sources) -> Iterator[str]:
-    """An import stands inside a function only if it loads, or leads to loading, a heavy package."""
+    """An import stands inside a function only if it loads a heavy package, or many modules that aren't loaded yet."""
     loads = {module: {i.name for i in imports_of(sources, module) if i.where == "top"} for module in sources}
     for module in sources:
-        heavy = HEAVY_FOR_COMMANDS if module == "fmd" or folder_of(module) == "cli" else HEAVY
-        for name, line, where in imports_of(sources, module):
-            if where == "function" and not _leads_to(name, heavy | MISSING_ON_SOME_SYSTEMS, loads):
+        heavy = MISSING_ON_SOME_SYSTEMS | (
+            HEAVY_FOR_COMMANDS if module == "fmd" or folder_of(module) == "cli" else HEAVY
+        )
+        late = [(name, line) for name, line, where in imports_of(sources, module) if where == "function"]
+        before = _loaded_with(module, loads) if late else set()
+        for name, line in late:
+            loaded = _loaded_with(name, loads)
+            is_heavy = any(each.partition(".")[0] in heavy or inside(each, "fmd.meshes") for each in loaded)
+            if not is_heavy and len(loaded & sources.keys() - before) < MANY:
                 yield f"{module}:{line} imports {name} inside a function, which loads nothing heavy"
 
 
-def _leads_to(name: str, heavy: set[str], loads: Mapping[str, set[str]]) -> bool:
+def _loaded_with(name: str, loads: Mapping[str, set[str]]) -> set[str]:
+    """Return a module and all that its import loads in turn."""
     seen, waiting = {name}, [name]
     while waiting:
-        name = waiting.pop()
-        if name.partition(".")[0] in heavy or inside(name, "fmd.meshes"):
-            return True
-        waiting += loads.get(name, set()) - seen
+        waiting += loads.get(name := waiting.pop(), set()) - seen
         seen |= loads.get(name, set())
-    return False
+    return seen
 
 
 def classes_of_one_name(sources: Sources) -> Iterator[str]:

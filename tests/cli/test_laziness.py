@@ -19,7 +19,8 @@ try:
 except SystemExit as stop:
     assert not stop.code
 print("\\n" + json.dumps(sorted({name.partition(".")[0] for name in sys.modules} | {
-    ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith(("fmd.", "scipy."))})))
+    ".".join(name.split(".")[:2]) for name in sys.modules if name.startswith("scipy.")} | {
+    name for name in sys.modules if name.startswith("fmd.")})))
 """
 QUICK = ["--set", "body.beam.mesh.divisions=[12, 1, 1]", "--set", "simulation.duration=50 ms"]
 FILM = '{type="film", file="motion.mp4", body="beam", frames=2, rate=20.0, size=[320, 180]}'
@@ -95,11 +96,13 @@ def test_modes_of_a_scene_that_was_run_load_little_more_than_numpy(modules):
 
 @pytest.mark.usefixtures("cold_run")
 def test_a_second_run_loads_little_but_numpy_and_the_kernels(modules, tmp_path):
-    warm = modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path))
+    warm = modules("run", "beam", *QUICK, "--no-pictures", "--no-budget", "--out", str(tmp_path))
     assert (tmp_path / "motion.nc").exists()
     assert not warm & {"gmsh", "fmd.meshes", "skfem", "meshio", "pyvista", "matplotlib"}
     assert not warm & {"xarray", "pandas", "dask", "distributed", "joblib", "pint"}
     assert not warm & {f"scipy.{name}" for name in ("linalg", "sparse", "optimize", "spatial", "io", "interpolate")}
+    tracing = {"fmd.dynamics.compiler.programs", "fmd.dynamics.compiler.llvm", "fmd.kernels.translate"}
+    assert not warm & {*tracing, "fmd.stages.part_results"}
 
 
 def test_the_package_itself_loads_nothing_heavy():

@@ -14,10 +14,10 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.kernels.kernel import contracted, inlined, inner, kernel
-from fmd.kernels.library import call_native, read_entries, read_vector, write_vector
 from fmd.kernels.machine import LoadedObject, compile_object
 from fmd.kernels.table import Table
 from fmd.kernels.types import REAL, WHOLE, array_type
+from fmd.kernels.vectors import call_native, read_entries, read_vector, write_vector
 from fmd.kernels.writer import NotInSubset
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.kernels.kernel import kernel
-from fmd.kernels.library import call_native
 from fmd.kernels.machine import LoadedObject, compile_object
+from fmd.kernels.vectors import call_native
 
 SOURCE = """
 define void @scale(ptr %factor, ptr %x) {

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fmd.accuracy.corner_stress import CornerStress
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_LIMIT, NO_PART, SOURCES, Row
-from fmd.accuracy.model_errors import ModelError
 from fmd.accuracy.requested_stress import EXTREMES, request_key
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
@@ -16,6 +14,10 @@ from fmd.scene.scene import Scene
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.stage import ALL_PACKAGES, ALL_SOURCES, Stage
+
+if TYPE_CHECKING:
+    from fmd.accuracy.corner_stress import CornerStress
+    from fmd.accuracy.model_errors import ModelError
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import os
 import signal
 import sys
 import warnings
@@ -16,6 +17,7 @@ def main() -> None:
 
     At the end Python doesn't look for garbage once more: the memory is given back whole.
     Warnings of NumPy about numbers that overflow aren't shown: results are checked where they are made.
+    Plug-ins of Pydantic, of which there are none, aren't looked for in the files of all packages.
     """
     pressed = []
 
@@ -25,6 +27,7 @@ def main() -> None:
 
     signal.signal(signal.SIGINT, interrupt)
     atexit.register(gc.freeze)
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     warnings.filterwarnings("ignore", category=RuntimeWarning)
     try:
         import_module("fmd.cli.app").main()

@@ -12,7 +12,7 @@ from fmd.contact.tables import ContactTable
 from fmd.core.limits.code import DOUBLES_IN_LINE
 from fmd.core.limits.contact import TURNED_BLOCKS, TURNED_NORMALS, WIDER_BAND
 from fmd.kernels.kernel import inner
-from fmd.kernels.library import fill_vector, read_vector, write_vector
+from fmd.kernels.vectors import fill_vector, read_vector, write_vector
 
 
 @inner

@@ -15,8 +15,8 @@ import numpy as np
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.stepping import INTO_PIECE, LEAST_PART, MOST_PART
 from fmd.kernels.kernel import inner, kernel
-from fmd.kernels.library import call_native
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import load_signals
 from fmd.integrators.protocol import Integrator
 from fmd.kernels.kernel import kernel
-from fmd.kernels.library import call_native
+from fmd.kernels.vectors import call_native
 
 
 class NotTakenBackError(AccuracyError):

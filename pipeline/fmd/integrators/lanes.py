@@ -11,8 +11,8 @@ from fmd.core.limits.stepping import FEWEST_LANES, RUNAWAY
 from fmd.dynamics.compiler.program import LANES
 from fmd.integrators.march_tables import Samples, Starts
 from fmd.kernels.kernel import kernel
-from fmd.kernels.library import call_native
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import math
 from fmd.core.arrays import Array
 from fmd.core.limits.code import SQUARE_SIDE
 from fmd.kernels.kernel import contracted, inner
-from fmd.kernels.library import fill_vector, read_vector, write_vector
+from fmd.kernels.vectors import fill_vector, read_vector, write_vector
 
 
 @contracted

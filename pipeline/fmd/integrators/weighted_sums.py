@@ -13,7 +13,7 @@ from typing import Any
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.code import ROWS_AT_ONCE
 from fmd.kernels.kernel import contracted, inlined
-from fmd.kernels.library import read_entries, read_vector, write_vector
+from fmd.kernels.vectors import read_entries, read_vector, write_vector
 
 
 def _adder(width: int) -> Any:

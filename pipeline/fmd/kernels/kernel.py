@@ -24,8 +24,7 @@ from fmd.core.limits.code import KERNEL_LEVEL
 from fmd.core.paths import kernel_folder
 from fmd.kernels.machine import LoadedObject, compile_object, digest_of, processor, read_code, write_code
 from fmd.kernels.table import address_of
-from fmd.kernels.translate import Compiling, Module
-from fmd.kernels.types import NOTHING, REAL, TRUTH, WHOLE, ArrayType, TableType, Type, type_of
+from fmd.kernels.types import NOTHING, REAL, TRUTH, WHOLE, ArrayType, Compiling, TableType, Type, type_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -141,6 +140,8 @@ class Kernel:
 
     def translate(self, types: tuple[Type, ...]) -> tuple[str, str]:
         """Return the function in LLVM's language, for some types of arguments, and the type of its result."""
+        from fmd.kernels.translate import Module  # which kept code needs not
+
         text, result = Module(_marks.get).translate_entry(self.python, types)
         return text, str(result)
 
@@ -151,6 +152,8 @@ class Kernel:
         return kernel_folder() / f"{self.__module__}.{self.python.__name__}.{digest_of(content).hex()}.kernel"
 
     def _checked(self, types: tuple[Type, ...]) -> Callable[..., Any]:
+        from fmd.kernels.translate import Module
+
         module = Module(_marks.get, checked=True)
         text, result = module.translate_entry(self.python, types)
         loaded = LoadedObject(compile_object(text, KERNEL_LEVEL))

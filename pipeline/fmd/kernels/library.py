@@ -5,17 +5,16 @@ Each is written by a function of the writer and the values of its arguments.
 
 from __future__ import annotations
 
-import ctypes
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
 from fmd.kernels.arithmetic import common_type, compare, convert, truth
 from fmd.kernels.places import find_vector, size_of
 from fmd.kernels.types import NOTHING, REAL, TRUTH, WHOLE, ArrayType, TupleType, name_of, vector_type, width_of
+from fmd.kernels.vectors import call_native, fill_vector, read_entries, read_vector, write_vector
 from fmd.kernels.writer import BlockWriter, NotInSubset, Value, real
 
 Write = Callable[[BlockWriter, Sequence[Value]], Value]
@@ -23,44 +22,6 @@ Write = Callable[[BlockWriter, Sequence[Value]], Value]
 _INTRINSICS = {"sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "copysign": 2}  # with their numbers of arguments
 _ONE = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log1p")
 _C_LIBRARY = dict.fromkeys(_ONE, 1) | {"atan2": 2, "hypot": 2, "nextafter": 2, "pow": 2}
-
-
-def read_vector(x: Array, at: int, width: int) -> Array:
-    """Return ``width`` entries of an array's memory, from one on, for arithmetic with all of them at once.
-
-    The width is a number that a kernel knows when it is compiled.
-    """
-    return x.reshape(-1)[at : at + width].copy()
-
-
-def read_entries(x: Array, at: int, width: int) -> Array:
-    """Return what `read_vector` does, read entry by entry.
-
-    A processor waits before it reads a vector where single numbers have just been written.
-    """
-    return read_vector(x, at, width)
-
-
-def fill_vector(number: float, width: int) -> Array:
-    """Return a vector whose entries are all the same."""
-    return np.full(width, number)
-
-
-def write_vector(x: Array, at: int, vector: Array) -> None:
-    """Write a vector into an array's memory, from an entry on."""
-    x.reshape(-1)[at : at + np.size(vector)] = vector
-
-
-def call_native(address: int, arrays: tuple[Array, ...]) -> None:
-    """Call the C function ``void f(double *, …)`` at an address with the data of arrays.
-
-    Nothing can check that the function takes as many: the address is only a number.
-    """
-    for x in arrays:
-        if not (x.flags.c_contiguous and x.dtype == np.float64):
-            raise TypeError("compiled functions take C-contiguous arrays of doubles")
-    prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))
-    prototype(int(address))(*(x.__array_interface__["data"][0] for x in arrays))
 
 
 def _known_width(width: Value) -> int:

@@ -20,16 +20,19 @@ from fmd.kernels.arithmetic import convert
 from fmd.kernels.expressions import Expressions
 from fmd.kernels.library import DECLARATIONS
 from fmd.kernels.places import CHECKS, find_entry
-from fmd.kernels.types import NOTHING, TRUTH, WHOLE, ArrayType, TableType, TupleType, Type, llvm_type, name_of
+from fmd.kernels.types import (
+    NOTHING,
+    TRUTH,
+    WHOLE,
+    ArrayType,
+    Compiling,
+    TableType,
+    TupleType,
+    Type,
+    llvm_type,
+    name_of,
+)
 from fmd.kernels.writer import BlockWriter, NotInSubset, Value, tuple_of, whole
-
-
-@dataclass(frozen=True)
-class Compiling:
-    """How a function is compiled: into each of its callers or where LLVM finds that it pays, and contracted or not."""
-
-    inlined: bool = False
-    contracted: bool = False
 
 
 @dataclass

@@ -53,6 +53,14 @@ class TableType:
 Type = str | ArrayType | TupleType | TableType
 
 
+@dataclass(frozen=True)
+class Compiling:
+    """How a function is compiled: into each of its callers or where LLVM finds that it pays, and contracted or not."""
+
+    inlined: bool = False
+    contracted: bool = False
+
+
 @cache
 def array_type(dtype: np.dtype[Any], n_axes: int) -> ArrayType | None:
     """Return the type of arrays, None if kernels take none of such entries."""

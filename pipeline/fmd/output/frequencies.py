@@ -11,7 +11,6 @@ from fmd.core.limits.scene import LUMPING_COUNTS, POOR_QUALITY
 from fmd.reduction.rotating import rotating_modes
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.magnitudes import UNUSUAL, find_unusual
-from fmd.stages.meshing.cad_files import UNLIKE_SOLID
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
@@ -75,11 +74,7 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
                 f"{name}: {lost[0].removeprefix('mended: ')}; what links and masses do takes link and mass of the body"
             )
             found.append({"code": "left-out", "body": name, "text": text})
-        found += [
-            {"code": "midsurface-volume", "body": name, "text": f"{name}: {note}"}
-            for note in part.mesh_notes
-            if note.endswith(UNLIKE_SOLID)
-        ]
+        found += _midsurface_warnings(name, part)
         if len(run.pieces_of(name)) > 1:  # whose modes are those of its pieces
             continue
         if (cost := _cost_of_lumping(part)) > LUMPING_COUNTS:
@@ -96,6 +91,16 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
             )
             found.append({"code": "mode-pair-completed", "body": name, "text": text})
     return found
+
+
+def _midsurface_warnings(name: str, part: FlexiblePart) -> list[dict[str, str]]:
+    """Warn of a midsurface whose volume isn't the solid's."""
+    if not part.mesh_notes:
+        return []
+    from fmd.stages.meshing.cad_files import UNLIKE_SOLID
+
+    unlike = [note for note in part.mesh_notes if note.endswith(UNLIKE_SOLID)]
+    return [{"code": "midsurface-volume", "body": name, "text": f"{name}: {note}"} for note in unlike]
 
 
 def interface_warnings(run: Pipeline) -> list[dict[str, str]]:

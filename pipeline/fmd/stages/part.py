@@ -11,21 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import InputError, blaming
-from fmd.fem.layered import DirectionError
-from fmd.fem.surface import SurfaceTopology, surface_elements, surface_topology
-from fmd.recovery.deformation import DeformationShapes, deformation_shapes, node_deformation_shapes
-from fmd.recovery.stress import element_stress, modal_stress, point_stress
-from fmd.reduction.body import SecondOrder
-from fmd.reduction.inertia import add_normal_blocks, normal_blocks
+from fmd.core.errors import InputError
+from fmd.fem.surface import surface_elements
+from fmd.recovery.stress import point_stress
+from fmd.reduction.inertia import add_normal_blocks
 from fmd.scene.bar import Bar
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.propeller import Propeller
 from fmd.scene.reduced_bodies import ReducedPart
 from fmd.scene.scene import Scene
 from fmd.scene.values import Formulation
-from fmd.stages.meshing.bodies import find_material, make_mesh, read_body_matrices
-from fmd.stages.named_elements import find_sides, number_elements, stress_places
 from fmd.stages.part_inputs import (
     KeyedPart,
     assembly_inputs,
@@ -34,13 +29,6 @@ from fmd.stages.part_inputs import (
     digest_of_body,
     mesh_inputs,
     modes_inputs,
-)
-from fmd.stages.reduced_files import (
-    file_notes,
-    modes_of_file,
-    place_file_markers,
-    read_reduced_body,
-    reduce_file_body,
 )
 from fmd.stages.stage import ALL_PACKAGES, Stage, stages_of
 from fmd.stages.store import StageStore
@@ -53,7 +41,9 @@ if TYPE_CHECKING:
     from fmd.fem.mesh import SolidMesh
     from fmd.fem.model import FEModel
     from fmd.fem.space import Discretisation
-    from fmd.reduction.body import FlexibleBody
+    from fmd.fem.surface import SurfaceTopology
+    from fmd.recovery.deformation import DeformationShapes
+    from fmd.reduction.body import FlexibleBody, SecondOrder
     from fmd.reduction.modes import Modes
     from fmd.stages.basis import ConstrainedModel
     from fmd.stages.piece_mesh import PieceMesh
@@ -74,100 +64,6 @@ def _has_mesh(part: FlexiblePart) -> bool:
     return part.has_mesh
 
 
-# Computations of the stages; what they need of heavy packages is loaded here.
-
-
-def _compute_mesh(part: FlexiblePart) -> SolidMesh:
-    if not part.has_mesh:
-        key, what = ("body", "file") if part.is_reduced else ("matrices", "matrices")
-        raise InputError(part.file, f"body.{part.name}.{key}", None, NO_MESH.format(what))
-    return make_mesh(part.shape, part.source)
-
-
-def _assemble(part: FlexiblePart) -> FEModel:
-    from fmd.fem.assembly import assemble
-
-    if part.is_reduced:
-        return read_reduced_body(part.shape, part.source, part.file, part.name)
-    if not part.has_mesh:
-        return read_body_matrices(part.shape, part.source)
-    if part.formulation == "plain" and not part.space.kind.can_be_enhanced:
-        problem = f"belongs to linear hexahedra; the elements here are {part.space.kind.name}"
-        raise InputError(part.file, f"body.{part.name}.mesh.formulation", "plain", problem)
-    with blaming(part.file, f"body.{part.name}.layer_direction", of=DirectionError):
-        solid = assemble(part.mesh, part.order, part.material, part.formulation)
-    if not part.shape.link and part.mesh.connections is None:
-        return solid
-    from fmd.stages.markers import add_links
-
-    return add_links(part.shape, solid, part.file, part.name)
-
-
-def _compute_modes(part: FlexiblePart) -> Modes:
-    from fmd.stages.basis import compute_modes
-
-    if part.is_reduced:
-        return modes_of_file(part.fe)
-    return compute_modes(part.model, part.shape.modes)
-
-
-def _reduce(part: FlexiblePart) -> FlexibleBody:
-    from fmd.stages.basis import reduce_body
-
-    if part.is_reduced:
-        return reduce_file_body(part.model, part.modes, part.shape, part.frame, part.stiffening)
-    return reduce_body(part.model, part.modes, part.shape.modes, part.frame)
-
-
-def _stiffen(part: FlexiblePart) -> SecondOrder:
-    from fmd.stages.basis import stiffen_reduced
-
-    if part.is_reduced and part.body.integrals.stiffening.size:  # by its file
-        return SecondOrder(part.body.integrals, part.body.markers)
-    if not part.can_be_stiffened:
-        given = NO_MESH.format("file" if part.is_reduced else "matrices, without geometric_stiffness")
-        mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
-        raise InputError(part.file, "simulation.stiffening", None, mend)
-    body = stiffen_reduced(part.model, part.body)
-    return SecondOrder(body.integrals, body.markers)
-
-
-def _integrate_along_normal(part: FlexiblePart) -> Array:
-    return normal_blocks(part.body.x, part.fe.m, part.body.shapes, part.body.integrals.normal)
-
-
-def _find_surface(part: FlexiblePart) -> SurfaceTopology:
-    if part.has_mesh:
-        return surface_topology(part.space)
-    found = part.given_model.surface
-    if found is None:
-        key = "body" if part.is_reduced else "matrices.stress"
-        raise InputError(part.file, f"body.{part.name}.{key}", None, "is of no file with a surface's stress")
-    return found
-
-
-def _recover_surface_stress(part: FlexiblePart) -> Array:
-    if not part.has_mesh:
-        return part.given_model.stress_of(part.body.shapes)
-    return modal_stress(part.space, part.material, part.body.shapes, part.surface.nodes)
-
-
-def _recover_element_stress(part: FlexiblePart) -> Array:
-    numbers = np.array(list(part.elements.values()))
-    return element_stress(part.space, part.material, part.body.shapes, numbers, part.element_sides)
-
-
-def _evaluate_deformation(part: FlexiblePart) -> DeformationShapes:
-    if not part.has_mesh:
-        return node_deformation_shapes(part.body, part.is_supported, of_matter=not part.is_reduced)
-    return deformation_shapes(part.space, part.body, part.is_supported)
-
-
-def _recover_nodal_stress(part: FlexiblePart) -> NDArray[np.float32]:
-    nodes = np.arange(len(part.space.x))
-    return modal_stress(part.space, part.material, part.body.shapes, nodes).astype(np.float32)
-
-
 class FlexiblePart(KeyedPart):
     """A flexible body of a scene, whose stages run on first use.
 
@@ -184,7 +80,7 @@ class FlexiblePart(KeyedPart):
     # The table of stages, in their order.
     mesh: Stage[SolidMesh] = Stage(
         "mesh",
-        _compute_mesh,
+        "part_results:compute_mesh",
         (),
         mesh_inputs,
         (*_SHAPES, "fmd/stages/meshing", "fmd/fem"),
@@ -192,23 +88,30 @@ class FlexiblePart(KeyedPart):
         applies=_has_mesh,
     )
     # Never kept, since what follows is.
-    fe: Stage[FEModel] = Stage("assembly", _assemble, ("mesh",), shared_inputs=assembly_inputs)
+    fe: Stage[FEModel] = Stage("assembly", "part_results:assemble", ("mesh",), shared_inputs=assembly_inputs)
     modes: Stage[Modes] = Stage(
-        "modes", _compute_modes, ("mesh", "assembly"), modes_inputs, (*_SHAPES, *_REDUCTION), ALL_PACKAGES
+        "modes", "part_results:compute_modes", ("mesh", "assembly"), modes_inputs, (*_SHAPES, *_REDUCTION), ALL_PACKAGES
     )
-    body: Stage[FlexibleBody] = Stage("body", _reduce, ("mesh", "assembly", "modes"), body_inputs, _REDUCTION)
+    body: Stage[FlexibleBody] = Stage(
+        "body", "part_results:reduce", ("mesh", "assembly", "modes"), body_inputs, _REDUCTION
+    )
     second_order: Stage[SecondOrder] = Stage(
-        "stiffening", _stiffen, ("mesh", "assembly", "body"), digest_of_body, _REDUCTION, ALL_PACKAGES
+        "stiffening", "part_results:stiffen", ("mesh", "assembly", "body"), digest_of_body, _REDUCTION, ALL_PACKAGES
     )
     surface: Stage[SurfaceTopology] = Stage(
-        "surface", _find_surface, ("mesh",), mesh_inputs, (*_SHAPES, "fmd/fem"), applies=_has_mesh
+        "surface", "part_results:find_surface", ("mesh",), mesh_inputs, (*_SHAPES, "fmd/fem"), applies=_has_mesh
     )
     surface_stress: Stage[Array] = Stage(
-        "stress", _recover_surface_stress, ("mesh", "surface", "body"), digest_of_body, _STRESS, applies=_has_mesh
+        "stress",
+        "part_results:recover_surface_stress",
+        ("mesh", "surface", "body"),
+        digest_of_body,
+        _STRESS,
+        applies=_has_mesh,
     )
     element_stress: Stage[Array] = Stage(
         "element stress",
-        _recover_element_stress,
+        "part_results:recover_element_stress",
         ("mesh", "body"),
         lambda part: {"body": part.key("body"), "elements": part.elements, "sides": part.element_sides},
         _STRESS,
@@ -216,10 +119,15 @@ class FlexiblePart(KeyedPart):
         applies=lambda part: bool(part.shape.element),
     )
     deformation_shapes: Stage[DeformationShapes] = Stage(
-        "deformation", _evaluate_deformation, ("mesh", "body"), digest_of_body, _DEFORMATION
+        "deformation", "part_results:evaluate_deformation", ("mesh", "body"), digest_of_body, _DEFORMATION
     )
     nodal_stress: Stage[NDArray[np.float32]] = Stage(
-        "nodal stress", _recover_nodal_stress, ("mesh", "body"), digest_of_body, _STRESS, applies=_has_mesh
+        "nodal stress",
+        "part_results:recover_nodal_stress",
+        ("mesh", "body"),
+        digest_of_body,
+        _STRESS,
+        applies=_has_mesh,
     )
     contact_points: Stage[ContactPoints] = Stage(
         "contact",
@@ -232,7 +140,7 @@ class FlexiblePart(KeyedPart):
     )
     inertia_along_normal: Stage[Array] = Stage(
         "inertia",
-        _integrate_along_normal,
+        "part_results:integrate_along_normal",
         ("mesh", "assembly", "body"),
         digest_of_body,
         _REDUCTION,
@@ -306,6 +214,8 @@ class FlexiblePart(KeyedPart):
     def mesh_notes(self) -> tuple[str, ...]:
         """Faults in the file that the body comes from, if it comes from one, and how they were mended."""
         if self.is_reduced:
+            from fmd.stages.reduced_files import file_notes
+
             return file_notes(self.fe)
         return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
 
@@ -319,6 +229,8 @@ class FlexiblePart(KeyedPart):
     @property
     def material(self) -> AnyMaterial:
         """Material of the body, or of each part of its mesh."""
+        from fmd.stages.meshing.bodies import find_material
+
         return find_material(self.shape, self.mesh, self.file, self.name)
 
     @property
@@ -343,6 +255,8 @@ class FlexiblePart(KeyedPart):
             root = self.joint.marker
             return {**found, root: clamp_broad(found[root], self.space, found)} if self.has_default_clamp else found
         if self.is_reduced:
+            from fmd.stages.reduced_files import place_file_markers
+
             return place_file_markers(self.fe, self.shape, self.file, self.name)
         return place_node_markers(self.shape, self.given_model, self.file, self.name)
 
@@ -385,17 +299,24 @@ class FlexiblePart(KeyedPart):
     @cached_property
     def elements(self) -> dict[str, int]:
         """Numbers of the named elements."""
-        named = self.shape.element  # without any there may be no mesh
-        return number_elements(named, self.mesh, self.file, self.name) if named else {}
+        if not self.shape.element:  # there may be no mesh
+            return {}
+        from fmd.stages.named_elements import number_elements
+
+        return number_elements(self.shape.element, self.mesh, self.file, self.name)
 
     @cached_property
     def element_sides(self) -> tuple[bool, ...]:
         """True for each named element of a shell whose point is nearer to the upper face; empty if solid."""
+        from fmd.stages.named_elements import find_sides
+
         return find_sides(self.shape.element, self.mesh, self.elements)
 
     @cached_property
     def element_places(self) -> Array:
         """Middles of the named elements, of shells on one face, shape (n_elements, 3) [m]."""
+        from fmd.stages.named_elements import stress_places
+
         return stress_places(self.mesh, self.elements, self.element_sides)
 
     def stress_at(self, points: Array) -> Array:

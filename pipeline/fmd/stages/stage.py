@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from typing import Any, Generic, Protocol, TypeVar, overload
 
@@ -43,8 +42,8 @@ class Stage(Generic[T]):
     Parameters
     ----------
     compute : callable or str
-        Makes the result for an object; ``"module:function"`` of this package is loaded when it is first called, since
-        it loads heavy packages.
+        Makes the result for an object; ``"module:function"`` of this package is loaded when it is first called, which a
+        result that is kept never needs.
     reads : tuple of str
         Stages that are needed to compute it: of the same object, or of each flexible body of the scene.
     inputs : callable, optional
@@ -81,7 +80,7 @@ class Stage(Generic[T]):
     def of(self, owner: Staged, compute: Callable[[Any], T] | None = None) -> T:
         """Return an object's result, computed or read on first use; ``compute`` is used in place of the stage's own."""
         if self.name not in owner.results:
-            owner.results[self.name] = self._find(owner, partial(compute or self._load(), owner))
+            owner.results[self.name] = self._find(owner, lambda: (compute or self._load())(owner))
         result: T = owner.results[self.name]
         return result
 

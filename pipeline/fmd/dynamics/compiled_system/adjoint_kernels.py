@@ -23,8 +23,8 @@ from fmd.dynamics.compiled_system.parameters import CompiledParameters, TreePara
 from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants, copy, take_state
 from fmd.dynamics.system import accelerations, advance
 from fmd.kernels.kernel import inlined, inner, kernel
-from fmd.kernels.library import call_native
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from fmd.dynamics.compiled_system.parameters import ClosedParameters, Leapfrog, 
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_held, project, project_onto_constraints
 from fmd.kernels.kernel import inlined, inner
-from fmd.kernels.library import call_native
+from fmd.kernels.vectors import call_native
 
 _settles = inlined(settles)
 

@@ -20,7 +20,7 @@ from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, note_held, project, project_onto_constraints
 from fmd.kernels.kernel import inner
-from fmd.kernels.library import call_native
+from fmd.kernels.vectors import call_native
 
 
 class LinearisedAnewError(AccuracyError):

@@ -12,7 +12,7 @@ from fmd.dynamics.compiled_system.parameters import TreeParameters, WholeCycle
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import begin_whole_cycles, cross_cycle
 from fmd.kernels.kernel import inlined
-from fmd.kernels.library import call_native
+from fmd.kernels.vectors import call_native
 
 
 @begin_whole_cycles.register(TreeParameters)

@@ -20,8 +20,8 @@ from fmd.dynamics.compiled_system.tangent_kernels import TangentParameters, copy
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import fast_steps, freeze_slow, velocities
 from fmd.kernels.kernel import inner
-from fmd.kernels.library import call_native
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

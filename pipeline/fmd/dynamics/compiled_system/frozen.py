@@ -14,7 +14,7 @@ from fmd.dynamics.compiled_system.parameters import CompiledParameters, FrozenCy
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import fast_steps, freeze_slow, velocities
 from fmd.kernels.kernel import contracted, inlined
-from fmd.kernels.library import call_native
+from fmd.kernels.vectors import call_native
 
 
 @inlined

@@ -10,7 +10,7 @@ from fmd.core.limits.round_off import NO_TURN
 from fmd.dynamics.compiled_system.parameters import CompiledParameters, Leapfrog, TreeParameters
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, project, project_onto_constraints, velocities
 from fmd.kernels.kernel import inlined
-from fmd.kernels.library import call_native
+from fmd.kernels.vectors import call_native
 
 
 @inlined

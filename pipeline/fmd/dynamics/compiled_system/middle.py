@@ -21,7 +21,7 @@ from fmd.dynamics.compiled_system.parameters import CompiledParameters, MiddleCy
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, freeze_middle, reacting_steps, slow_response, velocities
 from fmd.kernels.kernel import inlined
-from fmd.kernels.library import call_native
+from fmd.kernels.vectors import call_native
 
 
 @inlined

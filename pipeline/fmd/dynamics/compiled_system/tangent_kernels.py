@@ -12,8 +12,8 @@ from fmd.dynamics.compiled_system.parameters import Leapfrog
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.system import accelerations, advance, leapfrog_step, velocities
 from fmd.kernels.kernel import inlined, inner
-from fmd.kernels.library import call_native
 from fmd.kernels.table import Table
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from fmd.dynamics.system import (
     remember_contacts,
 )
 from fmd.kernels.kernel import inner
-from fmd.kernels.library import call_native
+from fmd.kernels.vectors import call_native
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,6 @@ from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar
 from fmd.dynamics.compiler.interpret import Evaluation, evaluation_of
 from fmd.dynamics.compiler.program import LANES, Program
-from fmd.dynamics.compiler.programs import trace_program
 from fmd.dynamics.compiler.quantities import describe_structure
 from fmd.dynamics.compiler.signal_code import digest_signals, load_signals, trace_signals_ahead
 from fmd.dynamics.compiler.store import load_program
@@ -96,6 +95,8 @@ class CompiledMechanism:
     def program(self, name: str) -> Program:
         """Return a function as a traced program."""
         if name not in self._programs:
+            from fmd.dynamics.compiler.programs import trace_program  # with all that traces, which kept code needs not
+
             self._programs[name] = trace_program(name, self._inputs, self._frames)
         return self._programs[name]
 

@@ -16,7 +16,6 @@ import numpy as np
 from fmd.core.limits.memory import MOST_LOADED
 from fmd.core.paths import kernel_folder
 from fmd.core.recently_used import RecentlyUsed
-from fmd.dynamics.compiler.llvm import emit
 from fmd.dynamics.compiler.program import Program
 from fmd.kernels.machine import (
     DIGEST_BYTES,
@@ -58,6 +57,8 @@ def _read_program(name: str, path: Path) -> LoadedObject | None:
 
 def _make_program(name: str, path: Path, trace: Callable[[], Program]) -> LoadedObject:
     """Trace a program, compile its code unless a program of the same structure has been, and keep both."""
+    from fmd.dynamics.compiler.llvm import emit
+
     program = trace()
     source, constants = emit(program, register_width())
     digest = digest_of(source.encode())
