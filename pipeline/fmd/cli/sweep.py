@@ -20,7 +20,7 @@ from fmd.core.progress import Bars
 from fmd.scene.result_names import require_results
 from fmd.sweep.designs import Design
 from fmd.sweep.local import compute_locally, prepare_workers
-from fmd.sweep.plot import JOINT_FIGURE, draw_sweep
+from fmd.sweep.plot import JOINT_FIGURE, draw_sweep, prepare_charts
 from fmd.sweep.points import Point, choose_values, make_points, split_names
 from fmd.sweep.record import Wanted
 from fmd.sweep.study import Compute, Sweep, run_sweep
@@ -106,6 +106,7 @@ def sweep(
         from fmd.sweep.cluster import compute_on_cluster
 
         compute = partial(compute_on_cluster, address=scheduler, wanted=wanted)
+    prepare_charts()
     with refusing("--out", folder):
         result = run_sweep(variations, chosen, folder / "points", compute, Bars(), wanted)
         table = SweepTable(result)

@@ -187,8 +187,23 @@ class Kinematics:
     def marker_position(self, body: int, name: str) -> Array:
         """A marker of a body in space [m], shape (n_times, 3)."""
         body = self.mechanism.find_marker(body, name)
-        frame, marker = self.frames[body], self.mechanism.links[body].markers[name]
-        return frame.origin + turned(frame.rotation, marker.position + self._displacement_in_body(body, name))
+        origin, rotation = self._placement(body)
+        marker = self.mechanism.links[body].markers[name]
+        return origin + turned(rotation, marker.position + self._displacement_in_body(body, name))
+
+    def _placement(self, body: int) -> tuple[Array, Array]:
+        """Origin and rotation of a body's frame: of the first body that is asked for alone, else with all frames."""
+        if "frames" in vars(self) or self._placements.keys() - {body}:
+            return self.frames[body].origin, self.frames[body].rotation
+        if body not in self._placements:
+            values = self._over(self._recorded.of_placement(body))
+            origin, rotation = np.ascontiguousarray(values[:, :3]), np.ascontiguousarray(values[:, 3:])
+            self._placements[body] = origin, rotation.reshape(-1, 3, 3)
+        return self._placements[body]
+
+    @cached_property
+    def _placements(self) -> dict[int, tuple[Array, Array]]:
+        return {}
 
     def marker_velocity(self, body: int, name: str) -> Array:
         """Velocity of a marker of a body in space [m/s], shape (n_times, 3)."""

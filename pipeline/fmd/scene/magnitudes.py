@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 import numpy as np
 
+from fmd.core.limits.memory import MOST_TABLES
 from fmd.core.limits.scene import PRESSED, USUAL_OF_BODIES, USUAL_OF_MOTION
+from fmd.core.recently_used import RecentlyUsed
 from fmd.core.units import QuantityReader
 from fmd.scene.reading import SceneTable
 
@@ -21,21 +23,39 @@ UNUSUAL = "unusual-value"  # code of the warning
 
 def find_unusual(scene: Scene) -> Iterator[str]:
     """Write a sentence for each value of a scene that is far from usual ones: its key, it, and what is usual."""
-    for path, key, value, kinds in _walk(scene, (), ""):
-        if (
-            path[:1] == ("body",)
-            and len(path) <= len(("body", "NAME", "material", "PART", "E"))
-            and key in USUAL_OF_BODIES
-        ):
-            low, high, unit, examples = USUAL_OF_BODIES[key]
-            if not low <= value <= high:
-                yield f"{'.'.join(path)} is {value:.4g} {unit}".rstrip() + f", which is unusual: {examples}"
-        for kind in kinds & USUAL_OF_MOTION.keys():
-            most, unit, example = USUAL_OF_MOTION[kind]
-            if abs(value) > most:
-                yield f"{'.'.join(path)} is {value:.4g} {unit}, which is unusual: {example}"
+    for name, shown, kinds in _kinds_of_fields(type(scene)):
+        given = getattr(scene, name)
+        tables = given.items() if isinstance(given, Mapping) else [("", given)]
+        for own, table in tables:
+            yield from _find_in_table(table, (shown, own) if own else (shown,), shown, kinds)
     for name in scene.carrying.values():
         yield from _find_pressed_stop(name, scene.joint[name])
+
+
+# Scenes of a sweep share the tables that aren't varied. By number and path, with the table, whose number stays its own.
+_known: RecentlyUsed[tuple[Any, tuple[str, ...]]] = RecentlyUsed(MOST_TABLES)
+
+
+def _find_in_table(table: Any, path: tuple[str, ...], key: str, kinds: frozenset[str]) -> tuple[str, ...]:
+    """Return the sentences about the values of a table, which are found once for each."""
+    return _known.get((id(table), path), lambda: (table, tuple(_find_in(table, path, key, kinds))))[1]
+
+
+def _find_in(table: Any, path: tuple[str, ...], key: str, kinds: frozenset[str]) -> Iterator[str]:
+    """Write a sentence for each unusual value of a table."""
+    for at, last, value, own in _walk(table, path, key, kinds):
+        if (
+            at[:1] == ("body",)
+            and len(at) <= len(("body", "NAME", "material", "PART", "E"))
+            and last in USUAL_OF_BODIES
+        ):
+            low, high, unit, examples = USUAL_OF_BODIES[last]
+            if not low <= value <= high:
+                yield f"{'.'.join(at)} is {value:.4g} {unit}".rstrip() + f", which is unusual: {examples}"
+        for kind in own & USUAL_OF_MOTION.keys():
+            most, unit, example = USUAL_OF_MOTION[kind]
+            if abs(value) > most:
+                yield f"{'.'.join(at)} is {value:.4g} {unit}, which is unusual: {example}"
 
 
 def _find_pressed_stop(name: str, joint: JointTable) -> Iterator[str]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,6 +30,11 @@ _FIGURES = {
 }
 JOINT_FIGURE = "run.0.final.joint_positions."
 _NUMBER = re.compile(r"\s*[\"']?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\"']*?)\s*[\"']?\s*")
+
+
+def prepare_charts() -> None:
+    """Begin to load what charts are drawn with, while workers compute and this process waits for them."""
+    threading.Thread(target=import_module, args=("fmd.render.sweep_chart",), daemon=True).start()
 
 
 def draw_sweep(table: SweepTable, folder: Path, title: str) -> list[str]:

@@ -24,6 +24,8 @@ FATIGUE_NODES = 8  # nodes at a time in a thread
 FATIGUE_ROUND = 8 * FATIGUE_NODES  # nodes between two looks at the bound
 FATIGUE_STRETCHES = 256  # stretches of time, each with a bound of its own
 
+# Tables of scenes.
+MOST_TABLES = 1024  # whose unusual values are known to a process, the last used last
 # Compiled code.
 MOST_SHARED = 16  # systems kept in a process, the last used last
 MOST_LOADED = 256  # programs that stay loaded in a process, the last used last

@@ -70,6 +70,17 @@ class RecordedMechanism:
         values = [x for row in self.rows for x in (row.residual, row.rate(self.inputs))]
         return evaluation_of([*values, *(x for row in self.rows for _, f, m in row.wrenches for x in (*f, *m))])
 
+    def of_placement(self, body: int) -> Evaluation:
+        """Origin and rotation by rows of a body's frame in space, 12 values, without what the others' take."""
+        if body not in self._of_placements:
+            origin, R = self.frames[body].world
+            self._of_placements[body] = evaluation_of([*origin, *(x for row in R for x in row)])
+        return self._of_placements[body]
+
+    @cached_property
+    def _of_placements(self) -> dict[int, Evaluation]:
+        return {}
+
     def of_joint(self, body: int) -> Evaluation:
         """Position and rate of a joint with one axis, of a revolute one of the section that it grips."""
         if body not in self._of_joints:
