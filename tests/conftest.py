@@ -1,5 +1,6 @@
 """A cache folder for the test session, small meshes and models, formulas of beam theory."""
 
+import gc
 import json
 import os
 import shutil
@@ -38,6 +39,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from fmd.core.arrays import Array
+from fmd.core.limits.memory import ALLOCATIONS
 from fmd.core.paths import kernel_folder
 from fmd.dynamics.compiler import store
 from fmd.fem.assembly import assemble
@@ -48,6 +50,7 @@ from fmd.kernels import kernel
 from fmd.kernels.machine import compile_object
 from fmd.meshes.bar import hexahedral_bar
 
+gc.set_threshold(ALLOCATIONS)  # as the command does: tests build as many objects
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
@@ -80,9 +83,11 @@ def with_own_cache() -> Callable[[Path], dict[str, str]]:
 
 QUICKLY_COMPILED = {
     *("contact", "dynamics", "fitting", "integrators", "responses"),
-    *("test_large_deflection", "test_stretched_bars"),  # a function of its own for each scene, which is hardly marched
+    # a function of its own for each scene, which is hardly marched
+    *("test_large_deflection", "test_stretched_bars"),
+    *("test_controllers", "test_links", "test_loop_scenes", "test_pieces", "test_warping_pieces"),
 }
-"""Rooms and files whose marches are short; in stages longer ones cost more than compiling."""
+"""Rooms and files whose marches are short; longer ones cost more than compiling."""
 FULLY_COMPILED = {"test_machine_code"}
 """Files of theirs that compile as users do."""
 

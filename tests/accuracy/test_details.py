@@ -11,7 +11,6 @@ from fmd.accuracy.details import detail_quantities
 from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.error_estimates import OTHER_LOOPS
 from fmd.accuracy.estimators import Estimates
-from fmd.core.cache import Cache
 from fmd.reduction.inertia import inertia_integrals
 
 QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
@@ -19,7 +18,7 @@ QUICK = ["body.beam.mesh.divisions=[12, 2, 1]", "simulation.duration=20 ms"]
 
 @pytest.fixture(scope="module")
 def beam() -> Pipeline:
-    return Pipeline(load_scene("beam-paper", QUICK), Cache(None))
+    return Pipeline(load_scene("beam-paper", QUICK))
 
 
 def test_forces_places_rates_and_accelerations_have_the_names_of_files(beam: Pipeline) -> None:
@@ -96,9 +95,7 @@ def test_a_blow_states_what_few_modes_leave_out_of_the_reaction(tmp_path: Path) 
     integrator = 'auto'
     """
     (tmp_path / "blow.toml").write_text(text)
-    few, many = (
-        Pipeline(load_scene(tmp_path / "blow.toml", [f"body.bar.modes.count={n}"]), Cache(None)) for n in (3, 40)
-    )
+    few, many = (Pipeline(load_scene(tmp_path / "blow.toml", [f"body.bar.modes.count={n}"])) for n in (3, 40))
     rows = {row.name: row for row in state_errors(few).details}
     better = detail_quantities(many.scene, many.motion)
     own = detail_quantities(few.scene, few.motion)

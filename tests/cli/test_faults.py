@@ -228,11 +228,12 @@ def assert_sound(runs: Runs, cache: Path, out: Path, whole: dict[str, Any], twic
 def test_a_run_killed_at_any_stage_is_taken_up_by_the_next(
     runs: Runs, whole: dict[str, Any], when: str, stages: tuple[str, ...]
 ) -> None:
+    """Each run takes up what all before it have left, and the last one gives the undisturbed results."""
+    cache, out = runs.new_folder(), runs.new_folder()
     for stage in stages:
-        cache, out = runs.new_folder(), runs.new_folder()
         assert runs.run(cache, out, stage=stage, when=when) == -signal.SIGKILL, (stage, said(out))
         assert not (out / "summary.json").exists()
-        assert_sound(runs, cache, out, whole)
+    assert_sound(runs, cache, out, whole)
 
 
 @pytest.mark.parametrize(("when", "every"), [pytest.param("before", 1, marks=pytest.mark.long), ("after", 3)])
@@ -257,9 +258,9 @@ def test_runs_killed_at_random_times_one_after_another_poison_nothing(runs: Runs
     runs.results(runs.new_folder())
     typical = time.perf_counter() - tick
     killed = 0
-    while killed < 6:
+    while killed < 5:
         cache, out = runs.new_folder(), runs.new_folder()
-        for _ in range(8):  # in one cache, further each time
+        for _ in range(5):  # in one cache, further each time
             end = runs.start(cache, out)
             time.sleep(rng.uniform(0.0, typical))
             with suppress(ProcessLookupError):  # it has ended by itself

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import json
-import os
 import re
 import shlex
 import subprocess
 import sys
+from contextlib import chdir, redirect_stdout
 from pathlib import Path
 
 import pytest
+
+from fmd.cli.app import main
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "your-part.md"
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -24,28 +27,29 @@ def blocks() -> list[tuple[str, str, str]]:
 def done(tmp_path_factory) -> tuple[Path, list[str]]:
     """The folder after all of its blocks, and what each command printed."""
     folder, printed = tmp_path_factory.mktemp("tutorial"), []
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for language, name, text in blocks():
         if name:
             (folder / name).write_text(text, encoding="utf-8")
         else:
             assert language == "bash"
             for line in text.splitlines():
-                command = shlex.split(line, comments=True)
-                if command[0] == "python":
-                    command[0] = sys.executable
-                result = subprocess.run(
-                    command,
-                    cwd=folder,
-                    env=os.environ | {"PATH": path},
-                    capture_output=True,
-                    text=True,
-                    timeout=600,
-                    check=False,
-                )
-                assert result.returncode == 0, result.stderr
-                printed.append(result.stdout)
+                printed.append(run(shlex.split(line, comments=True), folder))
     return folder, printed
+
+
+def run(command: list[str], folder: Path) -> str:
+    """Run Python in a process of its own, `fmd` in this one; return what is printed."""
+    program, *arguments = command
+    if program == "python":
+        return subprocess.run(
+            [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, timeout=600, check=True
+        ).stdout
+    assert program == "fmd"
+    out = io.StringIO()
+    with chdir(folder), redirect_stdout(out), pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert not stop.value.code
+    return out.getvalue()
 
 
 @pytest.mark.slow

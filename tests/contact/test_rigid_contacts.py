@@ -101,6 +101,23 @@ def test_a_blow_after_a_gentle_touch_loses_what_its_own_speed_says() -> None:
     assert 0.97 * whole < speed(0.99) < whole
 
 
+def test_a_blow_shorter_than_the_step_for_a_soft_contact_shortens_it() -> None:
+    """A ball of rubber above the floor: half a sine of force leaves ``2 F T/π`` of momentum, by four steps or more."""
+    width, force = 2e-5, 500.0
+    rubber = BALL | {"surface": {"skin": {"type": "ball", "radius": RADIUS, "E": 2e6, "nu": NU}}}
+    joint = {"free": free("ball.centre", [0, 0, RADIUS + 1e-3], [0, 0, 0])}
+    floor = {"between": ["ground", "ball.skin"], "normal": [0, 0, 1]}
+    wave = f"{force}*sin(pi*(t - 0.001)/{width})"
+    size = {"formula": f"0 if t < 0.001 else ({wave} if t < {0.001 + width} else 0)", "unit": "N"}
+    blow = {"type": "point force", "marker": "ball.centre", "direction": [1, 0, 0], "force": size}
+    own = scene({"ball": rubber}, joint, {"floor": floor}, 2e-3)
+    alone, struck = (Pipeline(load_scene(own | {"drive": drive})) for drive in ({}, {"blow": blow}))
+    steps = [next(iter(run.plans.values())).integrator.step for run in (alone, struck)]
+    assert steps[1] == pytest.approx(width / 4, rel=1e-9)
+    assert steps[0] > 2 * width
+    assert struck.motion.trajectory.v[-1, 0] == pytest.approx(2.0 * force * width / np.pi / MASS, rel=0.06)
+
+
 def test_two_contacts_of_one_ball_have_the_forces_of_each_apart() -> None:
     """A ball flies into a corner, aslant; floor and wall touch at once, and neither knows of the other."""
     joint = {"free": free("ball.centre", [RADIUS + 1e-6, 0, RADIUS + 2e-6], [-SPEED, 0, -0.5 * SPEED])}

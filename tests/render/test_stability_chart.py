@@ -14,10 +14,10 @@ pytestmark = pytest.mark.slow
 OMEGA = np.linspace(0.05, 3.0, 40)
 
 
-def panel(unstable_share: float) -> Panel:
-    rho = np.ones((40, 40))
-    rho[:, : round(40 * unstable_share)] = 3.0
-    return Panel(OMEGA, OMEGA, rho, "β = 0.1")
+def panel(unstable_share: float, n: int = 40) -> Panel:
+    omega, rho = np.linspace(0.05, 3.0, n), np.ones((n, n))
+    rho[:, : round(n * unstable_share)] = 3.0
+    return Panel(omega, omega, rho, "β = 0.1")
 
 
 def red_pixels(path: Path) -> int:
@@ -39,7 +39,7 @@ def test_the_unstable_region_is_as_large_as_it_is(tmp_path: Path) -> None:
 def test_several_maps_stand_in_rows_of_three(tmp_path: Path) -> None:
     sizes = []
     for n in (2, 3, 4):
-        draw_stability([panel(0.3)] * n, tmp_path / "maps.png", title="Couplings")
+        draw_stability([panel(0.3, 5)] * n, tmp_path / "maps.png", title="Couplings")
         sizes.append(iio.imread(tmp_path / "maps.png").shape[:2])
     assert sizes[1][1] > sizes[0][1]
     assert sizes[2][1] == sizes[1][1]

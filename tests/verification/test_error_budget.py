@@ -19,8 +19,8 @@ PLAIN = 'simulation.run=[{integrator="central-difference"}]'
 
 def ratios(scene: str, own: list[str], finer: list[str]) -> dict[str, float]:
     """Stated over true error of each quantity whose true one is above round-off."""
-    run = Pipeline(load_scene(scene, own), Cache(None))
-    true = true_errors(run, Pipeline(load_scene(scene, [*own, *finer]), Cache(None)))
+    run = Pipeline(load_scene(scene, own))
+    true = true_errors(run, Pipeline(load_scene(scene, [*own, *finer])))
     return {row.name: row.numerical / true[row.name] for row in ERROR_BUDGET.of(run).rows if true[row.name] > ROUND_OFF}
 
 
@@ -91,7 +91,6 @@ def test_a_body_of_one_element_each_way_says_what_it_could_not_estimate() -> Non
         load_scene(
             "beam", ["body.beam.mesh.divisions=[1, 1, 1]", "body.beam.modes.count=1", "simulation.duration=2 ms", PLAIN]
         ),
-        Cache(None),
     )
     rows = {row.name: row for row in ERROR_BUDGET.of(run).rows}
     assert rows["beam, mass"].parts["discretisation"] == "not estimated: there is no coarser mesh"
@@ -105,9 +104,7 @@ def test_few_curved_elements_have_a_coarser_mesh_that_can_be_meshed_and_tells_of
 
     def blades(counts: str) -> Pipeline:
         overrides = ["body.propeller.blades=3", "body.propeller.seat=90 deg", "body.propeller.modes.count=1"]
-        return Pipeline(
-            load_scene("propeller", [*overrides, f"body.propeller.mesh={{order=2, {counts}}}"]), Cache(None)
-        )
+        return Pipeline(load_scene("propeller", [*overrides, f"body.propeller.mesh={{order=2, {counts}}}"]))
 
     run = blades("sleeve=[18, 2, 1], joint=[2, 4, 3], blade=[2, 4, 6]")
     pair = make_coarse_pair(run)
@@ -122,7 +119,7 @@ def test_few_curved_elements_have_a_coarser_mesh_that_can_be_meshed_and_tells_of
 def test_the_tips_largest_deflection_is_that_between_output_times() -> None:
     own = ["body.beam.mesh.divisions=[12, 1, 1]", "simulation.duration=0.1 s", PLAIN]
     often = [*own, "simulation.output_step=0.015625 ms"]  # 32 times as often
-    coarse, fine = (Pipeline(load_scene("beam-paper", overrides), Cache(None)) for overrides in (own, often))
+    coarse, fine = (Pipeline(load_scene("beam-paper", overrides)) for overrides in (own, often))
     at_outputs, largest = coarse.motion.tip_size.max(), fine.motion.tip_size.max()
     assert coarse.fine_motion.tip_size.max() == pytest.approx(largest, rel=1e-9)
     assert at_outputs < largest * (1 - 1e-6)
@@ -152,16 +149,16 @@ def test_a_budget_is_kept_and_counted_among_the_stages(tmp_path) -> None:
 
 
 def test_without_a_budget_nothing_is_computed_for_it() -> None:
-    run = Pipeline(load_scene("rod-slider", ["simulation.duration=0.5 s"]), Cache(None))
+    run = Pipeline(load_scene("rod-slider", ["simulation.duration=0.5 s"]))
     assert "error_budget" not in summarise(run, [], budget=False)
     assert "error budget" not in run.log.seconds
 
 
 def test_the_better_value_is_the_answer_and_its_interval_holds_it_and_the_truth() -> None:
     own = ["simulation.duration=0.1 s"]  # the largest deflection is at 50 ms
-    run = Pipeline(load_scene("beam-paper", own), Cache(None))
+    run = Pipeline(load_scene("beam-paper", own))
     finer = ["body.beam.modes.count=12", "body.beam.modes.enrich=ritz", "body.beam.mesh.divisions=[48, 5, 2]"]
-    truth = Pipeline(load_scene("beam-paper", [*own, *finer, "simulation.step=2 us"]), Cache(None))
+    truth = Pipeline(load_scene("beam-paper", [*own, *finer, "simulation.step=2 us"]))
     rows = {row.name: row for row in ERROR_BUDGET.of(run).rows}
     exact = {
         "tip, largest deflection": float(truth.fine_motion.tip_size.max()),

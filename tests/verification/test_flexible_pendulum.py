@@ -119,7 +119,7 @@ def by_hand(body: FlexibleBody, angle: float, times: Array) -> tuple[Array, Arra
     return y[:, 0], y[:, 1 : 1 + n]
 
 
-@pytest.mark.parametrize("stiffening", ["off", "on"])
+@pytest.mark.parametrize("stiffening", [pytest.param("off", marks=pytest.mark.long), "on"])  # has all terms of "off"
 def test_the_pendulum_moves_as_the_planar_model(tmp_path: Path, stiffening: str) -> None:
     run = pipeline_of(tmp_path, f"simulation.stiffening={stiffening}", "simulation.duration=0.65 s", angle=0.3)
     motion, body = motion_of(run), run.body

@@ -11,7 +11,6 @@ from scipy.linalg import solve
 
 from fmd import Pipeline, load_scene
 from fmd.cli.app import main
-from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError, InputError
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.recovery.stress import von_mises
@@ -30,7 +29,7 @@ RATE = 8000 * 2 * np.pi / 60
 
 
 def coarse(name: str, *overrides: str) -> Pipeline:
-    return Pipeline(load_scene(name, [*COARSE, *overrides]), Cache(None))
+    return Pipeline(load_scene(name, [*COARSE, *overrides]))
 
 
 def test_the_scene_asks_for_the_papers_mesh_and_speed() -> None:

@@ -266,7 +266,7 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray) -> tu
     mechanism, n = system.mechanism, system.n
     modes = np.concatenate([mechanism.modes_of(k) for k in range(len(mechanism.links))])
     if not len(modes):
-        return q, _close_rates(_constraints(system, q), v, following)
+        return q, _close_rates(system.compiled.constraint_rates(0.0, q), v, following)
     joints = np.setdiff1d(np.arange(n), modes)
     moving, k = np.concatenate([modes, following]), len(modes) + len(following)
     stiffness = np.concatenate([link.omega for link in mechanism.links]) ** 2
@@ -274,14 +274,14 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray) -> tu
     forces_of = np.empty(n)  # what deflects a mode, or moves a joint about as much, by 1
     forces_of[modes] = stiffness
     forces_of[joints] = softest * system.mass_matrix(q).diagonal()[joints]
-    pull = 1 / np.maximum(np.abs(_constraints(system, q)[0] / forces_of).max(axis=1), EXACT)
+    pull = 1 / np.maximum(np.abs(system.compiled.constraint_rates(0.0, q)[0] / forces_of).max(axis=1), EXACT)
 
     State = tuple[Array, Array]  # positions; accelerations of joints and multipliers
 
     def residual(state: State) -> Array:
         """Return the forces, accelerations of residuals and residuals that are left."""
         (positions, others), a = state, np.zeros(n)
-        J, rest_of_rates = _constraints(system, positions)
+        J, rest_of_rates = system.compiled.constraint_rates(0.0, positions)
         rates = _close_rates((J, rest_of_rates), v, following)
         a[joints] = softest * others[: len(joints)]
         forces = system.compiled.residual(0.0, positions, rates, a) - J.T @ (pull * others[len(joints) :])
@@ -307,21 +307,11 @@ def _find(system: CompiledSystem, q: Array, v: Array, following: IntArray) -> tu
     found = solve(start, residual, correction, move, _TOLERANCE, size=lambda change: largest(change[:k]), scale=reached)
     q = found.state[0]
     if found.converged and found.residual <= limits.LOOPS_AT_REST * reached(found.state) + limits.LOOPS_NO_FORCE:
-        return q, _close_rates(_constraints(system, q), v, following)
+        return q, _close_rates(system.compiled.constraint_rates(0.0, q), v, following)
     raise AccuracyError(
         f"no steady state: modes and joints still change by {found.size:.1e}, and forces of {found.residual:.1e} of "
         "what would deflect a mode by 1 are left; the scene turns too fast for the bodies' stiffness"
     )
-
-
-def _constraints(system: CompiledSystem, q: Array) -> tuple[Array, Array]:
-    """Return J (n_rows, n) and the rest of the residuals' rates ``J v + …`` (n_rows,).
-
-    It is found by one rate after the other: by way of the inverse mass matrix, massless combinations of modes spoil it.
-    """
-    none = np.zeros(system.n)
-    _, rest = system.compiled.residuals(0.0, q, none)
-    return np.stack([system.compiled.residuals(0.0, q, one)[1] - rest for one in np.eye(system.n)], axis=1), rest
 
 
 def _close_rates(constraints: tuple[Array, Array], v: Array, following: IntArray) -> Array:

@@ -145,7 +145,7 @@ def test_the_memory_of_a_factor_is_predicted_within_a_third(hexahedra: FEModel) 
         trim(0)  # else a factor takes what other tests have left, and the process doesn't grow
         return 4096 * int(statm.read_text().split()[1])
 
-    A = positive(assemble(SolidMesh(*hexahedral_bar(0.3, 0.1, 0.1, (18, 6, 6))), 2, hexahedra.material))
+    A = positive(assemble(SolidMesh(*hexahedral_bar(0.3, 0.1, 0.1, (15, 5, 5))), 2, hexahedra.material))
     factorise(A, "cholesky").solve(np.ones(A.shape[0]))  # what is loaded and made once
     gc.collect()
     kept, sizes = [], [resident()]

@@ -28,6 +28,7 @@ from fmd.dynamics.compiler.store import load_program
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import Signal
 from fmd.kernels.machine import LoadedObject
+from fmd.kernels.table import address_of
 
 # By name and by the digest of what they are traced from: mechanisms that differ in joints' numbers share one.
 _evaluations: RecentlyUsed[Evaluation] = RecentlyUsed(MOST_SHARED)
@@ -120,11 +121,11 @@ class CompiledMechanism:
 
     def call(self, name: str, *arrays: Array) -> None:
         """Call a function with its arrays, which have to be C-contiguous and of doubles."""
-        _prototype(len(arrays))(self.address(name))(*(array.ctypes.data for array in arrays))
+        _prototype(len(arrays))(self.address(name))(*map(address_of, arrays))
 
     def bound(self, name: str, *arrays: Array) -> Callable[[], None]:
         """Return a call of a function with arrays that stay where they are."""
-        function, places = _prototype(len(arrays))(self.address(name)), [array.ctypes.data for array in arrays]
+        function, places = _prototype(len(arrays))(self.address(name)), [*map(address_of, arrays)]
         kept = (arrays, self._object(name))  # as long as the call is
 
         def call() -> None:
@@ -234,6 +235,23 @@ class CompiledMechanism:
         if len(g):
             self.call("residuals", self.signal_values(t), *_contiguous(q, v), g, rates)
         return g, rates
+
+    def constraint_rates(self, t: float, q: Array) -> tuple[Array, Array]:
+        """Return J of the constraints' rates ``J v + …``, shape (n_rows, n), and their rest (n_rows,).
+
+        J is found by one rate after the other: by way of the inverse mass matrix, as `constraint_jacobian` finds it,
+        massless combinations of modes spoil it.
+        """
+        n, g, rates = self.mechanism.n, *np.zeros((2, len(self.rows)))
+        v, (positions,) = np.zeros(n), _contiguous(q)
+        call = self.bound("residuals", self.signal_values(t), positions, v, g, rates)
+        call()
+        rest, J = rates.copy(), np.empty((len(rates), n))
+        for k in range(n):
+            v[k] = 1.0
+            call()
+            v[k], J[:, k] = 0.0, rates - rest
+        return J, rest
 
     def multipliers(self, t: float, q: Array) -> tuple[Array, Array]:
         """Return ``M̂⁻¹ Jᵀ`` (n, n_rows) and ``J M̂⁻¹ Jᵀ`` (n_rows, n_rows) of the constraints."""
