@@ -19,7 +19,6 @@ from fmd.contact.gear_pair import ToothFlexibility, mesh_gears
 from fmd.core.cache import Cache
 from fmd.core.involute import GearPair, Tooth, involute, tight_distance
 from fmd.scene.gears import SpurGear
-from fmd.stages.tooth_flexibility import find_tooth_flexibility
 
 TABLE = Path(__file__).parent / "gears.csv"
 FINER = {"fillet": 9, "flank": 8, "across": 8, "rim": 6}
@@ -74,9 +73,7 @@ def load_gears(changes: dict[str, int]) -> tuple[Gears, float]:
     scene = load_scene("gears", [f"body.{name}.mesh={{{table}}}" for name in PAIRS[0]])
     run = Pipeline(scene, Cache(None))
     (torque,) = (output.torque for output in scene.output if output.type == "gear-mesh")
-    return {
-        name: (scene.body[name], find_tooth_flexibility(run.wholes[name], scene.body[name])) for name in PAIRS[0]
-    }, torque
+    return {name: (scene.body[name], run.wholes[name].tooth_flexibility) for name in PAIRS[0]}, torque
 
 
 def figures(gears: Gears, names: tuple[str, str], torque: float) -> Iterator[tuple[str, str, float, float]]:

@@ -20,6 +20,7 @@ from fmd.scene.force_elements import (
     LengthStop,
     Spring,
 )
+from fmd.scene.gear_teeth import GearTeethContact
 from fmd.scene.gears import GearMesh, GearTeethMesh, SpurGear
 from fmd.scene.histories import ExtremesTable, History, Quantities
 from fmd.scene.imported_bodies import (
@@ -165,6 +166,9 @@ places, markers of bodies or places on the ground, and takes nothing away from h
 """
 _CONTACT = """\
 A contact is a table `[contact.NAME]`; [Contact and friction](contact.md) tells how it is computed.
+"""
+_GEARS = """\
+Two spur gears in motion are a table `[gear_mesh.NAME]`; [Spur gears in mesh](gears.md) tells how the force is computed.
 """
 _ELONGATION = """\
 A formula holds `x`, the elongation in metres, in place of `t`, and else what formulas of the time hold.
@@ -321,6 +325,7 @@ SECTIONS = (
     Section("### Stop of a slide or a spring", LengthStop),
     Section("### Stop of a hinge", AngleStop),
     Section("## Contact", Contact, _CONTACT),
+    Section("## Gears in mesh", GearTeethContact, _GEARS),
     Section("## Simulation", Simulation),
     Section("## Runs", None, _RUNS),
     *(Section(f"### {run.title}", run) for run in RUNS),

@@ -215,6 +215,14 @@ def _describe_contact(own: dict[str, Any], errors: dict[str, Any]) -> str:
     return f"{own['begin_s']:.6g} to {own['end_s']:.6g} s, largest force {force}, impulse {impulse}"
 
 
+def _describe_teeth(own: dict[str, Any]) -> str:
+    """Write the transmission error of gears in motion, the forces between their teeth, and how long these part."""
+    error, varies = (scaled(own[key], "m") for key in ("mean_transmission_error_m", "peak_to_peak_m"))
+    least, largest = (scaled(own[key], "N") for key in ("least_force_n", "largest_force_n"))
+    apart = f", apart for {own['apart']:.1%} of the time" if own["apart"] else ""
+    return f"transmission error {error}, varies by {varies}; force {least} to {largest}{apart}"
+
+
 def _answers(summary: dict[str, Any]) -> list[str]:
     """Write what a run has found, a line each: stress, deflection, joints, responses, lives."""
     lines = []
@@ -234,6 +242,7 @@ def _answers(summary: dict[str, Any]) -> list[str]:
         lines += kind.describe(response)
     for name, own in summary.get("contacts", {}).items():
         lines.append(f"contact {name}: {_describe_contact(own, summary.get('contact_errors', {}).get(name, {}))}")
+    lines += [f"gear mesh {name}: {_describe_teeth(own)}" for name, own in summary.get("gear_meshes", {}).items()]
     for file, life in summary.get("fatigue", {}).items():
         repeats, place = life["repeats_to_failure"], f"node {life['node']} of {life['body']}"
         lasts = "nothing is damaged" if repeats is None else f"{place} lasts {repeats:.3g} repeats of the motion"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -54,6 +55,11 @@ class ToothFlexibility:
         read_only(self.middle)
         read_only(self.moved)
         read_only(self.stress)
+
+    @cached_property
+    def row_at(self) -> PchipInterpolator:
+        """Number of the row at a place on the middle of a tooth, with a fraction between rows."""
+        return PchipInterpolator(self.middle, np.arange(len(self.middle)))
 
 
 @dataclass(frozen=True)
@@ -133,6 +139,70 @@ def mesh_gears(
     return GearMeshAnswer(s, forces, error, stress, pressure, path, single)
 
 
+def press_gears(
+    pair: GearPair, flexibilities: Sequence[ToothFlexibility], width: float, approaches: Array, places: Array
+) -> Array:
+    """Turn two gears against one another, and return the force between their teeth.
+
+    Pairs touch off the path, too, where the gap of a tip to the other's flank is less than what the others yield. There
+    they yield as at the path's end.
+
+    Parameters
+    ----------
+    approaches : ndarray, shape (n,)
+        How far the gears are turned against one another beyond touch, along the line of action, ascending from 0 [m].
+    places : ndarray, shape (m,)
+        Of one of the pairs on the line of action [m].
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+        Force along the line of action [N].
+
+    Raises
+    ------
+    AccuracyError
+        The forces don't settle.
+    ValueError
+        Teeth touch that are farther apart than those that flexibilities are known of.
+    """
+    found, (begin, end), pitch = np.zeros((len(approaches), len(places))), pair.path, pair.pinion.base_pitch
+    for j, s in enumerate(places):
+        at = s + pitch * np.arange(np.floor((begin - s) / pitch) - 1.0, np.ceil((end - s) / pitch) + 2.0)
+        gaps = pair.gap(at)
+        near = gaps < approaches[-1]
+        contacts = [_Contact.of(pair, flexibilities, float(each)) for each in np.clip(at[near], begin, end)]
+        if min(len(own.moved) for own in flexibilities) < (teeth := 2 * len(contacts) - 1):
+            raise ValueError(
+                f"{len(contacts)} pairs of teeth touch at once; mesh.teeth = {teeth} is needed for both gears"
+            )
+        found[:, j] = _press(contacts, flexibilities, width, approaches[:, None] - gaps[near]).sum(axis=1)
+    return found
+
+
+def _press(
+    contacts: Sequence[_Contact], flexibilities: Sequence[ToothFlexibility], width: float, pressed: Array
+) -> Array:
+    """Return the forces of contacts by how far each is pressed, shapes (n, n_contacts) [N], [m]; none pulls."""
+    bulk, own = _bulk(contacts, flexibilities), np.eye(len(contacts))
+    touching, forces = pressed > 0.0, np.zeros(pressed.shape)
+    for _ in range(GEAR_PASSES):
+        local = np.stack(
+            [_local(each, flexibilities, width, force) for each, force in zip(contacts, forces.T, strict=True)], axis=1
+        )
+        both = touching[:, :, None] & touching[:, None, :]
+        flexibility = np.where(both, bulk + own * local[:, None, :], own)
+        before, forces = forces, np.linalg.solve(flexibility, np.where(touching, pressed, 0.0)[:, :, None])[:, :, 0]
+        pulls = touching & (forces < 0.0)
+        forces = np.maximum(forces, 0.0)
+        missed = ~touching & (pressed > forces @ bulk) & ~pulls.any(axis=1, keepdims=True)
+        touching = (touching & ~pulls) | missed
+        settled = np.abs(forces - before) <= GEAR_FORCES_SETTLE * forces.max(axis=1, keepdims=True)
+        if settled.all() and not (pulls | missed).any():
+            return forces
+    raise AccuracyError(f"the forces on {len(contacts)} pairs of teeth don't settle")
+
+
 @dataclass(frozen=True)
 class _Contact:
     """Where a pair of teeth touches: for each gear the roll angle, the load's weights, and the depth of the middle.
@@ -163,9 +233,7 @@ class _Contact:
             station = (n - 1) * (roll - tooth.form_roll) / (tooth.tip_roll - tooth.form_roll)
             place, inward = tooth.flank(roll), -tooth.normal(roll)
             depth = -place[1] / inward[1]
-            row = PchipInterpolator(own.middle, np.arange(len(own.middle)))(
-                np.clip(place[0] + depth * inward[0], own.middle[0], own.middle[-1])
-            )
+            row = own.row_at(np.clip(place[0] + depth * inward[0], own.middle[0], own.middle[-1]))
             loads.append(_quadratic(n, station)[:, None] * inward)
             measures.append(_quadratic(len(own.middle), float(row))[:, None] * inward)
             depths.append(float(depth))
@@ -188,7 +256,7 @@ def _divide(
     bulk, forces = _bulk(contacts, flexibilities), np.full(len(contacts), load / len(contacts))
     touching = np.arange(len(contacts))
     for _ in range(GEAR_PASSES):
-        local = [_local(contacts[k], flexibilities, width, float(forces[k])) for k in touching.tolist()]
+        local = [_local(contacts[k], flexibilities, width, forces[k]) for k in touching.tolist()]
         given = np.linalg.solve(bulk[np.ix_(touching, touching)] + np.diag(local), np.ones(len(touching)))
         yielded = load / given.sum()
         before, forces = forces, np.zeros(len(contacts))
@@ -212,12 +280,13 @@ def _bulk(contacts: Sequence[_Contact], flexibilities: Sequence[ToothFlexibility
     return 0.5 * (total + total.T)
 
 
-def _local(contact: _Contact, flexibilities: Sequence[ToothFlexibility], width: float, force: float) -> float:
-    """Return the approach of both flanks to the middles of their teeth over a force [m/N]."""
+def _local(contact: _Contact, flexibilities: Sequence[ToothFlexibility], width: float, force: Array) -> Array:
+    """Return the approach of both flanks to the middles of their teeth over each of some forces [m/N]."""
     supple = [_suppleness(own) for own in flexibilities]
-    half_width = np.sqrt(4.0 * max(force, np.finfo(float).tiny) / width * contact.radius * sum(supple))
+    half_width = np.sqrt(4.0 * np.maximum(force, np.finfo(float).tiny) / width * contact.radius * sum(supple))
     pairs = zip(supple, flexibilities, contact.depths, strict=True)
-    return float(sum(c * (2.0 * np.log(2.0 * h / half_width) - own.nu / (1.0 - own.nu)) for c, own, h in pairs) / width)
+    yields = [c * (2.0 * np.log(2.0 * h / half_width) - own.nu / (1.0 - own.nu)) for c, own, h in pairs]
+    return np.asarray(sum(yields) / width)
 
 
 def _suppleness(own: ToothFlexibility) -> float:

@@ -157,6 +157,37 @@ class GearPair:
         whole = self.distance * math.sin(self.alpha)
         return s / self.pinion.base_radius, (whole - s) / self.wheel.base_radius
 
+    def place(self, angle: float) -> float:
+        """Return where on the line of action a flank touches, beyond the path too [m].
+
+        Parameters
+        ----------
+        angle : float
+            From the line of the axes to the axis of the pinion's tooth, in the sense in which that flank drives [rad].
+        """
+        return self.pinion.base_radius * (angle + self.pinion.base_angle + self.alpha)
+
+    def gap(self, s: Array) -> Array:
+        """Return how far flanks are apart that would touch at places (n,) of the line of action, along it [m].
+
+        On the path they touch. Before it and beyond it the tip of one tooth is what comes nearest to the other's flank.
+        """
+        whole = self.distance * math.sin(self.alpha)
+        before, after = self._tip_gap(self.wheel, self.pinion, whole - s), self._tip_gap(self.pinion, self.wheel, s)
+        begin, end = self.path
+        return np.where(s > end, after, np.where(s < begin, before, 0.0))
+
+    def _tip_gap(self, tipped: Tooth, other: Tooth, s: Array) -> Array:
+        """Return the gap of a tooth's tip to the other's flank, by places from where the line leaves its base circle.
+
+        Tip and flank of equal radius about the other's axis are compared by their angles about it.
+        """
+        angle = s / tipped.base_radius - self.alpha - involute(tipped.tip_roll)
+        x, y = self.distance - tipped.tip_radius * np.cos(angle), tipped.tip_radius * np.sin(angle)
+        roll = np.sqrt(np.maximum((x**2 + y**2) / other.base_radius**2 - 1.0, 0.0))
+        met = (self.distance * math.sin(self.alpha) - s) / other.base_radius
+        return np.asarray(other.base_radius * (self.alpha - met + roll - np.arctan(roll) - np.arctan2(y, x)))
+
     @property
     def backlash(self) -> float:
         """Gap between the flanks that don't touch, on the working pitch circles [m]; below 0 the teeth jam."""

@@ -157,4 +157,86 @@ class SpeedDependentBearing(SixAxisSpring):
     damper: StateCurve = field(kw_only=True)
 
 
-Element = PointSpring | SixAxisSpring
+@dataclass(frozen=True)
+class MeshEnergy:
+    """Elastic energy of the teeth of two gears, ``V = Σ A_r(x) b_r(s)`` by their approach x and the place s of a pair.
+
+    Parameters
+    ----------
+    of_approach : tuple of StateCurve
+        Each A_r, 0 with its first two derivatives for no approach [N m].
+    of_place : tuple of StateCurve
+        Each b_r, over a base pitch.
+    stiffest : float
+        Largest stiffness [N/m].
+    mean : float
+        That under the load for which the curves were made, on the average [N/m].
+    reach : float
+        Largest approach of the curves' nodes, beyond which forces rise straight [m].
+    error : float
+        Largest error of the force between nodes up to that load, over the load.
+    """
+
+    of_approach: tuple[StateCurve, ...]
+    of_place: tuple[StateCurve, ...]
+    stiffest: float
+    mean: float
+    reach: float
+    error: float
+
+
+@dataclass(frozen=True)
+class GearTeeth(_Pair):
+    """Teeth of two gears on hinges of the ground, which push one another along their two lines of action.
+
+    With the angles θ of both about the axis, ``x = r₁ θ₁ + r₂ θ₂ − rest`` is how far the flanks of one side are
+    pressed, ``−x − backlash`` those of the other; each has the energy ``V(x, s)`` and the force
+    ``∂V/∂x + τ ∂²V/∂x² ẋ``. As V depends on the place s, too, the pinion has a torque ``−r₁ ∂V/∂s`` beside that of the
+    force.
+
+    Parameters
+    ----------
+    radii : tuple of float
+        Of the base circles of pinion and wheel, which the ends are on [m].
+    alpha : float
+        Working pressure angle [rad].
+    axis, centres : ndarray, shape (3,)
+        Unit vectors in space: the axis about which angles count, and from the pinion's centre to the wheel's.
+    senses : tuple of float
+        1 for each gear whose hinge turns about that axis, −1 about the opposite one.
+    rest : float
+        Value of ``r₁ θ₁ + r₂ θ₂`` where flanks touch [m].
+    places : tuple of float
+        Of the flanks of both sides for ``θ₁ = 0`` [m].
+    backlash : float
+        Gap of the flanks of one side where the others touch [m].
+    energy : MeshEnergy
+        The teeth's.
+    damping : float
+        Time τ [s].
+    """
+
+    radii: tuple[float, float]
+    alpha: float
+    axis: Array
+    centres: Array
+    senses: tuple[float, float]
+    rest: float
+    places: tuple[float, float]
+    backlash: float
+    energy: MeshEnergy
+    damping: float
+    title: ClassVar[str] = "gear mesh"
+
+    def linearise(self, J: Array, swing: Array, strain: Array) -> Matrices:
+        """Return the matrices of teeth in touch: their mean stiffness, and what the stiffest add."""
+        along, stiffer = J[:1].T @ J[:1], self.energy.stiffest - self.energy.mean
+        K, more = self.energy.mean * along, stiffer * along
+        return K, self.damping * K, more, self.damping * more
+
+    def unit_loads(self, apart: Array, axes: Array) -> list[tuple[Array, float]]:
+        """Return none: hinges that turn leave no load between teeth open."""
+        return []
+
+
+Element = PointSpring | SixAxisSpring | GearTeeth

@@ -82,6 +82,11 @@ class StateCurve:
     cubics: tuple[tuple[float, float, float, float], ...]
     period: float = 0.0
 
+    @property
+    def slope(self) -> StateCurve:
+        """The curve's derivative."""
+        return StateCurve(self.knots, tuple((b, 2.0 * c, 3.0 * d, 0.0) for _, b, c, d in self.cubics), self.period)
+
     def values(self, x: Array) -> Array:
         """Return the values at places, of a curve without a period."""
         piece = np.maximum(np.searchsorted(self.knots, x, side="right") - 1, 0)

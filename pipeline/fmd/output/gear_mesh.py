@@ -19,7 +19,6 @@ from fmd.output.output_kinds import OutputKind, ResponseKind
 from fmd.scene.gears import find_pair
 from fmd.scene.variants import refine_meshes
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.tooth_flexibility import find_tooth_flexibility
 
 if TYPE_CHECKING:
     from fmd.scene.gears import GearMesh, GearTeethMesh
@@ -87,16 +86,15 @@ def _figures(found: GearMeshAnswer, every: int = 1) -> dict[str, float]:
 
 def compute_gear_mesh(run: Pipeline, output: GearMesh) -> MeshedGears:
     """Compute the static mesh of two gears, and the same with fewer elements each way."""
+    names = output.pinion, output.wheel
 
     def mesh(of: Pipeline) -> tuple[GearPair, float, GearMeshAnswer]:
-        pinion, wheel, pair = find_pair(output, of.scene.body)
-        load, gears = output.torque / pair.pinion.base_radius, {output.pinion: pinion, output.wheel: wheel}
-        flexibilities = {name: find_tooth_flexibility(of.wholes[name], gear) for name, gear in gears.items()}
-        both = [flexibilities[name] for name in (output.pinion, output.wheel)]
+        pinion, _, pair = find_pair(*names, output.distance, of.scene.body)
+        load, both = output.torque / pair.pinion.base_radius, [of.wholes[name].tooth_flexibility for name in names]
         return pair, load, mesh_gears(pair, both, pinion.width, load, output.points)
 
     def meshed(scene: Scene) -> list[GearTeethMesh]:
-        return [gear.mesh for gear in find_pair(output, scene.body)[:2]]
+        return [gear.mesh for gear in find_pair(*names, output.distance, scene.body)[:2]]
 
     coarser = refine_meshes(run.scene, 1.0 / COARSER_GEARS)
     if coarser is None or any(x == y for x, y in zip(meshed(coarser), meshed(run.scene), strict=True)):
@@ -160,7 +158,7 @@ def _with_error(summary: dict[str, Any], key: str, unit: str) -> tuple[str, str]
 def _read(_run: Pipeline, output: GearMesh) -> Iterator[tuple[str, str]]:
     """Iterate over the stages of both gears."""
     for body in (output.pinion, output.wheel):
-        yield from ((stage, body) for stage in ("mesh", "assembly"))
+        yield from ((stage, body) for stage in ("mesh", "assembly", "teeth"))
 
 
 KINDS = {

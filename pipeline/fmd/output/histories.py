@@ -22,7 +22,7 @@ from fmd.output.error_table import write_errors
 from fmd.output.output_kinds import OutputKind
 from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion import Motion
-from fmd.recovery.motion_file import OF_FORMULA, Variable, gather_runs
+from fmd.recovery.motion_file import OF_FORMULA, Variable, gather_runs, gear_variables
 from fmd.recovery.quantities import (
     coordinate_variables,
     energy_variables,
@@ -136,6 +136,8 @@ def history_variables(run: Pipeline, output: Quantities, motion: Motion) -> list
             found += coordinate_variables(motion, joints, rates=quantity == "joint_rate")
         elif quantity == "joint_reaction":
             found += reaction_variables(motion, output.joints or tuple(run.scene.joint), in_body)
+        elif quantity == "gear_mesh":
+            found += gear_variables(motion)
         elif quantity == "energy":
             found += energy_variables(motion)
         elif quantity == "element_stress":

@@ -21,6 +21,7 @@ from fmd.output.contacts import contact_figures, contact_warnings
 from fmd.output.explain import STAGES
 from fmd.output.figure_errors import figure_errors
 from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
+from fmd.output.gear_teeth import gear_teeth_figures, gear_teeth_warnings
 from fmd.output.mechanism_figures import (
     coupling_warnings,
     loop_figures,
@@ -71,7 +72,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         summary["bodies"] = {name: own | _body(run, name) for name, own in frequencies_by_body(run).items()}
     summary["warnings"] = run_warnings(run)
     first, fine = run.motion, run.fine_motion
-    summary |= loop_figures(run) | periodic_figures(run) | contact_figures(run)
+    summary |= loop_figures(run) | periodic_figures(run) | contact_figures(run) | gear_teeth_figures(run)
     summary["largest_stable_step_s"] = run.system.largest_step if run.system.n else None
     summary["integrations"] = _integrations(run)
     summary["final"] = first.final() | _former_names(first)
@@ -134,6 +135,7 @@ def run_warnings(run: Pipeline) -> list[dict[str, str]]:
         *coupling_warnings(run),
         *_sampling_warnings(run),
         *contact_warnings(run),
+        *gear_teeth_warnings(run),
     ]
 
 

@@ -18,6 +18,8 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``C.damping_work``                   of its damping since the start
 ``C.area``, ``C.peak_pressure``      of a contact's pressed points
 ``C.energy``                         of a contact: of the deflection that the modes leave out
+``G.force``                          of gears in mesh G, along the line of action; below 0 of the other flanks
+``G.transmission_error``             how far they are turned against one another beyond touch, along that line
 ``centre_of_mass``                   of all bodies
 ``momentum``, ``angular_momentum``   of all bodies, the latter about the ground's origin
 ``kinetic_energy``                   of all bodies
@@ -42,6 +44,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.netcdf import NetcdfBlock, NetcdfVariable, empty_variable, write_netcdf
 from fmd.core.rotations import quaternion_of_matrix
+from fmd.dynamics.elements import GearTeeth
 from fmd.recovery.motion import Motion
 
 if TYPE_CHECKING:
@@ -156,6 +159,7 @@ def _gather_motions(
 def motion_variables(motion: Motion) -> list[Variable]:
     """Compute all variables of a motion; no name comes twice."""
     variables = [*_whole_variables(motion), *_body_variables(motion), *_contact_variables(motion)]
+    variables += gear_variables(motion)
     taken = {variable.name for variable in variables}
     for variable in joint_variables(motion):
         variables.append(variable._replace(name=f"joint.{variable.name}") if variable.name in taken else variable)
@@ -211,6 +215,17 @@ def _contact_variables(motion: Motion) -> Iterator[Variable]:
         yield Variable(f"{name}.energy", own.energy, (), "J", f"energy of deflection beside the modes, contact {name}")
         yield Variable(f"{name}.friction_work", own.friction_work, (), "J", f"friction's work in contact {name}")
         yield Variable(f"{name}.damping_work", own.damping_work, (), "J", f"damping's work in contact {name}")
+
+
+def gear_variables(motion: Motion) -> Iterator[Variable]:
+    """Variables of each two gears in mesh."""
+    for own in motion.mechanism.elements:
+        if isinstance(own, GearTeeth):
+            force = motion.kinematics.wrenches(own)[:, 1, 3:] @ own.axis / -own.radii[1]
+            text = f"force between the teeth of {own.name} along the line of action, below 0 on the other flanks"
+            yield Variable(f"{own.name}.force", force, (), "N", text)
+            text = f"turn of the gears of {own.name} against one another beyond touch, along the line of action"
+            yield Variable(f"{own.name}.transmission_error", motion.kinematics.strain(own)[0][:, 0], (), "m", text)
 
 
 def joint_variables(motion: Motion) -> Iterator[Variable]:

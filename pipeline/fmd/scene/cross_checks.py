@@ -12,7 +12,7 @@ from fmd.core.units import unit_ratio
 from fmd.scene.contacts import check_bodies, check_faces, check_surface
 from fmd.scene.controllers import Controller
 from fmd.scene.curves import TimeFunction
-from fmd.scene.gears import check_gears
+from fmd.scene.gear_teeth import check_gears
 from fmd.scene.histories import Quantities
 from fmd.scene.joints.any_joint import Joint, kinds_that
 from fmd.scene.joints.joint import RATE_KEYS, CarryingJoint
@@ -56,6 +56,7 @@ class CrossCheck:
             *self._check_elements(),
             *self._check_contacts(),
             *self._check_couplers(),
+            *check_gears(self.scene),
             *self._check_simulation(),
             *self._check_outputs(),
         ]
@@ -249,7 +250,6 @@ class CrossCheck:
                 yield from self._check_quantities(output, "output", number)
             elif isinstance(output, BodyPicture | MechanismView | Export):
                 yield from self._check_picture(output, "output", number)
-        yield from check_gears(self.scene.output, self.scene.body)
         yield from self._check_files()
 
     def _check_chart(self, chart: Chart, *path: str | int) -> Iterator[FaultError]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from math import ceil, pi, sin
 from typing import Annotated, Any, Literal
@@ -155,6 +155,11 @@ class SpurGear(Solid):
             raise FaultError(f"must be less than the root circle's diameter, {2e3 * tooth.root_radius:.5g} mm", "bore")
 
 
+def has_teeth(body: Any) -> bool:
+    """Return true for a gear."""
+    return isinstance(body, SpurGear)
+
+
 class GearMesh(SceneTable):
     """Static mesh of two spur gears: transmission error, stiffness, shares of the load and stress at the roots.
 
@@ -198,8 +203,15 @@ class GearMesh(SceneTable):
     title: str = ""
 
 
-def find_pair(output: GearMesh, bodies: Mapping[str, Any]) -> tuple[SpurGear, SpurGear, GearPair]:
-    """Return pinion and wheel of an output, and their geometry in mesh.
+def find_pair(
+    pinion_name: str, wheel_name: str, distance: float | None, bodies: Mapping[str, Any]
+) -> tuple[SpurGear, SpurGear, GearPair]:
+    """Return pinion and wheel by their names, and their geometry in mesh.
+
+    Parameters
+    ----------
+    distance : float, optional
+        Of the axes [m]; that without backlash by default.
 
     Raises
     ------
@@ -207,10 +219,10 @@ def find_pair(output: GearMesh, bodies: Mapping[str, Any]) -> tuple[SpurGear, Sp
         They aren't two spur gears, don't mesh, jam, or touch beside their involutes; or too few teeth are meshed.
     """
     gears = {name: body for name, body in bodies.items() if isinstance(body, SpurGear)}
-    for key in ("pinion", "wheel"):
-        if (name := getattr(output, key)) not in gears:
+    for key, name in (("pinion", pinion_name), ("wheel", wheel_name)):
+        if name not in gears:
             raise UnknownNameError("spur gear", name, gears, "the spur gears", key)
-    pinion, wheel = gears[output.pinion], gears[output.wheel]
+    pinion, wheel = gears[pinion_name], gears[wheel_name]
     for key in ("module", "pressure_angle", "width"):
         own, other = getattr(wheel, key), getattr(pinion, key)
         if own != other:
@@ -219,11 +231,11 @@ def find_pair(output: GearMesh, bodies: Mapping[str, Any]) -> tuple[SpurGear, Sp
             )
     tight = tight_distance(pinion.tooth, wheel.tooth)
     least = pinion.tooth.base_radius + wheel.tooth.base_radius
-    if tight is None and output.distance is None:
+    if tight is None and distance is None:
         fault = "is needed, since gears of such shifts have backlash at any distance of their axes; more than"
         raise FaultError(f"{fault} {1e3 * least:.5g} mm, or larger shifts, help", "distance")
     nearest = f"more than {1e3 * least:.7g} mm works" if tight is None else f"{1e3 * tight:.7g} mm is without backlash"
-    pair = GearPair(pinion.tooth, wheel.tooth, output.distance or tight or least)
+    pair = GearPair(pinion.tooth, wheel.tooth, distance or tight or least)
     if pair.distance < max(least, (tight or least) * (1.0 - JAMMED)):
         raise FaultError(f"lets the teeth jam; {nearest}", "distance")
     if pair.contact_ratio < 1.0:
@@ -242,14 +254,3 @@ def _check_teeth(pair: GearPair, gears: Mapping[str, SpurGear]) -> None:
             raise FaultError(f"{fault}, or a larger shift here, helps", key)
         if gear.meshed_teeth < needed:
             raise FaultError(f"has {gear.meshed_teeth} teeth in its mesh; mesh.teeth = {needed} is needed", key)
-
-
-def check_gears(outputs: Sequence[Any], bodies: Mapping[str, Any]) -> Iterator[FaultError]:
-    """Yield the faults of outputs whose gears don't mesh."""
-    for number, output in enumerate(outputs):
-        try:
-            if isinstance(output, GearMesh):
-                find_pair(output, bodies)
-        except FaultError as fault:
-            fault.path = ("output", number, *fault.path)
-            yield fault

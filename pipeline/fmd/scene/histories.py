@@ -25,6 +25,7 @@ HISTORY_QUANTITIES = {
     "marker_acceleration": "acceleration of each of `markers` in space, as an accelerometer has it but for gravity",
     "element_stress": "each of `components` of the stress in the middle of each of `elements`",
     "node_stress": "each of `components` of the stress at each of `nodes`",
+    "gear_mesh": "force and transmission error of each two gears in mesh, along the line of action",
     "energy": "kinetic and potential energy of all bodies",
 }
 

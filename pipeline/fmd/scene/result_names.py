@@ -121,6 +121,8 @@ def _asked_quantity(scene: Scene, name: str) -> dict[str, Any] | None:
             return {"quantities": ["joint_reaction"], "joints": [first]}
         if parts[1] in _ALONG_JOINTS:
             return {"quantities": ["joint_position", "joint_rate"], "joints": [first]}
+    if first in scene.gear_mesh and parts[1:] in (["force"], ["transmission_error"]):
+        return {"quantities": ["gear_mesh"]}
     return None
 
 
@@ -128,5 +130,6 @@ def _examples(scene: Scene) -> list[str]:
     """Return names of results that a run has."""
     found = ["tip", "mass", *(f"{body}.{kind}" for body in scene.flexible for kind in ("stress", "frequency.1"))]
     found += [f"{joint}.{kind}" for joint in scene.joint for kind in ("force", "position")]
+    found += [f"{mesh}.{kind}" for mesh in scene.gear_mesh for kind in ("force", "transmission_error")]
     markers = [f"{body}.{marker}" for body, table in scene.body.items() for marker in table.marker]
     return [*found, *(f"{marker}.position" for marker in markers)]

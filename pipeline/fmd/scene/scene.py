@@ -77,6 +77,8 @@ class Scene(SceneTables):
         Force elements between two places, by name.
     contact : dict
         Faces that may touch a plane, by name.
+    gear_mesh : dict
+        Spur gears whose teeth push one another in motion, by name.
     simulation_table : Simulation, optional
         The integration over time. Without it the scene has meshes and modes alone, and its bodies need no joint.
     reference : PublishedResults, optional

@@ -13,6 +13,7 @@ from fmd.scene.contacts import Contact
 from fmd.scene.controllers import AnyController
 from fmd.scene.fit import FitTable
 from fmd.scene.force_elements import Bearing, Bushing, ForceElement, Spring
+from fmd.scene.gear_teeth import GearTeethContact
 from fmd.scene.joints.any_joint import Joint, closing_joints
 from fmd.scene.loads import Drive, MarkerLoad
 from fmd.scene.outputs import Output, with_only_body
@@ -36,6 +37,7 @@ class SceneTables(SceneTable):
     bushing: dict[Name, Bushing] = Field(default_factory=dict)
     bearing: dict[Name, Bearing] = Field(default_factory=dict)
     contact: dict[Name, Contact] = Field(default_factory=dict)
+    gear_mesh: dict[Name, GearTeethContact] = Field(default_factory=dict)
     simulation_table: Simulation | None = Field(default=None, alias="simulation")
     output: tuple[Output, ...] = ()
     fit: FitTable | None = None

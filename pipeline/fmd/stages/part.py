@@ -16,6 +16,7 @@ from fmd.fem.surface import surface_elements
 from fmd.recovery.stress import point_stress
 from fmd.reduction.inertia import add_normal_blocks
 from fmd.scene.bar import Bar
+from fmd.scene.gears import has_teeth
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.propeller import Propeller
 from fmd.scene.reduced_bodies import ReducedPart
@@ -34,6 +35,7 @@ from fmd.stages.stage import ALL_PACKAGES, Stage, stages_of
 from fmd.stages.store import StageStore
 
 if TYPE_CHECKING:
+    from fmd.contact.gear_pair import ToothFlexibility
     from fmd.contact.touching_body import ContactPoints
     from fmd.fem.formats.matrix_model import MatrixModel
     from fmd.fem.markers import Marker
@@ -54,6 +56,8 @@ _SHAPES = ("fmd/meshes", "fmd/core/involute.py")
 _REDUCTION = ("fmd/fem", "fmd/reduction", *_BASIS)
 _STRESS = ("fmd/fem", "fmd/recovery/stress.py")
 _DEFORMATION = ("fmd/fem", "fmd/recovery/deformation.py")
+_OF_TEETH = "tooth_flexibility:find_tooth_flexibility"
+_TEETH = (*_SHAPES, *_REDUCTION, *_STRESS, "fmd/contact/gear_pair.py", "fmd/stages/tooth_flexibility.py")
 # Of another scene's part with the same modes: enrichment, damping and the joint's frame leave them alone.
 _OF_THE_MODES = ("mesh", "assembly", "modes", "surface")
 _OF_THE_PART = ("shape", "joint", "contact_faces", "frame", "stiffening")  # and its files: all that its results are of
@@ -137,6 +141,9 @@ class FlexiblePart(KeyedPart):
         (*_REDUCTION, "fmd/contact"),
         ALL_PACKAGES,
         applies=lambda part: bool(part.contact_faces),
+    )
+    tooth_flexibility: Stage[ToothFlexibility] = Stage(
+        "teeth", _OF_TEETH, ("mesh", "assembly"), assembly_inputs, _TEETH, applies=lambda part: has_teeth(part.shape)
     )
     inertia_along_normal: Stage[Array] = Stage(
         "inertia",

@@ -64,10 +64,11 @@ def _build_mechanism(run: Pipeline) -> Mechanism:
     mechanism = build_like(run.built, run.divided_scene, run.bodies)
     mechanism = keep_what_counts(mechanism, run.stiffening_loads, run.scene.simulation.error)
     mechanism = with_whole_energy(mechanism) if run.whole_energy else mechanism
-    if not run.scene.contact:
-        return mechanism
-    add_contacts: Callable[[Pipeline, Mechanism], Mechanism] = import_module("fmd.stages.contacts").add_contacts
-    return add_contacts(run, mechanism)
+    if run.scene.gear_mesh:
+        mechanism = import_module("fmd.stages.gear_teeth").add_gear_teeth(run, mechanism)
+    if run.scene.contact:
+        mechanism = import_module("fmd.stages.contacts").add_contacts(run, mechanism)
+    return mechanism
 
 
 def _make_system(run: Pipeline) -> CompiledSystem:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -18,11 +18,12 @@ if TYPE_CHECKING:
     from fmd.stages.part import FlexiblePart
 
 
-def find_tooth_flexibility(part: FlexiblePart, gear: SpurGear) -> ToothFlexibility:
+def find_tooth_flexibility(part: FlexiblePart) -> ToothFlexibility:
     """Load the flank of a gear's middle tooth, with its bore held, and return what that moves and stresses.
 
     Points of links, which are behind the mesh's nodes and have no stiffness of their own, are left out.
     """
+    gear: Any = part.shape
     x, block = part.space.x, tooth_block(gear)
     tree, beside = cKDTree(x), gear.meshed_teeth // 2
     turns = [_turn(2.0 * np.pi * k / gear.teeth) for k in range(-beside, beside + 1)]

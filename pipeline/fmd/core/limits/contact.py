@@ -84,6 +84,14 @@ GEAR_PASSES = 100  # in which they have to
 COARSER_GEARS = 1.5  # elements each way over those that the error by the mesh is found with
 ROLL_PASSES = 100  # of Newton's method for the roll angle without backlash
 ROUNDED_ROLL = 1e-12  # of this angle: a correction that is its round-off
+OVERLOAD = 4.0  # times the torque that is given: up to which forces between teeth in motion are tabulated
+APPROACHES = 24  # at which they are
+USUAL_MESH_STIFFNESS = 1.5e10  # [N/m²]: of steel gears over their width, from which the search of the largest begins
+PLACES_OF_PITCH = 128  # within a pitch, at which they are
+LEFT_OUT_FORCE = 2e-4  # of the largest force: what products of curves of approach and place may leave out of the table
+LARGE_TABLE_ERROR = 0.02  # of the load: error of a table of forces between teeth that is warned of
+LIGHT_TEETH = 0.02  # of a gear's inertia: what teeth that aren't meshed would add is warned of from here on
+SKEWED_GEARS = 1e-6  # of the distance of axes: gears whose middles are farther apart along these don't mesh
 JAMMED = 1e-9  # of the distance of axes without backlash: less by more jams the teeth
 
 # Rigid bodies.

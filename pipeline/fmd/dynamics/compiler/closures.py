@@ -35,9 +35,10 @@ from fmd.dynamics.compiler.algebra import (
 )
 from fmd.dynamics.compiler.bodies import Inertia
 from fmd.dynamics.compiler.coordinates import Coordinates
-from fmd.dynamics.compiler.forces import PushedForces, joint_grip, section_angle
+from fmd.dynamics.compiler.forces import PushedForces
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, total
+from fmd.dynamics.compiler.joint_motion import joint_grip, section_angle
 from fmd.dynamics.compiler.places import PlaceMotion, trace_place
 from fmd.dynamics.compiler.recursion import BodyValues
 from fmd.dynamics.mechanism import Mechanism

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from fmd.core.limits.mechanism import SHORTEST_SPRING
 from fmd.dynamics.compiler.algebra import (
@@ -22,8 +25,10 @@ from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.formulas import trace_periodic_table
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, Terms, total
+from fmd.dynamics.compiler.joint_motion import joint_elongation
 from fmd.dynamics.compiler.places import PlaceMotion, trace_place
-from fmd.dynamics.elements import Attachment, Element, PointSpring, SixAxisSpring, SpeedDependentBearing
+from fmd.dynamics.elements import Attachment, Element, GearTeeth, PointSpring, SixAxisSpring, SpeedDependentBearing
+from fmd.dynamics.state_functions import StateCurve
 
 _AXES = range(3)
 Matrix = list[list[Scalar | float]]
@@ -62,7 +67,8 @@ def trace_strain(
 ) -> tuple[list[Scalar], list[Scalar], Vector3]:
     """Trace the strain of a force element, its rate, and the rate of the vector from its first place to its second one.
 
-    Of a spring the strain is its elongation [m], of a bushing displacement [m] and, if it counts, rotation [rad].
+    Of a spring the strain is its elongation [m], of a bushing displacement [m] and, if it counts, rotation [rad], of
+    gears how far the flanks of one side are pressed [m].
     """
     motion = _trace_motion(inputs, frames, element)
     return *motion.strains(), subtract(motion.second.v, motion.first.v)
@@ -87,8 +93,13 @@ def trace_elongation(
     return *motion.stretch, motion.apart
 
 
-def _trace_motion(inputs: Coordinates, frames: list[MovingFrame], element: Element) -> _SpringMotion | _BushingMotion:
+def _trace_motion(
+    inputs: Coordinates, frames: list[MovingFrame], element: Element
+) -> _SpringMotion | _BushingMotion | _GearMotion:
     first, second = (trace_end(inputs, frames, end) for end in element.ends)
+    if isinstance(element, GearTeeth):
+        numbers = (inputs.mechanism.number_of(end.body) for end in element.ends)
+        return _GearMotion(element, first, second, [joint_elongation(inputs, frames[number]) for number in numbers])
     if isinstance(element, PointSpring):
         return _SpringMotion(element, first, second)
     if isinstance(element, SpeedDependentBearing):
@@ -200,3 +211,63 @@ class _BearingMotion(_BushingMotion):
         for A, curve in ((K, self.element.radial), (C, self.element.damper)):
             A[0][0] = A[1][1] = trace_periodic_table(curve.knots, curve.cubics, curve.period, rate)
         return K, C
+
+
+@dataclass
+class _GearMotion:
+    """Teeth of two gears that turn on hinges."""
+
+    element: GearTeeth
+    first: PlaceMotion
+    second: PlaceMotion
+    hinges: Sequence[tuple[Scalar, Scalar]]  # angle and rate of each
+
+    def __post_init__(self) -> None:
+        """Trace how far the flanks of both sides are pressed, and where they touch."""
+        own = self.element
+        arms = [sense * radius for sense, radius in zip(own.senses, own.radii, strict=True)]
+        along, self.rate = (
+            total(part * arm for part, arm in zip(both, arms, strict=True)) for both in zip(*self.hinges, strict=True)
+        )
+        self.pressed = along - own.rest
+        rolled = self.hinges[0][0] * arms[0]
+        self.sides = ((self.pressed, rolled + own.places[0]), (-self.pressed - own.backlash, own.places[1] - rolled))
+
+    def strains(self) -> tuple[list[Scalar], list[Scalar]]:
+        """Return how far the flanks of one side are pressed, and its rate, one of each."""
+        return [self.pressed], [self.rate]
+
+    def energy(self) -> Scalar:
+        """Return the elastic energy."""
+        curves = self.element.energy.of_approach, self.element.energy.of_place
+        return total(_sum_of_products(*curves, *side) for side in self.sides)
+
+    def actions(self) -> list[Action]:
+        """Return force and moment on both gears, of the wheel first; forces are along the lines of action."""
+        own, energy = self.element, self.element.energy
+        slopes = [curve.slope for curve in energy.of_approach]
+        turning = [curve.slope for curve in energy.of_place]
+        bends = [slope.slope for slope in slopes]
+        pushes, torques = list[Scalar](), list[Scalar]()
+        for sense, side in zip((1.0, -1.0), self.sides, strict=True):
+            push = _sum_of_products(slopes, energy.of_place, *side)
+            if own.damping:
+                push = push + _sum_of_products(bends, energy.of_place, *side) * self.rate * (sense * own.damping)
+            pushes.append(push)
+            torques.append(_sum_of_products(energy.of_approach, turning, *side) * sense)
+        apart, around = pushes[0] + pushes[1], pushes[0] - pushes[1]
+        graph = around.graph
+        centres, across, axis = (constants(graph, x) for x in (own.centres, np.cross(own.axis, own.centres), own.axis))
+        force = add(scale(apart * np.sin(own.alpha), centres), scale(around * np.cos(own.alpha), across))
+        on_wheel = scale(around * -own.radii[1], axis)
+        on_pinion = scale((around + total(torques)) * -own.radii[0], axis)
+        return [Action(self.second, force, on_wheel), Action(self.first, scale(-1.0, force), on_pinion)]
+
+
+def _sum_of_products(one: Sequence[StateCurve], other: Sequence[StateCurve], x: Scalar, s: Scalar) -> Scalar:
+    """Return the sum of products of curves of two variables."""
+    pairs = zip(one, other, strict=True)
+    return total(
+        trace_periodic_table(a.knots, a.cubics, a.period, x) * trace_periodic_table(b.knots, b.cubics, b.period, s)
+        for a, b in pairs
+    )

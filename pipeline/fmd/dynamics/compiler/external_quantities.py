@@ -8,10 +8,10 @@ from fmd.core.arrays import Array
 from fmd.core.limits.code import TINY_SQUARE
 from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.coordinates import Coordinates
-from fmd.dynamics.compiler.forces import joint_elongation
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, total
 from fmd.dynamics.compiler.joint_loads import trace_joint_loads
+from fmd.dynamics.compiler.joint_motion import joint_elongation
 from fmd.dynamics.compiler.places import trace_place
 
 

@@ -15,7 +15,8 @@ from fmd.dynamics.compiler.coordinates import JOINT_CONSTANTS, Coordinates, Rest
 from fmd.dynamics.compiler.elements import trace_actions, trace_elongation
 from fmd.dynamics.compiler.formulas import trace_periodic_table, trace_state_formula
 from fmd.dynamics.compiler.frames import MovingFrame, trace_place_on_body
-from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector, combine
+from fmd.dynamics.compiler.graph import Graph, Scalar, Terms, Vector
+from fmd.dynamics.compiler.joint_motion import joint_elongation, joint_grip
 from fmd.dynamics.compiler.places import trace_place
 from fmd.dynamics.elements import PointSpring
 from fmd.dynamics.law_pieces import find_piecewise_laws
@@ -177,15 +178,6 @@ def joint_load(inputs: Coordinates, frames: list[MovingFrame], frame: MovingFram
     return load
 
 
-def joint_elongation(inputs: Coordinates, frame: MovingFrame) -> tuple[Scalar, Scalar]:
-    """Return position and rate of a joint with one axis, a hinge's of the section that it grips."""
-    if frame.link.motion is not None:
-        position, rate = inputs.signal(frame.link.motion, derivatives=1)
-        return position, rate
-    (s,), (ds,) = inputs.joint_positions(frame.number), inputs.joint_rates(frame.number)
-    return s + section_angle(inputs.graph, frame), ds + joint_grip(inputs.graph, frame).dot(frame.v)
-
-
 def trace_elongations(inputs: Coordinates, frames: list[MovingFrame]) -> tuple[list[Scalar], list[Scalar], Vector3]:
     """Trace elongations, their rates, and the vectors from place to place in space, three each; zeros for joints."""
     x, rates, vectors = list[Scalar](), list[Scalar](), list[Scalar]()
@@ -197,23 +189,6 @@ def trace_elongations(inputs: Coordinates, frames: list[MovingFrame]) -> tuple[l
             vector = constants(inputs.graph, [0.0] * 3)
         x, rates, vectors = [*x, elongation], [*rates, rate], [*vectors, *vector]
     return x, rates, vectors
-
-
-def section_angle(graph: Graph, frame: MovingFrame) -> Scalar:
-    """Return the angle by which a body's own section has turned in its joint."""
-    link = frame.link
-    if not link.grips_section:
-        return graph.number(0.0)
-    return combine([(0.5, graph.array(link.joint_rotation)), (0.5, joint_grip(graph, frame))]).dot(frame.q)
-
-
-def joint_grip(graph: Graph, frame: MovingFrame) -> Vector:
-    """Return how much a body's own section turns in its joint for unit modal coordinates, at its deflection."""
-    link = frame.link
-    if not link.grips_section:
-        return graph.zeros(len(link.omega))
-    grip = graph.array(link.joint_rotation)
-    return grip + frame.q.multiplied_by(link.joint_displacement2) if link.joint_displacement2.size else grip
 
 
 def modal_load(inputs: Coordinates, frames: list[MovingFrame], frame: MovingFrame) -> Terms:

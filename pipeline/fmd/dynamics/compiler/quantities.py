@@ -9,9 +9,9 @@ from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross
 from fmd.dynamics.compiler.bodies import trace_inertia
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.elements import trace_element_energy
-from fmd.dynamics.compiler.forces import section_angle
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, total
+from fmd.dynamics.compiler.joint_motion import section_angle
 from fmd.dynamics.compiler.places import trace_place
 from fmd.dynamics.compiler.program import Program
 

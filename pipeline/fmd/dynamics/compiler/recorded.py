@@ -16,10 +16,11 @@ from fmd.dynamics.compiler.closures import ConstraintRow, trace_all_rows
 from fmd.dynamics.compiler.coordinates import ExactCoordinates
 from fmd.dynamics.compiler.digest import digest_mechanism, names_of
 from fmd.dynamics.compiler.elements import trace_pair, trace_strain
-from fmd.dynamics.compiler.forces import ActingForces, joint_elongation, trace_effort
+from fmd.dynamics.compiler.forces import ActingForces, trace_effort
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Graph, Scalar
 from fmd.dynamics.compiler.interpret import Evaluation, evaluation_of
+from fmd.dynamics.compiler.joint_motion import joint_elongation
 from fmd.dynamics.compiler.places import trace_place
 from fmd.dynamics.compiler.quantities import body_momenta, trace_kinetic_energy, trace_potential_energy
 from fmd.dynamics.compiler.residual import trace_motion

@@ -1,0 +1,75 @@
+"""Gears in motion in numbers: transmission error and force between their teeth, and how far the table of it holds."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from fmd.core.html import scaled
+from fmd.core.limits.contact import LARGE_TABLE_ERROR, LIGHT_TEETH
+from fmd.dynamics.elements import GearTeeth
+from fmd.recovery.motion_file import gear_variables
+from fmd.stages.pipeline import Pipeline
+
+
+def gear_teeth_figures(run: Pipeline) -> dict[str, Any]:
+    """Return the gears in mesh of the first run by name; nothing without them."""
+    found, motion = {}, run.motion
+    values = {own.name: own.values for own in gear_variables(motion)}
+    for own in _teeth(run):
+        error, force = values[f"{own.name}.transmission_error"], values[f"{own.name}.force"]
+        found[own.name] = {
+            "mean_transmission_error_m": float(error.mean()),
+            "peak_to_peak_m": float(np.ptp(error)),
+            "largest_force_n": float(force.max()),
+            "least_force_n": float(force.min()),
+            "apart": float(((error <= 0.0) & (error >= -own.backlash)).mean()),
+            "mean_stiffness_n_per_m": own.energy.mean,
+            "backlash_m": own.backlash,
+            "table_error": own.energy.error,
+        }
+    return {"gear_meshes": found} if found else {}
+
+
+def gear_teeth_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Return warnings about loads beyond the table, a table that is too coarse, and teeth that aren't meshed."""
+    found = []
+    for own in _teeth(run):
+        error = next(x.values for x in gear_variables(run.motion) if x.name == f"{own.name}.transmission_error")
+        if (most := max(error.max(), -error.min() - own.backlash)) > own.energy.reach:
+            text = (
+                f"gear_mesh.{own.name}: teeth are pressed by {scaled(most, 'm')}, and forces are tabulated up to "
+                f"{scaled(own.energy.reach, 'm')}, beyond which they rise straight; a larger torque there helps"
+            )
+            found.append({"code": "gear-table", "text": text})
+        if own.energy.error > LARGE_TABLE_ERROR:
+            text = (
+                f"gear_mesh.{own.name}: forces between the table's places are off by {own.energy.error:.2g} of the load"
+            )
+            found.append({"code": "gear-table", "text": text})
+    for name in dict.fromkeys(body for own in run.scene.gear_mesh.values() for body in (own.pinion, own.wheel)):
+        share = _missing_inertia(run, name)
+        if share > LIGHT_TEETH:
+            text = (
+                f"body.{name}: the teeth that aren't meshed would add {share:.0%} to its inertia about the axis; "
+                "mesh.teeth = the number of teeth has them all"
+            )
+            found.append({"code": "gear-inertia", "text": text})
+    return found
+
+
+def _teeth(run: Pipeline) -> list[GearTeeth]:
+    return [own for own in run.motion.mechanism.elements if isinstance(own, GearTeeth)]
+
+
+def _missing_inertia(run: Pipeline, name: str) -> float:
+    """Return the inertia about the axis of teeth that aren't meshed, over that of the body; teeth by their angles."""
+    gear: Any = run.scene.body[name]
+    radii = np.linspace(gear.tooth.root_radius, gear.tooth.tip_radius, 100)
+    above = np.maximum(radii, gear.tooth.base_radius)
+    angles = np.array([2.0 * gear.tooth.half_angle(float(r)) for r in above])
+    each = gear.rho * gear.width * float(np.trapezoid(angles * radii**3, radii))
+    rim = 0.5 * pi * gear.rho * gear.width * (gear.tooth.root_radius**4 - (0.5 * gear.bore) ** 4)
+    return float((gear.teeth - gear.meshed_teeth) * each / (rim + gear.meshed_teeth * each))

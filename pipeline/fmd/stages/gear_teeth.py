@@ -1,0 +1,86 @@
+"""Teeth of a scene's gears as force elements of its mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError, blaming
+from fmd.core.limits.contact import SKEWED_GEARS
+from fmd.dynamics.elements import Attachment, GearTeeth
+from fmd.dynamics.kinematics import Kinematics
+from fmd.dynamics.mechanism import Mechanism
+from fmd.scene.gears import find_pair
+from fmd.stages.mechanism import place_joints
+from fmd.stages.mesh_energy import tabulate_energy
+
+if TYPE_CHECKING:
+    from fmd.stages.pipeline import Pipeline
+
+
+def add_gear_teeth(run: Pipeline, mechanism: Mechanism) -> Mechanism:
+    """Give a mechanism the teeth of its scene's gears, which touch at the start.
+
+    Raises
+    ------
+    InputError
+        Hinges aren't parallel and on the gears' axes, or more pairs touch than teeth are meshed for.
+    """
+    q, v = place_joints(run.divided_scene, mechanism)
+    motion = Kinematics(mechanism, np.zeros(1), q[None], v[None])
+    teeth = [_make_teeth(run, name, mechanism, motion) for name in run.scene.gear_mesh]
+    return replace(mechanism, elements=[*mechanism.elements, *teeth])
+
+
+def _make_teeth(run: Pipeline, name: str, mechanism: Mechanism, motion: Kinematics) -> GearTeeth:
+    given = run.scene.gear_mesh[name]
+    names = given.pinion, given.wheel
+    axes, centres, x_axis = _find_axes(run, name, mechanism, motion)
+    axis, apart = axes[0], centres[1] - centres[0]
+    along, distance = apart / np.linalg.norm(apart), float(np.linalg.norm(apart))
+    pinion, _, pair = find_pair(*names, distance, run.scene.body)
+    load = given.torque / pair.pinion.base_radius
+    with blaming(run.scene.file, f"gear_mesh.{name}"):
+        energy = tabulate_energy(pair, [run.wholes[each].tooth_flexibility for each in names], pinion.width, load)
+    senses = 1.0, float(np.sign(axes[1] @ axis))
+    radii = pair.pinion.base_radius, pair.wheel.base_radius
+    angles = [float(motion.along_joint(mechanism.number_of(each))[0][0]) for each in names]
+    tooth = float(np.arctan2(x_axis @ np.cross(axis, along), x_axis @ along)) - angles[0]
+    places = pair.place(tooth), pair.place(-tooth)
+    links = [mechanism.links[mechanism.number_of(each)] for each in names]
+    joints = [run.scene.joint[link.joint_name].child.partition(".")[2] for link in links]
+    ends = [Attachment(link.name, link.markers[marker]) for link, marker in zip(links, joints, strict=True)]
+    rest = sum(sense * radius * angle for sense, radius, angle in zip(senses, radii, angles, strict=True))
+    backlash = max(pair.backlash, 0.0) * np.cos(pair.alpha)
+    return GearTeeth(
+        name, (ends[0], ends[1]), radii, pair.alpha, axis, along, senses, rest, places, backlash, energy, given.damping
+    )
+
+
+def _find_axes(
+    run: Pipeline, name: str, mechanism: Mechanism, motion: Kinematics
+) -> tuple[list[Array], list[Array], Array]:
+    """Return the hinges' axes and the gears' middles in space, and the direction of the pinion's middle tooth."""
+    axes, centres, teeth = list[Array](), list[Array](), list[Array]()
+    for body in (run.scene.gear_mesh[name].pinion, run.scene.gear_mesh[name].wheel):
+        number = mechanism.number_of(body)
+        link, frame = mechanism.links[number], motion.frames[number]
+        R, bore = frame.rotation[0], run.bodies[body].origin
+        axes.append(R @ link.axis / np.linalg.norm(link.axis))
+        centres.append(frame.origin[0] - R[:, 2] * bore[2])
+        teeth.append(R[:, 0])
+        off = np.linalg.norm(np.cross(axes[-1], R[:, 2])) + np.hypot(*bore[:2])
+        if off > SKEWED_GEARS:
+            _refuse(run, name, f"joint.{link.joint_name} isn't along the axis of {body}, which is the z axis there")
+    apart = centres[1] - centres[0]
+    distance = np.linalg.norm(apart)
+    if np.linalg.norm(np.cross(axes[0], axes[1])) > SKEWED_GEARS or abs(apart @ axes[0]) > SKEWED_GEARS * distance:
+        _refuse(run, name, "the gears' axes aren't parallel, with the middles of both beside one another")
+    return axes, centres, teeth[0]
+
+
+def _refuse(run: Pipeline, name: str, problem: str) -> None:
+    raise InputError(run.scene.file, f"gear_mesh.{name}", None, problem)
