@@ -39,7 +39,9 @@ Matrices = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True)
 class _Pair:
-    """An element between two places."""
+    """An element between two places, whose forces stiffen the bodies there unless ``stiffens`` is false."""
+
+    stiffens: ClassVar[bool] = True
 
     name: str
     ends: tuple[Attachment, Attachment]  # the two places; the axes of a bushing's are parallel where it isn't twisted
@@ -227,6 +229,7 @@ class GearTeeth(_Pair):
     energy: MeshEnergy
     damping: float
     title: ClassVar[str] = "gear mesh"
+    stiffens: ClassVar[bool] = False  # it pushes teeth, which aren't those places
 
     def linearise(self, J: Array, swing: Array, strain: Array) -> Matrices:
         """Return the matrices of teeth in touch: their mean stiffness, and what the stiffest add."""

@@ -180,6 +180,8 @@ def without_negligible_terms(mechanism: Mechanism, body: int, loads: BodyLoads, 
             first, second = counting_place(closure.first), counting_place(closure.second)
             closures[k] = replace(closure, first=first, second=second)
     for k, element in enumerate(elements):
+        if not element.stiffens:
+            continue
         elements[k] = replace(element, ends=(counting_place(element.ends[0]), counting_place(element.ends[1])))
     return replace(mechanism, links=links, loads=points, closures=closures, elements=elements)
 
@@ -198,7 +200,7 @@ def loaded_places(mechanism: Mechanism, body: int) -> LoadedPlaces:
     """Return the places of a body at which something acts on it."""
     carried, name = [k for k, other in enumerate(mechanism.links) if other.parent == body], mechanism.links[body].name
     pairs = [(joint.name, (joint.first, joint.second)) for joint in mechanism.closing_joints]
-    pairs += [(f"{ELEMENT}{element.name}", element.ends) for element in mechanism.elements]
+    pairs += [(f"{ELEMENT}{element.name}", element.ends) for element in mechanism.elements if element.stiffens]
     joined = [
         (key, side, place.marker) for key, places in pairs for side, place in enumerate(places) if place.body == name
     ]

@@ -34,7 +34,7 @@ def gear_teeth_figures(run: Pipeline) -> dict[str, Any]:
 
 
 def gear_teeth_warnings(run: Pipeline) -> list[dict[str, str]]:
-    """Return warnings about loads beyond the table, a table that is too coarse, and teeth that aren't meshed."""
+    """Return warnings about loads beyond the table, its error, stress by forces on teeth, and teeth not meshed."""
     found = []
     for own in _teeth(run):
         error = next(x.values for x in gear_variables(run.motion) if x.name == f"{own.name}.transmission_error")
@@ -49,6 +49,11 @@ def gear_teeth_warnings(run: Pipeline) -> list[dict[str, str]]:
                 f"gear_mesh.{own.name}: forces between the table's places are off by {own.energy.error:.2g} of the load"
             )
             found.append({"code": "gear-table", "text": text})
+        text = (
+            f"gear_mesh.{own.name}: stress of {' and '.join(end.body for end in own.ends)} leaves out what the forces on "
+            "their teeth cause; an output of type gear-mesh has it at the roots"
+        )
+        found.append({"code": "gear-stress", "text": text})
     for name in dict.fromkeys(body for own in run.scene.gear_mesh.values() for body in (own.pinion, own.wheel)):
         share = _missing_inertia(run, name)
         if share > LIGHT_TEETH:
