@@ -68,7 +68,6 @@ def gears(**changes: Any) -> dict[str, Any]:
             "output_step": 2e-6,
             "gravity": [0.0, 0.0, 0.0],
             "tip": "pinion.bore",
-            "stiffening": "off",
             "fast": ["in", "out"],
             "run": METHODS,
         },

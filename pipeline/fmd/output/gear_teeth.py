@@ -50,8 +50,8 @@ def gear_teeth_warnings(run: Pipeline) -> list[dict[str, str]]:
             )
             found.append({"code": "gear-table", "text": text})
         text = (
-            f"gear_mesh.{own.name}: stress of {' and '.join(end.body for end in own.ends)} leaves out what the forces on "
-            "their teeth cause; an output of type gear-mesh has it at the roots"
+            f"gear_mesh.{own.name}: stress of {' and '.join(end.body for end in own.ends)} leaves out what the forces "
+            "on their teeth cause; an output of type gear-mesh has it at the roots"
         )
         found.append({"code": "gear-stress", "text": text})
     for name in dict.fromkeys(body for own in run.scene.gear_mesh.values() for body in (own.pinion, own.wheel)):
