@@ -102,6 +102,17 @@ class Fit:
         return found
 
     @property
+    def doubtful(self) -> bool:
+        """True if residuals of histories are so large that another minimum may be lower.
+
+        Chi-squared shows it where the noise is given. Noise that is estimated from swift histories may be too large, so
+        that chi-squared isn't; correlations show it then.
+        """
+        white = self.white
+        estimated = [white[each.name] for each in self.model.channels if not each.given and each.name in white]
+        return bool(white) and min([self.probability, *estimated]) < DOUBTFUL
+
+    @property
     def likeness(self) -> dict[str, list[float]]:
         """How like measured modes and the fitted scene's are, by the modal assurance criterion, by the experiment."""
         values = dict(zip([each.parameter for each in self.model.varied], self.values, strict=True))
@@ -195,7 +206,7 @@ def fit_scene(
 
     What the data can tell is found first: a number whose 95 % interval would be wider than ±50 % is refused. Where both
     modes and responses are measured, the first search is by the modes alone: responses have false minima. So have
-    histories that swing many times: where what is left of them isn't noise, they are fitted part by part, too.
+    histories that swing many times: where more is left of them than noise, they are fitted part by part, too.
 
     Parameters
     ----------
@@ -242,14 +253,13 @@ def _rank(found: Any) -> tuple[bool, float]:
 
 
 def _search_from(model: FitModel, before: Information, begin: Array) -> tuple[list[Any], str]:
-    """Return the searches from a start: if the first ends with residuals that aren't noise, also those by parts.
+    """Return the searches from a start: if the first ends where another minimum may be lower, also those by parts.
 
     With why these stopped on the way, at a motion that fails or data beyond it: then the first search stands.
     """
     first = _search(model, _start_by_modes(model, begin))
     ended = Fit(model, before, find_information(first.jac), first.x - 1.0, 2.0 * first.cost, first.nfev, first.njev)
-    white = ended.white
-    if not white or min(ended.probability, *white.values()) > DOUBTFUL:
+    if not ended.doubtful:
         return [first], ""
     try:
         return [first, *_search_by_parts(model, begin)], ""
