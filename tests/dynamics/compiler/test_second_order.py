@@ -3,9 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import expm
 
-from fmd.core.arrays import Array
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
@@ -128,15 +126,10 @@ def test_momenta_are_those_of_the_mass_points(seed: int) -> None:
 def test_markers_are_where_their_points_are(seed: int) -> None:
     made = random_mechanism(seed, second_order=True)
     q, v = made.state(seed)
-    positions, rotations = made.compiled.markers(TIME, q)
     plain, bodies = Kinematics(made.mechanism, np.array([TIME]), q[None], v[None]), kane.frames(made, TIME, q)
-    bent: list[tuple[Array, Array]] = []
     for k, link in enumerate(made.mechanism.links):
         for name, at in link.markers.items():
             origin, R, z = bodies[k]
-            moved, turned = kane.marker_motion(at.translation, at.rotation, at.displacement2, z)
-            bent.append((origin + R @ (at.position + moved), R @ expm(kane.tilde(turned))))
-            assert np.allclose(plain.marker_position(k, name)[0], bent[-1][0], rtol=0, atol=1e-12)
-    for (place, turn), at, by in zip(bent, positions, rotations, strict=True):
-        assert np.allclose(at, place, rtol=0, atol=1e-12)
-        assert np.allclose(by, turn, rtol=0, atol=1e-12)
+            moved, _ = kane.marker_motion(at.translation, at.rotation, at.displacement2, z)
+            place = origin + R @ (at.position + moved)
+            assert np.allclose(plain.marker_position(k, name)[0], place, rtol=0, atol=1e-12)

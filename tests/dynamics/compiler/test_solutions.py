@@ -22,7 +22,7 @@ def test_fast_coordinates_respond_alone_while_the_slow_ones_are_frozen(seed: int
     n_slow = made.mechanism.n_slow
     f = np.random.default_rng(seed).normal(size=(len(v), 3))
     compiled = made.compiled
-    M, x = compiled.mass_matrix(compiled.signal_values(TIME), q), compiled.solve_fast(TIME, q, f)
+    M, x = compiled.mass_matrix(compiled.signal_values(TIME), q), compiled.solve(TIME, q, f, "solve_fast")
     assert not x[:n_slow].any()
     assert difference(M[n_slow:, n_slow:] @ x[n_slow:], f[n_slow:]) < 1e-12
 
@@ -34,6 +34,6 @@ def test_slow_coordinates_respond_alone_while_the_fast_ones_are_frozen(seed: int
     n_slow = made.mechanism.n_slow
     f = np.random.default_rng(seed).normal(size=(len(v), 3))
     compiled = made.compiled
-    M, x = compiled.mass_matrix(compiled.signal_values(TIME), q), compiled.solve_slow(TIME, q, f)
+    M, x = compiled.mass_matrix(compiled.signal_values(TIME), q), compiled.solve(TIME, q, f, "solve_slow")
     assert not x[n_slow:].any()
     assert difference(M[:n_slow, :n_slow] @ x[:n_slow], f[:n_slow]) < 1e-12

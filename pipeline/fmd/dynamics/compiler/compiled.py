@@ -207,19 +207,8 @@ class CompiledMechanism:
                 M[:, first : first + LANES] = dr
         return found[:, :, :n]
 
-    def solve(self, t: float, q: Array, f: Array) -> Array:
-        """Return ``M̂⁻¹ f`` for columns f (n, any)."""
-        return self._solve("solve", t, q, f)
-
-    def solve_fast(self, t: float, q: Array, f: Array) -> Array:
-        """Return ``M̂_SS⁻¹ f_S`` in the fast rows, and zeros in the slow ones, for columns f (n, any)."""
-        return self._solve("solve_fast", t, q, f)
-
-    def solve_slow(self, t: float, q: Array, f: Array) -> Array:
-        """Return ``M̂_LL⁻¹ f_L`` in the slow rows, and zeros in the fast ones, for columns f (n, any)."""
-        return self._solve("solve_slow", t, q, f)
-
-    def _solve(self, name: str, t: float, q: Array, f: Array) -> Array:
+    def solve(self, t: float, q: Array, f: Array, name: str = "solve") -> Array:
+        """Return ``M̂⁻¹ f`` for columns f (n, any), or by ``solve_fast`` or ``solve_slow``, all other rates frozen."""
         inputs, (positions,) = self.signal_values(t), _contiguous(q)
 
         def along(block: Array) -> Array:
@@ -347,13 +336,6 @@ class CompiledMechanism:
         origins, rotations, spins = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3))
         self.call("frames", self.signal_values(t), *_contiguous(q, v), origins, rotations, spins)
         return origins, rotations, spins
-
-    def markers(self, t: float, q: Array) -> tuple[Array, Array]:
-        """Return positions (n_markers, 3) and rotations (n_markers, 3, 3) of all named markers in space."""
-        n = sum(len(link.markers) for link in self.mechanism.links)
-        positions, rotations = np.zeros((n, 3)), np.zeros((n, 3, 3))
-        self.call("markers", self.signal_values(t), *_contiguous(q), positions, rotations)
-        return positions, rotations
 
     def energies(self, t: float, q: Array, v: Array) -> tuple[float, float]:
         """Return the kinetic and the potential energy [J]."""

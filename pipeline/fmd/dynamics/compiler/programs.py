@@ -43,7 +43,6 @@ are filled:
   `frozen.trace_fast_step`;
 - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
   velocities in space;
-- ``positions`` (n_markers, 3) and ``rotations`` (n_markers, 3, 3): the bodies' named markers, body by body;
 - ``energies`` (2,): kinetic and potential (strain, springs, weight) [J];
 - ``momenta`` (6,): linear [N s], and angular about the origin [N m s];
 - ``x`` and ``rates`` (n_laws,), ``vectors`` (n_laws, 3): elongations that force laws with short pieces depend on, their
@@ -74,7 +73,6 @@ from fmd.dynamics.compiler.joint_loads import trace_joint_loads
 from fmd.dynamics.compiler.program import Output, Program
 from fmd.dynamics.compiler.quantities import (
     trace_kinetic_energy,
-    trace_markers,
     trace_momenta,
     trace_potential_energy,
 )
@@ -277,14 +275,6 @@ def _frames(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return outputs
 
 
-def _markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
-    outputs = []
-    for number, (position, R) in enumerate(trace_markers(inputs, frames)):
-        outputs += _in_row("positions", number, position)
-        outputs += _in_row("rotations", number, [x for row in R for x in row])
-    return outputs
-
-
 def _energies(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
     return _in_row("energies", 0, [trace_kinetic_energy(inputs, frames), trace_potential_energy(inputs, frames)])
 
@@ -400,7 +390,6 @@ DEFINITIONS = {
     "reactions": Definition((*_STATE, "f", "wrenches"), _reactions),
     "joint_loads": Definition((*_STATE, "a", "f", *_PUSH, "motions", "loads"), _joint_loads),
     "frames": Definition((*_STATE, "origins", "rotations", "spins"), _frames),
-    "markers": Definition(("inputs", "q", "positions", "rotations"), _markers, seldom=True),
     "energies": Definition((*_STATE, "energies"), _energies, seldom=True),
     "momenta": Definition((*_STATE, "momenta"), _momenta, seldom=True),
     "measured": Definition((*_STATE, "measured"), _measured),

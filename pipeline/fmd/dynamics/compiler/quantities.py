@@ -4,23 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmd.dynamics.closures import Place
-from fmd.dynamics.compiler.algebra import Matrix, Vector3, add, constants, cross, dot, scale, times
+from fmd.dynamics.compiler.algebra import Vector3, add, constants, cross, dot, scale, times
 from fmd.dynamics.compiler.bodies import trace_inertia
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.elements import trace_element_energy
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.graph import Scalar, total
 from fmd.dynamics.compiler.joint_motion import section_angle
-from fmd.dynamics.compiler.places import trace_place
 from fmd.dynamics.compiler.program import Program
-
-
-def trace_markers(inputs: Coordinates, frames: list[MovingFrame]) -> list[tuple[Vector3, Matrix]]:
-    """Trace position and rotation in space of the bodies' named markers, body by body."""
-    places = [Place(frame.link.name, at) for frame in frames for at in frame.link.markers.values()]
-    motions = [trace_place(inputs, frames, place) for place in places]
-    return [(motion.x, motion.A) for motion in motions]
 
 
 def trace_momenta(inputs: Coordinates, frames: list[MovingFrame]) -> tuple[Vector3, Vector3]:
