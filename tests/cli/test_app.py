@@ -27,6 +27,23 @@ def test_every_command_has_a_module_of_its_name():
         assert module == function
 
 
+def test_help_lists_commands_as_they_are_used_and_tells_what_each_option_does(fmd, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "72")
+    commands = [place.partition(":")[0] for place in app._COMMANDS]
+    assert fmd("--help") == 0
+    listed = [
+        line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("  ") and line[2] != " "
+    ]
+    assert listed[: len(commands)] == commands
+    for command in commands:
+        assert fmd(command, "--help") == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert max(map(len, lines)) <= 72
+        entries = [k for k, line in enumerate(lines) if line.startswith("  ") and line[2] != " "]
+        for k in entries:  # what it does stands beside its names, or below them in the same column
+            assert (len(lines[k]) > 18 and lines[k][16:18] == "  ") or lines[k + 1].startswith(18 * " "), lines[k]
+
+
 def test_an_unknown_option_is_one_message_with_the_command_that_has_it(fmd, capsys):
     assert fmd("sweep", "beam", "--vary", "simulation.step=1us,2us", "--minimise", "mass") == 2
     assert capsys.readouterr().err == "fmd: Unknown option: --minimise. It is an option of `fmd optimise`.\n"

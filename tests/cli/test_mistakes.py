@@ -211,3 +211,14 @@ def test_a_misspelt_kind_does_not_hide_what_else_is_wrong(fmd, capsys, tmp_path:
         "drive.motor.joint",
         "output.1.joint",
     ]
+
+
+def test_a_table_that_replaces_the_base_names_what_is_lost(fmd, capsys, tmp_path: Path) -> None:
+    scene = tmp_path / "mine.toml"
+    scene.write_text('title = "Mine"\nbase = "slider-crank"\n[body.crank]\nlength = "45 mm"\n')
+    assert fmd("run", scene) == 2
+    said = capsys.readouterr().err
+    assert f"{scene}:3: body.rod: is the base's alone, whose body this one replaces: slider, too; set = ['body" in said
+    scene.write_text('title = "Mine"\nbase = "slider-crank"\nset = ["body.crank.lenght=45 mm"]\n')
+    assert fmd("run", scene) == 2
+    assert "the base's" not in capsys.readouterr().err

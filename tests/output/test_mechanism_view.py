@@ -160,6 +160,27 @@ def test_arrows_of_loads_end_where_these_act_and_turn_with_what_they_follow(tmp_
             assert points.mean(axis=0) == pytest.approx((points.mean(axis=0) @ along) * along, abs=1e-3 * abs(middle))
 
 
+def test_gravity_is_an_arrow_beside_the_mechanism_of_a_view_with_loads(tmp_path):
+    path = tmp_path / "heavy.toml"
+    path.write_text(
+        PLATE.replace("VISUAL", "").replace(
+            "[simulation]", '[simulation]\ngravity = ["0 m/s^2", "-3 m/s^2", "4 m/s^2"]'
+        )
+    )
+    run = Posed(load_scene(path), Cache(None))
+    view = view_mechanism(run, np.arange(3), loads=True)
+    (arrow,) = [shape for shape in view.shapes if shape.colour == LOAD]
+    assert arrow.name == "gravity, 5 m/s²"
+    down, points = np.array([0.0, -0.6, 0.8]), arrow.points(0)
+    tail, head = points[np.argmin(points @ down)], points[np.argmax(points @ down)]
+    assert (head - tail) @ down == pytest.approx(np.ptp(points @ down))
+    assert np.cross(points.mean(axis=0) - head, down) == pytest.approx(0.0, abs=1e-3 * np.ptp(points @ down))
+    others = np.concatenate([shape.points(0) for shape in view.shapes if shape is not arrow])
+    apart = np.linalg.norm(points[:, None] - others, axis=2)
+    assert apart.min() > 0.1 * np.ptp(points @ down)  # it touches nothing
+    assert not [s for s in view_mechanism(run, np.arange(3)).shapes if s.colour == LOAD]
+
+
 def test_a_spring_leads_from_one_place_to_the_other():
     run = Posed(load_scene("suspension", ["simulation.duration=20 ms"]), Cache(None))
     run.differences = np.linspace(0.0, 0.01, run.mechanism.n_positions)

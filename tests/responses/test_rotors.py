@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -136,6 +137,10 @@ def test_a_diagram_has_crossings_in_rpm_and_says_how_they_whirl(tmp_path: Path) 
     assert [at.rate for at in met_once] == pytest.approx(once, rel=1e-8)
     # Each has its own frequency, that of the rotation, also where the mode stands still in the turning frame.
     assert [2 * np.pi * at.frequency_hz for at in met_once] == pytest.approx(once, rel=2e-3)
+    unknown = replace(
+        diagram, errors_hz=np.full_like(diagram.frequencies_hz, np.nan)
+    )  # with more modes, none is beside
+    assert [row["error_hz"] for row in unknown.crossing_rows()] == [None] * len(diagram.crossings)
     files = write_campbell(diagram, tmp_path)
     assert files == ["campbell.csv", "campbell.png", "crossings.csv"]
     with (tmp_path / "crossings.csv").open(newline="") as file:

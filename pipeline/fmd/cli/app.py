@@ -10,14 +10,16 @@ from itertools import pairwise
 
 from cyclopts import App, CycloptsError, UnknownOptionError
 
+from fmd.cli.help_text import ParagraphHelp
 from fmd.core.errors import AccuracyError, InputError
 from fmd.core.limits.memory import ALLOCATIONS
 
 app = App(
     name="fmd",
-    help="From the shape of a flexible part to its stress in motion. SCENE is a ready scene's name or a TOML file.",
+    help="From the shape of a flexible part to its stress in motion. SCENE is a ready scene's name or a TOML file: "
+    "`fmd run beam` runs a ready one, `fmd new part.toml` writes one to change.",
     help_format="plaintext",
-    help_formatter="plain",
+    help_formatter=ParagraphHelp(),
     suppress_keyboard_interrupt=False,  # main says it and sets the status
 )
 
@@ -45,8 +47,8 @@ _COMMANDS = {
     "bench:bench": "Run time against error of every integrator on a scene.",
     "doctor:doctor": "Check what this machine lacks, and print the command that mends it.",
 }
-for _place, _help in _COMMANDS.items():
-    app.command(f"fmd.cli.{_place}", help=_help)
+for _number, (_place, _help) in enumerate(_COMMANDS.items()):
+    app.command(f"fmd.cli.{_place}", help=_help, sort_key=_number)
 app.register_install_completion_command(help="Let the shell complete commands and options (bash, zsh, fish).")
 
 

@@ -103,7 +103,7 @@ def _choose_ends(part: PartOutline, markers: dict[str, FaceOutline]) -> tuple[st
 def _write_markers(part: PartOutline, markers: dict[str, FaceOutline], root: str) -> list[str]:
     """Write a line for each marker, the root's a rigid face, and comments for the faces that have none."""
     lines = []
-    for name, face in markers.items():
+    for name, face in sorted(markers.items(), key=lambda item: [part.zfill(9) for part in re.split(r"(\d+)", item[0])]):
         rigid = ', attachment = "rigid"' if name == root else ""
         lines.append(f"{name} = {{ face = {json.dumps(face.name, ensure_ascii=False)}{rigid} }} # {_describe(face)}")
     taken = {face.name for face in markers.values()}

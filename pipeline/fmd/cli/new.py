@@ -120,7 +120,7 @@ def _write_scene(path: Path, text: str) -> None:
             write_text(schema, write_schema())
         writing = path
         with path.open("x", encoding="utf-8") as file:
-            file.write(f"{head}{text}")
+            file.write(head + text.replace("THIS-FILE", path.name))
     except OSError as error:
         raise InputError(str(writing), "", None, f"can't be written: {error.strerror or error}") from None
 

@@ -35,8 +35,10 @@ def optimise(
     ----------
     vary
         Keys of numbers with bounds: body.arm.width=20..60mm.
-    minimise, maximise
+    minimise
         A result: mass, BODY.mass, tip, BODY.stress, BODY.life or BODY.frequency.N; two of them for their Pareto front.
+    maximise
+        A result that is to be large; with one of --minimise, or two, a front.
     subject
         A limit, "life >= 1e7", "frequency.1 >= 40 Hz" or "frequency.1 outside 40..60 Hz".
     points

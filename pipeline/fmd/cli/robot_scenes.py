@@ -153,7 +153,10 @@ class _Writer:
             if self._carrier(name) != root:
                 self.markers[self._carrier(name)][marker] = self._in_body(name, Pose())
         ground = [] if root not in self.markers else self._ground(root)
-        bodies = [self._body(robot.links[name]) for name in self.frames if name != root]
+        bodies = [
+            *self._base(robot.links[root]),
+            *(self._body(robot.links[name]) for name in self.frames if name != root),
+        ]
         tip = self._tip(root)
         motors = [f"{limits} of {', '.join(joints)}" for limits, joints in self.motors.items()]
         if motors:
@@ -204,11 +207,33 @@ class _Writer:
             tables.append(f"[ground.{name}]\n{_write({'at': write_lengths(pose.at), **_turn(pose)})}")
         return tables
 
+    def _base(self, link: RobotLink) -> list[str]:
+        """Return a body that stands on the ground as the link that nothing carries, to be drawn, if it has shapes."""
+        visuals = self._visuals(link)
+        if not visuals:
+            return []
+        name = self.names[link.name]
+        joint = next(
+            text for text in (name, f"{name}-stands", f"{name}-on-ground") if text not in self.joint_names.values()
+        )
+        mass = link.mass or LIGHT_LINK
+        table = {
+            "shape": "rigid",
+            "mass": f"{mass:.15g} kg",
+            "inertia": [f"{mass * LIGHT_RADIUS**2:.9g} kg m^2"] * 3,
+            "marker": {"origin": {"at": write_lengths(np.zeros(3))}},
+        }
+        held = {"type": "fixed", "parent": "ground", "child": f"{name}.origin"}
+        return [f"[body.{name}]\n{_write(table)}", *visuals, f"[joint.{joint}]\n{_write(held)}"]
+
+    def _visuals(self, link: RobotLink) -> list[str]:
+        shapes = self.shapes.draw(link, lambda shape: self._in_body(link.name, shape.pose))
+        return [f"[[body.{self.names[link.name]}.visual]]\n{_write(shape)}" for shape in shapes]
+
     def _body(self, link: RobotLink) -> str:
         name, frame = self.names[link.name], self.frames[link.name]
         markers = {"origin": self._in_body(link.name, Pose()), **self.markers[link.name]}
-        shapes = self.shapes.draw(link, lambda shape: self._in_body(link.name, shape.pose))
-        visuals = [f"[[body.{name}.visual]]\n{_write(shape)}" for shape in shapes]
+        visuals = self._visuals(link)
         if link.name in self.flexible:
             size = sorted(self._box_of(link).size, reverse=True)
             volume = float(np.prod(size))

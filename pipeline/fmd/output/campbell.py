@@ -122,8 +122,8 @@ class CampbellDiagram:
         if isinstance(self.errors_hz, str):
             return None
         errors = self.errors_hz[:, at.mode - 1]
-        known = np.isfinite(errors)
-        return float(np.interp(at.rate, self.rates[known], errors[known]))
+        known = np.isfinite(errors)  # of none where more modes leave fewer vibrations below the others
+        return float(np.interp(at.rate, self.rates[known], errors[known])) if known.any() else None
 
     def largest_error(self, n_modes: int) -> float | None:
         """Return the largest stated error of the first modes' frequencies over them; none if it isn't stated."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.limits.shown import WEIGHTLESS
 from fmd.scene.loads import MarkerLoad, MotionDrive
 from fmd.stages.parent_joint import ground_place, joint_axes, place_axes
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 JOINT, GROUND, SPRING, BUSHING, LOAD = "#4b5563", "#9aa2ad", "#5b7f6b", "#b08a3e", "#b4442f"
 _NEAR = 5.0  # radii of a mark: a body's points so near tell how far a pin reaches
+_BESIDE = 6.0  # radii of a mark from the mechanism to gravity's arrow
 _COILS, _PER_COIL = 9, 12
 _WIRE = 1.3  # radius of a coil over that of a mark
 
@@ -115,6 +117,22 @@ class Marks:
             arrow = _arrow(axis, self.radius, heads=2 if drive.unit == "N m" else 1)
             found.append(MovingShape(arrow, LOAD, self.position(place), axes, f"drive.{name}, {drive.type}"))
         return found
+
+    def gravity(self, places: Array) -> list[MovingShape]:
+        """Return an arrow along gravity at the side of points (n, 3) [m], none in a scene without weight."""
+        from fmd.render.moving_bodies import MovingShape
+        from fmd.render.solids import axes_along
+
+        pull = np.array(self.run.scene.simulation.gravity)
+        size = float(np.linalg.norm(pull))
+        if size <= WEIGHTLESS:
+            return []
+        axes = axes_along(pull)  # the last one down
+        low, high = (places @ axes).min(axis=0), (places @ axes).max(axis=0)
+        wide = int(np.argmax((high - low)[:2]))
+        beside = np.where(np.arange(3) == wide, low - _BESIDE * self.radius, (low + high) / 2)
+        arrow = _arrow(axes[:, 2], self.radius, heads=1)
+        return [MovingShape(arrow, LOAD, *self._at_rest(axes @ beside), f"gravity, {size:.4g} m/s²")]
 
     def _at_rest(self, place: Array) -> tuple[Array, Array]:
         """Return a place and the axes of space at the chosen times, shapes (n_frames, 3) and (n_frames, 3, 3)."""

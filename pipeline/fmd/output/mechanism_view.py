@@ -51,7 +51,7 @@ def view_mechanism(
     stressed : bool
         False to leave out stress, which takes the run's motion.
     loads : bool
-        Draw arrows where forces and torques act.
+        Draw arrows where forces and torques act, and one along gravity.
     """
     from fmd.render.moving_bodies import MovingMechanism
 
@@ -67,7 +67,7 @@ def view_mechanism(
         up = _upwards(run, places)
         marks = Marks(run, chosen, size, up)
         shapes = [*_rigid(run, chosen, size), *marks.shapes(), *marks.planes(places)]
-        shapes += marks.loads() if loads else []
+        shapes += [*marks.loads(), *marks.gravity(places)] if loads else []
         lines = [*_sticks(run, marks), *marks.lines()]
     notes = _rates(run, chosen) if len(run.scene.body) == 1 else ()
     return MovingMechanism(run.motion.times[chosen], bodies, tuple(shapes), tuple(lines), notes, up)

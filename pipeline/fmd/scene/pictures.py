@@ -242,5 +242,5 @@ class Film(MechanismView):
     type: Literal["film"]
     span: Literal["largest", "usual", "frame"] = "largest"
     file: Annotated[str, FileCheck((".mp4", ".gif"))]
-    frames: Annotated[int, Field(strict=True, ge=2, le=2000)]
-    rate: Annotated[Number, Positive]
+    frames: Annotated[int, Field(strict=True, ge=2, le=2000)] = 75
+    rate: Annotated[Number, Positive] = 25.0

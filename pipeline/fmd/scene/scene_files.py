@@ -18,6 +18,7 @@ from fmd.scene.toml_lines import KeyPath
 
 _SET = "--set"
 Places = dict[KeyPath, Place]
+Replaced = dict[str, list[str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +29,7 @@ class SceneSource:
     folder: Path  # folder that the scene's files are relative to
     data: dict[str, Any]  # its tables, with the overrides in them
     places: Places  # file and line of each key, of a base scene or of this one, by the path of keys that leads to it
+    replaced: Replaced  # names that tables of the base have and those in their place here haven't, by the tables' names
 
     def with_values(self, overrides: Sequence[str]) -> SceneSource:
         """Return a scene that was read, with values instead of its own, and with what bodies have from others."""
@@ -37,17 +39,30 @@ class SceneSource:
         whole = complete_bodies(data, self.file)
         for body, own in whole.get("body", {}).items() if whole is not data else ():
             _place_inherited(places, data["body"], body) if isinstance(own, dict) else None
-        return SceneSource(self.file, self.folder, whole, places)
+        return SceneSource(self.file, self.folder, whole, places, self.replaced)
 
     def make_error(self, faults: Sequence[Fault]) -> InputError:
-        """Make one error of all faults, each with its file and line."""
-        return join_errors(faults, self.data, self._find_place)
+        """Make one error of all faults, each with its file and line, and of what tables in place of the base's lose."""
+        unknown = any(fault.mend.startswith("no such") for fault in faults)
+        lost = [
+            Fault((table, names[0]), _mend_lost(table, names))
+            for table, names in self.replaced.items()
+            if unknown or any(fault.path[:1] == (table,) for fault in faults)
+        ]
+        return join_errors([*faults, *lost], self.data, self._find_place)
 
     def _find_place(self, path: KeyPath) -> Place:
         """Find where a value stands; one that is missing or inherited is laid to the table around it."""
         while path and path not in self.places:
             path = path[:-1]
         return self.places[path]
+
+
+def _mend_lost(table: str, names: Sequence[str]) -> str:
+    more = f" {', '.join(names[1:])}, too;" if names[1:] else ""
+    return (
+        f"is the base's alone, whose {table} this one replaces:{more} set = ['{table}.…'] changes single values of it"
+    )
 
 
 def read_source(source: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> SceneSource:
@@ -75,13 +90,13 @@ def with_line(error: InputError, overrides: Sequence[str]) -> InputError:
     return InputError(file if line else error.file, error.key, error.value, error.mend, line, error.others)
 
 
-def _read_with_base(source: Traversable, heirs: tuple[Path, ...]) -> tuple[dict[str, Any], Places]:
+def _read_with_base(source: Traversable, heirs: tuple[Path, ...]) -> tuple[dict[str, Any], Places, Replaced]:
     """Read the tables of a scene and those of its base that it leaves out, and set the single values that it gives.
 
     Returns
     -------
     tuple of dict
-        The tables, and the places of their keys.
+        The tables, the places of their keys, and what the base has in tables that are replaced.
     """
     file = str(source)
     data, lines = read_with_lines(source)
@@ -91,9 +106,9 @@ def _read_with_base(source: Traversable, heirs: tuple[Path, ...]) -> tuple[dict[
 
 def _complete(
     data: dict[str, Any], places: Places, place: Path, heirs: tuple[Path, ...]
-) -> tuple[dict[str, Any], Places]:
+) -> tuple[dict[str, Any], Places, Replaced]:
     """Add the tables of a scene's base that it leaves out, and set the single values that it gives."""
-    file = places[()][0]
+    file, replaced = places[()][0], Replaced()
     changes = data.pop("set", [])
     if not isinstance(changes, list) or not all(isinstance(text, str) for text in changes):
         raise InputError(file, "set", None, "must be a list of texts, e.g. ['body.beam.length=300mm']")
@@ -103,13 +118,15 @@ def _complete(
         base = _find_base(file, place.parent, given)
         if Path(str(base)).resolve() in heirs:
             raise InputError(file, "base", given, "leads back to the same scene; one of them must have no base")
-        tables, theirs = _read_with_base(base, heirs)
+        tables, theirs, _ = _read_with_base(base, heirs)
+        both = [key for key in tables if isinstance(tables[key], dict) and isinstance(data.get(key), dict)]
+        replaced = {key: lost for key in both if (lost := [name for name in tables[key] if name not in data[key]])}
         added = {key: value for key, value in tables.items() if key not in data}
         places |= {path: where for path, where in theirs.items() if path[:1] and path[0] in added}
         data = move_files(added, Path(str(base)).parent, place.parent) | data
     for number, text in enumerate(changes):
         _place_value(places, _set_value(data, text, file), places.get(("set", number), (file, None)))
-    return data, places
+    return data, places, replaced
 
 
 def _place_value(places: Places, path: KeyPath, where: Place) -> None:

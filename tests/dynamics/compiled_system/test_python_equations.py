@@ -113,6 +113,21 @@ def test_a_tree_has_no_constraints(arm: Result) -> None:
     assert arm.system.constraint_jacobian(arm.start[0]).shape == (0, arm.system.n)
 
 
+def test_arrays_of_another_size_are_refused_before_machine_code_reads_them(arm: Result) -> None:
+    (q, v), n = arm.start, arm.system.n
+    for call in (
+        lambda: arm.system.accelerations(0.0, q[:-1], v),
+        lambda: arm.system.accelerations(0.0, q, v[:, None]),
+        lambda: arm.system.position_rates(q, v[1:]),
+        lambda: arm.system.mass_matrix(np.r_[q, 0.0]),
+        lambda: arm.system.state_rates(0.0, np.r_[q, v, 0.0]),
+    ):
+        with pytest.raises(ValueError, match=r"^(q|v|state) has shape .*, expected \(\d+,\)$"):
+            call()
+    with pytest.raises(ValueError, match=rf"load\(t, q, v\) has shape \(\), expected \({n},\)"):
+        arm.system.accelerations(0.0, q, v, lambda t, q, v: 3.0)
+
+
 def test_what_has_no_such_name_is_refused(arm: Result) -> None:
     q, _ = arm.start
     with pytest.raises(ValueError, match="no joint with one coordinate is named 'hub'; there are shoulder, elbow"):

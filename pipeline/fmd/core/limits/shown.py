@@ -30,6 +30,7 @@ HARDLY_MOVES = 1e-3  # of the largest movement of a component: what moves less i
 NAMED_RESULTS = 3  # results of a source that are named
 
 # Terminal.
+HELP_WIDTH, HELP_COLUMN = 100, 18  # characters of a line of help at most, and before what a command or option does
 CAMPBELL_MODES = 8  # in the terminal's table; the file has all
 CAMPBELL_LINES = 10  # rates in the terminal's table
 CAMPBELL_CROSSINGS = 30  # critical rates in the terminal's table

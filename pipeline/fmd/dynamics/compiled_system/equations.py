@@ -57,7 +57,7 @@ class Equations(PlainSystem):
 
     def mass_matrix(self, q: Array, t: float = 0.0) -> Array:
         """Return the mass matrix M at positions q, shape (n, n); t [s] counts where motions are prescribed."""
-        return self.compiled.mass_matrix(self.compiled.signal_values(t), q)
+        return self.compiled.mass_matrix(self.compiled.signal_values(t), _sized("q", q, self.n_positions))
 
     def mass_matrices(self, q: Array, t: float = 0.0) -> Array:
         """Return the mass matrix at many positions q (n_states, n_positions), shape (n_states, n, n)."""
@@ -107,7 +107,7 @@ class Equations(PlainSystem):
     def position_rates(self, q: Array, v: Array) -> Array:
         """Return the time derivatives of the positions, shape (n_positions,): the rates, but for quaternions."""
         rates = np.zeros(self.n_positions)
-        _find_position_rates(self.parameters, np.ascontiguousarray(q), np.ascontiguousarray(v), rates)
+        _find_position_rates(self.parameters, _sized("q", q, self.n_positions), _sized("v", v, self.n), rates)
         return rates
 
     def accelerations(self, t: float, q: Array, v: Array, load: OwnLoad | None = None) -> Array:
@@ -125,14 +125,28 @@ class Equations(PlainSystem):
             Returns generalised forces beside those of the scene, shape (n,): ``Jᵀ f`` of a torque or force f and the
             `joint_jacobian` or `marker_jacobian` of where it acts. Python calls it each time, which takes many times
             as long as the compiled equations; a formula in the scene is compiled.
+
+        Raises
+        ------
+        ValueError
+            One of these has another shape.
         """
-        forces = None if load is None else np.asarray(load(t, q, v), dtype=float)
+        q, v = _sized("q", q, self.n_positions), _sized("v", v, self.n)
+        forces = None if load is None else _sized("load(t, q, v)", load(t, q, v), self.n)
         return self.compiled.constrained_accelerations(t, q, v, forces)[0]
 
     def state_rates(self, t: float, state: Array, load: OwnLoad | None = None) -> Array:
         """Return the derivative of a state ``(q, v)``, as ``scipy.integrate.solve_ivp`` takes it; load as above."""
-        q, v = np.split(np.asarray(state, dtype=float), [self.n_positions])
+        q, v = np.split(_sized("state", state, self.n_positions + self.n), [self.n_positions])
         return np.concatenate([self.position_rates(q, v), self.accelerations(t, q, v, load)])
+
+
+def _sized(name: str, given: Any, size: int) -> Array:
+    """Return numbers as an array (size,) that machine code may read; ``ValueError`` where there are more or fewer."""
+    found = np.ascontiguousarray(given, dtype=float)
+    if np.shape(given) != (size,):
+        raise ValueError(f"{name} has shape {np.shape(given)}, expected ({size},)")
+    return found
 
 
 @kernel
