@@ -160,6 +160,9 @@ MISTAKES = {
         "No such file or directory; it is looked for at ",
     ),
     "a missing mesh": Mistake(MESHED, "", "", "body.bracket.mesh.file", "bracket.inp", "it is looked for at "),
+    "a node by its number": Mistake(
+        MESHED, '{ face = "foot" }', "{ node = 9001 }", "body.bracket.marker.foot.node", 9001, "links is link = 9001"
+    ),
     "a mesh without unit": Mistake(MESHED, ', unit = "mm"', "", "body.bracket.mesh.unit", None, "is missing"),
     "a picture of no body": Mistake(
         PART,

@@ -50,7 +50,7 @@ def _source(source: str, scene: Scene) -> str:
     more = f'enrich = "inertia" of [body.{bare[0]}.modes]' if bare else "a larger modes.count"
     said = {
         "discretisation": f"the mesh is too coarse for that; {finer} helps",
-        "recovery": f"the mesh is too coarse for their stress; {finer} helps",
+        "recovery": f"the mesh is too coarse for stress; {finer} helps",
         "truncation": f"the modes leave too much out for that; {more} helps",
         "time": "the steps are too long for that; a smaller step, tolerance or simulation.error helps",
     }

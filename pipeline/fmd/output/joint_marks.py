@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 JOINT, GROUND, SPRING, BUSHING, LOAD = "#4b5563", "#9aa2ad", "#5b7f6b", "#b08a3e", "#b4442f"
 _NEAR = 5.0  # radii of a mark: a body's points so near tell how far a pin reaches
-_BESIDE = 6.0  # radii of a mark from the mechanism to gravity's arrow
 _COILS, _PER_COIL = 9, 12
 _WIRE = 1.3  # radius of a coil over that of a mark
 
@@ -130,7 +129,7 @@ class Marks:
         axes = axes_along(pull)  # the last one down
         low, high = (places @ axes).min(axis=0), (places @ axes).max(axis=0)
         wide = int(np.argmax((high - low)[:2]))
-        beside = np.where(np.arange(3) == wide, low - _BESIDE * self.radius, (low + high) / 2)
+        beside = np.where(np.arange(3) == wide, low - 6 * self.radius, (low + high) / 2)
         arrow = _arrow(axes[:, 2], self.radius, heads=1)
         return [MovingShape(arrow, LOAD, *self._at_rest(axes @ beside), f"gravity, {size:.4g} m/s²")]
 

@@ -311,7 +311,9 @@ def _budget_warnings(run: Pipeline, budget: Budget, seconds: float) -> list[dict
         sources: dict[str, list[str]] = {}
         for source, _, why in (each.partition(": ") for each in budget.left_out):
             sources.setdefault(why, []).append(source)
-        text = "the error budget isn't whole: " + "; ".join(f"{', '.join(of)}: {why}" for why, of in sources.items())
+        text = "the error budget isn't whole: " + "; ".join(
+            f"{', '.join(dict.fromkeys(of))}: {why}" for why, of in sources.items()
+        )
         if any(TIME_IS_SHORT in why for why in budget.left_out):
             allowed = seconds if math.isfinite(seconds) else budget.seconds
             text += f"; with --budget-seconds {math.ceil(MORE_TIME * max(allowed, 1.0))} more of it is estimated"

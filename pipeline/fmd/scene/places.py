@@ -28,6 +28,14 @@ def _read_edge(edge: object, info: ValidationInfo) -> object:
 Edge = Annotated[tuple[Any, Any], BeforeValidator(_read_edge), Words("list of 2 points or of 2 names of faces")]
 
 
+def _refuse_number(value: object) -> object:
+    if isinstance(value, int) and not isinstance(value, bool):
+        raise ValueError(
+            f"must be a place, e.g. ['10 mm', '0 mm', '0 mm']; a point of a deck's links is link = {value}"
+        )
+    return value
+
+
 class MarkerPlace(Orientation):
     """A named place on a flexible body, where joints and loads act and motion is recorded, with axes of its own.
 
@@ -79,7 +87,7 @@ class MarkerPlace(Orientation):
     plane: Plane | None = None
     edge: Edge | None = None
     at: Point | None = None
-    node: Point | None = None
+    node: Annotated[Point | None, BeforeValidator(_refuse_number)] = None
     nodes: tuple[int, ...] | None = None
     link: LinkName | None = None
     attachment: Literal["averaged", "rigid"] | None = None
