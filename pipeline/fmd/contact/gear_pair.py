@@ -28,27 +28,17 @@ class ToothFlexibility:
 
     Forces are lines of even load of 1 N in all, in the axes of the loaded tooth. They act at stations of equal steps of
     the roll angle, from where the involute begins to the tip; every second one is the end of an element.
-
-    Parameters
-    ----------
-    tooth : Tooth
-        Its profile.
-    middle : ndarray, shape (n_rows,)
-        Rows on the middle of a tooth, from its base to the tip [m].
-    moved : ndarray, shape (n_teeth, n_rows, 2, n_stations, 2)
-        Displacement of the rows of each tooth in its own axes, in the order of their angles, the loaded one in the
-        middle [m/N].
-    stress : ndarray, shape (n_teeth, n_points, 6, n_stations, 2)
-        Stress at points of each tooth's fillet on the loaded side, in its own axes [Pa/N].
-    E, nu : float
-        Young's modulus [Pa] and Poisson's ratio.
     """
 
-    tooth: Tooth
-    middle: Array
+    tooth: Tooth  # its profile
+    middle: Array  # (n_rows,): rows on the middle of a tooth, from its base to the tip [m]
+    # (n_teeth, n_rows, 2, n_stations, 2): displacement of the rows of each tooth in its own axes, in the order of their
+    # angles, the loaded one in the middle [m/N]
     moved: Array
+    # (n_teeth, n_points, 6, n_stations, 2): stress at points of each tooth's fillet on the loaded side, in its own axes
+    # [Pa/N]
     stress: Array
-    E: float
+    E: float  # Young's modulus [Pa] and Poisson's ratio
     nu: float
 
     def __post_init__(self) -> None:
@@ -64,33 +54,17 @@ class ToothFlexibility:
 
 @dataclass(frozen=True)
 class GearMeshAnswer:
-    """Two gears in mesh over a pitch.
+    """Two gears in mesh over a pitch."""
 
-    Attributes
-    ----------
-    s : ndarray, shape (n,)
-        Place of the last pair that came into contact, on the line of action [m].
-    forces : ndarray, shape (n, n_pairs)
-        Forces on this pair and on those before it, 0 where they have parted [N].
-    error : ndarray, shape (n,)
-        Static transmission error: what the loaded gears turn against one another, along the line of action [m].
-    root_stress : ndarray, shape (2, n, n_pairs)
-        Largest principal stress in the fillets of the pinion's and the wheel's teeth of each pair [Pa].
-    pressure : ndarray, shape (n, n_pairs)
-        Largest pressure between the flanks of each pair, of Hertz's line contact [Pa].
-    path : ndarray, shape (m,)
-        Places between the begin and the end of contact [m].
-    single : ndarray, shape (m,)
-        Stiffness of one pair there that carries the whole load [N/m].
-    """
-
-    s: Array
-    forces: Array
+    s: Array  # (n,): place of the last pair that came into contact, on the line of action [m]
+    forces: Array  # (n, n_pairs): forces on this pair and on those before it, 0 where they have parted [N]
+    # (n,): static transmission error: what the loaded gears turn against one another, along the line of action [m]
     error: Array
+    # (2, n, n_pairs): largest principal stress in the fillets of the pinion's and the wheel's teeth of each pair [Pa]
     root_stress: Array
-    pressure: Array
-    path: Array
-    single: Array
+    pressure: Array  # (n, n_pairs): largest pressure between the flanks of each pair, of Hertz's line contact [Pa]
+    path: Array  # (m,): places between the begin and the end of contact [m]
+    single: Array  # (m,): stiffness of one pair there that carries the whole load [N/m]
 
     @property
     def stiffness(self) -> Array:
@@ -205,24 +179,12 @@ def _press(
 
 @dataclass(frozen=True)
 class _Contact:
-    """Where a pair of teeth touches: for each gear the roll angle, the load's weights, and the depth of the middle.
+    """Where a pair of teeth touches: for each gear the roll angle, the load's weights, and the depth of the middle."""
 
-    Attributes
-    ----------
-    loads : sequence of ndarray, shape (n_stations, 2)
-        Unit force on each gear by its stations.
-    measures : sequence of ndarray, shape (n_rows, 2)
-        Its counterpart on the middle of the tooth.
-    depths : sequence of float
-        From the flank to the middle along the line of action [m].
-    radius : float
-        Of curvature, of both flanks together [m].
-    """
-
-    loads: Sequence[Array]
-    measures: Sequence[Array]
-    depths: Sequence[float]
-    radius: float
+    loads: Sequence[Array]  # (n_stations, 2): unit force on each gear by its stations
+    measures: Sequence[Array]  # (n_rows, 2): its counterpart on the middle of the tooth
+    depths: Sequence[float]  # from the flank to the middle along the line of action [m]
+    radius: float  # of curvature, of both flanks together [m]
 
     @classmethod
     def of(cls, pair: GearPair, flexibilities: Sequence[ToothFlexibility], s: float) -> _Contact:

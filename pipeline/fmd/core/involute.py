@@ -18,26 +18,13 @@ from fmd.core.newton import Tolerance, solve
 
 @dataclass(frozen=True)
 class Tooth:
-    """A tooth of a spur gear as a basic rack cuts it.
+    """A tooth of a spur gear as a basic rack cuts it."""
 
-    Parameters
-    ----------
-    module : float
-        Pitch circle's diameter over the number of teeth [m].
-    teeth : int
-        Number of teeth.
-    alpha : float
-        Pressure angle of the rack [rad].
-    shift : float
-        Profile shift over the module.
-    addendum, dedendum, rounding : float
-        Of the rack, over the module: height above and depth below its reference line, radius of its corners.
-    """
-
-    module: float
-    teeth: int
-    alpha: float
-    shift: float
+    module: float  # pitch circle's diameter over the number of teeth [m]
+    teeth: int  # number of teeth
+    alpha: float  # pressure angle of the rack [rad]
+    shift: float  # profile shift over the module
+    # Of the rack, over the module: height above and depth below its reference line, radius of its corners.
     addendum: float
     dedendum: float
     rounding: float
@@ -122,18 +109,11 @@ class GearPair:
     """Two external spur gears in mesh.
 
     A contact's place on the line of action is its distance s from where that touches the pinion's base circle.
-
-    Parameters
-    ----------
-    pinion, wheel : Tooth
-        Of the same module and pressure angle.
-    distance : float
-        Of their axes [m].
     """
 
-    pinion: Tooth
+    pinion: Tooth  # of the same module and pressure angle
     wheel: Tooth
-    distance: float
+    distance: float  # of their axes [m]
 
     @property
     def alpha(self) -> float:

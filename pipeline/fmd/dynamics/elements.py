@@ -18,14 +18,9 @@ from fmd.dynamics.state_functions import StateCurve
 
 @dataclass(frozen=True)
 class Attachment(Place):
-    """A place that a force element acts on, with axes of its own.
+    """A place that a force element acts on, with axes of its own."""
 
-    Parameters
-    ----------
-    axes : ndarray, shape (3, 3)
-        Rotation from the place's axes into those of the marker's section, or of space.
-    """
-
+    # (3, 3): rotation from the place's axes into those of the marker's section, or of space
     axes: Array = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
@@ -54,18 +49,10 @@ class _Pair:
 
 @dataclass(frozen=True)
 class PointSpring(_Pair):
-    """A spring along the line between two places, by any force law of its elongation.
+    """A spring along the line between two places, by any force law of its elongation."""
 
-    Parameters
-    ----------
-    law : ForceLaw
-        Force [N] by elongation [m] and its rate [m/s].
-    rest : float
-        Length at which the elongation is 0 [m].
-    """
-
-    law: ForceLaw
-    rest: float = 0.0
+    law: ForceLaw  # force [N] by elongation [m] and its rate [m/s]
+    rest: float = 0.0  # length at which the elongation is 0 [m]
     title: ClassVar[str] = "spring"
 
     def linearise(self, J: Array, swing: Array, strain: Array) -> Matrices:
@@ -106,17 +93,11 @@ class SixAxisSpring(_Pair):
     With the displacement d of the second place from its rest position, seen along the first one's axes, and the
     rotation vector θ of the second one's axes against the first's, it has the energy ``½ eᵀ K e`` for e = (d, θ), and
     dissipates ``ėᵀ C ė``. Angles stay below half a turn.
-
-    Parameters
-    ----------
-    K, C : ndarray, shape (6, 6)
-        Symmetric stiffness and damping, positive semidefinite [N/m, N, N m/rad; the same times s].
-    position : ndarray, shape (3,)
-        Of the second place against the first at rest, along the first one's axes [m].
     """
 
-    K: Array
+    K: Array  # (6, 6): symmetric stiffness and damping, positive semidefinite [N/m, N, N m/rad; the same times s]
     C: Array
+    # (3,): of the second place against the first at rest, along the first one's axes [m]
     position: Array = field(default_factory=lambda: np.zeros(3))
     title: ClassVar[str] = "bushing or bearing"
 
@@ -148,43 +129,22 @@ class SpeedDependentBearing(SixAxisSpring):
     """Six springs and dampers whose first two follow the rate of rotation of the second place about their z axis.
 
     K and C have their largest values. Forces are ``-k(|ω_z|) d - c(|ω_z|) ḋ`` along x and y.
-
-    Parameters
-    ----------
-    radial, damper : StateCurve
-        Stiffness [N/m] and damping [N s/m] by the size of the rate [rad/s].
     """
 
-    radial: StateCurve = field(kw_only=True)
+    radial: StateCurve = field(kw_only=True)  # stiffness [N/m] and damping [N s/m] by the size of the rate [rad/s]
     damper: StateCurve = field(kw_only=True)
 
 
 @dataclass(frozen=True)
 class MeshEnergy:
-    """Elastic energy of the teeth of two gears, ``V = Σ A_r(x) b_r(s)`` by their approach x and the place s of a pair.
+    """Elastic energy of the teeth of two gears, ``V = Σ A_r(x) b_r(s)`` by their approach x and place s of a pair."""
 
-    Parameters
-    ----------
-    of_approach : tuple of StateCurve
-        Each A_r, 0 with its first two derivatives for no approach [N m].
-    of_place : tuple of StateCurve
-        Each b_r, over a base pitch.
-    stiffest : float
-        Largest stiffness [N/m].
-    mean : float
-        That under the load for which the curves were made, on the average [N/m].
-    reach : float
-        Largest approach of the curves' nodes, beyond which forces rise straight [m].
-    error : float
-        Largest error of the force between nodes up to that load, over the load.
-    """
-
-    of_approach: tuple[StateCurve, ...]
-    of_place: tuple[StateCurve, ...]
-    stiffest: float
-    mean: float
-    reach: float
-    error: float
+    of_approach: tuple[StateCurve, ...]  # each A_r, 0 with its first two derivatives for no approach [N m]
+    of_place: tuple[StateCurve, ...]  # each b_r, over a base pitch
+    stiffest: float  # largest stiffness [N/m]
+    mean: float  # that under the load for which the curves were made, on the average [N/m]
+    reach: float  # largest approach of the curves' nodes, beyond which forces rise straight [m]
+    error: float  # largest error of the force between nodes up to that load, over the load
 
 
 @dataclass(frozen=True)
@@ -195,39 +155,19 @@ class GearTeeth(_Pair):
     pressed, ``−x − backlash`` those of the other; each has the energy ``V(x, s)`` and the force
     ``∂V/∂x + τ ∂²V/∂x² ẋ``. As V depends on the place s, too, the pinion has a torque ``−r₁ ∂V/∂s`` beside that of the
     force.
-
-    Parameters
-    ----------
-    radii : tuple of float
-        Of the base circles of pinion and wheel, which the ends are on [m].
-    alpha : float
-        Working pressure angle [rad].
-    axis, centres : ndarray, shape (3,)
-        Unit vectors in space: the axis about which angles count, and from the pinion's centre to the wheel's.
-    senses : tuple of float
-        1 for each gear whose hinge turns about that axis, −1 about the opposite one.
-    rest : float
-        Value of ``r₁ θ₁ + r₂ θ₂`` where flanks touch [m].
-    places : tuple of float
-        Of the flanks of both sides for ``θ₁ = 0`` [m].
-    backlash : float
-        Gap of the flanks of one side where the others touch [m].
-    energy : MeshEnergy
-        The teeth's.
-    damping : float
-        Time τ [s].
     """
 
-    radii: tuple[float, float]
-    alpha: float
+    radii: tuple[float, float]  # of the base circles of pinion and wheel, which the ends are on [m]
+    alpha: float  # working pressure angle [rad]
+    # (3,): unit vectors in space: the axis about which angles count, and from the pinion's centre to the wheel's
     axis: Array
     centres: Array
-    senses: tuple[float, float]
-    rest: float
-    places: tuple[float, float]
-    backlash: float
-    energy: MeshEnergy
-    damping: float
+    senses: tuple[float, float]  # 1 for each gear whose hinge turns about that axis, −1 about the opposite one
+    rest: float  # value of ``r₁ θ₁ + r₂ θ₂`` where flanks touch [m]
+    places: tuple[float, float]  # of the flanks of both sides for ``θ₁ = 0`` [m]
+    backlash: float  # gap of the flanks of one side where the others touch [m]
+    energy: MeshEnergy  # the teeth's
+    damping: float  # time τ [s]
     title: ClassVar[str] = "gear mesh"
     stiffens: ClassVar[bool] = False  # it pushes teeth, which aren't those places
 

@@ -50,37 +50,20 @@ class PlaceValue:
 
 @dataclass(frozen=True)
 class HeldValue:
-    """A value that a sampled controller holds between its samples, or that a program sets between two steps.
+    """A value that a sampled controller holds between its samples, or that a program sets between two steps."""
 
-    Parameters
-    ----------
-    number : int
-        Place among all such values of the mechanism.
-    initial : float
-        Value before anything has set it.
-    """
-
-    number: int
-    initial: float = 0.0
+    number: int  # place among all such values of the mechanism
+    initial: float = 0.0  # value before anything has set it
 
 
 @dataclass(frozen=True)
 class StateCurve:
-    """A curve of one variable: cubics between knots.
+    """A curve of one variable: cubics between knots."""
 
-    Parameters
-    ----------
-    knots : tuple of float
-        Where each piece begins, ascending; the first value holds before the first one.
-    cubics : tuple
-        Coefficients of each piece, lowest power first, by the distance from its knot.
-    period : float
-        Distance after which the curve begins anew at the first knot; 0 if it doesn't.
-    """
-
-    knots: tuple[float, ...]
+    knots: tuple[float, ...]  # where each piece begins, ascending; the first value holds before the first one
+    # Coefficients of each piece, lowest power first, by the distance from its knot.
     cubics: tuple[tuple[float, float, float, float], ...]
-    period: float = 0.0
+    period: float = 0.0  # distance after which the curve begins anew at the first knot; 0 if it doesn't
 
     @property
     def slope(self) -> StateCurve:
@@ -96,23 +79,13 @@ class StateCurve:
 
 @dataclass(frozen=True)
 class StateFunction:
-    """A formula of variables that a mechanism's state and the time give.
+    """A formula of variables that a mechanism's state and the time give."""
 
-    Parameters
-    ----------
-    codes, constants : tuple
-        Program, as of `fmd.core.state_formula.StateFormula`.
-    variables : tuple
-        What each variable is; one that is a function itself is a controller's output.
-    factor : float
-        SI units in one unit of its values.
-    """
-
-    codes: tuple[int, ...]
+    codes: tuple[int, ...]  # with the constants the program, as of `fmd.core.state_formula.StateFormula`
     constants: tuple[float, ...]
-    variables: tuple[Measured, ...]
+    variables: tuple[Measured, ...]  # what each variable is; one that is a function itself is a controller's output
     curves: tuple[StateCurve, ...] = ()
-    factor: float = 1.0
+    factor: float = 1.0  # SI units in one unit of its values
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:

@@ -21,42 +21,21 @@ from fmd.kernels.vectors import call_native
 
 @dataclass(frozen=True)
 class StepBounds(Table):
-    """Force laws with short pieces, and the elongations that they depend on.
+    """Force laws with short pieces, and the elongations that they depend on."""
 
-    Attributes
-    ----------
-    elongations, signals : int
-        Addresses of the compiled functions; 0 if there is no such law, or no load or motion that varies.
-    inputs : ndarray, shape (3 n_signals,)
-        Values, rates and accelerations of the signals.
-    clock : ndarray, shape (1,)
-        Time that they are of [s].
-    edges : ndarray
-        Ends of the pieces of all laws, one after the other [m or rad].
-    first : ndarray of int, shape (n_laws + 1,)
-        Where those of each law begin.
-    beyond : ndarray, shape (n_laws,)
-        Length of the pieces beyond a law's first and last edge [m or rad].
-    rest : ndarray, shape (n_laws,)
-        Length of each spring without elongation [m]; NaN for joints.
-    x, rates, vectors : ndarray, shapes (n_laws,), (n_laws,) and (n_laws, 3)
-        Elongations, their rates, and vectors from place to place at a step's begin.
-    new_x, new_rates, new_vectors : ndarray
-        The same at its end.
-    """
-
-    elongations: int
+    elongations: int  # addresses of the compiled functions; 0 if there is no such law, or no load or motion that varies
     signals: int
-    inputs: Array
-    clock: Array
-    edges: Array
-    first: IntArray
-    beyond: Array
-    rest: Array
+    inputs: Array  # (3 n_signals,): values, rates and accelerations of the signals
+    clock: Array  # (1,): time that they are of [s]
+    edges: Array  # ends of the pieces of all laws, one after the other [m or rad]
+    first: IntArray  # (n_laws + 1,): where those of each law begin
+    beyond: Array  # (n_laws,): length of the pieces beyond a law's first and last edge [m or rad]
+    rest: Array  # (n_laws,): length of each spring without elongation [m]; NaN for joints
+    # (n_laws,), (n_laws,) and (n_laws, 3): elongations, their rates, and vectors from place to place at a step's begin
     x: Array
     rates: Array
     vectors: Array
-    new_x: Array
+    new_x: Array  # the same at its end
     new_rates: Array
     new_vectors: Array
 

@@ -38,26 +38,14 @@ class NotTakenBackError(AccuracyError):
 
 @dataclass(frozen=True)
 class WeightedMarch:
-    """A march, and the weights of its output in a sum.
-
-    Attributes
-    ----------
-    parameters : CompiledParameters
-        The system's own of this march.
-    q0, v0 : ndarray, shapes (n_positions,) and (n,)
-        Its start.
-    times : ndarray, shape (n_times,)
-        Output times [s].
-    by_q, by_v : ndarray, shapes (n_times, n_positions) and (n_times, n)
-        Weights of positions and rates.
-    """
+    """A march, and the weights of its output in a sum."""
 
     system: CompiledSystem
-    parameters: CompiledParameters
-    q0: Array
+    parameters: CompiledParameters  # the system's own of this march
+    q0: Array  # (n_positions,) and (n,): its start
     v0: Array
-    times: Array
-    by_q: Array
+    times: Array  # (n_times,): output times [s]
+    by_q: Array  # (n_times, n_positions) and (n_times, n): weights of positions and rates
     by_v: Array
 
     @property

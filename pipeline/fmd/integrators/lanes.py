@@ -17,38 +17,22 @@ from fmd.kernels.vectors import call_native
 
 @dataclass(frozen=True)
 class LaneSteps(Table):
-    """Eight leapfrog marches under way, a lane each.
+    """Eight leapfrog marches under way, a lane each."""
 
-    Attributes
-    ----------
-    leap, signals : int
-        Addresses of a step in lanes, and of the loads and motions; 0 if none varies.
-    h : float
-        Step [s].
-    values : ndarray, shape (3 n_signals + n_numbers,)
-        Value, rate and acceleration of the loads and motions.
-    inputs : ndarray, shape (3 n_signals + n_numbers, 8)
-        Those, and behind them each lane's numbers.
-    clock, step : ndarray, shape (1,)
-        Time of the loads, and length of a step [s].
-    q, v, a, q_now : ndarray, shapes (n_positions, 8), (n, 8), (n, 8) and (n_positions, 8)
-        Positions, rates half a step behind, accelerations, and positions at a sample's step.
-    total : ndarray, shape (8,)
-        Sum of the sizes of each lane's rates.
-    """
-
-    leap: int
+    leap: int  # addresses of a step in lanes, and of the loads and motions; 0 if none varies
     signals: int
-    h: float
-    values: Array
-    inputs: Array
-    clock: Array
+    h: float  # step [s]
+    values: Array  # (3 n_signals + n_numbers,): value, rate and acceleration of the loads and motions
+    inputs: Array  # (3 n_signals + n_numbers, 8): those, and behind them each lane's numbers
+    clock: Array  # (1,): time of the loads, and length of a step [s]
     step: Array
+    # (n_positions, 8), (n, 8), (n, 8) and (n_positions, 8): positions, rates half a step behind, accelerations, and
+    # positions at a sample's step
     q: Array
     v: Array
     a: Array
     q_now: Array
-    total: Array
+    total: Array  # (8,): sum of the sizes of each lane's rates
 
 
 def make_lanes(leap: int, p: object, h: float, n: int) -> LaneSteps:

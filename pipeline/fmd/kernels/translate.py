@@ -37,24 +37,12 @@ from fmd.kernels.writer import BlockWriter, NotInSubset, Value, tuple_of, whole
 
 @dataclass
 class Module:
-    """Functions in LLVM's language, each for the types of arguments that it is called with.
+    """Functions in LLVM's language, each for the types of arguments that it is called with."""
 
-    Parameters
-    ----------
-    marks : callable
-        Return how a function is compiled, None if it isn't marked as one for kernels.
-    checked : bool
-        Whether indices are checked against the bounds of arrays.
-
-    Attributes
-    ----------
-    checks : list of tuple
-        File and line of each check.
-    """
-
+    # Return how a function is compiled, None if it isn't marked as one for kernels.
     marks: Callable[[Any], Compiling | None]
-    checked: bool = False
-    checks: list[tuple[str, int]] = field(default_factory=list)
+    checked: bool = False  # whether indices are checked against the bounds of arrays
+    checks: list[tuple[str, int]] = field(default_factory=list)  # file and line of each check
     tables: dict[str, str] = field(default_factory=dict)
     _functions: dict[Any, tuple[str, Type] | None] = field(default_factory=dict)
     _texts: list[str] = field(default_factory=list)

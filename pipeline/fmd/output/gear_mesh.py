@@ -39,16 +39,10 @@ _TOO_COARSE = "errors of gears aren't stated: there are too few elements to comp
 
 @dataclass(frozen=True)
 class MeshedGears:
-    """Two gears in mesh, and the same on coarser elements.
-
-    Attributes
-    ----------
-    load : float
-        Force along the line of action [N].
-    """
+    """Two gears in mesh, and the same on coarser elements."""
 
     pair: GearPair
-    load: float
+    load: float  # force along the line of action [N]
     fine: GearMeshAnswer
     coarse: GearMeshAnswer | None
 

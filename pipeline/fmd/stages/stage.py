@@ -23,54 +23,35 @@ ALL_PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh")
 
 
 class Staged(Protocol):
-    """An object whose results are stages: each is computed on first use and remembered.
-
-    Attributes
-    ----------
-    results : dict of str to object
-        Results by the name of their stage, as far as they are there.
-    """
+    """An object whose results are stages: each is computed on first use and remembered."""
 
     store: StageStore
-    results: dict[str, Any]
+    results: dict[str, Any]  # results by the name of their stage, as far as they are there
 
 
 @dataclass(frozen=True)
 class Stage(Generic[T]):
-    """One stage of a graph, read as an attribute of the object that it belongs to.
-
-    Parameters
-    ----------
-    compute : callable or str
-        Makes the result for an object; ``"module:function"`` of this package is loaded when it is first called, which a
-        result that is kept never needs.
-    reads : tuple of str
-        Stages that are needed to compute it: of the same object, or of each flexible body of the scene.
-    inputs : callable, optional
-        Everything that the result depends on, as plain data for its key; without, or where it is ``None``, the result
-        is never kept.
-    sources, packages : tuple of str
-        Python sources, named from the project's root, and installed packages that make the result.
-    in_key : tuple of str
-        Stages whose results are among ``inputs``: while they aren't known, neither is the key.
-    shared_inputs : callable, optional
-        As ``inputs``, for a result that is never kept but that bodies of one part have in common.
-    applies : callable
-        Whether an object has such a result: a body without a mesh has no stress.
-    lasts : callable
-        Whether a result may be kept: one that is not whole may not.
-    """
+    """One stage of a graph, read as an attribute of the object that it belongs to."""
 
     name: str
+    # Makes the result for an object; ``"module:function"`` of this package is loaded when it is first called, which a
+    # result that is kept never needs.
     compute: Callable[[Any], T] | str
+    # Stages that are needed to compute it: of the same object, or of each flexible body of the scene.
     reads: tuple[str, ...] = ()
+    # Everything that the result depends on, as plain data for its key; without, or where it is ``None``, the result is
+    # never kept.
     inputs: Callable[[Any], Any] | None = None
+    # Python sources, named from the project's root, and installed packages that make the result.
     sources: tuple[str, ...] = ()
     packages: tuple[str, ...] = ()
+    # Stages whose results are among ``inputs``: while they aren't known, neither is the key.
     in_key: tuple[str, ...] = ()
+    # As ``inputs``, for a result that is never kept but that bodies of one part have in common.
     shared_inputs: Callable[[Any], Any] | None = None
+    # Whether an object has such a result: a body without a mesh has no stress.
     applies: Callable[[Any], bool] = lambda owner: True
-    lasts: Callable[[T], bool] = lambda result: True
+    lasts: Callable[[T], bool] = lambda result: True  # whether a result may be kept: one that is not whole may not
 
     def key(self, owner: Staged) -> str:
         """Return the key that an object's result is kept under; empty if it never is."""

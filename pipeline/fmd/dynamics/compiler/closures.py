@@ -46,32 +46,17 @@ from fmd.dynamics.mechanism import Mechanism
 
 @dataclass
 class ConstraintRow:
-    """A scalar constraint; see this module's equations.
-
-    Attributes
-    ----------
-    wrenches : list of tuple
-        Place, f and m of each.
-    joints : dict of int to float
-        c of each joint, by its body's number; s is that of the body's own section where it has one.
-    frames : list of MovingFrame
-        The bodies', of a constraint on joints.
-    bias : Scalar
-        Part of g̈ that velocities bring about beside the places' own.
-    rotational : bool
-        True for an angle.
-    number : int
-        Its own among the joint's.
-    """
+    """A scalar constraint; see this module's equations."""
 
     name: str
     residual: Scalar
-    wrenches: list[tuple[PlaceMotion, Vector3, Vector3]]
-    bias: Scalar
-    rotational: bool
+    wrenches: list[tuple[PlaceMotion, Vector3, Vector3]]  # place, f and m of each
+    bias: Scalar  # part of g̈ that velocities bring about beside the places' own
+    rotational: bool  # true for an angle
+    # c of each joint, by its body's number; s is that of the body's own section where it has one.
     joints: dict[int, float] = field(default_factory=dict)
-    number: int = 0
-    frames: list[MovingFrame] = field(default_factory=list)
+    number: int = 0  # its own among the joint's
+    frames: list[MovingFrame] = field(default_factory=list)  # the bodies', of a constraint on joints
 
     def rate(self, inputs: Coordinates) -> Scalar:
         """Return ġ."""

@@ -24,28 +24,15 @@ class ElementStress(NamedTuple):
 
 
 class ExternalQuantity(NamedTuple):
-    """A quantity that the functions give: of a joint, a marker or an element.
+    """A quantity that the functions give: of a joint, a marker or an element."""
 
-    Attributes
-    ----------
-    body : int
-        Number of the body, or of the one that the joint carries.
-    place : str
-        Name of the marker or element, empty for a joint.
-    kind : str
-        ``position``, ``rate``, ``reaction_force``, ``reaction_moment``, ``velocity``, ``rotation``,
-        ``angular_velocity``, ``displacement``, ``stress`` or ``von_mises``.
-    indices : tuple of int
-        Which of its numbers, from 1.
-    value : Scalar
-        How it is computed.
-    """
-
-    body: int
-    place: str
+    body: int  # number of the body, or of the one that the joint carries
+    place: str  # name of the marker or element, empty for a joint
+    # ``position``, ``rate``, ``reaction_force``, ``reaction_moment``, ``velocity``, ``rotation``, ``angular_velocity``,
+    # ``displacement``, ``stress`` or ``von_mises``.
     kind: str
-    indices: tuple[int, ...]
-    value: Scalar
+    indices: tuple[int, ...]  # which of its numbers, from 1
+    value: Scalar  # how it is computed
 
 
 def joint_quantities(inputs: Coordinates, frames: list[MovingFrame]) -> list[ExternalQuantity]:
