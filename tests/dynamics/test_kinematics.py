@@ -50,6 +50,19 @@ def test_velocities_are_the_slopes_of_the_frames(chain: Make, name: str) -> None
         assert frame.spin[0] == pytest.approx([spin[2, 1], spin[0, 2], spin[1, 0]], abs=1e-12)
 
 
+def test_a_marker_is_where_it_is_whether_one_body_is_asked_for_or_all(chain: Make, name: str) -> None:
+    some = chain(name)
+    states = [some.state(seed) for seed in range(3)]
+    q, v = (np.array(part) for part in zip(*states, strict=True))
+    markers = [(body, marker) for body, link in enumerate(some.tree.links) for marker in link.markers]
+    whole = Kinematics(some.tree, np.zeros(3), q, v)
+    assert len(whole.frames) == len(some.tree.links)
+    for place in markers:
+        alone = Kinematics(some.tree, np.zeros(3), q, v)
+        assert np.array_equal(alone.marker_position(*place), whole.marker_position(*place))
+        assert "frames" not in vars(alone)
+
+
 def test_energies_and_momenta_are_those_of_the_points(chain: Make, name: str) -> None:
     some = chain(name, gravity=WEIGHT)
     states = [some.state(seed) for seed in range(4)]

@@ -8,7 +8,7 @@ import pytest
 
 from fmd.core.errors import InputError
 from fmd.scene.magnitudes import _walk, find_unusual
-from fmd.scene.scene import load_scene
+from fmd.scene.scene import SceneReader, load_scene
 from fmd.scene.toml_files import list_ready_scenes
 
 
@@ -75,6 +75,16 @@ def test_nothing_in_the_ready_scenes_is_unusual_and_each_of_their_numbers_is_loo
 def test_an_unusual_value_is_named_with_what_is_usual(override: str, said: str) -> None:
     (found,) = find_unusual(load_scene("beam", [override]))
     assert found.startswith(said)
+
+
+def test_a_scene_that_shares_its_other_tables_has_the_unusual_values_of_its_own() -> None:
+    reader, unusual = SceneReader("beam"), []
+    for overrides in ([], ["body.beam.E=70 Pa"], ["drive.spin_up.speed=1e6 rad/s"], ["body.beam.E=70 Pa"], []):
+        found, alone = (list(find_unusual(scene)) for scene in (reader.load(overrides), load_scene("beam", overrides)))
+        assert found == alone
+        unusual.append([text.split(" is ")[0] for text in found])
+    E, speed = ["body.beam.E"], ["drive.spin_up.speed"]
+    assert unusual == [[], E, speed, E, []]
 
 
 def test_masses_and_speeds_of_rigid_mechanisms_are_weighed_too() -> None:
