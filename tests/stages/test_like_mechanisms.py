@@ -40,12 +40,18 @@ def test_a_mechanism_with_other_numbers_of_joints_is_the_one_that_is_built(
 ) -> None:
     scene, other = (load_scene("rod-slider", [*_DAMPED, *own]) for own in ([], changes))
     kept: list[like_mechanisms.Built] = []
-    first = CompiledSystem(build_like(kept, scene, {})).compiled
+    mechanism = build_like(kept, scene, {})
+    first = CompiledSystem(mechanism).compiled
     assert first.digest
+    assert CompiledSystem(mechanism.rigid).compiled.digest
     both = (build_like(kept, other, {}), build_mechanism(other, {}))
     found, expected = (CompiledSystem(each).compiled for each in both)
     assert len(built) == anew
     assert found.digest == expected.digest
     assert found.numbers.tolist() == expected.numbers.tolist()
+    rigid, expected_rigid = (CompiledSystem(each.rigid).compiled for each in both)
+    assert rigid.digest == expected_rigid.digest
+    assert rigid.numbers.tolist() == expected_rigid.numbers.tolist()
     if anew == 1:
+        assert "rigid" in vars(both[0])
         assert (found.digest == first.digest) == bool(found.numbers.size == first.numbers.size)

@@ -63,4 +63,6 @@ def with_joint_numbers(mechanism: Mechanism, scene: Scene) -> Mechanism:
     found = replace(mechanism, links=links)
     if alike:
         share_digest(found, mechanism)
+    if "rigid" in vars(mechanism):
+        vars(found)["rigid"] = with_joint_numbers(mechanism.rigid, scene)
     return found
