@@ -10,7 +10,6 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.coarse_mesh import make_coarse_pair
 from fmd.accuracy.corner_stress import CornerStress, find_corner_stress, wedge_exponent
 from fmd.accuracy.error_budget import Budget, state_errors
-from fmd.core.cache import Cache
 from fmd.fem.surface import reentrant_angles
 from fmd.meshes.gmsh_session import gmsh_model
 
@@ -64,7 +63,7 @@ def write(folder: Path, fillet: float) -> Path:
 
 @pytest.fixture(scope="module")
 def bracket(tmp_path_factory: pytest.TempPathFactory) -> tuple[Pipeline, list[CornerStress]]:
-    run = Pipeline(load_scene(write(tmp_path_factory.mktemp("sharp"), 0.0)), Cache(None))
+    run = Pipeline(load_scene(write(tmp_path_factory.mktemp("sharp"), 0.0)))
     pair = make_coarse_pair(run)
     assert not isinstance(pair, str)
     return run, find_corner_stress(pair)
@@ -94,7 +93,7 @@ def test_stress_in_a_sharp_corner_grows_as_the_theory_of_wedges_has_it(
 
 
 def test_a_fillet_gives_the_stress_a_limit(tmp_path: Path) -> None:
-    run = Pipeline(load_scene(write(tmp_path, 8.0)), Cache(None))
+    run = Pipeline(load_scene(write(tmp_path, 8.0)))
     pair = make_coarse_pair(run)
     assert not isinstance(pair, str)
     assert find_corner_stress(pair) == []

@@ -11,7 +11,6 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.accuracy.estimators import Estimates
 from fmd.accuracy.time_limit import TimeLimit
-from fmd.core.cache import Cache
 
 LENGTH, E, RHO = 0.4, 70e9, 2700.0
 SCENE = f"""
@@ -48,7 +47,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def run(file: Path) -> Pipeline:
-    return Pipeline(load_scene(file), Cache(None))
+    return Pipeline(load_scene(file))
 
 
 def test_a_frequency_that_two_modes_make_half_too_high_has_that_error(run: Pipeline) -> None:
@@ -69,7 +68,7 @@ def test_what_the_time_limit_leaves_out_is_not_stated(run: Pipeline) -> None:
 
 
 def test_a_basis_of_vibrations_has_nothing_to_compare(file: Path) -> None:
-    free = Pipeline(load_scene(file, ["body.bar.modes.boundary=joint"]), Cache(None))
+    free = Pipeline(load_scene(file, ["body.bar.modes.boundary=joint"]))
     assert Estimates(free)._interface_modes() == {}
 
 

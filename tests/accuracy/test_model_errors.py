@@ -59,7 +59,7 @@ def rows_of(run: Pipeline) -> dict[str, Row]:
 
 def test_geometric_stiffening_that_is_left_off_is_stated() -> None:
     scenes = (load_scene("beam-paper", [*SPUN, f"simulation.stiffening={x}"]) for x in ("off", "on"))
-    off, on = (Pipeline(scene, Cache(None)) for scene in scenes)
+    off, on = (Pipeline(scene) for scene in scenes)
     rows = rows_of(off)
     budget = state_errors(off)
     (cause,) = (each for each in budget.model if each.cause == "stiffening left off")

@@ -10,7 +10,6 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.error_estimates import OrientationQuantity, Quantity
 from fmd.accuracy.quantities import motion_quantities
-from fmd.core.cache import Cache
 from fmd.core.rotations import quaternion_of_matrix, rotation_matrix
 
 INERTIA, SPIN, DURATION = np.array([1e-3, 2e-3, 2.5e-3]), np.array([1e-4, 12.0, 1e-4]), 6.0
@@ -64,7 +63,7 @@ def test_the_error_of_an_orientation_is_the_angle_between_two_whatever_their_qua
 def test_a_body_that_tumbles_about_its_middle_axis_states_how_far_its_orientation_is_off(tmp_path: Path) -> None:
     file = tmp_path / "tumble.toml"
     file.write_text(TUMBLE)
-    run = Pipeline(load_scene(file), Cache(None))
+    run = Pipeline(load_scene(file))
     found = motion_quantities(run, run.motion, run.fine_motion)
     assert isinstance(found["flight, orientation"], OrientationQuantity)
     exact = OrientationQuantity("flight, orientation", "rad", tumbled(run.output_times))

@@ -9,7 +9,6 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.details import detail_quantities
 from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.quantities import motion_quantities
-from fmd.core.cache import Cache
 
 pytestmark = pytest.mark.slow
 
@@ -59,7 +58,7 @@ run = [{ integrator = "auto" }]
 
 def test_large_deflection_is_stated_of_what_depends_on_it() -> None:
     # Four pieces take large deflection in; the kinetic energy of a body whose turning is given hardly depends on it.
-    run = Pipeline(load_scene("spin-up", SPIN_UP), Cache(None))
+    run = Pipeline(load_scene("spin-up", SPIN_UP))
     more = ["body.beam.pieces=4", "body.beam.modes={count=4}", "simulation.error=1e-5"]
     pieces = Pipeline(load_scene("spin-up", [*SPIN_UP, *more]), run.store.cache)
     exact = motion_quantities(pieces, pieces.motion, pieces.fine_motion)
@@ -80,7 +79,7 @@ def test_a_basis_with_fast_static_responses_states_its_modes_and_not_its_own_mar
     # The richer basis vibrates at 250,000 rad/s, which the run's own steps of 3 ms lose.
     file = tmp_path / "swung.toml"
     file.write_text(SWUNG)
-    run = Pipeline(load_scene(file), Cache(None))
+    run = Pipeline(load_scene(file))
     finer = ["body.bar.modes.count=12", "body.bar.modes.enrich=inertia", "body.bar.mesh={order=2,divisions=[44,2,2]}"]
     march = 'simulation.run=[{integrator="runge-kutta", tolerance=1e-8}]'
     true = true_errors(run, Pipeline(load_scene(file, [*finer, march]), run.store.cache))

@@ -14,7 +14,6 @@ from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
 from fmd.accuracy.error_estimates import NO_PART, SOURCES, Row
 from fmd.accuracy.refinement import meet_accuracy
 from fmd.cli.app import main
-from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.scene.variants import refine_meshes
 
@@ -23,7 +22,7 @@ QUICK = ("simulation.duration=0.1 s", "simulation.output_step=1 ms", "body.beam.
 
 @pytest.mark.slow
 def test_two_percent_on_the_beam_take_more_than_the_first_try_and_true_errors_are_below() -> None:
-    run = Pipeline(load_scene("beam-paper", [*QUICK, "accuracy=2 %"]), Cache(None))
+    run = Pipeline(load_scene("beam-paper", [*QUICK, "accuracy=2 %"]))
     found = meet_accuracy(run)
     met, rounds = found.run, found.rounds
     assert found.met
@@ -31,7 +30,7 @@ def test_two_percent_on_the_beam_take_more_than_the_first_try_and_true_errors_ar
     assert not rounds[-1].given_up
     finer = ["body.beam.mesh.divisions=[48, 4, 2]", "body.beam.modes.count=10", "body.beam.modes.enrich=ritz"]
     exact = [*QUICK[:2], *finer, "simulation.error=1e-6", 'simulation.run=[{integrator="auto"}]']
-    assert max(true_errors(met, Pipeline(load_scene("beam-paper", exact), Cache(None))).values()) < 0.02
+    assert max(true_errors(met, Pipeline(load_scene("beam-paper", exact))).values()) < 0.02
 
 
 def test_a_quantity_that_refining_hardly_improves_is_given_up_and_told_while_the_others_are_met(monkeypatch) -> None:
@@ -69,7 +68,7 @@ def test_a_refined_propeller_keeps_its_cells_between_the_joints_and_can_be_meshe
     chosen = finer.flexible["propeller"].mesh
     assert chosen.sleeve[0] // 3 - chosen.joint[1] >= 2  # of two cells, none is a thin one
     assert finer.flexible["propeller"].seat == pytest.approx(np.radians(90.0))  # 3 of the 4 cells of a third
-    assert Pipeline(finer, Cache(None)).part.mesh.volume > 0  # which checks each cell
+    assert Pipeline(finer).part.mesh.volume > 0  # which checks each cell
 
 
 def test_of_the_frequencies_only_the_scenes_own_count() -> None:

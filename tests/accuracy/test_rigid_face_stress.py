@@ -10,7 +10,6 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.coarse_mesh import make_coarse_pair
 from fmd.accuracy.corner_stress import find_corner_stress
 from fmd.accuracy.error_budget import state_errors
-from fmd.core.cache import Cache
 from fmd.core.limits.errors import CLAMPED_EDGE, OF_WEDGE
 
 pytestmark = pytest.mark.slow
@@ -53,7 +52,7 @@ run = [{{ integrator = "auto" }}]
 def plate(folder: Path, divisions: str, attached: str = "") -> Pipeline:
     file = folder / "plate.toml"
     file.write_text(SCENE.replace("DIVISIONS", divisions).replace("ATTACHED", attached))
-    return Pipeline(load_scene(file), Cache(None))
+    return Pipeline(load_scene(file))
 
 
 def test_the_exponent_at_a_clamped_edge_is_that_of_the_theory() -> None:

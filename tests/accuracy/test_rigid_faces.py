@@ -9,7 +9,6 @@ from fmd import Pipeline, load_scene
 from fmd.accuracy.coarse_mesh import make_coarse_pair
 from fmd.accuracy.error_budget import state_errors
 from fmd.accuracy.mesh_excess import combine_excess, energy_excess
-from fmd.core.cache import Cache
 from fmd.recovery.stress import von_mises
 
 pytestmark = pytest.mark.slow
@@ -42,7 +41,7 @@ run = [{ integrator = "auto" }]
 def mesh(folder: Path, order: int, divisions: list[int]) -> Pipeline:
     file = folder / "bar.toml"
     file.write_text(BAR.replace("MESH", f"{{ order = {order}, divisions = {divisions} }}"))
-    return Pipeline(load_scene(file), Cache(None))
+    return Pipeline(load_scene(file))
 
 
 def test_the_excess_of_frequencies_behind_a_rigid_face_is_not_what_two_meshes_tell(tmp_path: Path) -> None:
@@ -84,7 +83,7 @@ force = "10 N"
         file = tmp_path / "link.toml"
         mesh = f"{{ order = 2, divisions = {divisions} }}"
         file.write_text(link.replace("MESH", mesh).replace("210 GPa", "70 GPa") + push)
-        runs.append(Pipeline(load_scene(file), Cache(None)))
+        runs.append(Pipeline(load_scene(file)))
     run, fine = runs
     (row,) = (row for row in state_errors(run).rows if row.name == "bar, largest von Mises stress")
     _, place, worst = run.stress_of("bar").worst()

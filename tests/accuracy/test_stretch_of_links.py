@@ -7,7 +7,6 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.deflection import stiffening_by_stretch
-from fmd.core.cache import Cache
 from fmd.fem.geometric_stiffness import quadratic_strain_load
 
 STRIP = """
@@ -51,7 +50,7 @@ def test_the_load_of_a_quadratic_strain_is_that_of_the_elements_alone(tmp_path: 
     for name, more in (("bare", ""), ("linked", MOTOR.format(kind=kind))):
         file = tmp_path / f"{name}.toml"
         file.write_text(STRIP.format(more=more))
-        runs.append(Pipeline(load_scene(file), Cache(None)))
+        runs.append(Pipeline(load_scene(file)))
     bare, linked = (run.parts["strip"].fe for run in runs)
     n, more = len(bare.x), linked.K.shape[0] // 3
     u = 1e-3 * np.random.default_rng(0).normal(size=(more, 3))
@@ -73,7 +72,7 @@ def test_a_rigid_end_that_turns_stretches_nothing(tmp_path: Path, end: str) -> N
             text = text.replace('tip = { face = "x+" }', 'tip = { face = "x+", attachment = "rigid" }')
         file = tmp_path / f"{kind}.toml"
         file.write_text(text)
-        run = Pipeline(load_scene(file), Cache(None))
+        run = Pipeline(load_scene(file))
         assert run.deformations["strip"].rotation > 0.02
         ratios[kind] = stiffening_by_stretch(run, "strip")
     assert ratios["held"] < ratios["free"] + 1e-3
@@ -82,6 +81,6 @@ def test_a_rigid_end_that_turns_stretches_nothing(tmp_path: Path, end: str) -> N
 def test_a_strip_that_is_free_to_shorten_is_not_stretched_by_what_bends_it(tmp_path: Path) -> None:
     file = tmp_path / "strip.toml"
     file.write_text(STRIP.format(more=MOTOR.format(kind="average")))
-    run = Pipeline(load_scene(file), Cache(None))
+    run = Pipeline(load_scene(file))
     assert run.deformations["strip"].rotation > 0.02
     assert stiffening_by_stretch(run, "strip") < 1e-3

@@ -48,7 +48,7 @@ class Vibration:
         return None
 
 
-@pytest.mark.parametrize("given", [True, False])
+@pytest.mark.parametrize("given", [pytest.param(True, marks=pytest.mark.long), False])
 def test_intervals_hold_the_truth_in_95_of_100_noises(given: bool) -> None:
     varied = tuple(VariedNumber(Parameter(key, value)) for key, value in BEGIN.items())
     truth, inside, chi2 = vibration(*TRUTH.values()).real, np.zeros(len(TRUTH)), []

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
-from fmd.core.cache import Cache
 from fmd.core.errors import InputError
 from fmd.integrators.protocol import Trajectory
 from fmd.output.joint_marks import GROUND, JOINT, LOAD
@@ -65,7 +64,7 @@ class Posed(Pipeline):
 
 @pytest.fixture(scope="module")
 def arm() -> Pipeline:
-    run = Posed(load_scene("arm", ARM), Cache(None))
+    run = Posed(load_scene("arm", ARM))
     run.differences = 0.002 * np.random.default_rng(7).normal(size=run.mechanism.n_positions)
     return run
 
@@ -73,7 +72,7 @@ def arm() -> Pipeline:
 def plate(folder: Path, visual: str) -> Pipeline:
     path = folder / "plate.toml"
     path.write_text(PLATE.replace("VISUAL", f"visual = {visual}" if visual else ""))
-    run = Posed(load_scene(path), Cache(None))
+    run = Posed(load_scene(path))
     run.differences = 0.2  # 1 rad/s
     return run
 
@@ -132,7 +131,7 @@ def test_one_body_alone_has_nothing_around_it(arm):
 
 def test_every_kind_of_joint_spring_and_bushing_is_drawn():
     for name, lines in (("suspension", 1), ("slider-crank", 1)):
-        run = Posed(load_scene(name, ["simulation.duration=20 ms", "simulation.output_step=10 ms"]), Cache(None))
+        run = Posed(load_scene(name, ["simulation.duration=20 ms", "simulation.output_step=10 ms"]))
         view = view_mechanism(run, np.arange(2))
         held = [joint for joint in run.scene.joint.values() if joint.type not in ("free", "fixed")]
         assert len([shape for shape in view.shapes if shape.colour == JOINT]) == len(held)
@@ -146,7 +145,7 @@ def test_arrows_of_loads_end_where_these_act_and_turn_with_what_they_follow(tmp_
     push = f'push = {{ type = "point force", {on}, force = "2 N" }}'
     twist = f'twist = {{ type = "point torque", {on}, torque = "2 N m", following = true }}'
     path.write_text(PLATE.replace("VISUAL", "") + f"[drive]\n{push}\n{twist}\n")
-    run = Posed(load_scene(path), Cache(None))
+    run = Posed(load_scene(path))
     run.differences = 0.2
     assert not [shape for shape in view_mechanism(run, np.arange(3)).shapes if shape.colour == LOAD]
     pushed, twisted = [shape for shape in view_mechanism(run, np.arange(3), loads=True).shapes if shape.colour == LOAD]
@@ -167,7 +166,7 @@ def test_gravity_is_an_arrow_beside_the_mechanism_of_a_view_with_loads(tmp_path)
             "[simulation]", '[simulation]\ngravity = ["0 m/s^2", "-3 m/s^2", "4 m/s^2"]'
         )
     )
-    run = Posed(load_scene(path), Cache(None))
+    run = Posed(load_scene(path))
     view = view_mechanism(run, np.arange(3), loads=True)
     (arrow,) = [shape for shape in view.shapes if shape.colour == LOAD]
     assert arrow.name == "gravity, 5 m/s²"
@@ -182,7 +181,7 @@ def test_gravity_is_an_arrow_beside_the_mechanism_of_a_view_with_loads(tmp_path)
 
 
 def test_a_spring_leads_from_one_place_to_the_other():
-    run = Posed(load_scene("suspension", ["simulation.duration=20 ms"]), Cache(None))
+    run = Posed(load_scene("suspension", ["simulation.duration=20 ms"]))
     run.differences = np.linspace(0.0, 0.01, run.mechanism.n_positions)
     (coil,) = view_mechanism(run, np.arange(5)).lines
     assert coil.points[:, 0] == pytest.approx(np.tile((0.0, 0.2, 0.42), (5, 1)))
@@ -266,7 +265,7 @@ def test_the_pin_of_a_turned_joint_lies_along_its_axis(tmp_path):
     tilted = '[ground.side]\nat = ["1 m", "0 m", "0 m"]\nrotation = ["90 deg", "0 deg", "0 deg"]\n[joint.pin]'
     text = PLATE.replace("VISUAL", "").replace("[joint.pin]", tilted)
     path.write_text(text.replace('parent = "ground"', 'parent = "ground.side"'))
-    view = view_mechanism(Posed(load_scene(path), Cache(None)), np.arange(3))
+    view = view_mechanism(Posed(load_scene(path)), np.arange(3))
     (pin,) = [shape for shape in view.shapes if shape.colour == JOINT]
     for k in range(3):  # z of the place is -y in space
         assert np.argmax(np.ptp(pin.points(k), axis=0)) == 1

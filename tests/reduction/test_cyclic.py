@@ -11,7 +11,6 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, eigsh, lobpcg
 
 from fmd import Pipeline, load_scene
-from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError
 from fmd.fem.assembly import assemble
 from fmd.fem.markers import face_marker
@@ -142,7 +141,7 @@ def test_two_sectors_are_too_few() -> None:
 def test_the_propeller_has_the_modes_that_two_other_solvers_find() -> None:
     """Shift-invert Lanczos on the whole body, and LOBPCG on it."""
     coarse = "body.propeller.mesh={order=1, sleeve=[36, 3, 2], joint=[3, 4, 4], blade=[3, 4, 9], growth=4.0}"
-    run = Pipeline(load_scene("propeller", [coarse]), Cache(None))
+    run = Pipeline(load_scene("propeller", [coarse]))
     fe, modes = run.fe, run.modes
     assert modes.omega == pytest.approx(FreeBodySolver(fe).modes(24).omega, rel=1e-8)
     # pairs come complete: the first, second, fourth … are double

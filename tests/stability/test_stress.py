@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.stability import march_case
+from benchmarks import stability
 
 pytestmark = pytest.mark.slow
 
@@ -15,9 +15,11 @@ pytestmark = pytest.mark.slow
         *("stiffness from 1 to 1e12", "beam at 1.5 ω₁, stiffened", "rod-slider", "M_SS nearly singular, 1e-10"),
     ],
 )
-def test_what_the_tangent_predicts_is_what_marches_do(name: str) -> None:
-    """The marches of `benchmarks/stability.py`, shorter: no prediction may fail."""
-    rows = march_case(name, cycles=1000)
+def test_what_the_tangent_predicts_is_what_marches_do(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half of the marches of `benchmarks/stability.py`, shorter: no prediction may fail."""
+    monkeypatch.setattr(stability, "RATIOS", (1, 3, 20))
+    monkeypatch.setattr(stability, "SHARES", (0.5, 0.98, 1.02))
+    rows = stability.march_case(name, cycles=1000)
     assert not [row for row in rows if row.wrong]
     decided = {row.found for row in rows if row.predicted != "either"}
     assert decided == {"lives", "diverges"} if "ω₁" not in name else {"diverges" if "linear" in name else "lives"}

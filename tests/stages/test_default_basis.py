@@ -6,7 +6,6 @@ from typing import Any
 import pytest
 
 from fmd import Pipeline, load_scene
-from fmd.core.cache import Cache
 
 L, B, H, E = 0.3, 0.01, 0.02, 70e9
 BAR: dict[str, Any] = {
@@ -33,7 +32,7 @@ BAR: dict[str, Any] = {
 
 def compliance(*overrides: str) -> float:
     """Return the deflection of the bar's tip by a steady unit force there [m/N]."""
-    body = Pipeline(load_scene(BAR, overrides), Cache(None)).bodies["bar"]
+    body = Pipeline(load_scene(BAR, overrides)).bodies["bar"]
     return float((body.markers["tip"].translation[1] ** 2 / body.omega**2).sum())
 
 
@@ -61,7 +60,7 @@ def test_free_modes_on_joints_with_others_stand_alone_unless_the_scene_says_othe
     scene = copy.deepcopy(BAR)
     scene["body"]["far"] = scene["body"]["bar"]
     scene["joint"]["hinge"] = {"type": "revolute", "parent": "bar.tip", "child": "far.root", "axis": [0, 0, 1]}
-    parts = Pipeline(load_scene(scene), Cache(None)).parts
+    parts = Pipeline(load_scene(scene)).parts
     assert [part.shape.modes.enrich for part in parts.values()] == ["none", "none"]
     for choice in ("boundary=joint", "enrich=inertia"):
         assert Pipeline(load_scene(scene, [f"body.bar.modes.{choice}"])).parts["bar"].shape.modes.enrich == "inertia"

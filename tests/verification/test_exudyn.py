@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
-from fmd.core.cache import Cache
 from fmd.output.formats import write_format
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -58,7 +57,7 @@ stiffening = "off"
 integrator = "runge-kutta"
 tolerance = 1e-11
 """)
-    return Pipeline(load_scene(path), Cache(None))
+    return Pipeline(load_scene(path))
 
 
 def march_there(script: Path, driven: bool, step: float) -> np.ndarray:

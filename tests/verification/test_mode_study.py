@@ -8,7 +8,6 @@ import pytest
 
 from benchmarks.modes import STUDIES, ConvergedFrequencies, ModeStudyRow, extrapolate, write_study
 from fmd import Pipeline, load_scene
-from fmd.core.cache import Cache
 
 pytestmark = pytest.mark.slow
 
@@ -42,6 +41,6 @@ def test_hexahedra_and_tetrahedra_show_the_same_modes(scene: str, meshes: tuple[
     study = next(study for study in STUDIES if study.scene == scene)
     meshes_of = {(element, mesh): overrides for element, mesh, overrides in study.meshes}
     runs = [meshes_of[kind] for kind in zip(("hex20", "tet10"), meshes, strict=True)]
-    hexahedra, tetrahedra = (study.frequencies(Pipeline(load_scene(scene, mesh), Cache(None))) for mesh in runs)
+    hexahedra, tetrahedra = (study.frequencies(Pipeline(load_scene(scene, mesh))) for mesh in runs)
     assert len(hexahedra) == {"beam": 5, "propeller": 6}[scene]
     assert tetrahedra == pytest.approx(hexahedra, rel=error)

@@ -10,7 +10,6 @@ from scipy.sparse.linalg import splu
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
-from fmd.core.cache import Cache
 from fmd.fem.model import FEModel
 from fmd.recovery.stress import modal_stress, von_mises
 from fmd.reduction.body import FlexibleBody
@@ -20,7 +19,7 @@ RATE = 8000 * 2 * pi / 60
 
 @cache
 def propeller(*overrides: str) -> Pipeline:
-    return Pipeline(load_scene("propeller", overrides), Cache(None))
+    return Pipeline(load_scene("propeller", overrides))
 
 
 @cache
