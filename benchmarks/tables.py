@@ -301,6 +301,17 @@ TABLES: dict[str, Callable[[], str]] = {
             "on finer elements": "{finer}",
         },
     ),
+    "gear-resonance": partial(
+        listed,
+        "gear_resonance",
+        {
+            "mesh's frequency over the natural one": "{ratio}",
+            "speed of the pinion [1000 rpm]": "{speed_krpm}",
+            "transmission error varies by [µm]": "{varies_um}",
+            "largest force over the mean": "{force}",
+            "apart [% of the time]": "{apart}",
+        },
+    ),
     "robots": partial(
         listed,
         "robots",
