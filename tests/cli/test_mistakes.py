@@ -225,3 +225,22 @@ def test_a_table_that_replaces_the_base_names_what_is_lost(fmd, capsys, tmp_path
     scene.write_text('title = "Mine"\nbase = "slider-crank"\nset = ["body.crank.lenght=45 mm"]\n')
     assert fmd("run", scene) == 2
     assert "the base's" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["view", "four-bar", "--no-browser", "--out", "."], "--out = '.': can't be written: Is a directory"),
+        (["sweep", "beam", "--vary", "body.beam.E=60GPa,70GPa", "--histories"], "--histories: keeps histories among"),
+        (
+            ["unbalance", "rotor", "--at", "wheel.centre", "--of", "5 g mm", "--force", "1 N", "--to", "4000 rpm"],
+            "--of = '5 g mm': can't stand beside --force",
+        ),
+    ],
+)
+def test_options_that_contradict_are_one_message(fmd, capsys, tmp_path: Path, monkeypatch, arguments, message) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert fmd(*arguments) == 2
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith(f"fmd: {message}")
+    assert not [*tmp_path.iterdir()]

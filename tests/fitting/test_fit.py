@@ -165,7 +165,8 @@ def test_bounds_take_units_and_a_number_below_zero_counts_by_shares() -> None:
     ("vary", "prior", "words"),
     [
         ([], [], "is missing: numbers to vary"),
-        (["joint.elbow.spring=100..200"], [], "must lie around the scene's value, 60"),
+        (["joint.elbow.spring=100..200"], [], "scene's value, 60 N m/rad; without a unit bounds are in N m/rad"),
+        (["joint.elbow.spring=200..10"], [], "the first bound must be below the second"),
         (["joint.elbow.spring=10"], [], "must be two bounds"),
         (["joint.elbow.spring=10 kg..100 kg"], [], "must be in a unit of N m/rad"),
         (["joint.elbow.spring", "joint.elbow.spring"], [], "is varied twice"),

@@ -95,6 +95,8 @@ def sweep(
     variations, combinations = choose_values(vary, design, points, seed)
     name = Path(scene).stem
     folder = out or Path("out") / f"{name}-sweep"
+    if histories and not of:
+        raise InputError("--histories", "", None, "keeps histories among the results of --of: name some")
     if scheduler is None and len([*folder.glob("points/*.json")]) < len(combinations):
         prepare_workers()
     summaries = budget or not of  # results by name are of the first run

@@ -49,7 +49,8 @@ def unbalance(
     if not 3 <= points <= 100_000:
         raise InputError("--points", "", points, "must be 3 … 100000")
     if bool(of) == bool(force):
-        raise InputError("--of", "", of, "give an unbalance, e.g. '500 g mm', or --force, e.g. '10 N'")
+        mend = "can't stand beside --force" if of else "give an unbalance, e.g. '500 g mm', or --force, e.g. '10 N'"
+        raise InputError("--of", "", of, mend)
     if of and order != 1.0:
         raise InputError("--order", "", order, "belongs to --force: an unbalance goes round with the rotor")
     size = _read(of, "--of", "kg*m", "an unbalance such as '500 g mm'") if of else 0.0

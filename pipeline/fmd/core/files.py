@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import hashlib
 import json
 import math
@@ -85,9 +86,11 @@ def remove_abandoned(folder: Path, pattern: str) -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """Lend a temporary name beside ``path``; the file is renamed to it if the block ends well, else deleted.
 
-    Its folder is made if it is missing.
+    Its folder is made if it is missing; raises ``IsADirectoryError`` where the path is a folder itself.
     """
     require_not_spared(path)
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     remove_abandoned(path.parent, f".{escape(path.stem)}.*{escape(path.suffix)}")

@@ -15,7 +15,7 @@ from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError, InputError, blaming
 from fmd.core.limits.fitting import ENDLESS, MET, MOST_BANDS, MOST_DESIGNS, OPTIMUM, STATIONARY
 from fmd.fitting.designs import Design, DesignSpace
-from fmd.fitting.varied import VariedNumber, read_bounds, read_number
+from fmd.fitting.varied import VariedNumber, read_bounds, read_number, require_unit
 from fmd.output.channels import find_channels
 from fmd.scene.result_names import require_results
 from fmd.stages.pipeline import Pipeline
@@ -205,6 +205,8 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | ExcludedBa
     require_results(run.scene, [name for name, _, _ in read], "--subject")
     for name, sense, given in read:
         unit = find_channels(run, name, "--subject")[0].unit
+        with blaming("--subject", name, given):
+            require_unit(given.rpartition("..")[2], unit)
         if sense == "outside":
             low, high = read_bounds(name, given, unit, "--subject")
             if not 0.0 < low < high:

@@ -78,8 +78,12 @@ def read_varied(run: Pipeline, vary: Sequence[str], priors: Sequence[str] = ()) 
         key, equals, given = (part.strip() for part in text.partition("="))
         parameter = find_parameter(run.scene, key, "--vary")
         low, high = read_bounds(key, given, parameter.unit) if equals else (-np.inf, np.inf)
-        if not low <= parameter.value <= high or not low < high:
+        if not low < high:
+            raise InputError("--vary", key, given, "the first bound must be below the second")
+        if not low <= parameter.value <= high:
             mend = f"must lie around the scene's value, {parameter.value:.6g} {parameter.unit}".rstrip()
+            bare = parameter.unit and _NUMBER.fullmatch(given.rpartition("..")[2].strip())
+            mend += f"; without a unit bounds are in {parameter.unit}" if bare else ""
             raise InputError("--vary", key, given, mend)
         if any(each.parameter.key == key for each in found):
             raise InputError("--vary", key, given, "is varied twice")
@@ -126,6 +130,12 @@ def read_bounds(key: str, given: str, unit: str, option: str = "--vary") -> tupl
         elif end_unit:
             begin, _ = read_number(f"{low} {end_unit}", unit)
     return begin, end
+
+
+def require_unit(text: str, unit: str) -> None:
+    """Raise ``ValueError`` for a number without a unit of a result that has one."""
+    if unit and _NUMBER.fullmatch(text.strip()):
+        raise ValueError(f"needs a unit, such as {unit}")
 
 
 def read_number(text: str, unit: str) -> tuple[float, str]:
