@@ -122,7 +122,8 @@ def test_two_marches_with_the_finest_tolerance_are_no_agreement(monkeypatch: pyt
         return replace(found, q=-np.log(self.tolerance) * found.q)
 
     monkeypatch.setattr(RungeKutta, "resume", depend_on_tolerance)
-    with pytest.raises(AccuracyError, match="auto: the last two marches differ by"):
+    differ = r"auto: the last two marches differ by .*, most in the motion of joint 'slide'; they agree up to t = 0 s"
+    with pytest.raises(AccuracyError, match=differ):
         Automatic(1e-3, run.scene.simulation.duration).march(run.system, *run.start, run.output_times)
     assert len(tolerances) > 2
     assert min(a / b for a, b in pairwise(tolerances)) > 2

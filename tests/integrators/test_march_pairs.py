@@ -7,7 +7,7 @@ import pytest
 
 from fmd.core.arrays import Array
 from fmd.integrators.automatic import _GAINS
-from fmd.integrators.march_pairs import Gain, Pairs
+from fmd.integrators.march_pairs import Gain, Pairs, Parting
 from fmd.integrators.protocol import State, Trajectory
 
 TIMES = np.linspace(0.0, 1.0, 301)
@@ -51,3 +51,16 @@ def test_the_gain_follows_how_much_shorter_steps_have_become() -> None:
     assert Gain(3.0, 0.0, math.inf).of(coarse, fine) == pytest.approx(7.0)
     assert Gain(3.0, 0.0, 5.0).of(coarse, fine) == 5.0
     assert Gain(3.0, 0.1, 5.0).of(fine, coarse) == 0.1
+
+
+@pytest.mark.parametrize(("is_rate", "place", "since"), [(False, 1, 0.5), (True, 2, 0.25), (True, 0, 0.0)])
+def test_marches_that_part_say_which_coordinate_does_and_since_when(is_rate: bool, place: int, since: float) -> None:
+    one, groups = np.ones((301, 3)), np.arange(3)
+    other = one.copy()
+    other[since < TIMES, place] += 0.1
+    report, gain = Pairs(1e-2, groups, groups), Gain(0.0, 1.0, 1.0)
+    assert not report.agrees(trajectory(1.0, one, one), gain)
+    assert not report.agrees(trajectory(0.5, one, other) if is_rate else trajectory(0.5, other, one), gain)
+    assert report.parting == Parting(is_rate, place, pytest.approx(since, abs=TIMES[1]))
+    assert report.agrees(report.before, gain)
+    assert report.parting is None

@@ -220,7 +220,7 @@ def test_a_fault_in_the_file_names_the_file(tmp_path: Path) -> None:
 
 
 def test_a_fault_beside_an_override_is_laid_to_the_file(tmp_path: Path) -> None:
-    with refused(f"{tmp_path / 'mine.toml'}:48: simulation.output_step"):
+    with refused(f"{tmp_path / 'mine.toml'}:50: simulation.output_step"):
         scene_of(tmp_path, BEAM, "simulation.duration=0.1ms", "drive={}")
 
 

@@ -293,10 +293,11 @@ def test_drives_on_one_joint_add_up(tmp_path: Path) -> None:
     assert motion.joint_rate("hub")[late] == pytest.approx(want[late], rel=1e-9)
 
 
-def test_a_pulse_that_is_given_by_a_speed_is_sized_for_the_body_on_its_joint(tmp_path: Path) -> None:
+@pytest.mark.parametrize("smooth", ["", "smooth = true\n"])
+def test_a_pulse_that_is_given_by_a_speed_is_sized_for_the_body_on_its_joint(tmp_path: Path, smooth: str) -> None:
     # It would bring the crank alone, 4 kg m², to 6 rad/s; with the slider on it there are 12 kg m².
     pulse = PULSE.replace('torque = "1 N m"', 'speed = "6 rad/s"')
-    motion = motion_of(scene_of(tmp_path, WELDED + pulse))
+    motion = motion_of(scene_of(tmp_path, WELDED + pulse + smooth))
     assert motion.joint_rate("hub")[motion.times > 0.1] == pytest.approx(np.full(45, 6 * 4 / 12), rel=1e-9)
 
 

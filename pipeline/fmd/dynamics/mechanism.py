@@ -197,6 +197,16 @@ class Mechanism:
             rates[self.modes_of(k)], positions[self.modal_positions_of(k)] = 3 * k + 2, 3 * k + 2
         return positions, rates
 
+    def describe_coordinate(self, number: int, is_rate: bool) -> str:
+        """Return the joint or the body that a position, or a rate, belongs to."""
+        for k, link in enumerate(self.links):
+            first, n = (self.layout.rate[k], link.n_rates) if is_rate else (self.layout.position[k], link.n_positions)
+            if first <= number < first + n:
+                return f"the {'rate' if is_rate else 'motion'} of joint '{link.joint_name or link.name}'"
+            if number in (self.modes_of(k) if is_rate else self.modal_positions_of(k)):
+                return f"the {'vibration' if is_rate else 'deformation'} of body '{link.part or link.name}'"
+        raise ValueError(f"no joint or body has coordinate {number}")
+
     @property
     def mass(self) -> float:
         """Mass of all bodies [kg]."""

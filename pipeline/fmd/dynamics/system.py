@@ -203,6 +203,10 @@ class PlainSystem(Protocol):
         """
         return None
 
+    def describe_coordinate(self, number: int, is_rate: bool) -> str:
+        """Return what a position, or a rate, belongs to, for messages."""
+        return f"{'rate' if is_rate else 'coordinate'} {number}"
+
     @property
     def evaluation_cost(self: Any) -> float:
         """Operations of an evaluation of the accelerations, by which methods are weighed."""

@@ -24,8 +24,10 @@ from fmd.core.limits.stepping import (
     FIRST_TOLERANCE,
     IMPLICIT_SHARE,
     IMPLICIT_STEPS_IN_ACTION,
+    LARGEST_MET,
     LEAP,
     MANY_BREAKPOINTS,
+    MET,
     MOST_DOUBLINGS,
     MOST_EXPLICIT,
     NEARLY,
@@ -173,10 +175,19 @@ class Automatic(Integrator):
                 )
         if report.failure and (report.failures > 1 or np.isinf(report.difference)):
             raise report.failure
-        raise AccuracyError(
-            f"{self.name}: the last two marches differ by {report.difference:.1e}, above {self.error:.0e}; if shocks, "
-            "as at stops, make the motion chaotic, take a shorter duration or more damping"
-        )
+        raise AccuracyError(f"{self.name}: {self._say_what_differs(system, report)}")
+
+    def _say_what_differs(self, system: System, report: Pairs) -> str:
+        """Return by how much the last two marches differ, where, since when, and what would be met."""
+        said = f"the last two marches differ by {report.difference:.1e}, above {self.error:.0e}"
+        if not report.parting:
+            return said
+        found, met = report.parting, MET * report.difference
+        said += f", most in {system.describe_coordinate(found.number, found.is_rate)}; they agree up to t = "
+        ways = ["a duration up to there"] * (found.until > 0.0) + [f"an error of {met:.1g}"] * (met < LARGEST_MET)
+        said += f"{found.until:.4g} s" + (f", so that {' or '.join(ways)} can be met" if ways else "")
+        laws = ", ".join(dict.fromkeys(law.name for law in system.piecewise_laws))
+        return f"{said}; shocks by {laws} are sensitive, and more damping makes them less so" if laws else said
 
     def _methods(
         self,

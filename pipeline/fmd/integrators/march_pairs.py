@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,25 @@ class Gain:
         return min(max(math.pow(coarse.step / fine.step, self.order) - 1.0, self.least), self.most)
 
 
+@dataclass(frozen=True)
+class Parting:
+    """Where two marches differ most, and until when they agree.
+
+    Attributes
+    ----------
+    is_rate : bool
+        True if a rate differs most, false if a position does.
+    number : int
+        Number of that rate or position.
+    until : float
+        Last output time up to which all coordinates agree [s].
+    """
+
+    is_rate: bool
+    number: int
+    until: float
+
+
 @dataclass
 class Pairs:
     """Marches so far, each compared with the one before.
@@ -58,6 +77,8 @@ class Pairs:
         True if that is hardly below the difference of coarser marches.
     difference : float
         Error of the last march that follows.
+    parting : Parting, optional
+        Where that march parts from the one before, if they don't agree.
     failure : AccuracyError, optional
         Why the last march that failed did so.
     failures : int
@@ -73,6 +94,7 @@ class Pairs:
     apart: float = np.inf
     stays: bool = False
     difference: float = np.inf
+    parting: Parting | None = None
     failure: AccuracyError | None = None
     failures: int = 0
     seconds: float = 0.0
@@ -104,8 +126,28 @@ class Pairs:
             return False
         apart_before, self.apart = self.apart, self._apart(before, trajectory)
         self.stays = self.apart > STAYS * apart_before
-        self.difference = self.apart / max(gain.of(before, trajectory), gain.out_of_step if self.stays else 0.0)
-        return self.difference < self.error
+        believed = max(gain.of(before, trajectory), gain.out_of_step if self.stays else 0.0)
+        self.difference = self.apart / believed
+        agreed = self.difference < self.error
+        self.parting = None if agreed else self._part(before, trajectory, believed * self.error)
+        return agreed
+
+    def _part(self, before: Trajectory, after: Trajectory, allowed: float) -> Parting | None:
+        """Return where a march parts from the one before by more than what is allowed."""
+        at, end = np.searchsorted(after.times, before.times), max(float(after.times[-1]), 1e-300)
+        parts = []
+        of_positions, moved = _sizes_apart(before.q, after.q[at], self.groups, np.zeros(0))
+        of_rates, _ = _sizes_apart(before.v, after.v[at], self.rate_groups, moved / end)
+        for is_rate, apart in ((False, of_positions), (True, OF_RATES * of_rates)):
+            if apart.size:
+                beyond = np.flatnonzero((apart > allowed).any(axis=1))
+                first = int(beyond[0]) if beyond.size else len(apart) - 1
+                place = int(apart.max(axis=0).argmax())
+                parts.append((float(apart.max()), Parting(is_rate, place, float(before.times[max(first - 1, 0)]))))
+        if not parts:
+            return None
+        until = min(part.until for _, part in parts)
+        return replace(max(parts, key=lambda each: each[0])[1], until=until)
 
     def _apart(self, before: Trajectory, after: Trajectory) -> float:
         end = max(float(after.times[-1]), 1e-300)
@@ -151,6 +193,14 @@ def _largest_difference(q: Array, other: Array, at: IntArray, groups: IntArray, 
     if not groups.size:  # all motions are prescribed
         return 0.0, largest
     return float(_compare(q, other, at, groups, least, largest)), largest
+
+
+def _sizes_apart(q: Array, other: Array, groups: IntArray, least: Array) -> tuple[Array, Array]:
+    """Return the differences of two motions over their groups' largest values, (n_times, n), and these values."""
+    largest = np.zeros(int(groups.max(initial=-1)) + 1)
+    np.maximum.at(largest, groups, np.abs(other).max(axis=0))
+    largest[: len(least)] = np.maximum(largest[: len(least)], least[: len(largest)])
+    return np.nan_to_num(np.abs(q - other), nan=np.inf) / np.maximum(largest, STILL_GROUP)[groups], largest
 
 
 @kernel

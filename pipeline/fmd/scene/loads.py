@@ -38,8 +38,8 @@ class JointDrive(SceneTable):
         """Force or torque over time; ``None`` for a pulse and for a motion."""
         return None
 
-    def pulse(self, _inertia: float) -> tuple[float, float, float] | None:
-        """Return begin, duration [s] and peak [N m] of a half sine on an inertia [kg m²], ``None`` if it isn't one."""
+    def pulse(self, _inertia: float) -> tuple[float, float, float, int] | None:
+        """Return begin, duration [s], peak [N m] and power of a half sine on an inertia [kg m²], ``None`` of others."""
         return None
 
     def rests_until(self, _time: float) -> bool:
@@ -60,6 +60,9 @@ class PulseDrive(JointDrive):
         Mean angular rate that it brings the joint to from rest [rad/s]; this or ``torque``.
     torque : float, optional
         Peak of the torque [N m]; this or ``speed``.
+    smooth : bool
+        True for the square of half a sine, which begins and ends without a kink. A kink makes all vibrations ring, with
+        accelerations that fall off so slowly towards the high ones that no number of modes has them.
 
     Examples
     --------
@@ -70,6 +73,7 @@ class PulseDrive(JointDrive):
         joint = "hub"
         speed = "20 rad/s"
         duration = "0.1 s"
+        smooth = true
     """
 
     type: Literal["torque pulse"]
@@ -77,6 +81,7 @@ class PulseDrive(JointDrive):
     start: NonNegativeTime = 0.0
     speed: AngularRate | None = None
     torque: Torque | None = None
+    smooth: bool = False
 
     def _check(self) -> None:
         if self.speed is None and self.torque is None:
@@ -84,12 +89,13 @@ class PulseDrive(JointDrive):
         if self.speed is not None and self.torque is not None:
             raise FaultError("can't stand beside speed: give one of the two", "torque")
 
-    def pulse(self, inertia: float) -> tuple[float, float, float]:
-        """Return begin, duration [s] and peak [N m] of its half sine, which gives an inertia [kg m²] its speed."""
+    def pulse(self, inertia: float) -> tuple[float, float, float, int]:
+        """Return begin, duration [s], peak [N m] and power of its half sine, which gives an inertia its speed."""
+        power, mean = (2, 1 / 2) if self.smooth else (1, 2 / math.pi)
         if self.speed is None:
             assert self.torque is not None
-            return self.start, self.duration, self.torque
-        return self.start, self.duration, math.pi / 2 * inertia * self.speed / self.duration
+            return self.start, self.duration, self.torque, power
+        return self.start, self.duration, inertia * self.speed / (mean * self.duration), power
 
     def rests_until(self, time: float) -> bool:
         """Return True if it begins at a time [s] or later."""

@@ -213,6 +213,15 @@ def test_a_formula_may_fill_the_stack() -> None:
         parse_formula(f"t+({text})")
 
 
+def test_the_square_of_a_half_sine_has_its_impulse_and_no_kink() -> None:
+    made, times = half_sine(0.2, 0.5, 3.0, power=2), np.linspace(0.0, 1.0, 10_001)
+    values = made.values(times)
+    inside = (times > 0.2) & (times < 0.7)
+    np.testing.assert_allclose(values[:, 0], inside * 3.0 * np.sin(np.pi * (times - 0.2) / 0.5) ** 2, atol=1e-12)
+    assert np.trapezoid(values[:, 0], times) == pytest.approx(0.5 * 3.0 * 0.5, rel=1e-7)
+    assert np.abs(np.diff(values[:, 1])).max() < 0.1  # of a rate of 19 N m/s
+
+
 def test_a_half_sine_is_its_closed_form_and_nothing_outside() -> None:
     made = half_sine(0.2, 0.5, 3.0)
     rate = math.pi / 0.5

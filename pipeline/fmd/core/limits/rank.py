@@ -28,9 +28,7 @@ REDUNDANT_EQUATION = 1e-10  # of the largest singular value of the scaled equati
 SELF_STRESS_PART = 1e-6  # of a state's largest component: less is round-off
 
 # Forms of a body.
-NO_INVERSE_MASS = 1e-60  # inverse mass [1/kg] that is none, beside any square
-ROW_ROUND_OFF = 1e-25  # of a row's square, below which what is left of it counts as none
-EARLIER_ROWS = 1e2  # times smaller squares still count for later rows, so that these are orthogonal to all that count
+NO_SQUARE = 1e-60  # inverse mass [1/kg] that is none, beside any square
 
 # Loops that close at the start.
 RANK = 1e-8  # of the largest eigenvalue of the scaled constraints: less is none of their own

@@ -102,6 +102,9 @@ STAYS = 0.7  # of the difference of coarser marches
 # On the steps that a difference asks for; times as many steps as before.
 MARGIN, FEWEST_TIMES, MOST_TIMES = 1.2, 1.5, 8.0
 
+# On a difference that isn't met: an error that is, and the largest one that is worth asking for.
+MET, LARGEST_MET = 1.5, 0.2
+
 # Costs.
 LEAP = 1.8  # radians of the highest frequency in a step of central difference, of the 2 that are stable
 COST_OF_COORDINATE = 60.0  # operations of an evaluation for each coordinate, of a system that doesn't tell

@@ -71,6 +71,10 @@ class CompiledSystem(ReferenceState):
         """Group of like coordinates that each position and each rate belongs to."""
         return self.mechanism.groups
 
+    def describe_coordinate(self, number: int, is_rate: bool) -> str:
+        """Return the joint or the body that a position, or a rate, belongs to."""
+        return self.mechanism.describe_coordinate(number, is_rate)
+
     @property
     def settles(self) -> bool:
         """True if the end of a step is changed after it: loops close, or quaternions become unit ones."""

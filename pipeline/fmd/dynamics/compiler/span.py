@@ -9,10 +9,10 @@ end, which without deflection is a multiple of its displacement in some mode. So
 - it isn't brought to unit length: its square comes with it;
 - rows that differ without deflection come first, and those that only deflections tell apart after them: what is left of
   these is small, and nothing else has a large part of it;
-- what is left is made orthogonal twice, which is enough (Parlett, The Symmetric Eigenvalue Problem, 1980, section 6.9):
-  one pass leaves round-off along the others, and accelerations would have five digits;
-- if it is round-off of the given row, it counts as none at all. Between all and nothing it would be a row that others
-  aren't orthogonal to, and accelerations would have no digit; so the crossing is as narrow as a power of eight can be.
+- what is left is made orthogonal to the others three times. Twice is enough for a row of which a part is its own
+  (Parlett, The Symmetric Eigenvalue Problem, 1980, section 6.9). Of one that is wholly among the others round-off is
+  left, and the third pass makes that, too, a direction that counts as any other. A row that counted by a part, as what
+  is left of it passed a threshold, gave its direction that part of the modal mass: accelerations had a pole there.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmd.core.arrays import Array
-from fmd.core.limits.rank import EARLIER_ROWS, NO_INVERSE_MASS, ROW_ROUND_OFF
+from fmd.core.limits.rank import NO_SQUARE
 from fmd.dynamics.compiler.algebra import Matrix, add, constants
 from fmd.dynamics.compiler.cleaning import orthonormal_rows
 from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
@@ -69,33 +69,18 @@ def span_rows(graph: Graph, groups: Sequence[ModalRows], free: Array) -> Span:
         Q = [graph.array(row) for row in np.eye(len(free))[modes]]
         return _split(Q, [graph.number(1.0)] * len(Q), [[row.entry(int(k)) for k in modes] for row in values], sizes)
     Q, inverses = [graph.array(row) for row in basis], [graph.number(1.0)] * len(basis)
-    shared = list(inverses)
     weights = [constants(graph, row) for row in L]
     for k in _in_order(rows, basis, varies, sizes):
-        given = row = values[k].multiplied_by(np.diag(free))
+        row = values[k].multiplied_by(np.diag(free))
         weights[k] = [graph.number(0.0)] * len(Q)
-        for _ in range(2):  # what is left may be a millionth of the row, and orthogonal to the others but for round-off
-            shares = [row.dot(other) * inverse for other, inverse in zip(Q, shared, strict=True)]
+        for _ in range(3):
+            shares = [row.dot(other) * inverse for other, inverse in zip(Q, inverses, strict=True)]
             row = combine([(1.0, row), *((-1.0 * share, other) for share, other in zip(shares, Q, strict=True))])
             weights[k] = add(weights[k], shares)
-        square, least = row.dot(row), ROW_ROUND_OFF * given.dot(given) + NO_INVERSE_MASS
-        inverse, part = _inverse(square, least)
-        Q, weights[k] = [*Q, row], [*weights[k], part]
-        inverses, shared = (
-            [*inverses, inverse + NO_INVERSE_MASS],
-            [*shared, _inverse(square, least * (1 / EARLIER_ROWS))[0]],
-        )
+        Q, weights[k] = [*Q, row], [*weights[k], graph.number(1.0)]
+        inverses = [*inverses, (row.dot(row) + NO_SQUARE).inverse()]
     zero = graph.number(0.0)
     return _split(Q, inverses, [row + [zero] * (len(Q) - len(row)) for row in weights], sizes)
-
-
-def _inverse(square: Scalar, least: Scalar) -> tuple[Scalar, Scalar]:
-    """Return 1 over a square and 1; 0 and 0 for a square that is small beside the least one, with a narrow crossing."""
-    both = (square + least).inverse()
-    x, y = square * both, least * both
-    x4, y4 = x * x * (x * x), y * y * (y * y)
-    seventh = x4 * (x * x) * x * (x4 * x4 + y4 * y4).inverse()
-    return seventh * both, seventh * x
 
 
 def _in_order(rows: Array, basis: Array, varies: NDArray[np.bool_], sizes: Sequence[int]) -> list[int]:
@@ -106,7 +91,7 @@ def _in_order(rows: Array, basis: Array, varies: NDArray[np.bool_], sizes: Seque
     while left:
         squares = [float(rest[k] @ rest[k]) for k in left]
         order.append(left.pop(int(np.argmax(squares))))
-        unit = rest[order[-1]] / max(np.sqrt(max(squares)), NO_INVERSE_MASS)
+        unit = rest[order[-1]] / max(np.sqrt(max(squares)), NO_SQUARE)
         rest = rest - np.outer(rest @ unit, unit)
     return order
 
@@ -114,7 +99,7 @@ def _in_order(rows: Array, basis: Array, varies: NDArray[np.bool_], sizes: Seque
 def _scales(rows: Array) -> Array:
     """Return the size of the largest row of each half of a group, of displacements and of rotations."""
     halves = np.array_split(np.linalg.norm(rows, axis=1), 2)
-    return np.concatenate([np.full(len(half), max(half.max(initial=0.0), NO_INVERSE_MASS)) for half in halves])
+    return np.concatenate([np.full(len(half), max(half.max(initial=0.0), NO_SQUARE)) for half in halves])
 
 
 def _split(Q: list[Vector], inverse_squares: list[Scalar], rows: Matrix, sizes: Sequence[int]) -> Span:

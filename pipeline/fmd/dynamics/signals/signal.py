@@ -152,13 +152,17 @@ def formula(expression: Formula, factor: float = 1.0) -> Signal:
     return Signal((Term(PROGRAM, codes, numbers),), expression.breakpoints)
 
 
-def half_sine(start: float, duration: float, peak: float) -> Signal:
-    """Make ``peak sin(π (t − start)/duration)`` while that lasts, else 0: an impulse of ``2/π peak duration``.
+def half_sine(start: float, duration: float, peak: float, power: int = 1) -> Signal:
+    """Make ``peak sin(π (t − start)/duration)^power`` while that lasts, else 0.
+
+    Its impulse is ``2/π peak duration``, of the second power half of ``peak duration``.
 
     Parameters
     ----------
     start, duration : float
         When it begins and how long it lasts [s].
+    power : int
+        1 or, for no kinks at its ends, 2.
 
     Raises
     ------
@@ -176,10 +180,11 @@ def half_sine(start: float, duration: float, peak: float) -> Signal:
         operation.CONSTANT,
         operation.MULTIPLY,
         operation.SIN,
+        *[operation.CONSTANT, operation.POWER] * (power > 1),
         operation.CONSTANT,
         operation.MULTIPLY,
     )
-    numbers = (start, math.pi / duration, peak)
+    numbers = (start, math.pi / duration, *[float(power)] * (power > 1), peak)
     term = Term(PROGRAM, codes, numbers, support=(start, end))
     return Signal((term,), (start, end))
 
