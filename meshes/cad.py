@@ -344,6 +344,8 @@ def report(work: Callable[[], None]) -> str | None:
     except CadError as error:
         return str(error)
     except Exception as error:  # Gmsh's own
+        if "Could not read file" in str(error):
+            return "Gmsh can't read it: is it damaged, or of another format than its suffix says?"
         return " ".join(f"Gmsh can't mesh it: {error}".split())[:200]
     finally:
         end_after(0.0)

@@ -73,7 +73,7 @@ def test_the_readme_is_a_door() -> None:
 def test_the_commands_of_the_readme_are_those_of_the_command_line(fmd: Any, capsys: pytest.CaptureFixture[str]) -> None:
     rows = re.findall(r"^\| `fmd (\w+)(.*?)` \|", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
     fmd("--help")
-    commands = re.findall(r"^  ([a-z]+): ", capsys.readouterr().out, re.MULTILINE)
+    commands = re.findall(r"^  ([a-z]+)  ", capsys.readouterr().out, re.MULTILINE)
     assert sorted(command for command, _ in rows) == sorted(commands)
     for command, text in rows:
         fmd(command, "--help")

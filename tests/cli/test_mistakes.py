@@ -232,6 +232,7 @@ def test_a_table_that_replaces_the_base_names_what_is_lost(fmd, capsys, tmp_path
     [
         (["view", "four-bar", "--no-browser", "--out", "."], "--out = '.': can't be written: Is a directory"),
         (["sweep", "beam", "--vary", "body.beam.E=60GPa,70GPa", "--histories"], "--histories: keeps histories among"),
+        (["run", "beam", "--no-budget", "--budget-seconds", "3"], "--budget-seconds = 3.0: can't stand beside"),
         (
             ["unbalance", "rotor", "--at", "wheel.centre", "--of", "5 g mm", "--force", "1 N", "--to", "4000 rpm"],
             "--of = '5 g mm': can't stand beside --force",

@@ -79,6 +79,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, fmd) -> Path:
     folder = tmp_path_factory.mktemp("robot")
     (folder / "arm.urdf").write_text(ARM)
     assert fmd("new", folder / "robot.toml", "--from", folder / "arm.urdf") == 0
+    assert '\n# start = "equilibrium"\n' in (folder / "robot.toml").read_text()
     return folder
 
 

@@ -63,7 +63,9 @@ def test_what_can_not_be_meshed_is_refused_with_the_reason(path: Path, tmp_path:
     target = str(tmp_path / "mesh.npz")
     assert "no solid in it" in str(main([str(tmp_path / "surface.step"), target, "20", "0.01", "0.1", "1"]))
     (tmp_path / "damaged.step").write_text("ISO-10303-21;")
-    assert "can't mesh it" in str(main([str(tmp_path / "damaged.step"), target, "20", "0.01", "0.1", "1"]))
+    assert "can't read it: is it damaged" in str(
+        main([str(tmp_path / "damaged.step"), target, "20", "0.01", "0.1", "1"])
+    )
 
 
 def test_the_faces_of_a_part_become_closed_triangles_for_pictures(path: Path) -> None:

@@ -174,6 +174,8 @@ class _Writer:
             'output_step = "10 ms"',
             f'tip = "{tip}"',
             _write({"gravity": [f"{x:g} m/s^2" for x in robot.gravity]}),
+            "# Once motors or springs hold it; else its weight acts at once, and all modes of flexible links ring:",
+            '# start = "equilibrium"',
             "",
             "[[simulation.run]]",
             'integrator = "auto"',

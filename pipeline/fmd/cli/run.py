@@ -67,6 +67,8 @@ def run(
     if budget_seconds is not None and not budget_seconds > 0:
         mend = "must be a time above 0; --no-budget estimates nothing"
         raise InputError("--budget-seconds", "", budget_seconds, mend)
+    if budget_seconds is not None and no_budget:
+        raise InputError("--budget-seconds", "", budget_seconds, "can't stand beside --no-budget")
     solved = options.open(scene, repair=repair, keep_all=keep_all)
     folder = out or Path("out") / solved.scene.name
     every_step = explain or dry_run
