@@ -90,9 +90,9 @@ def test_every_source_that_a_key_names_is_there():
     [
         ("body.beam.mesh.divisions=[12, 2, 1]", set(PART_STAGES) - {"assembly"}),
         ("body.beam.E='70 GPa'", set(PART_STAGES) - {"assembly", "mesh", "surface"}),
-        ("body.beam.modes.count=4", set(PART_STAGES) - {"assembly", "mesh", "surface"}),
-        ("body.beam.modes.enrich='inertia'", set(PART_STAGES) - {"assembly", "mesh", "surface", "modes"}),
-        ("simulation.frame='free'", set(PART_STAGES) - {"assembly", "mesh", "surface", "modes"}),
+        ("body.beam.modes.count=4", set(PART_STAGES) - {"assembly", "mesh", "surface", "teeth"}),
+        ("body.beam.modes.enrich='inertia'", set(PART_STAGES) - {"assembly", "mesh", "surface", "teeth", "modes"}),
+        ("simulation.frame='free'", set(PART_STAGES) - {"assembly", "mesh", "surface", "teeth", "modes"}),
         ("simulation.duration='1 ms'", set()),
     ],
 )
