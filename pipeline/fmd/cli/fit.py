@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Folder, SceneName, Several, print_json
 from fmd.cli.tables import open_console, print_files, print_records, print_warnings, tell_apart
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.files import refusing
 from fmd.core.limits.fitting import SAME_CHI2
 from fmd.core.units import parse_percentage, parse_quantity
@@ -115,7 +115,7 @@ def _read_sigma(text: str) -> tuple[str, float]:
     try:
         value = float(given)
     except ValueError:
-        with blaming("--sigma", name, given):
+        with as_input_error("--sigma", name, given):
             value = parse_percentage(given) if name in RELATIVE else parse_quantity(given)[0]
     if not value > 0:
         raise InputError("--sigma", name, given, "must be above zero")

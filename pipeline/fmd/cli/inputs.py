@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.cli.options import Json, NoCache, Set
 from fmd.core.cache import Cache
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.progress import Bars
 from fmd.core.units import to_si
 from fmd.scene.magnitudes import find_unusual
@@ -94,7 +94,7 @@ def read_quantity(option: str, text: str, kind: str, *, above_zero: bool = False
     InputError
         The text is no quantity of this kind, or isn't above zero.
     """
-    with blaming(option, "", text):
+    with as_input_error(option, "", text):
         value = to_si(text, kind)
     if above_zero and not value > 0:
         raise InputError(option, "", text, "must be above zero")

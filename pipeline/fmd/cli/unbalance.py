@@ -9,7 +9,7 @@ import numpy as np
 from fmd.cli.inputs import DEFAULTS, Options, read_quantity
 from fmd.cli.options import Flag, Folder, SceneName, print_json
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import parse_quantity
 
 
@@ -94,7 +94,7 @@ def _error(size: float | None, factor: float) -> str:
 
 def _read(text: str, option: str, unit: str, what: str) -> float:
     """Read a quantity with a unit of its own, in SI units."""
-    with blaming(option, "", text):
+    with as_input_error(option, "", text):
         value, found = parse_quantity(text)
     if found != parse_quantity(f"1 {unit}")[1] or not value > 0.0:
         raise InputError(option, "", text, f"must be {what}, above zero")

@@ -47,7 +47,7 @@ class InputError(Exception):
 
 
 @contextmanager
-def blaming(
+def as_input_error(
     file: str,
     key: str = "",
     value: object = None,

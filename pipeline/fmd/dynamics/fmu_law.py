@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import StabilityError, blaming
+from fmd.core.errors import StabilityError, as_input_error
 
 # Weights of an FMU's inputs at the end of its step and the two samples before it, and of its output at a sample and the
 # one before it, by coupling and order: values that are held, and values at the middle of a step by straight lines.
@@ -47,7 +47,7 @@ class FmuLaw:
 
     def begin(self) -> Callable[[float, Array], float]:
         """Return a function that takes the time [s] and what is measured (m,), and advances an FMU of its own."""
-        with blaming("controller", self.name, self.path, of=FmuError):
+        with as_input_error("controller", self.name, self.path, of=FmuError):
             fmu = FmuInstance(self.path)
         taken, kept = (np.array(weights) for weights in COUPLINGS[self.coupling, self.order])
         inputs: list[Array] = []  # of the last three samples, the latest first

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, BoolArray
-from fmd.core.errors import AccuracyError, InputError, blaming
+from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.limits.fitting import ENDLESS, MET, MOST_BANDS, MOST_DESIGNS, OPTIMUM, STATIONARY
 from fmd.fitting.designs import Design, DesignSpace
 from fmd.fitting.varied import VariedNumber, read_bounds, read_number, require_unit
@@ -205,7 +205,7 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | ExcludedBa
     require_results(run.scene, [name for name, _, _ in read], "--subject")
     for name, sense, given in read:
         unit = find_channels(run, name, "--subject")[0].unit
-        with blaming("--subject", name, given):
+        with as_input_error("--subject", name, given):
             require_unit(given.rpartition("..")[2], unit)
         if sense == "outside":
             low, high = read_bounds(name, given, unit, "--subject")
@@ -213,7 +213,7 @@ def read_limits(run: Pipeline, texts: Sequence[str]) -> tuple[Limit | ExcludedBa
                 raise InputError("--subject", name, given, "must go from a value above 0 to a higher one")
             found.append(ExcludedBand(name, low, high))
             continue
-        with blaming("--subject", name, given):
+        with as_input_error("--subject", name, given):
             bound, _ = read_number(given, unit)
         if not bound > 0.0:
             raise InputError("--subject", name, given, "must be above 0")

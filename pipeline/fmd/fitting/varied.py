@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import parse_percentage, parse_quantity
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.scene.reading import suggest_name
@@ -120,7 +120,7 @@ def read_shifts(texts: Sequence[str], channels: Sequence[str]) -> tuple[VariedNu
 def read_bounds(key: str, given: str, unit: str, option: str = "--vary") -> tuple[float, float]:
     """Read bounds, ``10..200`` in the SI unit or ``10..200 N mm``."""
     low, dots, high = (part.strip() for part in given.partition(".."))
-    with blaming(option, key, given):
+    with as_input_error(option, key, given):
         if not dots:
             raise ValueError("must be two bounds, e.g. 10..200")
         end, end_unit = read_number(high, unit)

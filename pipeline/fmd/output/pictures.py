@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import IntArray
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import unit_ratio
 from fmd.output.curves import curves_of, errors_of_curve
 from fmd.output.mechanism_view import body_surface, view_mechanism
@@ -42,7 +42,7 @@ def camera_of(run: Pipeline, output: PictureSettings, size: tuple[int, int] | No
     """Return a picture's camera, of ``size`` unless the scene gives one; by default of a still picture's."""
     angles = None if output.camera is None else (np.degrees(output.camera[0]), np.degrees(output.camera[1]))
     settings: dict[str, Any] = {"focus": output.focus, "extent": output.extent, "zoom": output.zoom}
-    with blaming(run.scene.file, "output", output.colour_map):
+    with as_input_error(run.scene.file, "output", output.colour_map):
         return Camera(angles=angles, size=output.size or size or PIXELS, colour_map=output.colour_map, **settings)
 
 

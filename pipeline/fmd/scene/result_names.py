@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.state_formula import StateFormula
 from fmd.scene.cross_checks import CrossCheck
 from fmd.scene.outputs import FrequencyResponseChart
@@ -75,7 +75,7 @@ def read_observed(scene: Scene, text: str) -> tuple[FormulaVariables, StateFormu
         It isn't one, or names what the scene doesn't have.
     """
     table = FormulaVariables()
-    with blaming(scene.file, "observe", text):
+    with as_input_error(scene.file, "observe", text):
         parsed = table.parse(text)
         faults = CrossCheck(scene).find_unknown_parts(table, text)
     if faults:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.files import digest_file
 from fmd.scene.any_body import Flexible
 from fmd.scene.controllers import FmuController
@@ -47,7 +47,7 @@ class SourceFiles:
         for key, name in given.items():
             if name is None:
                 continue
-            with blaming(scene_file, f"body.{body}.{table}.{key}", name):
+            with as_input_error(scene_file, f"body.{body}.{table}.{key}", name):
                 found = _expand(key, Path(scene_file).parent / str(name))
                 digests |= {own: digest_file(path) for own, path in found.items()}
             paths |= found

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.modes import RITZ_GENERATIONS
 from fmd.core.limits.rank import NEW_RESIDUAL_VECTOR, NEW_RESPONSE
 from fmd.fem.markers import Marker
@@ -94,7 +94,7 @@ def compute_modes(model: ConstrainedModel, settings: AnyModes) -> Modes:
         The mesh has fewer modes; the message says how many.
     """
     solver, count = model.solver, settings.count
-    with blaming(model.file, f"body.{model.name}.modes.count", count, of=TooManyModesError):
+    with as_input_error(model.file, f"body.{model.name}.modes.count", count, of=TooManyModesError):
         if settings.boundary == "interface":
             interface = [model.markers[name] for name in settings.interface or tuple(model.markers)]
             if settings.family == "any":

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.contact.flexibility import contact_points, find_residual_fields
 from fmd.contact.touching_body import ContactPair, ContactPoints, TouchingBody
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fem.surface import surface_facets, surface_topology
 from fmd.stages.contact_deformation import ContactDeformation
@@ -39,7 +39,7 @@ def find_contact_points(part: FlexiblePart) -> ContactPoints:
             part.file, f"body.{part.name}", None, "has contacts, but no mesh: a face of elements is needed"
         )
     faces = {name: part.markers[name] for name in part.contact_faces}
-    with blaming(part.file, f"body.{part.name}.marker"):
+    with as_input_error(part.file, f"body.{part.name}.marker"):
         return contact_points(part.fe, part.model.solver, part.body, faces, _find_triangles(part))
 
 

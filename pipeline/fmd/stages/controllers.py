@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.files import digest_file
 from fmd.dynamics.controllers import LinearLaw, SampledController
 from fmd.dynamics.fmu_law import FmuLaw
@@ -32,7 +32,7 @@ def fmu_law(given: FmuController, scene_file: str, name: str) -> FmuLaw:
     key, path = f"controller.{name}", Path(scene_file).parent / given.file
     if find_spec("fmpy") is None:
         raise InputError(scene_file, f"{key}.type", "fmu", "needs FMPy: install this package's extra 'fmu'")
-    with blaming(scene_file, f"{key}.file", given.file):
+    with as_input_error(scene_file, f"{key}.file", given.file):
         digest = digest_file(path)
     wanted = [("input", each, "input") for each in given.input]
     wanted += [("parameters", each, "parameter") for each in given.parameters]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.formula import parse_formula
 from fmd.core.rotations import rotation_by
 from fmd.dynamics.closures import Place
@@ -93,7 +93,7 @@ def _bushing(scene: Scene, name: str, given: Bushing, locate: Locate) -> SixAxis
         second = replace(second, axes=second.axes @ rotation_by(given.turn).T)
     K, C = (_matrix(*pair) for pair in ((given.stiffness, given.stiffness_matrix), (given.damper, given.damper_matrix)))
     position = np.zeros(3) if given.position == "start" else np.array(given.position, dtype=float)
-    with blaming(scene.file, f"bushing.{name}"):
+    with as_input_error(scene.file, f"bushing.{name}"):
         return SixAxisSpring(name, (first, second), K, C, position)
 
 

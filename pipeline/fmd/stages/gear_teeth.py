@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.contact import SKEWED_GEARS
 from fmd.dynamics.elements import Attachment, GearTeeth
 from fmd.dynamics.kinematics import Kinematics
@@ -43,7 +43,7 @@ def _make_teeth(run: Pipeline, name: str, mechanism: Mechanism, motion: Kinemati
     along, distance = apart / np.linalg.norm(apart), float(np.linalg.norm(apart))
     pinion, _, pair = find_pair(*names, distance, run.scene.body)
     load = given.torque / pair.pinion.base_radius
-    with blaming(run.scene.file, f"gear_mesh.{name}"):
+    with as_input_error(run.scene.file, f"gear_mesh.{name}"):
         energy = tabulate_energy(pair, [run.wholes[each].tooth_flexibility for each in names], pinion.width, load)
     senses = 1.0, float(np.sign(axes[1] @ axis))
     radii = pair.pinion.base_radius, pair.wheel.base_radius

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.mesh import BROAD_CLAMP
 from fmd.fem.deck_links import find_deck_links
 from fmd.fem.formats.matrices import node_marker, nodes_in_plane
@@ -130,12 +130,12 @@ def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
         return fe
     if deck is not None and len(deck.all) > len(deck.ties) and space.order != space.mesh.order:
         raise InputError(file, f"body.{body}.mesh.order", space.order, "adds nodes that the deck's links don't have")
-    with blaming(file, f"body.{body}.mesh.file"):
+    with as_input_error(file, f"body.{body}.mesh.file"):
         linked = Linked() if deck is None else find_deck_links(deck, space)
     links = dict(linked.links)
     for name, given in shape.link.items():
         key = f"body.{body}.link.{name}"
-        with blaming(file, key, given.face or given.plane or given.near):
+        with as_input_error(file, key, given.face or given.plane or given.near):
             marker = face_marker(space, _faces(shape, space, given, file, key), given.type == "rigid")
         links[name] = LinkedFace(marker, marker.position if given.at is None else np.array(given.at))
     at = {name: (name, link.at) for name, link in links.items()} | dict(linked.places)
@@ -145,7 +145,7 @@ def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
         masses.append(
             LumpedMass(link, own.mass, place if own.centre is None else np.array(own.centre), np.diag(own.inertia))
         )
-    with blaming(file, f"body.{body}.{'link' if shape.link else 'mesh.file'}"):
+    with as_input_error(file, f"body.{body}.{'link' if shape.link else 'mesh.file'}"):
         return link_points(fe, replace(linked, links=links, masses=masses))
 
 
@@ -206,7 +206,7 @@ def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str)
     fixed = []
     for number, support in enumerate(shape.support):
         key = f"body.{body}.support.{number}"
-        with blaming(file, key, support.edge or support.faces):
+        with as_input_error(file, key, support.edge or support.faces):
             if support.edge is not None:
                 nodes = nodes_on_edge(space, np.array(support.edge))
             elif support.point is not None:

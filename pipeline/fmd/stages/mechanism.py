@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import blaming
+from fmd.core.errors import as_input_error
 from fmd.dynamics.closures import Closure, Constraint, Coupler, Place, close_joint, fixed_place
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.steady import find_steady_state
@@ -58,7 +58,7 @@ def build_mechanism(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechani
     links = [*(_link(scene, places, functions, body) for body in places.order), *states]
     gravity, loads = np.array(scene.simulation.gravity), _point_loads(scene, places, functions)
     closures: list[Constraint] = [*(_closure(scene, places, name) for name in scene.closing), *_couplers(scene)]
-    with blaming(scene.file, "drive"):
+    with as_input_error(scene.file, "drive"):
         mechanism = Mechanism(
             links,
             fast_joints,

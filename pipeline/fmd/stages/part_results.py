@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.fem.layered import DirectionError
 from fmd.fem.surface import surface_topology
 from fmd.recovery.deformation import deformation_shapes, node_deformation_shapes
@@ -49,7 +49,7 @@ def assemble(part: FlexiblePart) -> FEModel:
     if part.formulation == "plain" and not part.space.kind.can_be_enhanced:
         problem = f"belongs to linear hexahedra; the elements here are {part.space.kind.name}"
         raise InputError(part.file, f"body.{part.name}.mesh.formulation", "plain", problem)
-    with blaming(part.file, f"body.{part.name}.layer_direction", of=DirectionError):
+    with as_input_error(part.file, f"body.{part.name}.layer_direction", of=DirectionError):
         solid = assemble(part.mesh, part.order, part.material, part.formulation)
     if not part.shape.link and part.mesh.connections is None:
         return solid

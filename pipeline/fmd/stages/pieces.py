@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import IntArray
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.mesh import CONTACT, MOST_OF_PIECE, MOVES, SAME_PLACE
 from fmd.fem.markers import facets_on_face
 from fmd.fem.mesh import SolidMesh
@@ -50,12 +50,12 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
     markers |= {
         name: _elements_among(space, part.markers[name].nodes) for name in part.shape.marker if name not in faces
     }
-    with blaming(part.file, f"{key}.pieces", count, of=PartitionError):
+    with as_input_error(part.file, f"{key}.pieces", count, of=PartitionError):
         labels = divide_mesh(space, count, list(markers.values()))
     labels = _keep_markers_whole(part, labels, markers, count)
     root = int(labels[markers[part.joint.marker][0]])
     elements, local = interior_facets(space)
-    with blaming(part.file, f"{key}.pieces", count, of=PartitionError):
+    with as_input_error(part.file, f"{key}.pieces", count, of=PartitionError):
         _require_common_points(space, labels, elements, local)
         number, cuts = join_pieces(space, labels, elements, local, root)
     labels = number[labels]

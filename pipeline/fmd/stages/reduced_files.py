@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import unit_ratio
 from fmd.fem.formats.node_places import read_places
 from fmd.reduction.formats.body_format import BodyFormat, body_format
@@ -80,7 +80,7 @@ def _read_superelement(
         listed = f"lists {len(given.unknowns)} unknowns by EXTRN, and {path} has {len(given.K)} rows"
         mend = f"{listed}; name the .pch of that run, which has EXTRN"
         raise InputError(where[0], f"{where[1]}.nodes", table.nodes, mend)
-    with blaming(str(path)):
+    with as_input_error(str(path)):
         to_file = given.to_file(length)
     given = given.in_si(length, unit_ratio(table.stiffness_unit, "N/m"), unit_ratio(table.mass_unit, "kg"))
     recovery = None if table.recovery is None else _read_recovery(source, length, to_file)
@@ -141,7 +141,7 @@ def place_file_markers(fe: FEModel, shape: Flexible, file: str, body: str) -> di
             if label not in model.data.nodes:
                 mend = f"no such node; {suggest_name(label, model.data.nodes, 'the nodes of the file')}"
                 raise InputError(file, key, label, mend)
-        with blaming(file, key, marker.node):
+        with as_input_error(file, key, marker.node):
             markers[name] = equivalent_marker(model, [model.data.nodes[label] for label in marker.labels])
     return markers
 
@@ -169,7 +169,7 @@ def reduce_file_body(
             mend = f"can't be told apart from inertia in {shape.body.file}, whose Gr has no first order; take 'auto'"
             raise InputError(model.file, "simulation.stiffening", stiffening, mend)
         fe = replace(fe, data=without_stiffening(fe.data))
-    with blaming(model.file, f"body.{model.name}.body.file", shape.body.file):
+    with as_input_error(model.file, f"body.{model.name}.body.file", shape.body.file):
         return finish_body(fe, body, labels)
 
 

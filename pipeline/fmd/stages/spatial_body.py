@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.cache import stage_key
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.recovery.stress import modal_stress
 from fmd.reduction.craig_bampton import Superelement, make_superelement
 from fmd.reduction.modes import TooManyModesError
@@ -88,5 +88,5 @@ def superelement(part: FlexiblePart) -> Superelement:
     def ratios(omega: Array) -> Array:
         return np.array(damping_ratios(settings.damping, omega.tolist()))
 
-    with blaming(part.file, f"body.{part.name}.modes.count", settings.count, of=TooManyModesError):
+    with as_input_error(part.file, f"body.{part.name}.modes.count", settings.count, of=TooManyModesError):
         return make_superelement(model.fe, model.solver, markers, settings.count, ratios)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.cache import Cache, stage_key
-from fmd.core.errors import blaming
+from fmd.core.errors import as_input_error
 from fmd.core.files import digest_file
 from fmd.core.limits.patience import VISUAL_SECONDS
 from fmd.core.processes import ChildError, run_child
@@ -35,7 +35,7 @@ def find_visual_files(scene: Scene) -> dict[str, str]:
         for number, visual in enumerate(getattr(table, "visual", ())):
             if visual.type == "file":
                 key = f"body.{body}.visual.{number}.file"
-                with blaming(scene.file, key, visual.file):
+                with as_input_error(scene.file, key, visual.file):
                     digests[key] = digest_file(Path(scene.file).parent / visual.file)
     return digests
 
@@ -59,14 +59,14 @@ def read_visual(scene: Scene, body: str, number: int, cache: Cache) -> tuple[Arr
     digest = find_visual_files(scene)[key]
     path = Path(scene.file).parent / visual.file
     if (read := _READERS.get(path.suffix.lower())) is not None:
-        with blaming(scene.file, key, visual.file):
+        with as_input_error(scene.file, key, visual.file):
             points, triangles = read(path)
         return points * unit_ratio(visual.unit, "m"), triangles
     sources = ("fmd/meshes/cad.py", "fmd/stages/visual_files.py")
     kept = stage_key("visual", {"content": digest, "kind": path.suffix.lower()}, sources, ("gmsh",))
     found = cache.load(kept, "tuple[Array, ...]")
     if found is None:
-        with blaming(scene.file, key, visual.file):
+        with as_input_error(scene.file, key, visual.file):
             found = _triangulate(path)
         cache.save(kept, found)
     points, triangles = found

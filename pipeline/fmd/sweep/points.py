@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fmd.core.cache import stage_key
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.scene import MOST_POINTS
 from fmd.scene.scene import Scene, SceneReader
 from fmd.scene.source_files import digest_files
@@ -103,7 +103,7 @@ def choose_values(
 
 
 def _parse_range(key: str, text: str) -> Range | None:
-    with blaming(_VARY, key, text):
+    with as_input_error(_VARY, key, text):
         return parse_range(text)
 
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import AccuracyError, blaming
+from fmd.core.errors import AccuracyError, as_input_error
 from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell
 from fmd.fem.connections import Connections
@@ -67,7 +67,7 @@ def read_mesh(
     InputError
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
-    with blaming(str(path), of=MeshFileError):
+    with as_input_error(str(path), of=MeshFileError):
         raw = read_raw(path)
         require_sound(raw)
         raw = split_mixed(raw)
@@ -115,7 +115,7 @@ def read_linked(
     InputError
         The file can't be read, or its elements can't be used; the message says what is wrong.
     """
-    with blaming(str(path), of=(MeshFileError, ValueError, AccuracyError)):
+    with as_input_error(str(path), of=(MeshFileError, ValueError, AccuracyError)):
         raw = read_raw(path)
         require_sound(raw)
         taken, place = take(raw)

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import AccuracyError, InputError, blaming
+from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.limits.files import IN_LINE, ISOTROPIC, SYMMETRIC
 from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.connections import Connections
@@ -103,14 +103,14 @@ def _tied(model: SixUnknownsModel, deck: Connections, path: Path) -> SixUnknowns
     """Return the model with what a deck's links join, which aren't in its matrices."""
     if not (deck.rigid or deck.mean or deck.equations):
         return model
-    with blaming(str(path)):
+    with as_input_error(str(path)):
         return tie_matrices(model, deck)
 
 
 def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
     """Read node numbers (n_nodes,) and positions (n_nodes, 3) in the file's unit, and a deck's connections."""
     if path.suffix.lower() in DECKS:
-        with blaming(str(path), of=MeshFileError):
+        with as_input_error(str(path), of=MeshFileError):
             return read_grid_points(read_matrix_text(path))
     if path.suffix.lower() in abaqus.SUFFIXES:
         return *_nodes_of_deck(path), Connections()
@@ -122,7 +122,7 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
 
 def _nodes_of_deck(path: Path) -> tuple[IntArray, Array]:
     """Read the nodes of the elements of a deck of Abaqus or CalculiX, in ascending order, as CalculiX's rows are."""
-    with blaming(str(path), of=MeshFileError):
+    with as_input_error(str(path), of=MeshFileError):
         raw = abaqus.read_abaqus(read_matrix_text(path))
     found = raw.connections
     if joined := [*found.rigid, *found.mean, *found.equations, *found.ties]:

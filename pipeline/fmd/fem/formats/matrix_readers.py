@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import AccuracyError, InputError, blaming
+from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.fortran import read_real
 from fmd.core.limits.files import MOST_MATRIX_BYTES, SHOWN_OF_LINE
 from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4, sum_entries
@@ -29,7 +29,7 @@ _OUTPUTS = {".op4": read_op4, ".op2": read_op2}
 def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
     """Read the stiffness or the mass of some unknowns a node, shape (unknowns n_nodes, unknowns n_nodes)."""
     n = unknowns * len(labels)
-    with blaming(str(path), of=Exception, what=_UNREADABLE):
+    with as_input_error(str(path), of=Exception, what=_UNREADABLE):
         match path.suffix.lower():
             case ".npz":
                 A = _read_npz(path)
@@ -83,7 +83,7 @@ def read_rows(path: Path) -> sp.csr_array:
     InputError
         It can't be read, or isn't of finite numbers.
     """
-    with blaming(str(path), of=Exception, what=_UNREADABLE):
+    with as_input_error(str(path), of=Exception, what=_UNREADABLE):
         match path.suffix.lower():
             case ".op4" | ".op2":
                 found = _OUTPUTS[path.suffix.lower()](path)

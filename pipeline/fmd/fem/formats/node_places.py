@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.files import read_text
 from fmd.core.fortran import read_field
 from fmd.core.limits.files import MOST_MATRIX_BYTES
@@ -39,7 +39,7 @@ def read_places(path: Path) -> Places:
     InputError
         The file can't be read, or a node is in a coordinate system that isn't read.
     """
-    with blaming(str(path), of=MeshFileError):
+    with as_input_error(str(path), of=MeshFileError):
         if path.suffix.lower() in (*SUFFIXES, ".pch", ".asm"):
             return nastran_places(read_matrix_text(path))
         if path.suffix.lower() in abaqus.SUFFIXES:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fmd.core.arrays import IntArray
-from fmd.core.errors import AccuracyError, InputError, blaming
+from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.limits.files import NOT_SCALAR
 from fmd.fem.formats import abaqus
 from fmd.fem.formats.deck_surface import deck_surface
@@ -40,7 +40,7 @@ def read_stress(model: MatrixModel, path: Path, nodes: Path, units: tuple[float,
     """
     if path.suffix.lower() not in _READERS:
         raise InputError(str(path), "", None, f"stress is read from {' and '.join(_READERS)}")
-    with blaming(str(path)):
+    with as_input_error(str(path)):
         found = _READERS[path.suffix.lower()](read_matrix_text(path))
     place = {int(label): k for k, label in enumerate(model.labels)}
     if other := [int(label) for label in found.labels if int(label) not in place]:

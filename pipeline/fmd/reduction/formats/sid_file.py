@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.files import read_text, write_text
 from fmd.core.fortran import read_real
 from fmd.core.limits.files import MOST_ENTRIES
@@ -111,7 +111,7 @@ def read_sid(path: Path) -> ModalData:
     n = terms["Ke"].M0.shape[0]
     for name, term in terms.items():
         reader.require_shape(name, term, n)
-    with blaming(str(path)):
+    with as_input_error(str(path)):
         return modal_data_of(mass, terms, nodes)
 
 

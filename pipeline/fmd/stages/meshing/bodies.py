@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import IntArray
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import unit_ratio
 from fmd.fem.laminate import Lamina, Laminate, Ply
 from fmd.fem.layered import Layered
@@ -77,7 +77,7 @@ def _complete(mesh: SolidMesh, table: SectorMesh, source: SourceFiles) -> SolidM
         return mesh
     file = str(source.path)
     low, high = (find_name(mesh.faces, name, file, "mesh.cuts") for name in table.cuts)
-    with blaming(file, "mesh.cuts", [low, high]):
+    with as_input_error(file, "mesh.cuts", [low, high]):
         return repeat_sector(mesh, table.cyclic, (low, high))
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError, blaming
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.mesh import CAD_DIGITS, CAD_ELEMENTS
 from fmd.core.limits.patience import CAD_SECONDS, CAD_SECONDS_PER_ELEMENT, READING_BYTES, READING_SECONDS
 from fmd.core.limits.scene import LONGEST_NAME, LOST_FACES, MIDSURFACE_COUNTS
@@ -102,7 +102,7 @@ def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, s
     cell_type = {1: "tetra", 2: "tetra10"}[order]
     raw = RawMesh(mesh.points, [(cell_type, mesh.cells)], {name: [cells] for name, cells in mesh.parts.items()})
     raw.facet_sets = {name: [corners] for name, corners in mesh.faces.items()}
-    with blaming(str(path), of=MeshFileError):
+    with as_input_error(str(path), of=MeshFileError):
         return replace(solid_mesh(raw, 1.0, repair=True), centres=mesh.centres)
 
 
