@@ -8,16 +8,15 @@ from functools import cached_property
 import numpy as np
 
 from fmd.core.arrays import Array, require_shape
+from fmd.dynamics.compiled_system.parameters import Responses
 from fmd.dynamics.system import (
     PlainSystem,
     accelerations,
     advance,
     fast_steps,
-    freeze_middle,
+    find_responses,
     freeze_slow,
     leapfrog_step,
-    reacting_steps,
-    slow_response,
     velocities,
 )
 from fmd.dynamics.vibration import highest_frequency, largest_leapfrog_step
@@ -49,23 +48,6 @@ class FrozenLinear(Table):
 
     frozen: Array  # (n_fast,)
     right: Array  # (n_fast,), room to work in
-
-
-@dataclass(frozen=True)
-class MiddleLinear(Table):
-    """Equations of the fast coordinates with ``y = q_L + D q_S`` frozen, and the state at the middle of a cycle."""
-
-    D: Array  # (n, n_slow), a row for each fast rate
-    W: Array  # (n_fast, n_fast) S̄⁻¹
-    V: Array  # (n_slow, n_slow) M_LL⁻¹
-    T: Array  # (n, n_fast)
-    K: Array  # (n, n_fast) K T
-    C: Array  # (n, n_fast) C T
-    Q: Array  # (n,) forces at the middle
-    q: Array  # (n,) positions q* at the middle
-    v: Array  # (n,) rates v* at the middle
-    now: Array  # (n,), room to work in
-    right: Array  # (n,)
 
 
 @dataclass(frozen=True)
@@ -147,10 +129,13 @@ class LinearSystem(PlainSystem):
         """Return new arrays for the coefficients that `freeze_slow` freezes over a major cycle."""
         return FrozenLinear(np.zeros(self.n - self.n_slow), np.zeros(self.n - self.n_slow))
 
-    def middle(self, cycle: float) -> MiddleLinear:
-        """Return new arrays for what `freeze_middle` freezes at the middle of a major cycle."""
-        C = np.zeros_like(self.K) if self.C is None else self.C
-        return middle_of(self.M, self.K, C, self.n_slow)
+    def responses(self) -> Responses:
+        """Return the inverse mass matrix in blocks of eight columns, as if it were unit forces."""
+        blocks = np.zeros((-(-self.n // 8), self.n, 8))
+        inverse = np.linalg.inv(self.M)
+        for i in range(self.n):
+            blocks[i // 8, :, i % 8] = inverse[i]
+        return Responses(0, 0, 0, 0, blocks)
 
     @property
     def highest_frequency(self) -> float:
@@ -163,20 +148,6 @@ class LinearSystem(PlainSystem):
         return self._highest(slice(self.n_slow, None))
 
     @property
-    def highest_reacting_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` frozen [rad/s]."""
-        M, K, _ = self._reacting
-        return highest_frequency(M, K)
-
-    @property
-    def _reacting(self) -> tuple[Array, Array, Array]:
-        """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
-        slow, fast = slice(0, self.n_slow), slice(self.n_slow, None)
-        T = np.concatenate([-np.linalg.solve(self.M[slow, slow], self.M[slow, fast]), np.eye(self.n - self.n_slow)])
-        M, K, C = (T.T @ A @ T for A in self.linear_matrices)
-        return M, K, C
-
-    @property
     def largest_step(self) -> float:
         """Longest stable leapfrog step [s]."""
         return largest_leapfrog_step(*self.linear_matrices)
@@ -185,11 +156,6 @@ class LinearSystem(PlainSystem):
     def largest_fast_step(self) -> float:
         """Longest stable leapfrog step of the fast coordinates with the slow ones frozen [s]."""
         return largest_leapfrog_step(*(A[self.n_slow :, self.n_slow :] for A in self.linear_matrices))
-
-    @property
-    def largest_reacting_step(self) -> float:
-        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` frozen [s]."""
-        return largest_leapfrog_step(*self._reacting)
 
     @property
     def largest_slow_step(self) -> float:
@@ -276,83 +242,12 @@ def _velocities(p: LinearParameters, q: Array, v: Array, dq: Array) -> None:
         dq[i] = v[i]
 
 
-def middle_of(M: Array, K: Array, C: Array, n_slow: int) -> MiddleLinear:
-    """Return the constants of reversible sub-cycling for ``M q̈ + C q̇ + K q = 0``, and new work arrays."""
-    n, L, S = len(M), slice(0, n_slow), slice(n_slow, None)
-    D = np.linalg.solve(M[L, L], M[L, S])  # (n_slow, n_fast)
-    T = np.concatenate([-D, np.eye(n - n_slow)])
-    rows = np.concatenate([np.zeros((n_slow, n_slow)), D.T])
-    W, V = np.linalg.inv(T.T @ M @ T), np.linalg.inv(M[L, L])
-    arrays = (rows, W, V, T, K @ T, C @ T)
-    return MiddleLinear(*(np.ascontiguousarray(a) for a in arrays), *np.zeros((5, n)))
-
-
-@freeze_middle.register(LinearParameters)
-def _freeze_middle(p: LinearParameters, t: float, q: Array, v: Array, D: Array, middle: MiddleLinear) -> None:
-    K, C, Q = p.K, p.C, middle.Q
-    for i in range(v.size):
-        Q[i], middle.q[i], middle.v[i] = 0.0, q[i], v[i]
-        for j in range(p.n_slow):
-            D[i, j] = middle.D[i, j]
-    for j in range(v.size):
-        for i in range(v.size):
-            Q[i] -= K[i, j] * q[j]
-    for j in range(C.shape[1]):
-        for i in range(v.size):
-            Q[i] -= C[i, j] * v[j]
-
-
-@reacting_steps.register(LinearParameters)
-def _reacting_steps(
-    p: LinearParameters, middle: MiddleLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
+@find_responses.register(LinearParameters)
+def _find_responses(
+    p: LinearParameters, responses: Responses, t: float, q: Array, v: Array, a: Array, X: Array
 ) -> None:
-    W, T, K, C, Q, now, right, n_slow = (
-        middle.W,
-        middle.T,
-        middle.K,
-        middle.C,
-        middle.Q,
-        middle.now,
-        middle.right,
-        p.n_slow,
-    )
-    n, fast = v.size, a[n_slow:]
-    for _ in range(count):
-        for j in range(n_slow, n):
-            now[j] = v[j] + 0.5 * h * a[j] - middle.v[j]
-        for i in range(n):
-            right[i] = Q[i]
-        for j in range(n_slow, n):
-            moved = q[j] - middle.q[j]
-            for i in range(n):
-                right[i] -= K[i, j - n_slow] * moved
-        if p.C.shape[1]:
-            for j in range(n_slow, n):
-                for i in range(n):
-                    right[i] -= C[i, j - n_slow] * now[j]
-        for j in range(n_slow, n):  # below its first rows T is the unit matrix
-            now[j] = right[j]
-            for i in range(n_slow):
-                now[j] += T[i, j - n_slow] * right[i]
-            a[j] = 0.0
-        for j in range(n_slow, n):
-            for i in range(n - n_slow):
-                fast[i] += W[i, j - n_slow] * now[j]
-        for i in range(n_slow, n):
-            v[i] += h * a[i]
-            q[i] += h * v[i]
-
-
-@slow_response.register(LinearParameters)
-def _slow_response(
-    p: LinearParameters, middle: MiddleLinear, first: int, h: float, count: int, q: Array, v: Array, a: Array
-) -> None:
-    V, K, C, Q, right, n_slow = middle.V, middle.K, middle.C, middle.Q, middle.right, p.n_slow
-    for i in range(n_slow):
-        right[i] = Q[i]
-        for j in range(n_slow, v.size):
-            right[i] -= K[i, j - n_slow] * (q[j] - middle.q[j]) + C[i, j - n_slow] * (v[j] - middle.v[j])
-    for i in range(n_slow):
-        a[i] = 0.0
-        for j in range(n_slow):
-            a[i] += V[i, j] * right[j]
+    accelerations(p, t, q, v, a)
+    for block in range(X.shape[0]):
+        for j in range(X.shape[1]):
+            for k in range(X.shape[2]):
+                X[block, j, k] = responses.units[block, j, k]

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from fmd.dynamics.system import accelerations, advance, fast_steps, freeze_middle, freeze_slow, velocities
+from fmd.dynamics.system import accelerations, advance, fast_steps, find_responses, freeze_slow, velocities
 
-NAMES = (accelerations, freeze_slow, freeze_middle, fast_steps, advance, velocities)
+NAMES = (accelerations, freeze_slow, find_responses, fast_steps, advance, velocities)
 
 
 @pytest.mark.parametrize("name", NAMES, ids=lambda name: name.__name__)

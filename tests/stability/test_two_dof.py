@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from fmd.stability.amplification import cycle_growth
 from fmd.stability.two_dof import (
     fit_growth_law,
-    reversible_growth,
     stability_map,
     two_dof_growth,
     two_dof_map,
@@ -64,21 +63,3 @@ def test_the_figures_of_the_design_hold() -> None:
     # β = 0.1, Ω_S = Ω_L = 0.1, found by hand before the code was written
     radii = [two_dof_growth(0.1, 0.1, 0.1, m) - 1 for m in (2, 3, 5, 10)]
     assert radii == pytest.approx([6.7e-5, 1.7e-4, 5.2e-4, 2.1e-3], rel=0.05)
-
-
-@given(omega_s=courant, omega_l=courant, beta=st.floats(0.0, 0.95), m=st.integers(1, 20))
-def test_reversible_sub_cycling_is_stable_up_to_its_two_limits(
-    omega_s: float, omega_l: float, beta: float, m: int
-) -> None:
-    room = min(2 - omega_l, 4 * (1 - beta**2) - omega_s**2 - (beta * omega_l / m) ** 2)
-    radius = float(reversible_growth(omega_s, omega_l, beta, m))
-    if room > 1e-6:
-        assert radius <= 1 + 1e-9
-    elif room < -1e-3:
-        assert radius > 1 + 1e-9
-
-
-@given(omega_s=st.floats(0.1, 1.9), omega_l=st.floats(0.1, 1.9), m=st.integers(2, 12))
-def test_without_coupling_both_schemes_turn_at_the_same_rate(omega_s: float, omega_l: float, m: int) -> None:
-    assert reversible_growth(omega_s, omega_l, 0.0, m) == pytest.approx(1.0, abs=1e-9)
-    assert two_dof_growth(omega_s, omega_l, 0.0, m) == pytest.approx(1.0, abs=1e-7)

@@ -23,7 +23,6 @@ def stability(
     two_dof: Flag = False,
     substeps: int = 0,
     coupling: Annotated[list[float] | None, Parameter(negative=())] = None,
-    scheme: str = "sub-cycling",
     law: Flag = False,
     resolution: int = 400,
     along: Flag = False,
@@ -40,8 +39,6 @@ def stability(
         Fast steps to a slow one; 2 for a map, 1 to 20 for a scene by default.
     coupling
         Inertial coupling of the map, 0 ≤ β < 1; give it several times for several maps.
-    scheme
-        Scheme of the map: "sub-cycling", the paper's, or "reversible".
     law
         With --two-dof: fit the law of the weak instability for each ratio from 2 to 20 instead of mapping one.
     resolution
@@ -55,11 +52,11 @@ def stability(
         raise InputError("stability", "", scene or None, "give a scene, e.g. beam, or --two-dof")
     if two_dof:
         substeps, couplings = substeps or 2, coupling or [0.0]
-        _require_map(substeps, couplings, scheme, resolution)
+        _require_map(substeps, couplings, resolution)
         if law:
             _fit_laws(options.json)
         else:
-            _draw_maps(substeps, couplings, scheme, resolution, out or Path("out") / "stability", options.json)
+            _draw_maps(substeps, couplings, resolution, out or Path("out") / "stability", options.json)
         return
     if not 0 <= substeps <= 1000:
         raise InputError("--substeps", "", substeps, "must be 1 … 1000")
@@ -77,23 +74,19 @@ def stability(
         open_console().print(text)
 
 
-def _require_map(substeps: int, couplings: list[float], scheme: str, resolution: int) -> None:
+def _require_map(substeps: int, couplings: list[float], resolution: int) -> None:
     """Raise `InputError` unless maps can be made with these options."""
-    from fmd.stability.two_dof import SCHEMES
-
     if not all(0 <= beta < 1 for beta in couplings):
         raise InputError("--coupling", "", couplings, "must be 0 ≤ β < 1")
     if not 1 <= substeps <= 1000 or not 2 <= resolution <= 2000:
         raise InputError("--substeps", "", substeps, "must be 1 … 1000, and --resolution 2 … 2000")
-    if scheme not in SCHEMES:
-        raise InputError("--scheme", "", scheme, f"must be one of {', '.join(SCHEMES)}")
 
 
-def _draw_maps(substeps: int, couplings: list[float], scheme: str, resolution: int, folder: Path, json: bool) -> None:
+def _draw_maps(substeps: int, couplings: list[float], resolution: int, folder: Path, json: bool) -> None:
     """Draw the maps of one ratio, and print the stable share of each."""
     from fmd.output.stability_results import summarise_maps, write_maps
 
-    summary = summarise_maps(*write_maps(substeps, couplings, resolution, scheme, folder))
+    summary = summarise_maps(*write_maps(substeps, couplings, resolution, folder))
     if json:
         print_json(summary if len(summary["maps"]) > 1 else summary | summary["maps"][0])
         return

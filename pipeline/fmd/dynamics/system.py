@@ -120,32 +120,10 @@ def cross_cycle(p: Any, cycle: Any, count: int, q: Array, v: Array, a: Array, be
 
 
 @singledispatch
-def freeze_middle(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
-    """Freeze M̂, Q̂ and its tangents at a major cycle's middle; ``D = M_LL⁻¹ M_LS``, (n, n_slow), a row a rate.
+def find_responses(p: Any, responses: Any, t: float, q: Array, v: Array, a: Array, X: Array) -> None:
+    """Solve ``M̂ a = Q̂`` as `accelerations` does, and for unit forces: X, (n_blocks, n, 8), is M̂⁻¹.
 
-    With ``T = (−D, 1)``, how all rates follow the fast ones while ``y = q_L + D q_S`` does not move, they are
-    ``S̄ = Tᵀ M T``, ``−∂Q̂/∂q T`` and ``−∂Q̂/∂v T``.
-    """
-    raise NotImplementedError
-
-
-@singledispatch
-def reacting_steps(p: Any, middle: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
-    """Take ``count`` leapfrog steps h with the fast coordinates while the slow ones react, from time ``first · h``.
-
-    Each solves ``S̄ a_S = Tᵀ Q̂`` with what `freeze_middle` holds, known loads half a step later, into a; then
-    ``v += h a``, ``q += h v``. The fast positions are half a step ahead of the rates. Into how many calls a
-    cycle's steps are divided changes no bit.
-    """
-    raise NotImplementedError
-
-
-@singledispatch
-def slow_response(p: Any, middle: Any, first: int, h: float, count: int, q: Array, v: Array, a: Array) -> None:
-    """Solve ``M_LL a_y = Q̂_L`` for ``y = q_L + D q_S`` over the cycle of ``count`` steps h from time ``first · h``.
-
-    ``q`` and ``v``, (n,), are the fast coordinates' means over the cycle, in their rates' places; the result goes into
-    the slow places of a.
+    ``X[b, j, k]`` is the answer of rate 8 b + k to a unit force along rate j, as constraints of loops allow it.
     """
     raise NotImplementedError
 
@@ -293,10 +271,6 @@ class System(PlainSystem, Protocol):
         """Highest angular frequency of the fast coordinates with the slow ones frozen [rad/s]."""
 
     @property
-    def highest_reacting_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with ``q_L + D q_S`` frozen [rad/s]."""
-
-    @property
     def highest_slow_frequency(self) -> float:
         """Highest angular frequency of the slow coordinates with the fast ones frozen [rad/s]."""
 
@@ -309,10 +283,6 @@ class System(PlainSystem, Protocol):
         """Longest stable step of the fast coordinates with the slow ones frozen [s]."""
 
     @property
-    def largest_reacting_step(self) -> float:
-        """Longest stable step of the fast coordinates with ``q_L + D q_S`` frozen [s]."""
-
-    @property
     def largest_slow_step(self) -> float:
         """Longest stable step of the slow coordinates with the fast ones frozen [s]."""
 
@@ -322,5 +292,5 @@ class System(PlainSystem, Protocol):
     def frozen(self, cycle: float) -> Any:
         """Fresh storage for the coefficients that `freeze_slow` holds over a major cycle of a duration [s]."""
 
-    def middle(self, cycle: float) -> Any:
-        """Fresh storage for what `freeze_middle` holds over a major cycle of a duration [s]."""
+    def responses(self) -> Any:
+        """Storage for `find_responses`."""

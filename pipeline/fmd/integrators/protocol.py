@@ -42,8 +42,8 @@ class State:
     a: Array  # (n,): accelerations of the last step
     time: float = 0.0  # present time, and the step that a method which chooses its steps would try next [s]
     next_step: float = 0.0
-    # All else that a method needs to continue: generalised-α Newton's tangent, reversible sub-cycling the last change
-    # of the fast coordinates, adaptive methods the largest value so far of each group of coordinates.
+    # All else that a method needs to continue: generalised-α Newton's tangent, reversible sub-cycling mean rates of
+    # its last cycles, adaptive methods the largest value so far of each group of coordinates.
     memory: Array = field(default_factory=lambda: np.zeros(0))
 
     def copy(self) -> State:

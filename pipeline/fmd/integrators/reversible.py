@@ -1,27 +1,18 @@
-"""Reversible sub-cycling: a method with two step lengths that stays stable under inertial coupling.
+"""Reversible sub-cycling: constant forces at each fast step, all else once a major cycle, at its middle.
 
-With the slow coordinates L first, and ``D = M_LL⁻¹ M_LS`` frozen over a major cycle ``H = m h``, the sum
-``y = q_L + D q_S`` feels no inertial coupling::
+Modes, springs and dampers have constant forces ``K q + C v``. All that is left of the equations of motion, inertia,
+loads and what else depends on the state, changes as the joints move. Over a major cycle ``H = m h`` it and the mass
+matrix are frozen at the cycle's middle (q*, v*)::
 
-    M_LL ÿ = Q_L        S̄ q̈_S = Q_S − Dᵀ Q_L        S̄ = M_SS − M_SL D
+    a = a* − M̂*⁻¹ (K (q − q*) + C (v − v*))        a* = M̂*⁻¹ Q̂(q*, v*)
 
-The second row is the fast coordinates' with the slow ones free to react at once: nothing that oscillates fast is
-frozen. What couples y and q_S is stiffness and damping alone, and that is treated reversibly: y drifts ½H and is frozen
-at the cycle's middle, q_S takes m leapfrog steps h (½h drift, kick, ½h drift) with ``q_L = y − D q_S``, and y's rate
-takes the impulse ``H a_y`` of the force at the mean of q_S at the cycle's two ends before y drifts on.
+and all coordinates take m leapfrog steps h of it (½h drift, kick, ½h drift). So one evaluation serves m steps, with the
+accelerations M̂*⁻¹ of unit forces, whose articulated inertias are those of a*. Whatever couples by inertia does so at
+each fast step: where M̂ is constant and forces are ``K q + C v``, the method is central difference with the fast step,
+to round-off, and as stable. K and C may be any matrices, for what they leave out is frozen.
 
-M̂ and Q̂ are solved once a cycle at its middle, predicted: y by its rate, q_S by half of its last change, and the
-tangents of Q̂ carry the forces on within the cycle. With ``T = (−D, 1)`` they are needed along T alone, for the
-predicted slow rates ``v_L + ½H a_y`` are those of the frozen y at the predicted fast rates::
-
-    Q(q_S, v_S) = Q* − K T (q_S − q*_S) − C T (v_S − v*_S)
-
-For constant M and K the map of the modes ω_i of (S̄, TᵀKT) has the characteristic equation, z = λ + 1/λ,
-
-    det[(z − 2) M_LL/H² + K_LL − Σ w_i w_iᵀ (1 − c_i)/(2 ω_i²) (z + 2)/(z − 2 c_i)] = 0,   c_i = cos(2m asin(ω_i h/2))
-
-whose pole terms grow with z; all its roots are in [−2, 2], and |λ| = 1, exactly if ``ω_max(S̄, TᵀKT) h < 2`` and
-``ω_max(M_LL, K_LL) H < 2``, whatever the coupling. The order is 2.
+The middle's rates are predicted by a line through the mean rates v̄ of the last two cycles,
+``v* = 2 v̄ − v̄⁻``, ``q* = q + ½ H v*``. The order is 2.
 """
 
 from __future__ import annotations
@@ -32,7 +23,10 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.dynamics.system import System, advance, freeze_middle, project, reacting_steps, slow_response
+from fmd.core.limits.code import DOUBLES_AT_ONCE, DOUBLES_IN_LINE
+from fmd.dynamics.system import System, advance, find_responses, project
+from fmd.dynamics.vibration import largest_leapfrog_step
+from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.fixed_step import (
     FixedMarch,
     FixedStepIntegrator,
@@ -43,29 +37,23 @@ from fmd.integrators.fixed_step import (
     take_steps,
 )
 from fmd.integrators.march_tables import Samples
-from fmd.integrators.protocol import (
-    State,
-    Trajectory,
-    require_ratio,
-    start_state,
-)
-from fmd.kernels.kernel import inner, kernel
+from fmd.integrators.protocol import State, Trajectory, require_ratio, start_state
+from fmd.kernels.kernel import contracted
 from fmd.kernels.table import Table, aligned
+from fmd.kernels.vectors import call_native, fill_vector, read_vector, write_vector
 
 
 @dataclass(frozen=True)
 class ReversibleSubcycling(FixedStepIntegrator):
     """Reversible sub-cycling by a fast step [s] and a number of fast steps to a major cycle.
 
-    A state's rates are at its own time; ``a`` holds the accelerations of y and q_S, ``memory`` the last change of q_S,
-    (n,), and D, (n, n_slow).
+    A state's rates are at its own time; ``memory``, (2 n,), holds the mean rates of the last two cycles, newest first.
     """
 
     step: float
     substeps: int = field()  # none by default
 
     name = "reversible-sub-cycling"
-    start_evaluations = 2
 
     def __post_init__(self) -> None:
         require_ratio(self.step, self.substeps)
@@ -75,144 +63,188 @@ class ReversibleSubcycling(FixedStepIntegrator):
         return 2
 
     def largest_step(self, system: System) -> float:
-        """Return the longest step that slow coordinates, and fast ones with the slow free to react, allow [s]."""
-        return min(system.largest_reacting_step, system.largest_slow_step / self.substeps)
+        """Return central difference's longest step, and the longest that end stops allow, which are frozen [s]."""
+        (M, K, C), (_, stiffest, most) = system.linear_matrices, system.stiffest_matrices
+        longest = CentralDifference(self.step).largest_step(system)
+        if np.array_equal(K, stiffest) and np.array_equal(C, most):
+            return longest
+        return min(longest, largest_leapfrog_step(M, stiffest - K, most - C) / self.substeps)
+
+    def describe_limit(self, system: Any) -> str:
+        """Say which frequency limits the step, and what dampers take of that."""
+        return CentralDifference(self.step).describe_limit(system)
 
     def load_cycle(self, system: System) -> int:
         """Return the steps of a cycle, over which loads are frozen."""
         return self.substeps
 
-    def fast_frequency(self, system: System) -> float:
-        """Return the highest angular frequency of the fast coordinates with the slow ones free to react [rad/s]."""
-        return system.highest_reacting_frequency if self.substeps > 1 else system.highest_frequency
-
     def start(self, system: System, q0: Array, v0: Array) -> State:
-        """Return the state at time 0 with accelerations of y and q_S."""
-        n, n_slow = system.n, system.n_slow
-        start = start_state(system, q0, v0, np.zeros(n))
-        D = np.zeros((n, n_slow))
-        _freeze(system.parameters, 0.0, start.q, start.v, D, system.middle(self.substeps * self.step))
-        start.a[:n_slow] += start.a @ D
-        move = self.substeps * self.step * start.v
-        return replace(start, memory=np.concatenate([move, D.ravel()]))
+        """Return the state at time 0, as if rates had been the same before."""
+        return replace(start_state(system, q0, v0, np.zeros(system.n)), memory=np.tile(v0, 2))
 
     def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
         """Return the trajectory of a march with so many fast steps."""
         m = self.substeps
-        return Trajectory(self.name, self.step, m, times, q, v, n_steps // m, n_steps, seconds, end)
+        return Trajectory(self.name, self.step, m, times, q, v, n_steps // m, 0, seconds, end)
 
     def fixed_march(self, system: System) -> FixedMarch:
         """Return what a system is marched with."""
         h, m, n, n_slow = self.step, self.substeps, system.n, system.n_slow
+        lines = -(-n // DOUBLES_IN_LINE)
+        _, K, C = (np.ascontiguousarray(A.T) for A in system.linear_matrices)
 
-        def make(state: State) -> _ReactingSteps:
-            move, D = state.memory[:n], state.memory[n:].reshape(n, n_slow)
-            room = aligned(system.n_positions, n, n, n)
-            return _ReactingSteps(h, m, n_slow, state.q, state.v, state.a, move, D, *room)
+        def make(state: State) -> _FrozenSteps:
+            matrices, whole = np.zeros((3, lines, n, DOUBLES_IN_LINE)), aligned(*6 * [lines * DOUBLES_IN_LINE])
+            arrays = [np.array([h]), K, C, *state.arrays, *matrices, *whole, *aligned(system.n_positions, n, n, n, n)]
+            return _FrozenSteps(h, m, n_slow, *arrays)
 
-        return FixedMarch(self.name, make, system, system.middle(m * h), h, m)
-
-
-@kernel
-def _freeze(p: Any, t: float, q: Array, v: Array, D: Array, middle: Any) -> None:
-    freeze_middle(p, t, q, v, D, middle)
+        return FixedMarch(self.name, make, system, system.responses(), h, m)
 
 
 @dataclass(frozen=True)
-class _ReactingSteps(Table):
+class _FrozenSteps(Table):
     """State of a march; fast coordinates are scalars, number i at position ``i + q.size - v.size``."""
 
     h: float  # fast step [s]
     substeps: int
     n_slow: int
+    clock: Array  # (1,): the fast step, too
+    K: Array  # (n, n): forces of each position and rate, a row each
+    C: Array
     q: Array
     v: Array
     a: Array
-    move: Array  # (n,): change of the fast positions over the last cycle
-    D: Array  # (n, n_slow): how the slow coordinates follow the fast ones, as `freeze_middle` gives it
-    q_now: Array  # room: the middle's state or a sample's begin, and changes of the slow positions
+    memory: Array  # (2 n,)
+    X: Array  # (n_blocks, n, 8): accelerations of unit forces, as `find_responses` has them
+    A: Array  # the like: ``X K`` and ``X C``
+    B: Array
+    from_middle: Array  # (whole lines of 8,): coordinates from the cycle's middle
+    rate: Array
+    last: Array  # accelerations of the last fast step
+    frozen: Array  # accelerations in the middle
+    middle: Array  # rates there
+    constant: Array  # ``frozen + B middle``
+    q_now: Array  # (n_positions,) and (n,), room: the middle's state, and a sample's begin from the cycle's begin
     v_now: Array
+    a_now: Array
     shift: Array
-    before: Array  # (n,): rates of ``y = q_L + D q_S`` and fast positions at the cycle's begin
+    begin: Array  # (n,): from_middle at the cycle's begin
 
 
-@begin_cycle.register(_ReactingSteps)
-def _begin_cycle(m: _ReactingSteps, p: Any, middle: Any, first: int, sampled: bool) -> None:
-    """Freeze the equations in the middle, predicted with the D of the last cycle, and y from here on."""
-    n, n_slow, H, offset = m.v.size, m.n_slow, m.substeps * m.h, m.q.size - m.v.size
+@begin_cycle.register(_FrozenSteps)
+def _begin_cycle(m: _FrozenSteps, p: Any, responses: Any, first: int, sampled: bool) -> None:
+    """Freeze the equations in the middle."""
+    n, H, offset = m.v.size, m.substeps * m.h, m.q.size - m.v.size
     for i in range(m.q.size):
         m.q_now[i] = m.q[i]
-    for i in range(n_slow):
-        m.shift[i] = 0.5 * H * m.v[i]
-        m.v_now[i] = m.v[i] + 0.5 * H * m.a[i]
-    for j in range(n_slow, n):
-        m.before[j] = m.q[j + offset]
-        m.q_now[j + offset] += 0.5 * m.move[j]
-        m.v_now[j] = m.v[j]
-        for i in range(n_slow):
-            m.shift[i] += 0.5 * m.D[j, i] * (H * m.v[j] - m.move[j])
-    advance(p, m.q_now, m.shift, 1.0, 0, n_slow)
+    for i in range(n):
+        m.v_now[i] = 2.0 * m.memory[i] - m.memory[n + i]
+    advance(p, m.q_now, m.v_now, 0.5 * H, 0, n)
+    for i in range(m.n_slow):
+        m.begin[i] = -0.5 * H * m.v_now[i]
     project(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now)
-    freeze_middle(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now, m.D, middle)
-    for i in range(n_slow):
-        m.before[i] = m.v[i]
-    for j in range(n_slow, n):
-        for i in range(n_slow):
-            m.before[i] += m.D[j, i] * m.v[j]
-        m.q[j + offset] += 0.5 * m.h * m.v[j]
+    find_responses(p, responses, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now, m.a_now, m.X)
+    for i in range(m.n_slow, n):
+        m.begin[i] = m.q[i + offset] - m.q_now[i + offset]
+    for i in range(n):
+        m.frozen[i], m.middle[i], m.rate[i], m.last[i] = m.a_now[i], m.v_now[i], m.v[i], m.a[i]
+        m.from_middle[i] = m.begin[i] + 0.5 * m.h * m.v[i]
+    if responses.middle:
+        call_native(responses.middle, (m.K, m.C, m.X, m.frozen, m.middle, m.A, m.B, m.constant))
+    else:
+        _multiply(m, m.K, m.A)
+        _multiply(m, m.C, m.B)
+        _find_constant(m)
 
 
-@take_steps.register(_ReactingSteps)
-def _take_steps(m: _ReactingSteps, p: Any, middle: Any, first: int, done: int, count: int, sampled: bool) -> int:
+@take_steps.register(_FrozenSteps)
+def _take_steps(m: _FrozenSteps, p: Any, responses: Any, first: int, done: int, count: int, sampled: bool) -> int:
     if sampled:
-        offset = m.q.size - m.v.size
-        for j in range(m.n_slow, m.v.size):
-            m.v_now[j] = m.v[j]
-            m.q_now[j + offset] = m.q[j + offset] - 0.5 * m.h * m.v[j] if done else m.before[j]
-    reacting_steps(p, middle, first + done, m.h, count, m.q, m.v, m.a)
-    return 0 if runs_away(m.v) else count
+        for i in range(m.v.size):
+            m.v_now[i] = m.rate[i]
+            m.shift[i] = m.from_middle[i] - 0.5 * m.h * m.rate[i] - m.begin[i] if done else 0.0
+    for _ in range(count):
+        if responses.step:
+            call_native(responses.step, (m.clock, m.A, m.B, m.constant, m.from_middle, m.rate, m.last))
+        else:
+            _step(m)
+    return 0 if runs_away(m.rate) else count
 
 
-@sample_within.register(_ReactingSteps)
-def _sample_within(m: _ReactingSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
-    """Evaluate the fast coordinates; the slow ones are known at the cycle's end."""
-    offset = q.size - v.size
-    for j in range(m.n_slow, v.size):  # Taylor's polynomial, which the next step continues
-        v[j] = m.v_now[j] + s * m.a[j]
-        q[j + offset] = m.q_now[j + offset] + s * (m.v_now[j] + 0.5 * s * m.a[j])
+@contracted
+def _multiply(m: _FrozenSteps, factor: Array, out: Array) -> None:
+    """Set the columns of out to those of X times a matrix, of which ``factor[j]`` is a column."""
+    n = m.v.size
+    for block in range(m.X.shape[0]):
+        for j in range(n):
+            for part in range(0, DOUBLES_IN_LINE, DOUBLES_AT_ONCE):
+                at, total = block * n * DOUBLES_IN_LINE + part, fill_vector(0.0, DOUBLES_AT_ONCE)
+                for k in range(n):
+                    total = total + fill_vector(factor[j, k], DOUBLES_AT_ONCE) * read_vector(
+                        m.X, at + DOUBLES_IN_LINE * k, DOUBLES_AT_ONCE
+                    )
+                write_vector(out, at + DOUBLES_IN_LINE * j, total)
 
 
-@end_cycle.register(_ReactingSteps)
-def _end_cycle(m: _ReactingSteps, p: Any, middle: Any, first: int, samples: Samples, first_sample: int) -> None:
-    """Take the slow step."""
-    n, n_slow, H, offset = m.v.size, m.n_slow, m.substeps * m.h, m.q.size - m.v.size
-    for j in range(n_slow, n):
-        m.q[j + offset] -= 0.5 * m.h * m.v[j]
-        m.move[j] = m.q[j + offset] - m.before[j]
-        m.q_now[j], m.v_now[j] = m.before[j] + 0.5 * m.move[j], m.move[j] / H
-    slow_response(p, middle, first, m.h, m.substeps, m.q_now, m.v_now, m.a)
-    for k in range(first_sample, samples.cursor[0]):
-        _sample_slow(m, p, (samples.step[k] - first) * m.h + samples.offset[k], samples.q[k], samples.v[k])
-    for i in range(n_slow):
-        m.shift[i] = H * (m.before[i] + 0.5 * H * m.a[i])
-        m.v[i] = m.before[i] + H * m.a[i]
-        for j in range(n_slow, n):
-            m.shift[i] -= m.D[j, i] * m.move[j]
-            m.v[i] -= m.D[j, i] * m.v[j]
-    advance(p, m.q, m.shift, 1.0, 0, n_slow)
-    project(p, (first + m.substeps) * m.h, m.q, m.v)
+@contracted
+def _find_constant(m: _FrozenSteps) -> None:
+    n = m.v.size
+    for i in range(0, m.rate.size, DOUBLES_AT_ONCE):
+        at, total = (
+            i // DOUBLES_IN_LINE * DOUBLES_IN_LINE * n + i % DOUBLES_IN_LINE,
+            read_vector(m.frozen, i, DOUBLES_AT_ONCE),
+        )
+        for j in range(n):
+            total = total + fill_vector(m.middle[j], DOUBLES_AT_ONCE) * read_vector(
+                m.B, at + DOUBLES_IN_LINE * j, DOUBLES_AT_ONCE
+            )
+        write_vector(m.constant, i, total)
 
 
-@inner
-def _sample_slow(m: _ReactingSteps, p: Any, s: float, q: Array, v: Array) -> None:
-    """Evaluate the slow coordinates a time s after the cycle's begin, where the fast ones are known."""
-    n, n_slow, offset = v.size, m.n_slow, q.size - v.size
-    for i in range(n_slow):
-        m.shift[i] = s * (m.before[i] + 0.5 * s * m.a[i])
-        v[i] = m.before[i] + s * m.a[i]
-        for j in range(n_slow, n):
-            m.shift[i] -= m.D[j, i] * (q[j + offset] - m.before[j])
-            v[i] -= m.D[j, i] * v[j]
-    for i in range(n_slow + offset):
+@contracted
+def _step(m: _FrozenSteps) -> None:
+    """Take a leapfrog step; both sums hide the latency of each other's products."""
+    n, h, half = m.v.size, fill_vector(m.h, DOUBLES_AT_ONCE), fill_vector(0.5 * m.h, DOUBLES_AT_ONCE)
+    for i in range(0, m.rate.size, DOUBLES_AT_ONCE):  # for a moment the rates half a step later
+        write_vector(
+            m.rate, i, read_vector(m.rate, i, DOUBLES_AT_ONCE) + half * read_vector(m.last, i, DOUBLES_AT_ONCE)
+        )
+    for i in range(0, m.rate.size, DOUBLES_AT_ONCE):
+        at = i // DOUBLES_IN_LINE * DOUBLES_IN_LINE * n + i % DOUBLES_IN_LINE
+        elastic, damped = read_vector(m.constant, i, DOUBLES_AT_ONCE), fill_vector(0.0, DOUBLES_AT_ONCE)
+        for j in range(n):
+            elastic = elastic - fill_vector(m.from_middle[j], DOUBLES_AT_ONCE) * read_vector(
+                m.A, at + DOUBLES_IN_LINE * j, DOUBLES_AT_ONCE
+            )
+            damped = damped - fill_vector(m.rate[j], DOUBLES_AT_ONCE) * read_vector(
+                m.B, at + DOUBLES_IN_LINE * j, DOUBLES_AT_ONCE
+            )
+        write_vector(m.frozen, i, elastic + damped)
+    for i in range(0, m.rate.size, DOUBLES_AT_ONCE):
+        a = read_vector(m.frozen, i, DOUBLES_AT_ONCE)
+        rate = read_vector(m.rate, i, DOUBLES_AT_ONCE) - half * read_vector(m.last, i, DOUBLES_AT_ONCE) + h * a
+        write_vector(m.last, i, a)
+        write_vector(m.rate, i, rate)
+        write_vector(m.from_middle, i, read_vector(m.from_middle, i, DOUBLES_AT_ONCE) + h * rate)
+
+
+@sample_within.register(_FrozenSteps)
+def _sample_within(m: _FrozenSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+    for i in range(q.size):
         q[i] = m.q[i]
-    advance(p, q, m.shift, 1.0, 0, n_slow)
+    for i in range(v.size):  # Taylor's polynomial, which the next step continues
+        v[i] = m.v_now[i] + s * m.last[i]
+        m.a_now[i] = m.shift[i] + s * (m.v_now[i] + 0.5 * s * m.last[i])
+    advance(p, q, m.a_now, 1.0, 0, v.size)
+
+
+@end_cycle.register(_FrozenSteps)
+def _end_cycle(m: _FrozenSteps, p: Any, responses: Any, first: int, samples: Samples, first_sample: int) -> None:
+    """Move all coordinates, and remember their mean rates."""
+    n, per_cycle = m.v.size, 1.0 / (m.substeps * m.h)
+    for i in range(n):
+        m.shift[i] = m.from_middle[i] - 0.5 * m.h * m.rate[i] - m.begin[i]
+        m.memory[n + i], m.memory[i] = m.memory[i], m.shift[i] * per_cycle
+        m.v[i], m.a[i] = m.rate[i], m.last[i]
+    advance(p, m.q, m.shift, 1.0, 0, n)
+    project(p, (first + m.substeps) * m.h, m.q, m.v)

@@ -11,7 +11,7 @@ from fmd.stability.two_dof import StabilityMap, stability_map
 
 
 def write_maps(
-    substeps: int, couplings: Sequence[float], resolution: int, scheme: str, folder: Path
+    substeps: int, couplings: Sequence[float], resolution: int, folder: Path
 ) -> tuple[list[StabilityMap], str]:
     """Draw the stability of the two-degree-of-freedom system for one ratio, a panel for each inertial coupling.
 
@@ -24,11 +24,10 @@ def write_maps(
     """
     from fmd.render.stability_chart import Panel, draw_stability
 
-    maps = [stability_map(substeps, coupling, resolution, scheme) for coupling in couplings]
-    kind = "" if scheme == "sub-cycling" else f"{scheme}-"
-    name = f"two-dof-{kind}{substeps}-substeps.png"
+    maps = [stability_map(substeps, coupling, resolution) for coupling in couplings]
+    name = f"two-dof-{substeps}-substeps.png"
     panels = [Panel(m.omega_s, m.omega_l, m.rho, f"β = {m.coupling:g}") for m in maps]
-    title = f"{'Reversible sub' if kind else 'Sub'}-cycling with {substeps} fast steps to a slow one"
+    title = f"Sub-cycling with {substeps} fast steps to a slow one"
     draw_stability(panels, folder / name, title=title)
     return maps, name
 

@@ -85,15 +85,15 @@ class SubCyclingRun(SubCycledRun):
 
 
 class ReversibleSubCyclingRun(SubCycledRun):
-    """Sub-cycling that stays stable with inertial coupling: slow coordinates react in every fast step; order 2.
+    """Sub-cycling for any inertial coupling: constant forces at each step, all else once in several; order 2.
+
+    Forces of modes, springs and dampers act at each step; the mass matrix and all other forces are evaluated at the
+    middle of each major cycle.
 
     Parameters
     ----------
     substeps : int
-        Number of fast steps in a slow one; with 1 it is central differences.
-    split : float or str
-        Which coordinates are slow: all joints but those in ``simulation.fast`` (``"joints"``), or every coordinate
-        below a frequency [Hz].
+        Number of steps in a major cycle; with 1 it is central differences.
 
     Examples
     --------
@@ -106,10 +106,10 @@ class ReversibleSubCyclingRun(SubCycledRun):
 
     title: ClassVar[str] = "Reversible sub-cycling"
     method: ClassVar[str] = "reversible.ReversibleSubcycling"
+    split: ClassVar[Literal["joints"]] = "joints"  # type: ignore[misc]
 
     integrator: Literal["reversible-sub-cycling"]
     substeps: Count
-    split: Literal["joints"] | PositiveFrequency = "joints"
 
     def make(self, step: float, error: float, duration: float) -> Integrator:
         """Make the integrator; with a ratio of 1 it is central differences, whose limit is the same."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.limits.round_off import EXACT, SOLVED
+from fmd.core.limits.round_off import SOLVED
 from fmd.core.limits.stability import HIGHEST_COURANT, SLOWNESS
 
 # What the law of the weak instability is fitted to: values of β and of Ω_S in all pairs, and ω_L over ω_S.
@@ -36,17 +36,11 @@ class StabilityMap:
         return (self.rho > 1 + SOLVED).astype(float)
 
 
-def stability_map(substeps: int, coupling: float, resolution: int, scheme: str = "sub-cycling") -> StabilityMap:
-    """Compute the spectral radius on a grid of both Courant numbers, with ``resolution`` points each way.
-
-    Parameters
-    ----------
-    scheme : str
-        One of `SCHEMES`: the paper's eqs. (8)–(11), or reversible sub-cycling.
-    """
+def stability_map(substeps: int, coupling: float, resolution: int) -> StabilityMap:
+    """Compute the spectral radius on a grid of both Courant numbers, with ``resolution`` points each way."""
     omega = HIGHEST_COURANT * np.arange(1, resolution + 1) / resolution
     return StabilityMap(
-        substeps, coupling, omega, omega, SCHEMES[scheme](omega[None], omega[:, None], coupling, substeps)
+        substeps, coupling, omega, omega, two_dof_growth(omega[None], omega[:, None], coupling, substeps)
     )
 
 
@@ -87,32 +81,6 @@ def _radius(A: Array) -> Array:
     return np.asarray(np.maximum(np.abs(half + root), np.abs(half - root)))
 
 
-def reversible_growth(omega_s: Array, omega_l: Array, coupling: float, substeps: int) -> Array:
-    """Compute the spectral radius of a major cycle of reversible sub-cycling from its closed form.
-
-    With ``y = q_L + β q_S`` frozen at the middle of the cycle the fast coordinate turns by m ϑ,
-    ``4 sin²(ϑ/2) = Ω₁² = (Ω_S² + β² Ω_L²/m²)/(1 − β²)``, about a place that y sets. Of the eigenvalues λ only
-    ``z = λ + 1/λ`` matters, ``(z − 2 + Ω_L²)(z − 2c) = κ (z + 2)`` with ``c = cos mϑ`` and
-    ``κ = ½ Ω_L² (1 − c) · (βΩ_L/m)²/(Ω_S² + (βΩ_L/m)²)``: both z lie in [−2, 2] while Ω_L and Ω₁ are below 2.
-    """
-    omega_s, omega_l = np.broadcast_arrays(np.asarray(omega_s, dtype=float), np.asarray(omega_l, dtype=float))
-    soft = (coupling * omega_l / substeps) ** 2
-    total = omega_s**2 + soft
-    half = 0.25 * total / (1 - coupling**2)  # sin²(ϑ/2)
-    inside, beyond = np.arcsin(np.sqrt(np.minimum(half, 1.0))), np.arccosh(np.sqrt(np.maximum(half, 1.0)))
-    c = np.where(half <= 1, np.cos(2 * substeps * inside), (-1.0) ** substeps * np.cosh(2 * substeps * beyond))
-    slow = omega_l**2
-    kappa = 0.5 * slow * (1 - c) * np.divide(soft, total, out=np.zeros_like(total), where=total > 0)
-    B, E = slow - 2 - 2 * c - kappa, 2 * c * (2 - slow) - 2 * kappa  # z² + B z + E = 0
-    root = np.sqrt(B**2 - 4 * E + 0j)
-    radius = np.ones(total.shape)
-    for z in (0.5 * (root - B), -0.5 * (root + B)):
-        oscillates = (z.imag == 0) & (np.abs(z.real) <= 2 + EXACT * (1 + np.abs(B)))  # |λ| = 1 exactly
-        s = np.sqrt(z**2 - 4)
-        radius = np.maximum(radius, np.where(oscillates, 1.0, np.maximum(np.abs(z + s), np.abs(z - s)) / 2))
-    return radius
-
-
 @dataclass(frozen=True)
 class GrowthLaw:
     """Law ``ρ − 1 = c β^b Ω_S^s / (1 − β²)`` of the weak instability, fitted to computed radii."""
@@ -133,6 +101,3 @@ def fit_growth_law(substeps: int) -> GrowthLaw:
     (constant, b, s), *_ = np.linalg.lstsq(terms, left, rcond=None)
     misfit = float(np.abs(np.exp(terms @ (constant, b, s) - left) - 1).max())
     return GrowthLaw(substeps, float(np.exp(constant)), float(b), float(s), misfit)
-
-
-SCHEMES = {"sub-cycling": two_dof_growth, "reversible": reversible_growth}

@@ -8,6 +8,7 @@ TINY_SQUARE = 1e-300  # Pa²: the square of a von Mises stress whose root has a 
 # Constants.
 STRUCTURAL = (0.0, 1.0, -1.0)  # numbers that stand in code themselves: what they simplify is a mechanism's structure
 DOUBLES_IN_LINE = 8  # of the processor's cache
+DOUBLES_AT_ONCE = 4  # of a matrix's column, in loops of kernels
 
 # Long programs.
 LONG_PROGRAM = 12_000  # operations, some 70 kB of machine code: from here on, parts that are alike share it
@@ -26,7 +27,7 @@ ROWS_AT_ONCE = 4  # rows, into two sums that don't wait for each other
 SQUARE_SIDE = 8  # rows and columns of the square blocks of a product that is written out
 
 # Loads in fixed steps.
-MOST_TOGETHER = 16  # fast coordinates: beyond, one function of all that is held compiles for too long
+MOST_TOGETHER = 16  # coordinates: beyond, products of matrices without loops compile for too long
 MOST_IN_LEAP = 60_000  # bytes of code of accelerations: beyond, a step that calls it is as fast as one of its own
 MOST_UNROLLED = 64  # fast coordinates: beyond, code without loops takes longer to compile than it saves
 BYTES_OF_OPERATION = 6.0  # of machine code, five to eight where it is long

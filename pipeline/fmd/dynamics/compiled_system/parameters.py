@@ -136,24 +136,27 @@ class WholeCycle(Table):
 
 
 @dataclass(frozen=True)
+class Responses(Table):
+    """Compiled functions that find accelerations, and those of unit forces."""
+
+    together: int  # address of a function of the accelerations and the first block, 0 where loops close
+    solve: int  # address
+    middle: int  # of what a cycle freezes by them, and of a step with it; 0 where code without loops is too long
+    step: int
+    units: Array  # (n_blocks, n, 8): unit forces, eight to a block
+
+
+@dataclass(frozen=True)
 class MiddleCycle(Table):
-    """Equations at a major cycle's middle, in which the slow coordinates react to the fast ones at once."""
+    """Equations of a mechanism with loops in which the slow coordinates react to the fast ones at once."""
 
     frozen: FrozenCycle  # the fast coordinates'
-    loose: bool  # slow and fast coordinates don't couple through the mass matrix in any state
     inertia: int  # addresses of the compiled functions
     solve: int
     solve_slow: int
-    react: int  # a function of all that is frozen, 0 where that is too much for one
     along_positions: Array  # (n_blocks, n_positions, 8): how all coordinates follow each fast one
     along_rates: Array  # (n_blocks, n, 8)
-    y: Array  # (n_slow,): acceleration of ``y = q_L + D q_S`` in the middle
-    Ky: Array  # (n_fast, n_slow): how it changes with each fast position and rate
-    Cy: Array  # (n_fast, n_slow)
-    found: Array  # (5, n, 8): what ``react`` fills
-    q: Array  # (n_positions,): the state at the middle
-    v: Array  # (n,)
-    a: Array  # (n,)
+    y: Array  # (n_slow,): acceleration of ``y = q_L + D q_S``
     rest: Array  # (n,): zeros
     row: Array  # (n,), room to work in
 

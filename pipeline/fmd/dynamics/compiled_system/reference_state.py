@@ -121,20 +121,6 @@ class ReferenceState(Equations):
         return self._highest(slice(self.free_motion.n_slow, None))
 
     @cached_property
-    def highest_reacting_frequency(self) -> float:
-        """Highest angular frequency of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` frozen [rad/s]."""
-        M, K, _ = self._reacting
-        return highest_frequency(M, K)
-
-    @property
-    def _reacting(self) -> tuple[Array, Array, Array]:
-        """Mass, stiffness and damping of the fast coordinates with the slow ones free to react."""
-        M, K, C, n_slow = self.stiffest_motion
-        slow, fast = slice(0, n_slow), slice(n_slow, None)
-        T = np.concatenate([-np.linalg.solve(M[slow, slow], M[slow, fast]), np.eye(len(M) - n_slow)])
-        return T.T @ M @ T, T.T @ K @ T, T.T @ C @ T
-
-    @cached_property
     def largest_step(self) -> float:
         """Longest stable leapfrog step in the reference state [s]."""
         return largest_leapfrog_step(*self.stiffest_motion[:3])
@@ -144,11 +130,6 @@ class ReferenceState(Equations):
         """Longest stable leapfrog step of the fast coordinates with the slow ones frozen [s]."""
         *matrices, n_slow = self.stiffest_motion
         return largest_leapfrog_step(*(A[n_slow:, n_slow:] for A in matrices))
-
-    @cached_property
-    def largest_reacting_step(self) -> float:
-        """Longest stable leapfrog step of the fast coordinates with ``q_L + M_LL⁻¹ M_LS q_S`` frozen [s]."""
-        return largest_leapfrog_step(*self._reacting)
 
     @cached_property
     def largest_slow_step(self) -> float:

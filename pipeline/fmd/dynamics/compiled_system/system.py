@@ -12,7 +12,7 @@ import fmd.dynamics.compiled_system.closed_cycle
 import fmd.dynamics.compiled_system.cycle
 import fmd.dynamics.compiled_system.frozen
 import fmd.dynamics.compiled_system.kernels
-import fmd.dynamics.compiled_system.middle  # noqa: F401 - all give the functions of `system` their meaning here
+import fmd.dynamics.compiled_system.responses  # noqa: F401 - all give the functions of `system` their meaning here
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import StabilityError
 from fmd.core.limits.code import BYTES_OF_OPERATION, MOST_IN_LEAP, MOST_TOGETHER, MOST_UNROLLED
@@ -26,6 +26,7 @@ from fmd.dynamics.compiled_system.parameters import (
     Leapfrog,
     MiddleCycle,
     Multipliers,
+    Responses,
     TreeParameters,
     WholeCycle,
 )
@@ -238,7 +239,7 @@ class CompiledSystem(ReferenceState):
         if self.compiled.rows:
             q, v, a = aligned(self.n_positions, self.n, self.n)
             D = np.zeros((self.n, self.n_slow))
-            return ClosedCycle(self.middle(cycle), D, np.array([SHARE_AHEAD * cycle]), q, v, a)
+            return ClosedCycle(self._middle(cycle), D, np.array([SHARE_AHEAD * cycle]), q, v, a)
         frozen = self._frozen_cycle.renewed()
         frozen.cycle[0] = cycle
         return frozen
@@ -333,44 +334,38 @@ class CompiledSystem(ReferenceState):
             **dict(zip(vectors, aligned(*[n] * len(vectors)), strict=True)),
         )
 
-    def _units(self, size: int) -> Array:
-        """Directions of the fast coordinates, the last ones of so many, in blocks of eight (n_blocks, size, 8)."""
-        n_fast = self.n - self.n_slow
-        units = np.zeros((-(-n_fast // LANES), size, LANES))
-        for j in range(n_fast):
-            units[j // LANES, size - n_fast + j, j % LANES] = 1.0
+    def _units(self, size: int, count: int = 0) -> Array:
+        """Directions of the last of so many coordinates, the fast ones, in blocks of eight (n_blocks, size, 8)."""
+        count = count or self.n - self.n_slow
+        units = np.zeros((-(-count // LANES), size, LANES))
+        for j in range(count):
+            units[j // LANES, size - count + j, j % LANES] = 1.0
         return units
 
-    def middle(self, cycle: float) -> MiddleCycle:
-        """Fresh storage for the equations at the middle of a major cycle of a duration [s]."""
-        middle = self._middle.renewed()
-        middle.frozen.cycle[0] = cycle
-        return middle
+    def responses(self) -> Responses:
+        """Fresh storage for the accelerations of unit forces."""
+        return self._responses.renewed()
 
     @cached_property
-    def _middle(self) -> MiddleCycle:
-        n, n_slow, n_fast, address = self.n, self.n_slow, self.n - self.n_slow, self.compiled.address
-        loose = self._is_single and not self.couplings.inertial
-        # Where they couple, the slow ones' reaction to fast rates acts on the fast ones, too.
-        damped = self.couplings.damped if loose else self.couplings.dragging
-        together = not loose and not self.settles and n_fast <= MOST_TOGETHER
-        v, a, rest, row = np.zeros((4, n))
+    def _responses(self) -> Responses:
+        address, units = self.compiled.address, self._units(self.n, self.n)
+        together, short = 0 if self.compiled.rows else address("responses"), self.n <= MOST_TOGETHER
+        middle, step = (address(name) if short else 0 for name in ("middle", "middle_step"))
+        return Responses(together, address("solve"), middle, step, units)
+
+    def _middle(self, cycle: float) -> MiddleCycle:
+        """Fresh storage for the fast equation of a mechanism with loops over a major cycle of a duration [s]."""
+        address, (rest, row) = self.compiled.address, np.zeros((2, self.n))
+        frozen = self._new_frozen(False, self.couplings.dragging)
+        frozen.cycle[0] = cycle
         return MiddleCycle(
-            frozen=self._new_frozen(loose, damped),
-            loose=loose,
-            inertia=0 if loose else address("inertia"),
-            solve=0 if loose else address("solve"),
-            solve_slow=0 if loose else address("solve_slow"),
-            react=address("react" if damped else "undamped_react") if together else 0,
+            frozen=frozen,
+            inertia=address("inertia"),
+            solve=address("solve"),
+            solve_slow=address("solve_slow"),
             along_positions=self._units(self.n_positions),
-            along_rates=self._units(n),
-            y=np.zeros(n_slow),
-            Ky=np.zeros((n_fast, n_slow)),
-            Cy=np.zeros((n_fast, n_slow)),
-            found=np.zeros((5, n, LANES)),
-            q=np.zeros(self.n_positions),
-            v=v,
-            a=a,
+            along_rates=self._units(self.n),
+            y=np.zeros(self.n_slow),
             rest=rest,
             row=row,
         )

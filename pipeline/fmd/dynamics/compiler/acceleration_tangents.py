@@ -8,14 +8,29 @@ differentiating the recursion itself, and the articulated inertias are those of 
 from __future__ import annotations
 
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
-from fmd.dynamics.compiler.forces import ActingForces
+from fmd.dynamics.compiler.forces import ActingForces, GivenForces
 from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.graph import Scalar, Vector, combine
-from fmd.dynamics.compiler.reaction import TracedForces
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from fmd.dynamics.compiler.residual import trace_residual
 from fmd.dynamics.compiler.substitute import substitute
 from fmd.dynamics.compiler.tangents import flatten, trace_tangents, unflatten
+
+
+class TracedForces(GivenForces):
+    """Generalised forces that are values of the graph, body by body, on a mechanism at rest without weight."""
+
+    def __init__(self, inputs: RestingCoordinates, values: list[BodyValues], free: range) -> None:
+        super().__init__(inputs, "", free)
+        self._values = values
+
+    def on_joint(self, frame: MovingFrame) -> list[Scalar]:
+        """Return what acts along each direction that isn't frozen."""
+        return self._values[frame.number].joint[: len(self.free_directions(frame))]
+
+    def on_modes(self, frame: MovingFrame) -> Vector:
+        """Return the forces on a body's modes."""
+        return self._values[frame.number].modes
 
 
 def trace_acceleration_tangents(

@@ -38,7 +38,8 @@ are filled:
   which step of ``ahead`` the first one is;
   ``inverse_mass`` (n,): 1 over the masses of the fast coordinates, ``ahead`` (any, 3 n_signals, 8): inputs at eight
   fast steps after another, and ``begin`` (n,): accelerations at the cycle's begin;
-- ``D``, ``K``, ``Ky``, ``C`` and ``Cy`` (n, 8) of ``react``: see `reaction`; ``da`` are eight fast coordinates' units;
+- ``K`` and ``C`` (n, n), ``X``, ``A`` and ``B`` (n_blocks, n, 8), ``frozen``, ``middle``, ``constant``,
+  ``from_middle``, ``rate`` and ``last`` (n,) of ``middle`` and ``middle_step``: see `middle`;
 - ``clock`` (2,), ``constant``, ``slope``, ``load`` (n,), ``K`` and ``C`` (n_fast, n_fast): see
   `frozen.trace_fast_step`;
 - ``origins`` (n_bodies, 3), ``rotations`` (n_bodies, 3, 3) and ``spins`` (n_bodies, 3): the bodies' frames and angular
@@ -70,13 +71,13 @@ from fmd.dynamics.compiler.frames import MovingFrame, trace_frames
 from fmd.dynamics.compiler.frozen import trace_drift, trace_fast_step, trace_single
 from fmd.dynamics.compiler.graph import Scalar, Vector, combine
 from fmd.dynamics.compiler.joint_loads import trace_joint_loads
+from fmd.dynamics.compiler.middle import trace_middle, trace_middle_step
 from fmd.dynamics.compiler.program import Output, Program
 from fmd.dynamics.compiler.quantities import (
     trace_kinetic_energy,
     trace_momenta,
     trace_potential_energy,
 )
-from fmd.dynamics.compiler.reaction import trace_reaction
 from fmd.dynamics.compiler.recursion import BodyValues, trace_accelerations
 from fmd.dynamics.compiler.residual import trace_motion, trace_residual
 from fmd.dynamics.compiler.tangents import direction_inputs, flatten, trace_tangents, unflatten
@@ -191,9 +192,8 @@ def _second_slopes(inputs: Coordinates, frames: list[MovingFrame]) -> list[Outpu
     return _in_order_of_rates(inputs.mechanism, "dr", second)
 
 
-def _reaction(inputs: Coordinates, frames: list[MovingFrame], damped: bool) -> list[Output]:
-    found = trace_reaction(inputs, frames, damped)
-    return [x for name, values in found.items() for x in _in_order_of_rates(inputs.mechanism, name, values)]
+def _responses(inputs: Coordinates, frames: list[MovingFrame]) -> list[Output]:
+    return [*_accelerations(inputs, frames, ActingForces), *_solution(inputs, 0)]
 
 
 def _solution(inputs: Coordinates, first: int, end: int | None = None) -> list[Output]:
@@ -313,8 +313,8 @@ def _in_row(argument: str, row: int, values: Sequence[Scalar | Vector]) -> list[
 _LEAP = ("inputs", "step", "q", "v", "a")
 _PUSH = ("push", "modal")
 _MOTION = ("a", "moved", "drift", "by_inputs")
-_REACTION = ("D", "K", "Ky")
 _FROZEN = ("constant", "slope", "load", "K")
+_MIDDLE = ("clock", "A", "B", "constant", "from_middle", "rate", "last")
 _CYCLE = ("inputs", "steps", "inverse_mass", "ahead", "q", "v", "a", "begin")
 _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 _ALONG = _DIRECTIONS[:3]
@@ -362,12 +362,11 @@ DEFINITIONS = {
     "undamped_fast_step": Definition(
         ("clock", *_FROZEN, "q", "v", "a"), lambda inputs, _: trace_fast_step(inputs, damped=False), in_place=True
     ),
-    "react": Definition(
-        (*_STATE, "da", "a", *_REACTION, "C", "Cy"), partial(_reaction, damped=True), ("da", *_REACTION, "C", "Cy")
+    "responses": Definition((*_STATE, "f", "a", "x"), _responses, lanes=("f", "x")),
+    "middle": Definition(
+        ("K", "C", "X", "frozen", "middle", "A", "B", "constant"), lambda inputs, _: trace_middle(inputs)
     ),
-    "undamped_react": Definition(
-        (*_STATE, "da", "a", *_REACTION), partial(_reaction, damped=False), ("da", *_REACTION)
-    ),
+    "middle_step": Definition(_MIDDLE, lambda inputs, _: trace_middle_step(inputs), in_place=True),
     "solve": Definition(("inputs", "q", "f", "x"), lambda inputs, _: _solution(inputs, 0), lanes=("f", "x")),
     "solve_fast": Definition(
         ("inputs", "q", "f", "x"), lambda inputs, _: _solution(inputs, inputs.mechanism.n_slow), lanes=("f", "x")
