@@ -86,7 +86,7 @@ def numbers_of(found: Optimum) -> dict[str, float]:
 def test_the_lightest_bar_of_a_given_frequency_is_as_narrow_as_may_be() -> None:
     """Frequencies of bending over the depth go with the depth and, of a slender bar, not with the width."""
     start = package.load(BAR).run.modes.frequencies_hz[0]
-    found = find(BAR, "mass", [f"frequency.1 >= {1.1 * start}"], BOUNDS)
+    found = find(BAR, "mass", [f"frequency.1 >= {1.1 * start} Hz"], BOUNDS)
     depth, width = numbers_of(found).values()
     assert width == pytest.approx(0.01, rel=1e-9)
     assert found.design.results[1] == pytest.approx(1.1 * start, rel=1e-6)
