@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from math import pi
@@ -20,10 +21,14 @@ from fmd.core.errors import InputError
 from fmd.core.involute import GearPair
 from fmd.dynamics.elements import GearTeeth
 from fmd.dynamics.kinematics import Kinematics
+from fmd.fitting.parameters import find_parameter
+from fmd.output.campbell import compute_campbell
 from fmd.output.gear_teeth import gear_teeth_figures, gear_teeth_warnings
+from fmd.output.work_precision import compare_on_scene
 from fmd.recovery.motion_file import gear_variables
 from fmd.scene.gears import find_pair
 from fmd.scene.scene import load_scene
+from fmd.stages.linear_model import linearise_scene
 from fmd.stages.pipeline import Pipeline
 
 STEP, TORQUE, RATE = 0.5e-6, 100.0, 100.0 * pi
@@ -153,6 +158,10 @@ def test_forces_on_both_gears_are_along_one_line_but_for_what_the_teeth_s_stiffn
     assert first[:, :3] == pytest.approx(-second[:, :3], abs=1e-9)
     moment = first[:, 3:] + second[:, 3:] + np.cross([0.06, 0.0, 0.0], second[:, :3])
     assert np.abs(moment).max() < 0.02 * np.abs(second[:, 3:]).max()
+    off = np.moveaxis(run.motion.kinematics.wrenches(replace(teeth(run), middles=(0.01, -0.02))), 1, 0)
+    tilting = off[:, :, 3:] - np.stack([first, second])[:, :, 3:]
+    arms = np.array([[0.0, 0.0, 0.01], [0.0, 0.0, -0.02]])[:, None, :]
+    assert tilting == pytest.approx(np.cross(arms, np.stack([first, second])[:, :, :3]), abs=1e-9)
     across = np.hypot(*second[-1, :2])
     assert second[-1, 5] == pytest.approx(-teeth(run).radii[1] * across, rel=1e-12)
 
@@ -175,6 +184,18 @@ def test_gears_mirrored_about_the_line_of_their_axes_push_with_their_other_flank
     pressed_by = own.radii[0] * 4e-4
     loose = energies(replace(own, backlash=1.5 * pressed_by))
     assert loose.tolist() == [ahead, 0.0]
+
+
+def test_damped_teeth_that_part_fast_push_no_more_but_do_not_pull() -> None:
+    """Where they part by 1 m/s, τ ∂²V/∂x² ẋ is far above the force; where they approach, both add up."""
+    run, own = driven(), replace(teeth(driven()), damping=20e-6, backlash=1e-4)
+    q, v = np.zeros((3, run.mechanism.n_positions)), np.zeros((3, run.mechanism.n))
+    q[:, 1] = 2e-4
+    v[:, 1] = np.array([-1.0, 0.0, 1.0]) / own.radii[1]
+    mechanism = replace(run.mechanism, elements=[own])
+    parting, still, meeting = Kinematics(mechanism, np.zeros(3), q, v).wrenches(own)[:, 1, 5] / -own.radii[1]
+    assert abs(parting) < 1e-9
+    assert meeting > 2.0 * still > 0.0
 
 
 def test_slow_gears_have_the_error_of_the_static_mesh() -> None:
@@ -230,10 +251,13 @@ def test_a_wheel_on_a_held_pinion_swings_with_the_period_by_quadrature() -> None
     ("changes", "message"),
     [
         ({"joint.in.type": "fixed"}, "isn't carried by a revolute joint on the ground"),
-        ({"ground.wheel.at": [0.0599, 0.0, 0.0]}, "lets the teeth jam"),
+        ({"ground.wheel.at": [0.0599, 0.0, 0.0]}, r"ground\.wheel\.at = .*: lets the teeth jam"),
+        ({"ground.wheel.at": [0.0599, 0.0, 0.03]}, r"ground\.wheel\.at = .*: lets the teeth jam"),
+        ({"gear_mesh": {"in": {"pinion": "pinion", "wheel": "wheel", "torque": 1.0}}}, "name of a contact or a joint"),
+        ({"body.wheel.pieces": 2}, r"gear_mesh\.teeth\.wheel = .*: is in pieces, which have no teeth"),
         ({"gear_mesh.teeth.wheel": "whel"}, "did you mean 'wheel'"),
         ({"simulation.run": [{"integrator": "runge-kutta"}]}, "takes no gears in mesh; central-difference"),
-        ({"simulation.start": "steady"}, "doesn't know of gears in mesh"),
+        ({"simulation.start": "steady"}, "doesn't know of gears in mesh; 'undeformed', 'equilibrium' and"),
     ],
 )
 def test_gears_that_cannot_move_so_are_refused(changes: dict[str, Any], message: str) -> None:
@@ -252,8 +276,65 @@ def test_gears_that_cannot_move_so_are_refused(changes: dict[str, Any], message:
         load_scene(scene)
 
 
-def test_axes_that_are_not_parallel_are_refused() -> None:
+@pytest.mark.parametrize(
+    ("place", "axis", "message"),
+    [
+        ([0.06, 0.0, 1e-3], [0, 0, 1], "the gears' axes aren't parallel, with the middles"),
+        ([0.06, 0.0, 0.0], [0, 1e-3, 1], "joint.out isn't along the axis of wheel, which is the z axis"),
+    ],
+)
+def test_axes_that_are_not_parallel_are_refused(place: list[float], axis: list[float], message: str) -> None:
     scene = gears()
-    scene["ground"]["wheel"]["at"] = [0.06, 0.0, 1e-3]
-    with pytest.raises(InputError, match="the gears' axes aren't parallel, with the middles"):
+    scene["ground"]["wheel"]["at"], scene["joint"]["out"]["axis"] = place, axis
+    with pytest.raises(InputError, match=message):
         _ = driven().variant(load_scene(scene)).mechanism
+
+
+def held(**simulation: Any) -> Pipeline:
+    """The wheel under its load on a pinion that stays where it is."""
+    scene = gears()
+    for joint in scene["joint"].values():
+        joint.pop("rate")
+    scene["drive"]["motor"] = {"type": "motion", "joint": "in", "angle": 0.0}
+    scene["simulation"] |= {"duration": 2e-6, "output_step": 2e-6, "fast": [], "run": METHODS[:1], **simulation}
+    return driven().variant(load_scene(scene))
+
+
+@pytest.mark.parametrize(
+    ("use", "message"),
+    [
+        (lambda: linearise_scene(driven(), ["drive.load"], ["out.position"]), r"no flank is pressed .*\(start\)"),
+        (lambda: compute_campbell(driven(), np.zeros(1), [1.0]), "a rotor's vibrations takes no gears in mesh"),
+        (lambda: compare_on_scene(driven()), "a comparison of methods takes no gears in mesh"),
+        (lambda: find_parameter(driven().scene, "gear_mesh.teeth.torque"), "is no number that results change with"),
+    ],
+)
+def test_what_does_not_take_gears_in_mesh_says_so(use: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        use()
+
+
+def test_at_rest_under_a_load_force_and_vibration_are_those_of_the_static_mesh() -> None:
+    """The wheel with its disc as rigid: ``ω² = ∂²V/∂x² r²/J``, which its lowest mode makes a little lower."""
+    run = held(start="equilibrium")
+    own, (pair, approaches, places, forces) = teeth(run), pressed()
+    force, error = (variable.values for variable in gear_variables(run.motion))
+    assert force == pytest.approx(TORQUE / pair.wheel.base_radius, rel=1e-9)
+    s = pair.path[0] + (own.places[0] - pair.path[0]) % pair.pinion.base_pitch
+    curve = CubicSpline(approaches, [CubicSpline(places, row)(s) for row in forces])
+    assert curve(error[0]) == pytest.approx(force[0], rel=5e-3)
+    inertia = run.system.linear_matrices[0][0, 0]
+    rigid = np.sqrt(curve(error[0], 1) * own.radii[1] ** 2 / inertia) / (2 * pi)
+    model = linearise_scene(run, ["drive.load"], ["out.position"], "equilibrium").model
+    assert model.poles_hz.min() == pytest.approx(rigid, rel=0.03)
+    assert model.poles_hz.min() < rigid
+
+
+def test_a_table_that_is_coarse_or_overrun_is_warned_of() -> None:
+    run = held()
+    own = teeth(run)
+    mechanism = replace(run.mechanism, elements=[replace(own, energy=replace(own.energy, error=0.03, reach=1e-12))])
+    run.results["mechanism"] = mechanism
+    found = [warning["text"] for warning in gear_teeth_warnings(run) if warning["code"] == "gear-table"]
+    assert "tabulated up to" in found[0]
+    assert "off by 0.03 of the load, which no key makes less" in found[1]

@@ -8,7 +8,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array, BoolArray, IntArray
+from fmd.core.limits.contact import HARDLY_PRESSED
 from fmd.core.limits.mechanism import NO_LENGTH
 from fmd.core.limits.round_off import SUMMED
 from fmd.dynamics.closures import Place
@@ -153,8 +154,8 @@ class GearTeeth(_Pair):
 
     With the angles θ of both about the axis, ``x = r₁ θ₁ + r₂ θ₂ − rest`` is how far the flanks of one side are
     pressed, ``−x − backlash`` those of the other; each has the energy ``V(x, s)`` and the force
-    ``∂V/∂x + τ ∂²V/∂x² ẋ``. As V depends on the place s, too, the pinion has a torque ``−r₁ ∂V/∂s`` beside that of the
-    force.
+    ``max(∂V/∂x + τ ∂²V/∂x² ẋ, 0)``. As V depends on the place s, too, the pinion has a torque ``−r₁ ∂V/∂s`` beside
+    that of the force.
     """
 
     radii: tuple[float, float]  # of the base circles of pinion and wheel, which the ends are on [m]
@@ -163,6 +164,7 @@ class GearTeeth(_Pair):
     axis: Array
     centres: Array
     senses: tuple[float, float]  # 1 for each gear whose hinge turns about that axis, −1 about the opposite one
+    middles: tuple[float, float]  # of the gears' widths, along the axis from their hinges' markers [m]
     rest: float  # value of ``r₁ θ₁ + r₂ θ₂`` where flanks touch [m]
     places: tuple[float, float]  # of the flanks of both sides for ``θ₁ = 0`` [m]
     backlash: float  # gap of the flanks of one side where the others touch [m]
@@ -170,6 +172,11 @@ class GearTeeth(_Pair):
     damping: float  # time τ [s]
     title: ClassVar[str] = "gear mesh"
     stiffens: ClassVar[bool] = False  # it pushes teeth, which aren't those places
+
+    def is_apart(self, pressed: Array) -> BoolArray:
+        """Return where no flank presses another, by how far those of one side are pressed [m]."""
+        hardly = HARDLY_PRESSED * self.energy.reach
+        return np.asarray((pressed <= hardly) & (pressed >= -self.backlash - hardly))
 
     def linearise(self, J: Array, swing: Array, strain: Array) -> Matrices:
         """Return the matrices of teeth in touch: their mean stiffness, and what the stiffest add."""

@@ -27,7 +27,7 @@ from fmd.integrators.runge_kutta import RungeKutta
 from fmd.recovery.motion import Motion
 from fmd.scene.runs import RUNS
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.run_checks import require_no_contact
+from fmd.stages.run_checks import require_no_contact, require_no_gears
 
 _PEERS = Path(__file__).parents[3] / "benchmarks"
 _PEER_SCRIPTS = ("exudyn_peer", "exudyn_chains", "heyoka_peer")  # each has CASES, and measures one of them by `measure`
@@ -132,6 +132,7 @@ def _families(system: System, duration: float) -> Iterator[Iterator[tuple[str, I
 def compare_on_scene(run: Pipeline, repeats: int = 5) -> WorkPrecision:
     """Compare all integrators on a scene's mechanism, from its start to its end; ``repeats`` marches are timed."""
     require_no_contact(run.scene, "a comparison of methods")
+    require_no_gears(run.scene, "a comparison of methods")
     times = np.linspace(0.0, run.scene.simulation.duration, 101)
     q0, v0 = run.start
     return compare(run.system, q0, v0, times, errors_of(run), repeats)

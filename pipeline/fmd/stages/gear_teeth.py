@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from fmd.stages.mechanism import place_joints
 from fmd.stages.mesh_energy import tabulate_energy
 
 if TYPE_CHECKING:
+    from fmd.stability.tangent import OperatingPoint
     from fmd.stages.pipeline import Pipeline
 
 
@@ -38,25 +39,39 @@ def add_gear_teeth(run: Pipeline, mechanism: Mechanism) -> Mechanism:
 def _make_teeth(run: Pipeline, name: str, mechanism: Mechanism, motion: Kinematics) -> GearTeeth:
     given = run.scene.gear_mesh[name]
     names = given.pinion, given.wheel
-    axes, centres, x_axis = _find_axes(run, name, mechanism, motion)
-    axis, apart = axes[0], centres[1] - centres[0]
+    axes, middles, x_axis = _find_axes(run, name, mechanism, motion)
+    axis, apart = axes[0], middles[1] - middles[0]
     along, distance = apart / np.linalg.norm(apart), float(np.linalg.norm(apart))
-    pinion, _, pair = find_pair(*names, distance, run.scene.body)
-    load = given.torque / pair.pinion.base_radius
     with as_input_error(run.scene.file, f"gear_mesh.{name}"):
+        pinion, _, pair = find_pair(*names, distance, run.scene.body)
+        load = given.torque / pair.pinion.base_radius
         energy = tabulate_energy(pair, [run.wholes[each].tooth_flexibility for each in names], pinion.width, load)
     senses = 1.0, float(np.sign(axes[1] @ axis))
     radii = pair.pinion.base_radius, pair.wheel.base_radius
     angles = [float(motion.along_joint(mechanism.number_of(each))[0][0]) for each in names]
     tooth = float(np.arctan2(x_axis @ np.cross(axis, along), x_axis @ along)) - angles[0]
     places = pair.place(tooth), pair.place(-tooth)
-    links = [mechanism.links[mechanism.number_of(each)] for each in names]
+    numbers = [mechanism.number_of(each) for each in names]
+    links = [mechanism.links[number] for number in numbers]
+    off = [float((at - motion.frames[k].origin[0]) @ axis) for k, at in zip(numbers, middles, strict=True)]
     joints = [run.scene.joint[link.joint_name].child.partition(".")[2] for link in links]
     ends = [Attachment(link.name, link.markers[marker]) for link, marker in zip(links, joints, strict=True)]
     rest = sum(sense * radius * angle for sense, radius, angle in zip(senses, radii, angles, strict=True))
     backlash = max(pair.backlash, 0.0) * np.cos(pair.alpha)
     return GearTeeth(
-        name, (ends[0], ends[1]), radii, pair.alpha, axis, along, senses, rest, places, backlash, energy, given.damping
+        name,
+        (ends[0], ends[1]),
+        radii,
+        pair.alpha,
+        axis,
+        along,
+        senses,
+        (off[0], off[1]),
+        rest,
+        places,
+        backlash,
+        energy,
+        given.damping,
     )
 
 
@@ -72,7 +87,8 @@ def _find_axes(
         axes.append(R @ link.axis / np.linalg.norm(link.axis))
         centres.append(frame.origin[0] - R[:, 2] * bore[2])
         teeth.append(R[:, 0])
-        off = np.linalg.norm(np.cross(axes[-1], R[:, 2])) + np.hypot(*bore[:2])
+        gear: Any = run.scene.body[body]
+        off = np.linalg.norm(np.cross(axes[-1], R[:, 2])) + np.hypot(*bore[:2]) / gear.tooth.tip_radius
         if off > SKEWED_GEARS:
             _refuse(run, name, f"joint.{link.joint_name} isn't along the axis of {body}, which is the z axis there")
     apart = centres[1] - centres[0]
@@ -80,6 +96,18 @@ def _find_axes(
     if np.linalg.norm(np.cross(axes[0], axes[1])) > SKEWED_GEARS or abs(apart @ axes[0]) > SKEWED_GEARS * distance:
         _refuse(run, name, "the gears' axes aren't parallel, with the middles of both beside one another")
     return axes, centres, teeth[0]
+
+
+def require_pressed_teeth(run: Pipeline, mechanism: Mechanism, state: OperatingPoint, about: str) -> None:
+    """Raise ``InputError`` where no flanks of two gears press: linearised there, teeth have no stiffness."""
+    motion = Kinematics(mechanism, np.full(1, state.time), state.q[None], state.v[None])
+    for own in mechanism.elements:
+        if isinstance(own, GearTeeth) and own.is_apart(motion.strain(own)[0]).all():
+            problem = (
+                f"no flank is pressed at the operating point ({about}): a linear model would leave the teeth out; "
+                "--about equilibrium with a load, or a time at which flanks are pressed, has them"
+            )
+            _refuse(run, own.name, problem)
 
 
 def _refuse(run: Pipeline, name: str, problem: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,13 +80,15 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
         scene = change_simulation(scene, start=about)
     corrected = run.variant(scene, run.store.monitor)
     mechanism, state = _operating_state(corrected, time)
+    name = about if time is None else f"t = {time:g} s"
+    if about == "start" and simulation.start != "undeformed":
+        name = simulation.start
+    if scene.gear_mesh:
+        import_module("fmd.stages.gear_teeth").require_pressed_teeth(corrected, mechanism, state, name)
     ports_in = [at.port(mechanism) for at in requested]
     ports_out = [find_output(corrected, mechanism, name) for name in outputs]
     linearisation = Linearisation(mechanism, ports_in, ports_out)
     model = linearisation.at(state)
-    name = about if time is None else f"t = {time:g} s"
-    if about == "start" and simulation.start != "undeformed":
-        name = simulation.start
     accelerations = linearisation.accelerations(state)
     motions = np.array([isinstance(port, MotionPort) for port in ports_in], dtype=bool)
     warnings = _find_warnings(model, mechanism, state, accelerations, name)

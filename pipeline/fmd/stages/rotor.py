@@ -12,6 +12,7 @@ from fmd.responses.interpolated_models import interpolate_models, matrices_of
 from fmd.responses.whirl import SpaceView, hub_modes, whirling_modes
 from fmd.scene.modes import damping_ratios
 from fmd.scene.variants import complete_for_linear_answers
+from fmd.stages.run_checks import require_no_contact, require_no_gears
 from fmd.stages.turning import OnHub, TurningRotor, scene_in_space
 from fmd.stages.whirl_tables import find_vibrations_by_whirl
 
@@ -24,8 +25,16 @@ Vibrations = Callable[[float], WhirlingModes]
 
 
 def coupled(run: Pipeline) -> Pipeline:
-    """Return the stages of a scene with its joints and force elements also where it has no simulation."""
+    """Return the stages of a scene with its joints and force elements also where it has no simulation.
+
+    Raises
+    ------
+    InputError
+        It has contacts, or gears in mesh.
+    """
     scene = run.scene
+    require_no_contact(scene, "a rotor's vibrations")
+    require_no_gears(scene, "a rotor's vibrations")
     if scene.moves or not (scene.joint or any(scene.elements.values())):
         return run
     return run.variant(complete_for_linear_answers(scene), run.store.monitor)

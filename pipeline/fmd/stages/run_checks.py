@@ -50,6 +50,14 @@ def require_no_contact(scene: Scene, what: str) -> None:
         raise InputError(scene.file, "contact", names, f"{what} would leave contacts out; --set contact={{}} does so")
 
 
+def require_no_gears(scene: Scene, what: str) -> None:
+    """Raise ``InputError`` if a scene has gears in mesh, which a use of it doesn't take."""
+    if scene.gear_mesh:
+        names = ", ".join(scene.gear_mesh)
+        mend = f"{what} takes no gears in mesh; --set gear_mesh={{}} leaves their teeth out"
+        raise InputError(scene.file, "gear_mesh", names, mend)
+
+
 def require_resolved_loads(file: str, key: str, method: Integrator, system: CompiledSystem) -> None:
     """Check that a method with a fixed step doesn't step over a load.
 

@@ -89,6 +89,7 @@ APPROACHES = 24  # at which they are
 USUAL_MESH_STIFFNESS = 1.5e10  # [N/m²]: of steel gears over their width, from which the search of the largest begins
 PLACES_OF_PITCH = 128  # within a pitch, at which they are
 LEFT_OUT_FORCE = 2e-4  # of the largest force: what products of curves of approach and place may leave out of the table
+HARDLY_PRESSED = 1e-6  # of the largest approach in that table: teeth that are pressed by less count as apart
 LARGE_TABLE_ERROR = 0.02  # of the load: error of a table of forces between teeth that is warned of
 LIGHT_TEETH = 0.02  # of a gear's inertia: what teeth that aren't meshed would add is warned of from here on
 SKEWED_GEARS = 1e-6  # of the distance of axes: gears whose middles are farther apart along these don't mesh

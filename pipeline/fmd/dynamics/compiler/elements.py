@@ -253,14 +253,16 @@ class _GearMotion:
             push = _sum_of_products(slopes, energy.of_place, *side)
             if own.damping:
                 push = push + _sum_of_products(bends, energy.of_place, *side) * self.rate * (sense * own.damping)
+                push = push.apply("positive")
             pushes.append(push)
             torques.append(_sum_of_products(energy.of_approach, turning, *side) * sense)
         apart, around = pushes[0] + pushes[1], pushes[0] - pushes[1]
         graph = around.graph
         centres, across, axis = (constants(graph, x) for x in (own.centres, np.cross(own.axis, own.centres), own.axis))
         force = add(scale(apart * np.sin(own.alpha), centres), scale(around * np.cos(own.alpha), across))
-        on_wheel = scale(around * -own.radii[1], axis)
-        on_pinion = scale((around + total(torques)) * -own.radii[0], axis)
+        tilting = cross(axis, force)  # of forces in the gears' middles about their hinges' markers
+        on_wheel = add(scale(around * -own.radii[1], axis), scale(own.middles[1], tilting))
+        on_pinion = add(scale((around + total(torques)) * -own.radii[0], axis), scale(-own.middles[0], tilting))
         return [Action(self.second, force, on_wheel), Action(self.first, scale(-1.0, force), on_pinion)]
 
 
