@@ -1,11 +1,13 @@
 """What two marches that differ tell of the error of the finer one."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
+from fmd.core.errors import AccuracyError
 from fmd.integrators.automatic import _GAINS
 from fmd.integrators.march_pairs import Gain, Pairs, Parting
 from fmd.integrators.protocol import State, Trajectory
@@ -64,3 +66,14 @@ def test_marches_that_part_say_which_coordinate_does_and_since_when(is_rate: boo
     assert report.parting == Parting(is_rate, place, pytest.approx(since, abs=TIMES[1]))
     assert report.agrees(report.before, gain)
     assert report.parting is None
+
+
+@pytest.mark.parametrize("ended", [Pairs.start_anew, lambda report: report.add_failure(AccuracyError("diverges"))])
+def test_another_method_or_a_failure_leaves_nothing_of_the_marches_before(ended: Callable[[Pairs], None]) -> None:
+    one, groups = np.ones((301, 1)), np.zeros(1, dtype=np.int64)
+    report, gain = Pairs(1e-2, groups, groups), Gain(0.0, 1.0, 1.0)
+    report.agrees(trajectory(1.0, one, one), gain)
+    report.agrees(trajectory(0.5, 2 * one, one), gain)
+    assert report.parting is not None
+    ended(report)
+    assert (report.before, report.parting, report.difference, report.apart) == (None, None, np.inf, np.inf)

@@ -102,12 +102,16 @@ class Pairs:
 
     def start_anew(self) -> None:
         """Begin with another method, whose marches aren't compared with those before."""
-        self.before, self.failures, self.difference, self.apart, self.stays = None, 0, np.inf, np.inf, False
+        self._forget()
+        self.failures, self.stays = 0, False
 
     def add_failure(self, failure: AccuracyError) -> None:
         """Count a march that failed."""
-        self.before, self.failure, self.difference, self.apart = None, failure, np.inf, np.inf
-        self.failures += 1
+        self._forget()
+        self.failure, self.failures = failure, self.failures + 1
+
+    def _forget(self) -> None:
+        self.before, self.difference, self.apart, self.parting = None, np.inf, np.inf, None
 
     def more_steps(self) -> float:
         """Return how many times as many steps a method of second order should take next; 2 if nothing is known."""

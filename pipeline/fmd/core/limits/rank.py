@@ -28,7 +28,9 @@ REDUNDANT_EQUATION = 1e-10  # of the largest singular value of the scaled equati
 SELF_STRESS_PART = 1e-6  # of a state's largest component: less is round-off
 
 # Forms of a body.
-NO_SQUARE = 1e-60  # inverse mass [1/kg] that is none, beside any square
+# Added to a row's square [1/kg, of a rotation 1/(kg m²)], or the least that its length [the square's unit to the power
+# of ½] or its length over others' counts: a row that vanishes isn't divided by, and others don't change.
+NO_SQUARE = 1e-60
 
 # Loops that close at the start.
 RANK = 1e-8  # of the largest eigenvalue of the scaled constraints: less is none of their own
