@@ -26,6 +26,7 @@ from fmd.integrators.subcycling import Subcycling
 SECONDS = 0.2  # in which a method's marches are repeated
 MOST, LEAST = 201, 15  # marches of a method
 RATIOS = (5, 10)
+PLAIN = 'simulation.run=[{integrator="central-difference"}]'  # beside which the reversible kind is measured
 SHORTER = ("drive.spin_up.duration=4ms", "simulation.duration=20ms")
 SCENES = {
     "beam": ("beam-paper", ()),
@@ -37,6 +38,8 @@ SCENES = {
     "propeller-torque": ("propeller-torque", ()),
     "propeller-gust": ("propeller-gust", ()),
     "arm": ("arm", (*few_modes("arm"), "simulation.step=10us")),
+    "beam, by forces": ("beam-paper", (PLAIN,)),
+    "beam, free frame": ("beam-paper", (PLAIN, 'simulation.frame="free"')),
 }
 
 

@@ -92,11 +92,12 @@ class ReversibleSubcycling(FixedStepIntegrator):
         h, m, n, n_slow = self.step, self.substeps, system.n, system.n_slow
         lines = -(-n // DOUBLES_IN_LINE)
         _, K, C = (np.ascontiguousarray(A.T) for A in system.linear_matrices)
+        damped = bool(C.any())
 
         def make(state: State) -> _FrozenSteps:
             matrices, whole = np.zeros((3, lines, n, DOUBLES_IN_LINE)), aligned(*6 * [lines * DOUBLES_IN_LINE])
             arrays = [np.array([h]), K, C, *state.arrays, *matrices, *whole, *aligned(system.n_positions, n, n, n, n)]
-            return _FrozenSteps(h, m, n_slow, *arrays)
+            return _FrozenSteps(h, m, n_slow, damped, *arrays)
 
         return FixedMarch(self.name, make, system, system.responses(), h, m)
 
@@ -108,6 +109,7 @@ class _FrozenSteps(Table):
     h: float  # fast step [s]
     substeps: int
     n_slow: int
+    damped: bool  # C isn't zero
     clock: Array  # (1,): the fast step, too
     K: Array  # (n, n): forces of each position and rate, a row each
     C: Array
@@ -153,7 +155,8 @@ def _begin_cycle(m: _FrozenSteps, p: Any, responses: Any, first: int, sampled: b
         call_native(responses.middle, (m.K, m.C, m.X, m.frozen, m.middle, m.A, m.B, m.constant))
     else:
         _multiply(m, m.K, m.A)
-        _multiply(m, m.C, m.B)
+        if m.damped:
+            _multiply(m, m.C, m.B)
         _find_constant(m)
 
 
@@ -180,9 +183,10 @@ def _multiply(m: _FrozenSteps, factor: Array, out: Array) -> None:
             for part in range(0, DOUBLES_IN_LINE, DOUBLES_AT_ONCE):
                 at, total = block * n * DOUBLES_IN_LINE + part, fill_vector(0.0, DOUBLES_AT_ONCE)
                 for k in range(n):
-                    total = total + fill_vector(factor[j, k], DOUBLES_AT_ONCE) * read_vector(
-                        m.X, at + DOUBLES_IN_LINE * k, DOUBLES_AT_ONCE
-                    )
+                    if factor[j, k] != 0.0:
+                        total = total + fill_vector(factor[j, k], DOUBLES_AT_ONCE) * read_vector(
+                            m.X, at + DOUBLES_IN_LINE * k, DOUBLES_AT_ONCE
+                        )
                 write_vector(out, at + DOUBLES_IN_LINE * j, total)
 
 
@@ -194,7 +198,7 @@ def _find_constant(m: _FrozenSteps) -> None:
             i // DOUBLES_IN_LINE * DOUBLES_IN_LINE * n + i % DOUBLES_IN_LINE,
             read_vector(m.frozen, i, DOUBLES_AT_ONCE),
         )
-        for j in range(n):
+        for j in range(n if m.damped else 0):
             total = total + fill_vector(m.middle[j], DOUBLES_AT_ONCE) * read_vector(
                 m.B, at + DOUBLES_IN_LINE * j, DOUBLES_AT_ONCE
             )
@@ -203,7 +207,7 @@ def _find_constant(m: _FrozenSteps) -> None:
 
 @contracted
 def _step(m: _FrozenSteps) -> None:
-    """Take a leapfrog step; both sums hide the latency of each other's products."""
+    """Take a leapfrog step."""
     n, h, half = m.v.size, fill_vector(m.h, DOUBLES_AT_ONCE), fill_vector(0.5 * m.h, DOUBLES_AT_ONCE)
     for i in range(0, m.rate.size, DOUBLES_AT_ONCE):  # for a moment the rates half a step later
         write_vector(
@@ -216,6 +220,7 @@ def _step(m: _FrozenSteps) -> None:
             elastic = elastic - fill_vector(m.from_middle[j], DOUBLES_AT_ONCE) * read_vector(
                 m.A, at + DOUBLES_IN_LINE * j, DOUBLES_AT_ONCE
             )
+        for j in range(n if m.damped else 0):
             damped = damped - fill_vector(m.rate[j], DOUBLES_AT_ONCE) * read_vector(
                 m.B, at + DOUBLES_IN_LINE * j, DOUBLES_AT_ONCE
             )

@@ -8,6 +8,7 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
 from fmd.dynamics.compiler.compiled import CompiledMechanism, compile_mechanism
+from fmd.dynamics.compiler.middle import find_pattern
 from tests.dynamics.compiler.comparison import TIME, difference
 
 
@@ -34,16 +35,19 @@ def test_responses_are_accelerations_and_the_inverse_mass_matrix(compiled: Compi
     assert difference(X[:, :n] @ compiled.mass_matrix(inputs, q), np.eye(n)) < 1e-10
 
 
-def test_a_step_takes_the_frozen_equations_matrices(compiled: CompiledMechanism) -> None:
+@pytest.mark.parametrize(("kept", "damped"), [(1.0, 1.0), (0.3, 1.0), (0.3, 0.0), (0.0, 1.0), (0.0, 0.0)])
+def test_a_step_takes_the_frozen_equations_matrices(compiled: CompiledMechanism, kept: float, damped: float) -> None:
     random, n, h = np.random.default_rng(4), compiled.mechanism.n, 0.1
     X, K, C = random.normal(size=(3, n, n))
+    K, C = K * (random.uniform(size=(n, n)) < kept), damped * C * (random.uniform(size=(n, n)) < 0.3)
+    pattern = find_pattern(K, C)
     frozen, middle, s, v, last = random.normal(size=(5, n))
-    A, B, constant, kept = np.zeros((1, n, 8)), np.zeros((1, n, 8)), np.zeros(n), (s.copy(), v.copy(), last.copy())
-    compiled.call("middle", K.T.copy(), C.T.copy(), in_blocks(X), frozen, middle, A, B, constant)
+    A, B, constant, was = np.zeros((1, n, 8)), np.zeros((1, n, 8)), np.zeros(n), (s.copy(), v.copy(), last.copy())
+    compiled.call(f"middle{pattern}", K.T.copy(), C.T.copy(), in_blocks(X), frozen, middle, A, B, constant)
     assert difference(A, in_blocks(X @ K)) < 1e-13
     assert difference(B, in_blocks(X @ C)) < 1e-13
-    compiled.call("middle_step", np.array([h]), A, B, constant, s, v, last)
-    a = frozen - X @ (K @ kept[0] + C @ (kept[1] + 0.5 * h * kept[2] - middle))
+    compiled.call(f"middle_step{pattern}", np.array([h]), A, B, constant, s, v, last)
+    a = frozen - X @ (K @ was[0] + C @ (was[1] + 0.5 * h * was[2] - middle))
     assert difference(last, a) < 1e-12
-    assert difference(v, kept[1] + h * a) < 1e-12
-    assert difference(s, kept[0] + h * (kept[1] + h * a)) < 1e-12
+    assert difference(v, was[1] + h * a) < 1e-12
+    assert difference(s, was[0] + h * (was[1] + h * a)) < 1e-12

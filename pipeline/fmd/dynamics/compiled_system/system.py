@@ -34,6 +34,7 @@ from fmd.dynamics.compiled_system.positive_mass import explain_failure
 from fmd.dynamics.compiled_system.reference_state import ReferenceState
 from fmd.dynamics.compiled_system.sampling import Sampling
 from fmd.dynamics.compiler.closures import scale_rows
+from fmd.dynamics.compiler.middle import find_pattern
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import are_smooth
 from fmd.dynamics.elements import PointSpring
@@ -350,7 +351,8 @@ class CompiledSystem(ReferenceState):
     def _responses(self) -> Responses:
         address, units = self.compiled.address, self._units(self.n, self.n)
         together, short = 0 if self.compiled.rows else address("responses"), self.n <= MOST_TOGETHER
-        middle, step = (address(name) if short else 0 for name in ("middle", "middle_step"))
+        pattern = find_pattern(*self.linear_matrices[1:])
+        middle, step = (address(f"{name}{pattern}") if short else 0 for name in ("middle", "middle_step"))
         return Responses(together, address("solve"), middle, step, units)
 
     def _middle(self, cycle: float) -> MiddleCycle:

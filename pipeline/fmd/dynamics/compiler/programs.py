@@ -84,7 +84,7 @@ from fmd.dynamics.compiler.tangents import direction_inputs, flatten, trace_tang
 from fmd.dynamics.mechanism import Mechanism
 
 Trace = Callable[..., list[Output]]
-"""Traces a function's outputs for the frames of a mechanism, of a cycle also for a number of steps."""
+"""Traces a function's outputs for the frames of a mechanism, some also for a number of steps or a pattern."""
 
 
 _STATE = ("inputs", "q", "v")
@@ -101,7 +101,7 @@ class Definition(NamedTuple):
 
 
 def trace_program(name: str, inputs: Coordinates, frames: list[MovingFrame]) -> Program:
-    """Trace one of `DEFINITIONS`; behind the name of a cycle's stands the number of its steps, as in ``cycle10``."""
+    """Trace one of `DEFINITIONS`; behind a name stands a number, as of steps in ``cycle10``."""
     stem = name.rstrip("0123456789")
     arguments, trace, lanes, in_place, seldom = DEFINITIONS[stem]
     numbers = [int(name[len(stem) :])] if name != stem else []
@@ -364,9 +364,10 @@ DEFINITIONS = {
     ),
     "responses": Definition((*_STATE, "f", "a", "x"), _responses, lanes=("f", "x")),
     "middle": Definition(
-        ("K", "C", "X", "frozen", "middle", "A", "B", "constant"), lambda inputs, _: trace_middle(inputs)
+        ("K", "C", "X", "frozen", "middle", "A", "B", "constant"),
+        lambda inputs, _, pattern: trace_middle(inputs, pattern),
     ),
-    "middle_step": Definition(_MIDDLE, lambda inputs, _: trace_middle_step(inputs), in_place=True),
+    "middle_step": Definition(_MIDDLE, lambda inputs, _, pattern: trace_middle_step(inputs, pattern), in_place=True),
     "solve": Definition(("inputs", "q", "f", "x"), lambda inputs, _: _solution(inputs, 0), lanes=("f", "x")),
     "solve_fast": Definition(
         ("inputs", "q", "f", "x"), lambda inputs, _: _solution(inputs, inputs.mechanism.n_slow), lanes=("f", "x")
