@@ -58,6 +58,8 @@ def mesh_cad(
 
     Parameters
     ----------
+    path : Path
+        STEP, IGES or BREP.
     size : float
         Edge length of the elements [m], smaller around bores and fillets.
     order : int
@@ -106,6 +108,8 @@ def mesh_sheet(
 
     Parameters
     ----------
+    path : Path
+        STEP, IGES or BREP.
     size : float
         Edge length of the elements [m], smaller where curves are round.
     thickness : float

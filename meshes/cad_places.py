@@ -79,6 +79,10 @@ def describe_part(gmsh: Any, whole: Mapping[int, int], names: Mapping[tuple[int,
 
     Parameters
     ----------
+    gmsh : module
+        With the part as its current model, in metres.
+    whole : mapping of int to int
+        Face of each surface.
     names : mapping
         Names of each entity, by its dimension and tag, the best first.
 

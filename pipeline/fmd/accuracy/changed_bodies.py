@@ -26,6 +26,8 @@ def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]
 
     Returns
     -------
+    FlexibleBody
+        Body of other frequencies, in its own coordinates.
     ndarray, shape (n, n)
         Matrix from these coordinates to the given body's that have the same forces.
     """
@@ -47,6 +49,8 @@ def retune_body(body: FlexibleBody, omega: Array) -> tuple[FlexibleBody, Array]:
 
     Returns
     -------
+    FlexibleBody
+        Body in coordinates of unit modal mass.
     ndarray, shape (n, n)
         Matrix from these coordinates to the given body's.
     """

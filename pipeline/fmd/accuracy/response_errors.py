@@ -83,6 +83,8 @@ def estimate_response_errors(
         Of what the model was made.
     frequencies_hz : ndarray, shape (n_frequencies,)
         [Hz], ascending.
+    density : callable, optional
+        Spectral density of the only input.
     """
     try:
         found = _find_variants(run, linear, request, float(frequencies_hz[0]))

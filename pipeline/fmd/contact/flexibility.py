@@ -63,6 +63,8 @@ def contact_points(
 
     Parameters
     ----------
+    faces : mapping of str to Marker
+        Averaged markers on faces.
     triangles : mapping of str to ndarray, shapes (n_triangles, 3)
         Nodes at the corners of the triangles of those faces that may touch other bodies: all of these become points.
 

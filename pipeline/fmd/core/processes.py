@@ -67,6 +67,8 @@ def run_child(
         As in `child_command`.
     seconds : float
         Time after which it is ended.
+    environment : mapping, optional
+        Variables beside those of this process.
 
     Raises
     ------

@@ -154,6 +154,10 @@ def write_fit(
 
     Parameters
     ----------
+    folder : Path
+        Made if it is missing.
+    data : sequence of str
+        File of each experiment's measurements.
     overrides : sequence of str
         Values that were used instead of the scene's own, ``key=value``.
 

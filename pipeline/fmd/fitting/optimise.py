@@ -228,8 +228,12 @@ def optimise_scene(
 
     Parameters
     ----------
+    run : Pipeline
+        Stages of the scene as it is computed, from which the search starts.
     aim : str
         The result, a number above 0.
+    varied : tuple of VariedNumber
+        Numbers that vary, all with bounds.
     sign : int
         1 for the least, -1 for the largest.
 

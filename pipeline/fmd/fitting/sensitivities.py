@@ -27,6 +27,8 @@ def frequency_change(run: Pipeline, minus: Pipeline, plus: Pipeline, body: str, 
 
     Parameters
     ----------
+    run, minus, plus : Pipeline
+        The scene, and variants of it with the same nodes on both sides.
     mode : int
         Number of the mode, from 0.
 

@@ -239,6 +239,8 @@ class ResumableIntegrator(Integrator):
             `State.values` in the place of the start's own, a row for each march.
         first : ndarray of int, shape (n_marches,)
             Number of the first step of each.
+        n_cycles : int
+            How many major cycles each takes.
         """
         found = np.empty(values.shape)
         for row, own, step in zip(found, values, first.tolist(), strict=True):

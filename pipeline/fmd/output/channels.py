@@ -54,6 +54,8 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
 
     Parameters
     ----------
+    run : Pipeline
+        The scene's stages; largest values are those of its motion.
     name : str
         ``tip`` (the largest deflection of the tip), ``BODY.stress`` (the largest von Mises stress of a flexible body),
         ``BODY.life`` (repeats of the motion to failure, by the scene's output of type fatigue), ``BODY.frequency.N``,
@@ -63,6 +65,8 @@ def find_channels(run: Pipeline, name: str, origin: str = "--of") -> list[Result
         histories without its unit, e.g. ``forearm.wrist.position.y``, ``elbow.position``, ``shoulder.force.x``,
         ``shoulder.force.size`` or, for all components of a vector but those that are round-off, ``shoulder.force``, or
         a formula of the motion with a name, ``error = forearm.wrist.y - 0.3``.
+    origin : str
+        Option that names it, for messages.
 
     Raises
     ------

@@ -206,6 +206,10 @@ def solve(scene: Scene, cache: Cache | None = None, monitor: Monitor = silent, k
     ----------
     scene : Scene
         As `fmd.load_scene` returns it.
+    cache : Cache, optional
+        Where results of stages are kept; the user's cache folder by default.
+    keep_all : bool
+        Integrate modes that nothing can excite, too.
     """
     return Result(scene, cache, monitor, keep_all)
 

@@ -101,7 +101,13 @@ class SteppedScene:
         return OpenMarch(self._method, self.system, *self._start, self._duration)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Go back to time 0, and return what is observed and ``{"time": 0.0}``; nothing is random in it."""
+        """Go back to time 0, and return what is observed and ``{"time": 0.0}``; nothing is random in it.
+
+        Parameters
+        ----------
+        seed, options
+            Not used: gymnasium hands them over.
+        """
         self._march = self._begin()
         return self._look(), {"time": 0.0}
 

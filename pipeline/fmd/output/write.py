@@ -26,6 +26,10 @@ def write_results(
 
     Parameters
     ----------
+    folder : Path
+        Made if it is missing; each file appears whole or not at all.
+    pictures : bool
+        Draw pictures; without, neither PyVista nor Matplotlib is loaded.
     budget_seconds : float, optional
         Time that this may take [s]; three times that of the run by default, less for long runs.
 

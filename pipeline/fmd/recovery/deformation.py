@@ -87,6 +87,8 @@ def node_deformation_shapes(body: FlexibleBody, supported: bool, of_matter: bool
 
     Parameters
     ----------
+    supported : bool
+        True if supports hold the body in its frame, so that no section at the joint turns against it.
     of_matter : bool
         True if the nodes move as matter does, false if they may be masses that carry inertia alone: then markers are
         taken in their place.

@@ -168,6 +168,8 @@ def fatigue_by_signed_von_mises(stress: StressHistory, law: FatigueLaw, worst: i
 
     Parameters
     ----------
+    stress : StressHistory
+        Of the surface's nodes.
     worst : int
         Number of nodes whose damage is wanted, those with the most.
     share : float

@@ -108,6 +108,8 @@ def gather_runs(
     ----------
     times : ndarray, shape (n_times,)
         Output times [s].
+    runs : mapping of str to sequence of Variable
+        The same variables of each run, by the runs' labels.
     errors : callable, optional
         Gives the attribute ``error`` of a variable.
     """

@@ -237,6 +237,8 @@ def make_superelement(
 
     Parameters
     ----------
+    count : int
+        Number of fixed-interface modes; what completes the group of equal frequency of the highest comes on top.
     damping : callable
         Damping ratios of the superelement's elastic modes by their angular frequencies [rad/s], ascending; its rigid
         motions have none.

@@ -32,6 +32,8 @@ def lowest_modes(solver: FreeBodySolver, count: int, constraints: Array | None =
 
     Parameters
     ----------
+    count : int
+        Number of modes; what completes the group of the highest comes on top.
     constraints : ndarray, shape (n_nodes, 3, k), optional
         Columns of its constraints; without, it is free.
 
@@ -125,6 +127,8 @@ def classify_modes(fe: FEModel, pairs: EigenPairs, normal: Array) -> tuple[list[
 
     Returns
     -------
+    families : list of str
+        Family of each mode.
     shapes : ndarray, shape (n_nodes, 3, n)
         Mode shapes, turned where frequencies are equal.
 

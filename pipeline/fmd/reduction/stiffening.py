@@ -51,6 +51,8 @@ def stiffen_body(
         Columns of the reactions of its joint, as `Marker.columns` gives them; without, the body moves freely.
     axis : ndarray, shape (3,), optional
         Axis of a plane motion, with one product of rates and one angular acceleration; without, six and three.
+    linear : bool
+        True if the joint is accelerated, or gravity acts; without, what the body has of it stays.
     moving : mapping of str to Marker, optional
         Markers whose displacement of second order is wanted: those that bodies or loads act on, and any to look at.
     free : ndarray, shape (k, 3), optional

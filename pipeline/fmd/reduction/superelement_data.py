@@ -35,6 +35,8 @@ def superelement_data(
     ----------
     path : Path
         Its file, for messages.
+    given : GivenSuperelement
+        In SI units.
     mass : float, optional
         Mass of the whole body, which the matrix is to have [kg].
     recovery : Recovery, optional

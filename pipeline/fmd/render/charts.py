@@ -104,6 +104,8 @@ def draw_chart(
     ylabel : str
         The quantity with its unit in brackets, e.g. ``velocity [m/s]``.
         Lengths below 1 m are drawn in mm, µm or nm.
+    component_labels : sequence of str
+        Names of the components; may be empty if there is only one.
 
     Raises
     ------

@@ -59,6 +59,8 @@ def draw_film(
         Frames per second.
     clim_pa : ndarray, shape (n_frames, 2), optional
         Stress of the lowest and of the highest colour in each frame [Pa]; without, there is no colour bar.
+    quantity : str
+        Label of the colour bar, which is in MPa.
 
     Raises
     ------
@@ -125,6 +127,8 @@ def draw_mechanism(
     ----------
     clim_pa : tuple of float, optional
         Stress of the lowest and of the highest colour [Pa]; by default from 0 to the largest.
+    quantity : str
+        Label of the colour bar, which is in MPa.
     label : bool
         Label the largest stress.
 

@@ -19,6 +19,8 @@ def draw_tornado(bars: Mapping[str, Sequence[tuple[str, float, float]]], path: P
     ----------
     bars : mapping of str to sequence of tuple
         Key, length of the bar and its error for each number that a result depends on, by the results' names.
+    label : str
+        What the bars' length is.
     """
     heights = [1.0 + 0.34 * len(rows) for rows in bars.values()]
     with open_figure(path, (9.0, sum(heights) + 0.5), 130, padding=0.08) as figure:

@@ -41,6 +41,8 @@ def draw_mode_sheet(
         The shapes in any scale; each gets an amplitude of 8 % of the part's largest extent.
     labels : sequence of str
         Text below each shape, e.g. ``mode 1, 131.0 Hz``.
+    scale : float
+        Factor on the amplitude.
 
     Returns
     -------

@@ -94,6 +94,8 @@ def draw_mode(
         The shape in any scale.
     title : str
         Heading, e.g. ``Mode 1 · 131.0 Hz``.
+    scale : float
+        Factor on the amplitude.
 
     Raises
     ------
@@ -143,6 +145,8 @@ def draw_stress(
         Von Mises stress or a component [Pa]; the largest absolute value is labelled.
     scale : float
         Factor on the displacement, noted in the picture unless it is 1.
+    quantity : str
+        Label of the colour bar, which is in MPa.
     clim_pa : tuple of float, optional
         Stress of the lowest and of the highest colour [Pa]; by default `stress_limits`.
 

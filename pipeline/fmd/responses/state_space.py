@@ -208,6 +208,8 @@ def choose_frequencies(model: StateSpace, lowest: float, highest: float, points:
     ----------
     lowest, highest : float
         Range [Hz].
+    points : int
+        Number of evenly spaced frequencies.
     ratio : float
         Of the distances from a pole of two neighbours about it.
     """

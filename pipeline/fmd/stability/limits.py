@@ -69,6 +69,8 @@ def find_limits(
         Numbers of fast steps to a slow one, plain central difference first.
     duration : float
         Of the motion [s].
+    error : float
+        Wanted error of the recommended step, relative to the largest deformation.
     """
     limits = tuple(find_limit(system, reference, m, duration, points) for m in ratios)
     step, m = recommend_step(reference.M, reference.K, reference.n_slow, error, duration)

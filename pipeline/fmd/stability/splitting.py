@@ -52,6 +52,8 @@ def choose_split(
 
     Parameters
     ----------
+    error : float
+        Wanted, relative to the largest deformation.
     duration : float
         Of the motion [s].
     spin : float

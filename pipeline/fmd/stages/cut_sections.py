@@ -260,7 +260,13 @@ def _like_a_known(marker: Marker, known: Sequence[Marker], x: Array) -> Marker:
 
 
 def mark_pieces(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> CutPart:
-    """Give pieces those markers that their own meshes don't define."""
+    """Give pieces those markers that their own meshes don't define.
+
+    Parameters
+    ----------
+    loaded : collection of str
+        Names of the markers at which joints and loads act.
+    """
     shape, given = part.shape, list[dict[str, Marker]]({} for _ in cut.pieces)
     assert isinstance(shape, Solid)
     for k, piece in enumerate(cut.pieces):

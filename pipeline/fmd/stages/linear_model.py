@@ -61,6 +61,8 @@ def linearise_scene(run: Pipeline, inputs: Sequence[str], outputs: Sequence[str]
 
     Parameters
     ----------
+    inputs, outputs : sequence of str
+        Names, as docs/responses.md lists them.
     about : str
         ``start``, ``equilibrium``, ``steady``, or a time [s] of the scene's first run.
 

@@ -49,6 +49,11 @@ def find_clips(run: Pipeline, q0: Array, reach: float) -> tuple[Clip, ...]:
         Positions at the start, as `undeformed_start` gives them.
     reach : float
         How far slides without stops move to both sides [m]; hinges without stops make a whole turn.
+
+    Returns
+    -------
+    tuple of Clip
+        The prescribed motions' if there are any, and one for each joint with a single free coordinate.
     """
     poses, found = _Poses(run, q0, reach), []
     if any(link.motion is not None for link in run.mechanism.links):

@@ -24,6 +24,8 @@ def read_density(text: str, folder: Path, at: tuple[str, str]) -> Density:
     text : str
         A number, a formula of f, or the name of a ``.csv`` file of two columns, frequency [Hz] and density, which is
         straight lines in double logarithmic scale between its rows and zero outside.
+    folder : Path
+        Where the file's name starts from.
     at : tuple of str
         File and key at fault, for messages.
 

@@ -3,7 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import expm
 
+from fmd.dynamics.closures import Place
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
@@ -123,13 +125,15 @@ def test_momenta_are_those_of_the_mass_points(seed: int) -> None:
 
 
 @EACH
-def test_markers_are_where_their_points_are(seed: int) -> None:
+def test_markers_are_where_their_points_are_and_turned_as_these_say(seed: int) -> None:
     made = random_mechanism(seed, second_order=True)
     q, v = made.state(seed)
     plain, bodies = Kinematics(made.mechanism, np.array([TIME]), q[None], v[None]), kane.frames(made, TIME, q)
     for k, link in enumerate(made.mechanism.links):
         for name, at in link.markers.items():
             origin, R, z = bodies[k]
-            moved, _ = kane.marker_motion(at.translation, at.rotation, at.displacement2, z)
-            place = origin + R @ (at.position + moved)
+            moved, turned = kane.marker_motion(at.translation, at.rotation, at.displacement2, z)
+            place, section = origin + R @ (at.position + moved), plain.place_motion(Place(link.name, at))
             assert np.allclose(plain.marker_position(k, name)[0], place, rtol=0, atol=1e-12)
+            assert np.allclose(section.origin[0], place, rtol=0, atol=1e-12)
+            assert np.allclose(section.rotation[0], R @ expm(kane.tilde(turned)), rtol=0, atol=1e-12)

@@ -39,6 +39,8 @@ def read_matrices(
         the rotations about x, y, z behind each. Nastran's OUTPUT4 (``.op4``) and OUTPUT2 (``.op2``), whose rows are of
         the nodes in ascending order, as those of CalculiX (``.sti``, ``.mas``) are, and DMIG cards (``.pch``); of
         several matrices in a file those whose names begin with K and M.
+    nodes : Path
+        Rows of number, x, y, z, or a deck of Nastran, Abaqus or CalculiX.
     units : tuple of float
         The files' units of length [m], stiffness [N/m] and mass [kg].
     unknowns : int

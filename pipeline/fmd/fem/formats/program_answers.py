@@ -30,6 +30,8 @@ def read_stress(model: MatrixModel, path: Path, nodes: Path, units: tuple[float,
     ----------
     path : Path
         CalculiX's results (``.frd``), or rows of case, node, displacements and stresses (``.csv``).
+    nodes : Path
+        The body's nodes; a deck's elements give the surface.
     units : tuple of float
         The file's units of length [m] and stress [Pa].
 

@@ -122,6 +122,10 @@ def straighten_cells(points: Array, cells: IntArray, cell_type: str, chosen: Int
     Returns
     -------
     points : ndarray
+    n_cells : int
+        Number of cells straightened.
+    moved : float
+        Largest displacement of a node.
     """
     points, done = points.copy(), np.zeros(len(cells), dtype=bool)
     before = points.copy()

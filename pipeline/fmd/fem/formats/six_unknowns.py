@@ -58,6 +58,8 @@ def six_unknowns_model(
 
     Parameters
     ----------
+    path : Path
+        File of the masses, for messages.
     K, M : sparse array, shape (6 n_nodes, 6 n_nodes)
         Symmetric; unknown ``6 i + a`` is displacement (0, 1, 2) or rotation (3, 4, 5) of node i.
     turned : ndarray of int, optional

@@ -35,6 +35,8 @@ def write_report(
 
     Parameters
     ----------
+    path : Path
+        The file, in a folder that is made if it is missing; it appears whole or not at all.
     overrides : sequence of str
         Values that were set on the command line; the page's last line repeats them.
     budget : bool

@@ -31,6 +31,13 @@ _REACHED = 1.05  # of the mechanism's reach from its middle is shown at first
 def collect_view(run: Pipeline, scale: float, camera: Camera) -> dict[str, Any]:
     """Collect the bodies of a run, their places and deformation over its motion, and their stress.
 
+    Parameters
+    ----------
+    scale : float
+        Factor on the deformation when the page is opened.
+    camera : Camera
+        Gives the direction at first, and the colours.
+
     Returns
     -------
     dict
@@ -64,6 +71,10 @@ def describe_mechanism(
 
     Parameters
     ----------
+    scale : float
+        Factor on the deformation when the page is opened.
+    camera : Camera
+        Gives the direction at first, and the colours.
     limits : tuple of float
         Least and largest stress [Pa].
 

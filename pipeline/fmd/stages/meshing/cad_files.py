@@ -80,6 +80,8 @@ def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, s
 
     Parameters
     ----------
+    path : Path
+        STEP, IGES or BREP.
     size : float
         Edge length of an element [m].
     order : int
