@@ -17,8 +17,8 @@ class WholeCylinder(NamedTuple):
     """A face that is a whole cylinder."""
 
     what: str  # ``"pin"`` with material within, ``"hole"`` without
-    middle: NDArray[np.float64]  # (3,): middle of its axis [m], and the axis' direction
-    axis: NDArray[np.float64]
+    middle: NDArray[np.float64]  # (3,): middle of its axis [m]
+    axis: NDArray[np.float64]  # (3,): unit vector along its axis
     radius: float  # [m]
     length: float  # [m]
 

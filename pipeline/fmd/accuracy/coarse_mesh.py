@@ -35,8 +35,8 @@ KINDS = ("displacement", "stress", "spot stress", "geometry")  # of quantities, 
 class Pair:
     """A run and the same scene on a coarser mesh."""
 
-    run: Pipeline  # this and the next: the coarse run's modes are those most like the run's, in its order
-    coarse: Pipeline
+    run: Pipeline  # the run itself
+    coarse: Pipeline  # the scene on the coarser mesh; its modes are those most like the run's, in its order
     # Factor by which the error falls from the coarse mesh to the run's, less one, by kind of quantity.
     gains: dict[str, float]
 

@@ -31,8 +31,8 @@ class CornerStress:
 
     body: str  # name of the body, or of the piece of one
     code: str  # code of the warning
-    edge: str  # what the edge is, and what gives its stress a limit, as the warning says it
-    remedy: str
+    edge: str  # what the edge is, as the warning says it
+    remedy: str  # what gives its stress a limit, as the warning says it
     exponent: float  # exponent by which the theory of wedges has stress grow towards the edge
     place: tuple[float, float, float]  # in the part's own coordinates [m]
     # Largest von Mises stress along these edges at one deformation, on a coarser mesh and on the run's [Pa].

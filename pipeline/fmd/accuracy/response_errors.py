@@ -163,9 +163,8 @@ class FrequencyShift:
     """By how much a mesh raises the frequencies of a scene with about twice as many modes."""
 
     pair: Pair  # the richer run, and the same on a coarser mesh
-    # (n,): frequencies of all parts' modes, ascending [Hz], and the relative excess of their squares up to each
-    hertz: Array
-    excess: Array
+    hertz: Array  # (n,): frequencies of all parts' modes, ascending [Hz]
+    excess: Array  # (n,): relative excess of the squares of the frequencies up to each
 
     def share(self, frequencies_hz: Array) -> Array:
         """Return the share by which frequencies are raised, at frequencies [Hz]."""

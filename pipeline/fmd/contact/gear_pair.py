@@ -38,8 +38,8 @@ class ToothFlexibility:
     # (n_teeth, n_points, 6, n_stations, 2): stress at points of each tooth's fillet on the loaded side, in its own axes
     # [Pa/N]
     stress: Array
-    E: float  # Young's modulus [Pa] and Poisson's ratio
-    nu: float
+    E: float  # Young's modulus [Pa]
+    nu: float  # Poisson's ratio
 
     def __post_init__(self) -> None:
         read_only(self.middle)

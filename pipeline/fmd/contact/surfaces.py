@@ -17,8 +17,8 @@ from fmd.core.limits.contact import EDGE_SOFTNESS, SHARP_EDGE
 class ContactSurface:
     """Points of a body before a plane, or before triangles of another body."""
 
-    slave: int  # number of the points' body, and of the triangles'; -1 for a plane
-    master: int
+    slave: int  # number of the points' body
+    master: int  # number of the triangles' body; -1 for a plane
     points: IntArray  # (n,): numbers in the points of the first body
     areas: Array  # (n,) [m²]
     outward: Array  # (n, 3): unit normals of the first body's face; 0 before a plane

@@ -113,7 +113,7 @@ class ContactPlane:
     position: Array  # (3,): a point of the plane in space [m]
     normal: Array  # (3,): unit vector out of the ground
     friction: float  # coefficient of Coulomb's friction
-    face: str
+    face: str  # name of the marker on the body's face
     clearance: float = 0.0  # what is added to gaps [m]
     damping: float = 0.0  # time β of the damping of the points' flexibility [s]
     near_field: str = "mesh"  # what gives the flexibility near a contact
@@ -137,9 +137,9 @@ class ContactPair:
     """
 
     name: str
-    face: str
+    face: str  # name of the marker on its face
     other: str  # the other body's name
-    other_face: str
+    other_face: str  # name of the marker on the other's face
     friction: float = 0.0  # coefficient of Coulomb's friction
     clearance: float = 0.0  # what is added to gaps [m]
     damping: float = 0.0  # time β of the damping of the points' flexibility [s]

@@ -24,10 +24,9 @@ class Tooth:
     teeth: int  # number of teeth
     alpha: float  # pressure angle of the rack [rad]
     shift: float  # profile shift over the module
-    # Of the rack, over the module: height above and depth below its reference line, radius of its corners.
-    addendum: float
-    dedendum: float
-    rounding: float
+    addendum: float  # height of the rack above its reference line, over the module
+    dedendum: float  # depth of the rack below its reference line, over the module
+    rounding: float  # radius of the rack's corners, over the module
 
     @property
     def pitch_radius(self) -> float:
@@ -111,8 +110,8 @@ class GearPair:
     A contact's place on the line of action is its distance s from where that touches the pinion's base circle.
     """
 
-    pinion: Tooth  # of the same module and pressure angle
-    wheel: Tooth
+    pinion: Tooth  # the first gear's tooth
+    wheel: Tooth  # the second gear's, of the same module and pressure angle
     distance: float  # of their axes [m]
 
     @property

@@ -41,9 +41,8 @@ class JointKind:
 
     name: str
     units: tuple[str, ...] = ()  # unit of each coordinate that is one number, ``m`` before ``rad``
-    # Displacements, along directions of the place; then rotations, each in axes that those before it have turned.
-    slides: tuple[ElementaryMotion, ...] = ()
-    turns: tuple[ElementaryMotion, ...] = ()
+    slides: tuple[ElementaryMotion, ...] = ()  # displacements, along directions of the place
+    turns: tuple[ElementaryMotion, ...] = ()  # rotations after them, each in axes that those before it have turned
     # True if a unit quaternion, the last of the coordinates, turns the body; its rates are about the body's axes.
     turns_in_space: bool = False
     # Directions in which a joint of this kind keeps both places together where it closes a loop.

@@ -41,8 +41,8 @@ class NetcdfBlock:
     """Numbers of a variable that is written piece by piece, as rows along its second dimension."""
 
     name: str
-    first: int  # places of the first number along the first and the second dimension
-    row: int
+    first: int  # place of the first number along the first dimension
+    row: int  # place of the first number along the second dimension
     values: NDArray[Any]  # (n_rows, …): as the variable's further dimensions have them
 
 

@@ -40,8 +40,8 @@ class Closure:
     """A joint that closes a loop: what the relative motion of two places has to keep."""
 
     name: str
-    first: Place  # the joint's places on the parent and on the child
-    second: Place
+    first: Place  # the joint's place on the parent
+    second: Place  # the joint's place on the child
     # (k, 3): directions in which the places coincide: in space if they are three, else in the axes of the first's
     # section
     along: Array = field(default_factory=lambda: np.zeros((0, 3)))

@@ -22,12 +22,11 @@ class LinearLaw:
     The output u is ū within the limits; L winds the memory back by what they cut off.
     """
 
-    # Rows of the matrices (n, n) and (n, m), and entries of the vectors (n,), (m,) and (n,).
-    A: tuple[tuple[float, ...], ...]
-    B: tuple[tuple[float, ...], ...]
-    C: tuple[float, ...]
-    D: tuple[float, ...]
-    L: tuple[float, ...]
+    A: tuple[tuple[float, ...], ...]  # (n, n), by rows
+    B: tuple[tuple[float, ...], ...]  # (n, m), by rows
+    C: tuple[float, ...]  # (n,)
+    D: tuple[float, ...]  # (m,)
+    L: tuple[float, ...]  # (n,)
     # Rows of a matrix (n, m): the memory before the first sample by what is measured then.
     S: tuple[tuple[float, ...], ...]
     lowest: float = -np.inf

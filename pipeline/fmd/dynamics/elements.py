@@ -96,8 +96,8 @@ class SixAxisSpring(_Pair):
     dissipates ``ėᵀ C ė``. Angles stay below half a turn.
     """
 
-    K: Array  # (6, 6): symmetric stiffness and damping, positive semidefinite [N/m, N, N m/rad; the same times s]
-    C: Array
+    K: Array  # (6, 6): symmetric stiffness, positive semidefinite [N/m, N, N m/rad]
+    C: Array  # (6, 6): symmetric damping, positive semidefinite [N s/m, N s, N m s/rad]
     # (3,): of the second place against the first at rest, along the first one's axes [m]
     position: Array = field(default_factory=lambda: np.zeros(3))
     title: ClassVar[str] = "bushing or bearing"
@@ -132,8 +132,8 @@ class SpeedDependentBearing(SixAxisSpring):
     K and C have their largest values. Forces are ``-k(|ω_z|) d - c(|ω_z|) ḋ`` along x and y.
     """
 
-    radial: StateCurve = field(kw_only=True)  # stiffness [N/m] and damping [N s/m] by the size of the rate [rad/s]
-    damper: StateCurve = field(kw_only=True)
+    radial: StateCurve = field(kw_only=True)  # stiffness [N/m] by the size of the rate [rad/s]
+    damper: StateCurve = field(kw_only=True)  # damping [N s/m] by the size of the rate [rad/s]
 
 
 @dataclass(frozen=True)
@@ -160,9 +160,8 @@ class GearTeeth(_Pair):
 
     radii: tuple[float, float]  # of the base circles of pinion and wheel, which the ends are on [m]
     alpha: float  # working pressure angle [rad]
-    # (3,): unit vectors in space: the axis about which angles count, and from the pinion's centre to the wheel's
-    axis: Array
-    centres: Array
+    axis: Array  # (3,): unit vector in space about which angles count
+    centres: Array  # (3,): unit vector in space from the pinion's centre to the wheel's
     senses: tuple[float, float]  # 1 for each gear whose hinge turns about that axis, −1 about the opposite one
     middles: tuple[float, float]  # of the gears' widths, along the axis from their hinges' markers [m]
     rest: float  # value of ``r₁ θ₁ + r₂ θ₂`` where flanks touch [m]

@@ -26,8 +26,8 @@ class Excited:
     """A mechanism without the modes that stay at rest."""
 
     mechanism: Mechanism  # with the other modes alone
-    positions: IntArray  # numbers of its positions and rates in the whole mechanism
-    rates: IntArray
+    positions: IntArray  # numbers of its positions in the whole mechanism
+    rates: IntArray  # numbers of its rates in the whole mechanism
     left_out: Mapping[str, tuple[int, ...]]  # numbers of the modes of each body that are left out, from 0
 
 

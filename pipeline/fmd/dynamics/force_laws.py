@@ -91,8 +91,8 @@ class Stop:
 
     at: float  # its place [m or rad]
     side: float  # 1 if it acts beyond its place, -1 below it
-    stiffness: float  # of full contact [N/m and N s/m, or N m/rad and N m s/rad]
-    damping: float
+    stiffness: float  # of full contact [N/m or N m/rad]
+    damping: float  # of full contact [N s/m or N m s/rad]
     width: float  # distance over which they come in [m or rad]
 
     def depths(self, x: Scalar) -> tuple[Scalar, Scalar]:

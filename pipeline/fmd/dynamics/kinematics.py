@@ -48,8 +48,8 @@ class Kinematics:
 
     mechanism: Mechanism
     times: Array  # (n_times,): at which prescribed motions are taken [s]
-    q: Array  # (n_times, n_positions) and (n_times, n): positions and rates
-    v: Array
+    q: Array  # (n_times, n_positions): positions
+    v: Array  # (n_times, n): rates
 
     def modal_coordinates(self, body: int) -> Array:
         """Modal coordinates of a body by its number [kg^1/2 m], shape (n_times, n_modes)."""

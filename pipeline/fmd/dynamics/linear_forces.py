@@ -19,12 +19,10 @@ class LinearForces(NamedTuple):
     """Stiffness and damping in the order of rates."""
 
     own: Array  # (n,): stiffness of each mode and each spring by itself
-    # (n, n): stiffness and damping, with springs and dampers that grip a section which turns with its body's modes, and
-    # the slope of friction at rest
-    K: Array
-    C: Array
-    stop_K: Array  # this and the next: (n, n): what end stops add where all of them touch
-    stop_C: Array
+    K: Array  # (n, n): stiffness, with springs that grip a section which turns with its body's modes
+    C: Array  # (n, n): damping, with dampers that grip such a section, and the slope of friction at rest
+    stop_K: Array  # (n, n): stiffness that end stops add where all of them touch
+    stop_C: Array  # (n, n): damping that they add then
 
     def __add__(self, other: object) -> LinearForces:
         """Return the sum with the forces of others."""

@@ -38,9 +38,9 @@ class Link:
     joint_rotation: Array = field(default_factory=lambda: np.zeros(0))
     # (n, n): its second order, ``½ qᵀ joint_displacement2 q``; empty if it is left out
     joint_displacement2: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    spring: float = 0.0  # along a joint with one coordinate [N m/rad or N/m; rad or m; N m s/rad or N s/m]
-    rest: float = 0.0
-    damper: float = 0.0
+    spring: float = 0.0  # stiffness along a joint with one coordinate [N m/rad or N/m]
+    rest: float = 0.0  # coordinate at which that spring has no force [rad or m]
+    damper: float = 0.0  # damping along a joint with one coordinate [N m s/rad or N s/m]
     # Torque or force along a joint with one coordinate [N m or N].
     load: Signal = field(default_factory=lambda: constant(0.0))
     # Prescribed angle or displacement of a joint with one coordinate [rad or m], which has none then.

@@ -34,9 +34,9 @@ class Layout(NamedTuple):
     rate: IntArray  # first rate of each joint
     position: IntArray  # first position of each joint
     mode: IntArray  # (n_bodies, most modes): rate of each modal coordinate
-    n_slow: int
-    n: int
-    n_positions: int
+    n_slow: int  # number of slow rates
+    n: int  # number of rates
+    n_positions: int  # number of positions
 
 
 def layout_of(links: Sequence[Link], fast_joints: Sequence[str], slow_modes: Sequence[int]) -> Layout:
@@ -73,35 +73,6 @@ class Mechanism:
 
     Rates are ordered by what is slow: slow joints, slow modes, fast joints, fast modes.
 
-    Parameters
-    ----------
-    links : sequence of Link
-        Each after its parent.
-    fast_joints : sequence of str
-        Bodies whose scalar joint coordinate is fast.
-    gravity : ndarray, shape (3,)
-        [m/s²]
-    loads : sequence of PointLoad
-        Forces and torques at points.
-    slow_modes : mapping of str to int
-        How many modes of a body, the lowest, are slow; none by default.
-    closures : sequence of Closure or Coupler
-        Joints that close loops, and relations between joint coordinates.
-    assembled : mapping of str to sequence of float
-        Positions of links' joints, by the links' names, with which the loops of the undeformed mechanism close; those
-        of others are 0.
-    horizon : float
-        Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
-    elements : sequence of PointSpring or SixAxisSpring
-        Force elements between two places.
-    controllers : sequence of SampledController
-        Controllers that measure now and then, each after those whose outputs it takes.
-    contacts : sequence of TouchingBody
-        Bodies that touch planes or one another, each once.
-    lifted : bool
-        True if inertia of rigid bodies, modal damping and gravity are numbers that the equations take, as springs are,
-        and no part of their code.
-
     Raises
     ------
     ValueError
@@ -109,17 +80,24 @@ class Mechanism:
         one with a coordinate.
     """
 
-    links: Sequence[Link]
-    fast_joints: Sequence[str] = ()
-    gravity: Array = field(default_factory=lambda: np.zeros(3))
-    loads: Sequence[PointLoad] = ()
+    links: Sequence[Link]  # each after its parent
+    fast_joints: Sequence[str] = ()  # bodies whose scalar joint coordinate is fast
+    gravity: Array = field(default_factory=lambda: np.zeros(3))  # (3,) [m/s²]
+    loads: Sequence[PointLoad] = ()  # forces and torques at points
+    # How many modes of a body, the lowest, are slow; none by default
     slow_modes: Mapping[str, int] = field(default_factory=dict)
+    # Time [s] up to which loads are searched for short actions that adaptive steps must not miss; 0 searches none.
     horizon: float = 0.0
-    closures: Sequence[Constraint] = ()
+    closures: Sequence[Constraint] = ()  # joints that close loops, and relations between joint coordinates
+    # Positions of links' joints, by the links' names, with which the loops of the undeformed mechanism close; those of
+    # others are 0.
     assembled: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    elements: Sequence[Element] = ()
+    elements: Sequence[Element] = ()  # force elements between two places
+    # Controllers that measure now and then, each after those whose outputs it takes.
     controllers: Sequence[SampledController] = ()
-    contacts: Sequence[TouchingBody] = ()
+    contacts: Sequence[TouchingBody] = ()  # bodies that touch planes or one another, each once
+    # True if inertia of rigid bodies, modal damping and gravity are numbers that the equations take, as springs are,
+    # and no part of their code.
     lifted: bool = False
 
     def __post_init__(self) -> None:

@@ -33,8 +33,8 @@ ELEMENT = "element "
 class BodyLoads:
     """Loads on one body over a motion, in its own axes."""
 
-    spin: Array  # (n_times, 3): angular velocity [rad/s] and acceleration [rad/s²]
-    turning: Array
+    spin: Array  # (n_times, 3): angular velocity [rad/s]
+    turning: Array  # (n_times, 3): angular acceleration [rad/s²]
     acceleration: Array  # (n_times, 3): acceleration of its frame less that of free fall [m/s²]
     # (n_loads, n_times, 6): force [N] and moment [N m] of each body that it carries, then of each point load on it,
     # then of each joint on it that closes a loop, then of each force element's end on it

@@ -67,8 +67,8 @@ class MassOnPoint(Connection):
 class TiedFaces(Connection):
     """Faces of solids without common nodes, of which the first follows the second (``*TIE``)."""
 
-    face: IntArray  # this and the next: (n,) or (n_facets, 3 or 4): points of a face, or the corners of its facets
-    onto: IntArray
+    face: IntArray  # (n,) or (n_facets, 3 or 4): points of the face that follows, or the corners of its facets
+    onto: IntArray  # (n,) or (n_facets, 3 or 4): the like of the face that it follows
     within: float | None = None  # how far apart both may be, in the file's unit; a share of the facets' size by default
 
 

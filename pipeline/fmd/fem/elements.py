@@ -25,13 +25,11 @@ class ElementKind:
     vtk_type: int  # VTK's number of a cell with the element's nodes
     shape: type[CellShape]
     order: int  # order of the displacement, 1 or 2
-    # Make the scalar shape functions, of the displacement and of the position, on first use.
-    displacement: Callable[[], Any]
-    position: Callable[[], Any]
-    # Polynomial degree that the quadrature of K and M integrates exactly: the integrand on cells with a constant
-    # Jacobian; on curved cells, mass and first moments.
+    displacement: Callable[[], Any]  # makes the scalar shape functions of the displacement, on first use
+    position: Callable[[], Any]  # makes the scalar shape functions of the position, on first use
+    # Polynomial degree that the quadrature of K integrates exactly: the integrand on cells with a constant Jacobian.
     stiffness_order: int
-    mass_order: int
+    mass_order: int  # the same of M; on curved cells, mass and first moments
     stress_order: int  # degree of the quadrature at whose points stresses are most accurate (Barlow 1976)
     is_affine: bool = False  # true if the Jacobian is constant over every cell
     can_be_enhanced: bool = False  # true if strains of its own may be added to those of its displacement

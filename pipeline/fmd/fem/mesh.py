@@ -32,8 +32,8 @@ class SolidMesh:
     # (n_cells, n_local): point numbers in meshio's order, those of mid-edge nodes too if the cells are of second order
     cells: IntArray
     cell_type: str  # meshio's name of a cell in `fem.cells.table`, e.g. ``tetra``; with curved edges ``tetra10``
-    # Cell numbers of each part; of each face its point numbers (n,), or the corners (n_facets, 3 or 4) of its facets.
-    parts: Mapping[str, IntArray]
+    parts: Mapping[str, IntArray]  # cell numbers of each part
+    # of each face its point numbers (n,), or the corners (n_facets, 3 or 4) of its facets
     faces: Mapping[str, IntArray]
     # Number of equal sectors around the z axis, whose cells follow one another; 1 if the mesh is not cyclic.
     sectors: int = 1

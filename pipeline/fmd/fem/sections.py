@@ -91,8 +91,8 @@ class RoundSection(Section):
 class RectangularSection(Section):
     """A rectangle, in which shear is a parabola over the depth, 5/6 of the area."""
 
-    width: float  # extents along y and z [m]
-    height: float
+    width: float  # extent along y [m]
+    height: float  # extent along z [m]
 
     def shear_areas(self, nu: float) -> Array:
         """Return 5/6 for both."""

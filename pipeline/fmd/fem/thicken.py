@@ -24,9 +24,8 @@ class Sheet:
     x: Array  # (n_nodes, 3): positions of the nodes [m]
     cells: IntArray  # (n_cells, 3 or 4): nodes around each element
     thickness: Array  # (n_cells,) or (n_cells, 3 or 4): of each element, or at its nodes [m]
-    # Elements of each part; nodes of each face, which is all of the shell's surface between them.
-    parts: Mapping[str, IntArray]
-    faces: Mapping[str, IntArray]
+    parts: Mapping[str, IntArray]  # elements of each part
+    faces: Mapping[str, IntArray]  # nodes of each face, which is all of the shell's surface between them
     patches: Mapping[str, IntArray]  # elements of each face that consists of both sides of elements
     sides: tuple[str, str]  # names of the lower and of the upper face
     offset: Array | None = None  # (n_cells,): distance of the middle from the nodes along the normal [m]

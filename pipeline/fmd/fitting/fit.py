@@ -33,12 +33,12 @@ class Fit:
     """Numbers of a scene that fit measurements best, and how well these tell them."""
 
     model: FitModel
-    before: Information  # what the data can tell of them at the scene's own values, and at the fitted ones
-    after: Information
+    before: Information  # what the data can tell of the numbers at the scene's own values
+    after: Information  # what the data can tell of them at the fitted values
     shares: Array  # (n,): the fitted numbers as the fit counts them
     chi2: float  # sum of the squares of the residuals over their noise, priors included
-    evaluations: int  # how often results, and their derivatives, were computed
-    jacobians: int
+    evaluations: int  # how often results were computed
+    jacobians: int  # how often their derivatives were computed
     starts: Sequence[tuple[float, Array]] = ()  # chi-squared and the numbers where each start ended, the best first
     stopped: str = ""  # why the search by parts of histories didn't come to its end, where one was needed
 

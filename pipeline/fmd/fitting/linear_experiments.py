@@ -25,8 +25,8 @@ class _LinearExperiment:
 
     run: Pipeline  # stages of the scene as it is computed
     channels: tuple[MeasuredChannel, ...]
-    inputs: tuple[str, ...]  # of the linear model, as `linearise_scene` takes them
-    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # inputs of the linear model, as `linearise_scene` takes them
+    outputs: tuple[str, ...]  # outputs of the linear model, likewise
     solved: int = 0
     _known: dict[tuple[float, ...], LinearModel] = field(default_factory=dict)
 

@@ -24,8 +24,8 @@ _COLUMN = re.compile(r"(.+?)\s*(?:\[(.*)\])?\s*")
 class MeasuredChannel:
     """Measured values of one result."""
 
-    name: str  # the result, and its SI unit
-    unit: str
+    name: str  # the result
+    unit: str  # its SI unit
     values: Array  # (n,): in that unit
     # (n,): standard deviation of the noise, in the same unit; that of each value where it is a share of these
     sigma: float | Array

@@ -28,15 +28,6 @@ class ResultFunction:
     The first run's method and steps are frozen, and so are place and time of a largest value. What has been computed
     for the last numbers is kept, so a value, `jvp` and `vjp` at the same ones cost no more than one Jacobian.
 
-    Parameters
-    ----------
-    result : SolvedScene
-        What `fmd.load` or `fmd.solve` returns.
-    of : sequence of str
-        Names of results, as `fmd.output.channels.find_channels` lists them.
-    to : sequence of str
-        Keys of numbers, as for ``--set``.
-
     Attributes
     ----------
     names : dict of str to slice
@@ -52,9 +43,9 @@ class ResultFunction:
         There is no such result or number; derivatives are asked for where a number is 0.
     """
 
-    result: SolvedScene
-    of: Sequence[str]
-    to: Sequence[str]
+    result: SolvedScene  # what `fmd.load` or `fmd.solve` returns
+    of: Sequence[str]  # names of results, as `fmd.output.channels.find_channels` lists them
+    to: Sequence[str]  # keys of numbers, as for ``--set``
     _last: dict[bytes, FrozenMotion] = field(default_factory=dict, init=False, repr=False)
     _jacobians: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
 

@@ -59,11 +59,11 @@ def frequency_change(run: Pipeline, minus: Pipeline, plus: Pipeline, body: str, 
 class Sensitivity:
     """Derivative of one result by one number of a scene."""
 
-    channel: ResultChannel  # the result and the number
-    parameter: Parameter
+    channel: ResultChannel  # the result
+    parameter: Parameter  # the number
     value: Array  # () or (n_times,): the result itself, in its SI unit
-    slope: Array  # () or (n_times,): its derivative by the number, in SI units, and what that may be off by
-    error: Array
+    slope: Array  # () or (n_times,): its derivative by the number, in SI units
+    error: Array  # () or (n_times,): what the derivative may be off by, in SI units
     # True if the largest value is at another place, or long before or after, as soon as the number changes a little.
     jumps: bool = False
     # True if it is by the motion's tangent, which is marched beside it, not by a difference of motions.

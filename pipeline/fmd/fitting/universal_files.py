@@ -41,13 +41,13 @@ class UniversalFunction(NamedTuple):
     """A dataset 58: a function of time or frequency at a node."""
 
     kind: int  # 1 for a time response, 4 for a frequency response
-    response: tuple[int, int]  # node and direction, ±1 … ±3 along and ±4 … ±6 about x, y, z
-    reference: tuple[int, int]
-    motion: int  # specific types of the ordinate's numerator and denominator
-    force: int
+    response: tuple[int, int]  # node and direction of what is measured, ±1 … ±3 along and ±4 … ±6 about x, y, z
+    reference: tuple[int, int]  # node and direction of what acts, likewise
+    motion: int  # specific type of the ordinate's numerator
+    force: int  # specific type of the ordinate's denominator
     unit: str  # what the numerator's unit is called, ``NONE`` or empty if it is not said
-    x: Array  # (n,): abscissas, and real or complex ordinates
-    values: NDArray[np.inexact]
+    x: Array  # (n,): abscissas
+    values: NDArray[np.inexact]  # (n,): real or complex ordinates
 
 
 def read_universal(path: Path, places: Mapping[int, str]) -> tuple[list[str], list[Array]]:

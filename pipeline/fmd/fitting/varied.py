@@ -26,8 +26,8 @@ class VariedNumber:
     """
 
     parameter: Parameter
-    low: float = -np.inf  # bounds in the SI unit; infinite if there are none
-    high: float = np.inf
+    low: float = -np.inf  # lower bound in the SI unit; infinite if there is none
+    high: float = np.inf  # upper bound, likewise
     # Standard deviation of what is known of it beforehand, relative to its value in the scene; infinite if nothing.
     prior: float = np.inf
 

@@ -42,11 +42,11 @@ class WeightedMarch:
 
     system: CompiledSystem
     parameters: CompiledParameters  # the system's own of this march
-    q0: Array  # (n_positions,) and (n,): its start
-    v0: Array
+    q0: Array  # (n_positions,): positions at its start
+    v0: Array  # (n,): rates at its start
     times: Array  # (n_times,): output times [s]
-    by_q: Array  # (n_times, n_positions) and (n_times, n): weights of positions and rates
-    by_v: Array
+    by_q: Array  # (n_times, n_positions): weights of positions
+    by_v: Array  # (n_times, n): weights of rates
 
     @property
     def n_kept(self) -> int:

@@ -109,18 +109,12 @@ class Automatic(Integrator):
     then this one. Where stable steps are many, a trial over the first part of the motion may find the exponential
     Rosenbrock method cheaper than these last two, which take over if its march costs more after all. Costs are counted,
     not timed, so that the choice hardly depends on the machine.
-
-    Parameters
-    ----------
-    error : float
-        Wanted error, relative to the largest value of each kind of coordinate over the march; rates may have twice
-        as much.
-    duration : float
-        Of the motion that the method is chosen for [s].
     """
 
+    # Wanted error, relative to the largest value of each kind of coordinate over the march; rates may have twice as
+    # much.
     error: float
-    duration: float
+    duration: float  # of the motion that the method is chosen for [s]
 
     name = "auto"
     step = 0.0

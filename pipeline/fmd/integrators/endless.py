@@ -15,8 +15,8 @@ class StepsLeft:
     end: float  # time at which the march ends [s]
     most: float  # steps that are taken for an end that never comes
     over: int  # steps over which the mean is taken: steps that are short for a while, as after a start, are fewer
-    steps: int = 0  # steps done and time reached where the present mean begins [s]
-    time: float = 0.0
+    steps: int = 0  # steps done where the present mean begins
+    time: float = 0.0  # time reached where the present mean begins [s]
 
     def require_end(self, steps: int, time: float) -> None:
         """Count the steps done up to a time [s].

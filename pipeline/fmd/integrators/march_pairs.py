@@ -18,22 +18,12 @@ from fmd.kernels.kernel import kernel
 
 @dataclass(frozen=True)
 class Gain:
-    """Factor by which the error of a march is below its difference to a coarser one.
+    """Factor by which the error of a march is below its difference to a coarser one."""
 
-    Attributes
-    ----------
-    order : float
-        Power of the steps' length with which the error falls.
-    least, most : float
-        Bounds of what is believed.
-    out_of_step : float
-        What is believed at least where the difference is hardly below that of coarser marches.
-    """
-
-    order: float
-    least: float
-    most: float
-    out_of_step: float = 0.0
+    order: float  # power of the steps' length with which the error falls
+    least: float  # least that is believed
+    most: float  # most that is believed
+    out_of_step: float = 0.0  # what is believed at least where the difference is hardly below that of coarser marches
 
     def of(self, coarse: Trajectory, fine: Trajectory) -> float:
         """Return the factor for two marches, by their mean steps."""
@@ -42,63 +32,30 @@ class Gain:
 
 @dataclass(frozen=True)
 class Parting:
-    """Where two marches differ most, and until when they agree.
+    """Where two marches differ most, and until when they agree."""
 
-    Attributes
-    ----------
-    is_rate : bool
-        True if a rate differs most, false if a position does.
-    number : int
-        Number of that rate or position.
-    until : float
-        Last output time up to which all coordinates agree [s].
-    """
-
-    is_rate: bool
-    number: int
-    until: float
+    is_rate: bool  # true if a rate differs most, false if a position does
+    number: int  # number of that rate or position
+    until: float  # last output time up to which all coordinates agree [s]
 
 
 @dataclass
 class Pairs:
-    """Marches so far, each compared with the one before.
+    """Marches so far, each compared with the one before."""
 
-    Attributes
-    ----------
-    error : float
-        Wanted error, relative to the largest value of each group of coordinates; rates may have twice as much.
-    groups, rate_groups : ndarray of int, shapes (n_positions,) and (n,)
-        Group of each position and rate.
-    before : Trajectory, optional
-        The last march, None if the next one has nothing to be compared with.
-    apart : float
-        Difference of the last march to the one before.
-    stays : bool
-        True if that is hardly below the difference of coarser marches.
-    difference : float
-        Error of the last march that follows.
-    parting : Parting, optional
-        Where that march parts from the one before, if they don't agree.
-    failure : AccuracyError, optional
-        Why the last march that failed did so.
-    failures : int
-        Number of marches of the present method that failed.
-    seconds, evaluations : float, int
-        Run time by the clock [s], and evaluations of all marches together.
-    """
-
+    # Wanted error, relative to the largest value of each group of coordinates; rates may have twice as much
     error: float
-    groups: IntArray
-    rate_groups: IntArray
-    before: Trajectory | None = None
-    apart: float = np.inf
-    stays: bool = False
-    difference: float = np.inf
-    parting: Parting | None = None
-    failure: AccuracyError | None = None
-    failures: int = 0
-    seconds: float = 0.0
-    evaluations: int = 0
+    groups: IntArray  # (n_positions,): group of each position
+    rate_groups: IntArray  # (n,): group of each rate
+    before: Trajectory | None = None  # the last march; none if the next one has nothing to be compared with
+    apart: float = np.inf  # difference of the last march to the one before
+    stays: bool = False  # true if that is hardly below the difference of coarser marches
+    difference: float = np.inf  # error of the last march that follows
+    parting: Parting | None = None  # where that march parts from the one before, if they don't agree
+    failure: AccuracyError | None = None  # why the last march that failed did so
+    failures: int = 0  # number of marches of the present method that failed
+    seconds: float = 0.0  # run time of all marches together by the clock [s]
+    evaluations: int = 0  # evaluations of all marches together
 
     def start_anew(self) -> None:
         """Begin with another method, whose marches aren't compared with those before."""

@@ -40,8 +40,8 @@ class State:
     q: Array  # (n,): coordinates at the present time
     v: Array  # (n,): rates; explicit methods keep them half a step behind ``q``
     a: Array  # (n,): accelerations of the last step
-    time: float = 0.0  # present time, and the step that a method which chooses its steps would try next [s]
-    next_step: float = 0.0
+    time: float = 0.0  # present time [s]
+    next_step: float = 0.0  # step that a method which chooses its steps would try next [s]
     # All else that a method needs to continue: generalised-α Newton's tangent, reversible sub-cycling mean rates of
     # its last cycles, adaptive methods the largest value so far of each group of coordinates.
     memory: Array = field(default_factory=lambda: np.zeros(0))
@@ -76,10 +76,10 @@ class Trajectory:
     step: float  # fast step [s]
     substeps: int  # fast steps to one slow step
     times: Array  # (n_times,): output times [s]
-    q: Array  # (n_times, n): coordinates and rates at the output times
-    v: Array
-    evaluations: int  # solutions of the whole system and of the fast part alone
-    fast_evaluations: int
+    q: Array  # (n_times, n_positions): positions at the output times
+    v: Array  # (n_times, n): rates at the output times
+    evaluations: int  # solutions of the whole system
+    fast_evaluations: int  # solutions of the fast part alone
     seconds: float  # run time of the compiled march, the least if it was repeated
     end: State  # state after the last step
     # The method that an automatic choice ended with: it alone gives the same motion again.

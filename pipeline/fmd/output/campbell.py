@@ -35,9 +35,9 @@ class Crossing:
     order: float
     mode: int  # number of the mode from 1, by ascending frequency
     rate: float  # [rad/s]
-    frequency_hz: float  # this and the next 2: of the vibration there, as in `WhirlingModes`
-    damping: float
-    whirl: float
+    frequency_hz: float  # frequency of the vibration there [Hz], as in `WhirlingModes`
+    damping: float  # its damping ratio, as there
+    whirl: float  # its whirl, as there
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ class CampbellDiagram:
 
     title: str
     rates: Array  # (n_rates,) [rad/s]
-    frequencies_hz: Array  # (n_rates, n_modes): as in `WhirlingModes`; not a number where a rate has fewer
-    growth: Array
-    damping: Array
-    whirl: Array
+    frequencies_hz: Array  # (n_rates, n_modes): as in `WhirlingModes` [Hz]; not a number where a rate has fewer
+    growth: Array  # (n_rates, n_modes): rates of growth, likewise [1/s]
+    damping: Array  # (n_rates, n_modes): damping ratios, likewise
+    whirl: Array  # (n_rates, n_modes): whirl, likewise
     orders: tuple[float, ...]  # multiples of the rate that were asked for
     crossings: tuple[Crossing, ...]
     unstable: tuple[UnstableRange, ...]  # where small motions grow, by ascending rate

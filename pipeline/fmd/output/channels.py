@@ -35,12 +35,11 @@ class ResultChannel:
     unit: str  # SI unit
     read: Callable[[Pipeline], Array]  # takes a run's stages to the result, a number or a history (n_times,)
     moves: bool = True  # true if it takes a motion
-    part: str = ""  # flexible body and number, from 0, of a frequency; an empty name of another result
-    mode: int = 0
-    # Finds a run's largest value, or its shortest life, wherever and whenever it is; ``read`` follows it where this run
-    # has it.
+    part: str = ""  # flexible body of a frequency; an empty name of another result
+    mode: int = 0  # number of the frequency, from 0
+    # Finds a run's largest value, wherever and whenever it is; ``read`` follows it where this run has it.
     largest: Callable[[Pipeline], float] | None = None
-    shortest: Callable[[Pipeline], float] | None = None
+    shortest: Callable[[Pipeline], float] | None = None  # finds a run's shortest life, likewise
     errors_of: str | Variable = ""  # what the error budget knows it by
 
 

@@ -36,8 +36,8 @@ class Critical:
     amplitude: float  # radius of its orbit there [m]
     # The rate over the width of the peak at 0.707 of its height; infinite where that isn't reached on both sides.
     amplification: float
-    rate_error: float | None = None  # stated errors [rad/s] and [m]
-    amplitude_error: float | None = None
+    rate_error: float | None = None  # stated error [rad/s]
+    amplitude_error: float | None = None  # stated error [m]
 
 
 @dataclass(frozen=True)

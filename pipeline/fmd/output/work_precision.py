@@ -56,9 +56,8 @@ class WorkPrecisionRow:
     seconds: float  # median run time
     error: float  # error of the tip against the reference
     evaluations: int  # solutions of the whole system; those of the fast part alone come on top
-    # Errors of the modal coordinates, from which stress is recovered, and of the joints' coordinates.
-    modal_error: float = nan
-    joint_error: float = nan
+    modal_error: float = nan  # error of the modal coordinates, from which stress is recovered
+    joint_error: float = nan  # error of the joints' coordinates
 
 
 @dataclass(frozen=True)

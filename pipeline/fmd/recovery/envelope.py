@@ -24,9 +24,9 @@ class StressEnvelope:
     """Extremes of stress at some nodes of a body over all output times of a motion, and when they occur first."""
 
     nodes: IntArray  # (n_nodes,): node numbers
-    von_mises: Array  # (n_nodes,): largest von Mises stress, largest and smallest principal stress [Pa]
-    principal_1: Array
-    principal_3: Array
+    von_mises: Array  # (n_nodes,): largest von Mises stress [Pa]
+    principal_1: Array  # (n_nodes,): largest principal stress [Pa]
+    principal_3: Array  # (n_nodes,): smallest principal stress [Pa]
     times: Array  # (n_nodes, 3): when each of the three occurs first [s]
 
     def measure(self, component: str) -> tuple[Array, Array]:

@@ -29,8 +29,8 @@ class FatigueLaw:
 
     amplitude: float  # stress amplitude about zero at the knee [Pa]
     cycles: float  # cycles to failure at the knee
-    slope: float  # ``N = cycles (σ/amplitude)^-slope`` above and below the knee; infinity for no damage
-    slope_beyond: float
+    slope: float  # ``N = cycles (σ/amplitude)^-slope`` above the knee; infinity for no damage
+    slope_beyond: float  # the same below the knee
     correction: str = "none"  # ``none``, ``goodman`` or ``fkm``
     # Tensile strength [Pa] for Goodman's line, sensitivity to mean stress M, 0 to 1, for the FKM guideline.
     constant: float = 0.0

@@ -59,8 +59,8 @@ class Variable(NamedTuple):
     name: str
     values: Array  # (n_times, …): over the output times
     dims: tuple[str, ...]  # names of the dimensions after time
-    units: str  # its attributes
-    long_name: str  # its attributes
+    units: str  # its unit
+    long_name: str  # what it is, in words
 
 
 OF_FORMULA = "SI"  # units of a variable that is a formula of the motion

@@ -208,11 +208,11 @@ def _independent(fe: FEModel, V: Array, n: int | None = None) -> Array:
 class Superelement:
     """Matrices of a body in coordinates of its interface, six a marker, and of its fixed-interface modes."""
 
-    # (6 k + n, 6 k + n): Stiffness, mass and damping. Each marker has displacements along x, y and z, then rotations
-    # about them; the modes, of unit modal mass, come last. Interface and modes are not coupled in K.
+    # (6 k + n, 6 k + n): Stiffness. Each marker has displacements along x, y and z, then rotations about them; the
+    # modes, of unit modal mass, come last. Interface and modes are not coupled in it.
     K: Array
-    M: Array
-    D: Array
+    M: Array  # (6 k + n, 6 k + n): mass in the same order
+    D: Array  # (6 k + n, 6 k + n): damping in the same order
     origins: Mapping[str, Array]  # (3,): the markers' positions in the part's own coordinates, by name [m]
     omega: Array  # (n,): angular frequencies of the fixed-interface modes [rad/s]
     weight: Array  # (6 k + n, 3): generalised forces of unit gravity along x, y and z

@@ -38,8 +38,8 @@ class Sector:
 
     fe: FEModel  # the sector, its cuts free
     images: IntArray  # (N, n_nodes): node of the whole body to which each turn carries each node of the sector
-    low: IntArray  # (n_cut,): the sector's nodes on its cuts; a turn carries ``low`` onto ``high``
-    high: IntArray
+    low: IntArray  # (n_cut,): the sector's nodes on its first cut
+    high: IntArray  # (n_cut,): those on its second cut, onto which a turn carries ``low``
 
     @property
     def count(self) -> int:

@@ -28,9 +28,9 @@ class GivenSuperelement:
     # Node number and component of each coordinate: 1 to 3 displacements, 4 to 6 rotations; modal coordinates are those
     # of nodes without a place.
     unknowns: tuple[tuple[int, int], ...]
-    K: Array  # (n, n): stiffness, mass and damping
-    M: Array
-    D: Array
+    K: Array  # (n, n): stiffness
+    M: Array  # (n, n): mass
+    D: Array  # (n, n): damping
     nodes: Mapping[int, Array] = field(default_factory=dict)  # (3,): places of the boundary nodes
     # (3, 3): directions, as columns, of the unknowns of nodes that have axes of their own
     axes: Mapping[int, Array] = field(default_factory=dict)

@@ -18,8 +18,8 @@ class ModalData:
     """Inertia, stiffness and damping of a body in a floating frame, for modal coordinates of any kind and scale."""
 
     integrals: InertiaIntegrals  # inertia integrals, those along all axes, about the frame's origin
-    K: Array  # (n, n): modal stiffness and damping
-    D: Array
+    K: Array  # (n, n): modal stiffness
+    D: Array  # (n, n): modal damping
     # Nodes by label, about the frame's origin. Rotations are NaN where a file doesn't tell them.
     nodes: Mapping[str, MarkerShapes]
     notes: tuple[str, ...] = ()  # what a file says that can't be right, and what was taken instead

@@ -39,10 +39,8 @@ class SecondOrderFields:
 
     F: Array  # (k, n, n): coordinates ``½ qᵀ F_k q``
     W: Array  # (k, n): modal mass between fields and modes
-    # (3, 3, 1 + n + k, 1 + n + k) and (3, 1 + n + k): inertia integrals as `InertiaIntegrals` has them, with the fields
-    # behind the modes
-    G: Array
-    S: Array
+    G: Array  # (3, 3, 1 + n + k, 1 + n + k): integrals as `InertiaIntegrals` has them, the fields behind the modes
+    S: Array  # (3, 1 + n + k): integrals as `InertiaIntegrals` has them, likewise
 
 
 def second_order_fields(

@@ -154,7 +154,7 @@ class Outline:
 
     elements: bool  # true for the outlines of elements, False for the lines of the part's form alone
     width: float = 1.2  # [pixels]
-    opacity: float = 1.0
+    opacity: float = 1.0  # from 0 to 1
     lift: float = 2.0  # distance towards the viewer, so that lines lie over faces [pixels]
 
 

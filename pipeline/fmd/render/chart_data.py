@@ -40,8 +40,8 @@ class Band:
 class HistoryFrame:
     """A quantity over time with its components."""
 
-    name: str  # its name and SI unit
-    unit: str
+    name: str  # the quantity's name
+    unit: str  # its SI unit
     columns: Array  # (n_times, n_components): values
     components: tuple[str, ...] = ()  # names of the components, if there are several
     error: float | None = None  # largest error over time

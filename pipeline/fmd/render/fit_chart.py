@@ -52,9 +52,9 @@ class FittedHistory:
     """A channel of a fit."""
 
     label: str  # its name with its unit in brackets
-    measured: Array  # (n,): as it was measured, and the scene's before and after the fit
-    first: Array
-    fitted: Array
+    measured: Array  # (n,): as it was measured
+    first: Array  # (n,): the scene's before the fit
+    fitted: Array  # (n,): the scene's after the fit
     sigma: float | Array  # (n,): standard deviation of its noise
 
 

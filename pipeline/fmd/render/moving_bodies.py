@@ -20,8 +20,8 @@ class MovingBody:
     surface: Surface  # the undeformed body, in its frame
     shapes: Array  # (n_points, 3, n_modes): displacement of the points for a unit of each modal coordinate [kg^-1/2]
     coordinates: Array  # (n_frames, n_modes): modal coordinates [kg^1/2 m]
-    origin: Array  # (n_frames, 3) and (n_frames, 3, 3): place [m] and axes of the body's frame in space
-    rotation: Array
+    origin: Array  # (n_frames, 3): place of the body's frame in space [m]
+    rotation: Array  # (n_frames, 3, 3): axes of the body's frame in space
     scale: float = 1.0  # factor on the deformation
     stress: Array | None = None  # (n_frames, n_points): what colours it [Pa]; without, it has one colour
     name: str = ""
@@ -55,8 +55,8 @@ class MovingShape:
 
     surface: Surface
     colour: str
-    origin: Array  # (n_frames, 3) and (n_frames, 3, 3): place [m] and axes of the frame in space
-    rotation: Array
+    origin: Array  # (n_frames, 3): place of the frame in space [m]
+    rotation: Array  # (n_frames, 3, 3): axes of the frame in space
     name: str = ""
 
     def points(self, frame: int) -> Array:

@@ -23,8 +23,8 @@ _STABLE = 1e-9  # excess of a spectral radius over 1 that counts as stable
 class Panel:
     """A stability map with its heading, one panel of a figure."""
 
-    omega_s: Array  # (n_s,) and (n_l,): Courant numbers of the fast and of the slow coordinates
-    omega_l: Array
+    omega_s: Array  # (n_s,): Courant numbers of the fast coordinates
+    omega_l: Array  # (n_l,): Courant numbers of the slow coordinates
     rho: Array  # (n_l, n_s): spectral radius of a major cycle
     title: str
 

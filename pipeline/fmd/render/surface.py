@@ -50,9 +50,8 @@ class Skin:
     share: csr_array  # (n_drawn, n_triangles): 1 where a triangle takes part in a drawn point's normal
     sides: IntArray  # (n_sides, 2): ends of the triangles' sides, points of the surface; each side once
     between: IntArray  # (n_sides, 2): triangles that meet at each side; at a border one triangle twice
-    # (n_sides,): true for sides at a crease or a border; true for sides that outline elements
-    is_sharp: NDArray[np.bool_]
-    is_outline: NDArray[np.bool_]
+    is_sharp: NDArray[np.bool_]  # (n_sides,): true for sides at a crease or a border
+    is_outline: NDArray[np.bool_]  # (n_sides,): true for sides that outline elements
 
     def normals(self, normals: Array) -> Array:
         """Return unit normals at the drawn points, shape (n_drawn, 3), from the triangles' `area_normals`."""

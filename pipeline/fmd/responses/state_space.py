@@ -41,13 +41,13 @@ class StateSpace:
         Shapes disagree with the names.
     """
 
-    A: Array  # (n, n), (n, n_inputs), (n_outputs, n) and (n_outputs, n_inputs): matrices, in SI units
-    B: Array
-    C: Array
-    D: Array
-    states: tuple[Channel, ...]  # their names and units
-    inputs: tuple[Channel, ...]
-    outputs: tuple[Channel, ...]
+    A: Array  # (n, n), in SI units
+    B: Array  # (n, n_inputs), in SI units
+    C: Array  # (n_outputs, n), in SI units
+    D: Array  # (n_outputs, n_inputs), in SI units
+    states: tuple[Channel, ...]  # names and units of the states
+    inputs: tuple[Channel, ...]  # names and units of the inputs
+    outputs: tuple[Channel, ...]  # names and units of the outputs
 
     def __post_init__(self) -> None:
         n, n_in, n_out = len(self.states), len(self.inputs), len(self.outputs)

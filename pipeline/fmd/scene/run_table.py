@@ -29,10 +29,8 @@ class RunTable(SceneTable):
     samples: ClassVar[bool] = False  # its steps end where sampled controllers measure
     takes_contact: ClassVar[bool] = False  # its steps are given, and it tells contacts when one ends
     passes_over: ClassVar[bool] = False  # it stays stable where its steps don't resolve fast vibrations
-    # this and the next: how the messages that refuse a step for its limit, or for vibrations that it makes grow, name
-    # another method
-    limit_remedy: ClassVar[str] = ""
-    growth_remedy: ClassVar[str] = ""
+    limit_remedy: ClassVar[str] = ""  # how the message that refuses a step for its limit names another method
+    growth_remedy: ClassVar[str] = ""  # how the one that refuses it for vibrations that it makes grow names another
 
     if TYPE_CHECKING:  # a field of each method, which describes it
         integrator: str

@@ -37,13 +37,13 @@ class PeriodicMotion:
     """Start of a motion that repeats, and how it was found."""
 
     period: float  # [s]
-    q: Array  # (n_positions,) and (n,): positions and rates at the start
-    v: Array
+    q: Array  # (n_positions,): positions at the start
+    v: Array  # (n,): rates at the start
     gap: float  # what is left after a period, beside the largest value of each kind of coordinate
     # (k,): Floquet multipliers, the largest first; those so small that round-off hides them are left out
     multipliers: NDArray[np.complex128]
-    marches: int  # periods that were marched to find it, and for the multipliers
-    disturbed_marches: int
+    marches: int  # periods that were marched to find it
+    disturbed_marches: int  # periods that were marched for the multipliers
     times: Array  # (n_times,): some times of the period [s]
     states: Array  # (n_times, n_positions + n): positions and rates then
 

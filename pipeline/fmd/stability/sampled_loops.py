@@ -29,10 +29,10 @@ from fmd.stability.tangent import OperatingPoint, differentiate
 class SampledLoops:
     """Linear model of a mechanism between samples, and of what its controllers measure."""
 
-    A: Array  # (n, n) and (n, n_held): rates of positions and rates by these, and by held values
-    B: Array
-    C: Sequence[Array]  # (n_measured, n) and (n_measured, n_held): what each controller measures, likewise
-    D: Sequence[Array]
+    A: Array  # (n, n): rates of positions and rates by these
+    B: Array  # (n, n_held): rates of positions and rates by held values
+    C: Sequence[Array]  # (n_measured, n): what each controller measures by positions and rates
+    D: Sequence[Array]  # (n_measured, n_held): what each controller measures by held values
     outputs: tuple[int, ...]  # number of the value that each controller holds
 
     def growth_rate(self, periods: Sequence[float], laws: Sequence[LinearLaw]) -> float | None:

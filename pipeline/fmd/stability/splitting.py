@@ -99,6 +99,11 @@ def recommend_step(M: Array, K: Array, n_slow: int, error: float, duration: floa
     """Return the longest fast step [s] and the largest ratio whose phase errors and growth stay below an error.
 
     The ratio is 1 where all coordinates are slow, or all are fast: it would change nothing.
+
+    Parameters
+    ----------
+    error : float
+        Wanted, relative to the largest deformation.
     """
     if not 0 < n_slow < len(M):
         return longest_step(M, K, error, duration), 1

@@ -28,8 +28,8 @@ class OperatingPoint:
     """State of a mechanism about which small vibrations are studied."""
 
     time: float  # [s]
-    q: Array  # (n_positions,) and (n,): positions and rates
-    v: Array
+    q: Array  # (n_positions,): positions
+    v: Array  # (n,): rates
     # (n_numbers,): numbers of the mechanism that it is a state of, where another one of that structure stands for it;
     # see `fmd.integrators.many_states.numbers_in`
     numbers: Array = field(default_factory=lambda: np.zeros(0))

@@ -26,8 +26,8 @@ class StabilityMap:
 
     substeps: int  # fast steps to a major cycle
     coupling: float  # β
-    omega_s: Array  # (n,): Courant numbers of the fast and of the slow coordinate
-    omega_l: Array
+    omega_s: Array  # (n,): Courant numbers of the fast coordinate
+    omega_l: Array  # (n,): Courant numbers of the slow coordinate
     rho: Array  # (n, n): spectral radius; rows go with ``omega_l``
 
     @property
@@ -86,9 +86,9 @@ class GrowthLaw:
     """Law ``ρ − 1 = c β^b Ω_S^s / (1 − β²)`` of the weak instability, fitted to computed radii."""
 
     substeps: int  # m
-    factor: float  # c, b and s
-    coupling_power: float
-    courant_power: float
+    factor: float  # c
+    coupling_power: float  # b
+    courant_power: float  # s
     misfit: float  # largest relative difference of a radius's excess from the law
 
 

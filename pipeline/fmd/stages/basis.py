@@ -33,8 +33,8 @@ from fmd.stages.parent_joint import ParentJoint
 class ConstrainedModel:
     """A body's finite element model with its markers, its supports and the joint that carries it."""
 
-    file: str  # the scene's file and the body's name in it, for messages
-    name: str
+    file: str  # the scene's file, for messages
+    name: str  # the body's name in it, for messages
     solver_name: str  # solver that the scene chooses
     factorise: Callable[[Any], Factor]  # factorises a matrix by that solver
     fe: FEModel

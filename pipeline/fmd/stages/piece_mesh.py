@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 class Cut:
     """A cut between two pieces: their numbers, and the names of the markers that each has there."""
 
-    first: int  # numbers of the pieces, from 0; in the tree the first is nearer to the joint that carries the part
-    second: int
-    of_first: str  # names of the markers on both sides
-    of_second: str  # names of the markers on both sides
+    first: int  # number of the first piece, from 0; in the tree it is nearer to the joint that carries the part
+    second: int  # number of the second piece
+    of_first: str  # name of the marker on the first piece
+    of_second: str  # name of the marker on the second piece
     closes: bool  # the cut closes a ring of pieces; else it is a branch of the tree
     facets: IntArray = field(repr=False, compare=False)  # its facets, by their numbers among all between elements
 
@@ -42,8 +42,8 @@ class PieceMesh:
     cells: IntArray  # their numbers in the mesh of the whole
     mesh: SolidMesh  # the piece's mesh, its origin moved by ``offset``; its faces are those of its markers
     offset: Array  # (3,): origin of the piece's coordinates in those of the whole [m]
-    cut_markers: tuple[str, ...]  # names of the markers at its cuts, and of the whole part's markers that are on it
-    own_markers: tuple[str, ...]
+    cut_markers: tuple[str, ...]  # names of the markers at its cuts
+    own_markers: tuple[str, ...]  # names of the whole part's markers that are on it
     # Those of them, by name, that aren't made from a face of the piece's mesh.
     given: Mapping[str, Marker] = field(default_factory=dict)
 

@@ -31,8 +31,8 @@ class PiecesAtRest:
     Coordinates are those of all pieces, then velocity and spin of the first one's frame unless supports fix it.
     """
 
-    M: Array  # (n, n): mass and stiffness
-    K: Array
+    M: Array  # (n, n): mass
+    K: Array  # (n, n): stiffness
     closing: Array  # (k, n): rows that the cuts which close rings keep at 0
     motions: Mapping[str, Array]  # (6, n): translation and rotation of the part's markers by their names
     n_rigid: int  # number of rigid motions, which are the last coordinates

@@ -42,9 +42,8 @@ class Stage(Generic[T]):
     # Everything that the result depends on, as plain data for its key; without, or where it is ``None``, the result is
     # never kept.
     inputs: Callable[[Any], Any] | None = None
-    # Python sources, named from the project's root, and installed packages that make the result.
-    sources: tuple[str, ...] = ()
-    packages: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()  # Python sources that make the result, named from the project's root
+    packages: tuple[str, ...] = ()  # installed packages that make the result
     # Stages whose results are among ``inputs``: while they aren't known, neither is the key.
     in_key: tuple[str, ...] = ()
     # As ``inputs``, for a result that is never kept but that bodies of one part have in common.

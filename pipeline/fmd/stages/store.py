@@ -42,8 +42,8 @@ class Log:
 
     # Time that each stage took, computed or read from the cache, of all bodies together [s].
     seconds: dict[str, float] = field(default_factory=dict)
-    run: list[str] = field(default_factory=list)  # stages that were computed and stages that were read
-    cached: list[str] = field(default_factory=list)
+    run: list[str] = field(default_factory=list)  # stages that were computed
+    cached: list[str] = field(default_factory=list)  # stages that were read
 
     def add(self, stage: str, seconds: float, names: list[str]) -> None:
         """Add a stage's time, and its name to those run or those cached."""

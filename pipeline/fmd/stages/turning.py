@@ -102,6 +102,12 @@ class OnHub:
 class TurningRotor:
     """A scene's rotor, linearised where it turns steadily.
 
+    Parameters
+    ----------
+    in_bearings : bool
+        Whether its first body is free, and bearings hold it; else its first part's joints lead to a revolute joint on
+        the ground.
+
     Raises
     ------
     InputError

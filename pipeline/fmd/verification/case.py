@@ -40,9 +40,9 @@ class CaseSkipped(Exception):  # noqa: N818 - no error: what a case needs isn't 
 class VerificationCase:
     """A case: figures of ours beside those of one publication."""
 
-    name: str  # name on the command line, title in the table, and publication of the numbers or formulas
-    title: str
-    source: str
+    name: str  # name on the command line
+    title: str  # title in the table
+    source: str  # publication of the numbers or formulas
     # Function that computes the figures; takes the cache of the stages, ``None`` for the user's.
     measure: Callable[[Cache | None], list[Figure]]
 

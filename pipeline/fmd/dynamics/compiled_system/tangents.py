@@ -39,9 +39,8 @@ class Variant:
 
     compiled: CompiledMechanism
     weight: float  # of its residual in a derivative
-    # (n_positions,) and (n,): 1, or -1 for a modal coordinate of which the other's has the opposite sign
-    signs_q: Array
-    signs_v: Array
+    signs_q: Array  # (n_positions,): 1, or -1 for a modal coordinate of which the other's has the opposite sign
+    signs_v: Array  # (n,): the same of rates
 
 
 @dataclass(frozen=True)
@@ -52,8 +51,8 @@ class Direction:
     # Signals beside the mechanism's own, in their order, with weights: the weighted sums of their values are the
     # derivatives of the mechanism's. Four sets at most; none where these stay as they are.
     signals: Sequence[tuple[tuple[Signal, ...], float]]
-    q: Array  # (n_positions,) and (n,): derivatives of positions and rates at the start
-    v: Array
+    q: Array  # (n_positions,): derivatives of positions at the start
+    v: Array  # (n,): derivatives of rates at the start
     # Mechanisms whose weighted residuals are the derivative of the mechanism's own, where more than inputs of its
     # equations change: four at most, and then neither numbers nor signals.
     variants: Sequence[Variant] = ()

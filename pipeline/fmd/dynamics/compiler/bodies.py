@@ -54,8 +54,8 @@ AXES = range(3)
 class AddedMass:
     """Modal mass of a body's displacements of second order: ``Rᵀ C R`` of low rank, with the rows R = (g, F q)."""
 
-    g: Array  # (k, n) and (k, n, n): as in `SecondOrderMass`, without round-off
-    F: Array
+    g: Array  # (k, n): as in `SecondOrderMass`, without round-off
+    F: Array  # (k, n, n): as in `SecondOrderMass`, without round-off
     rows: list[Vector]  # R: those of g, then those of f
     C: Matrix
 
@@ -99,15 +99,15 @@ class Inertia:
     """A body's inertia at its state, in its own axes."""
 
     mass: Scalar  # [kg]
-    c: Vector3  # first moment about the origin, and its rate
-    c_rate: Vector3
-    J: Matrix  # inertia tensor, and half its rate's symmetric part: ``N_ab = q̇ · I_ab p``
-    N: Matrix
+    c: Vector3  # first moment about the origin
+    c_rate: Vector3  # its rate
+    J: Matrix  # inertia tensor
+    N: Matrix  # half its rate's symmetric part: ``N_ab = q̇ · I_ab p``
     h: Vector3  # angular momentum of the deforming alone
     y: list[list[Vector]]  # modal parts of ``I_ab p``
-    S: list[Vector]  # first moments of the modes, modal parts of ``A_a p`` and ``A_a q̇``
-    z: list[Vector]
-    z_rate: list[Vector]
+    S: list[Vector]  # first moments of the modes
+    z: list[Vector]  # modal parts of ``A_a p``
+    z_rate: list[Vector]  # modal parts of ``A_a q̇``
     bending: Vector6  # force and moment that displacements of second order take at constant modal rates
     more: AddedMass | None  # what displacements of second order add to the modal mass
 

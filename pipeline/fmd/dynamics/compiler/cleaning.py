@@ -28,8 +28,8 @@ class InertiaForms:
     I_ab: Array
     A_a: Array  # (3, 1 + n, 1 + n): ``A_a = G_bc − G_cb`` by the axis a across b and c, antisymmetric each
     S: Array  # (3, 1 + n): first moments
-    displacement2: Array  # (3, n, n) or (3, 0, 0): second-order first moments and angular momentum
-    rotation2: Array
+    displacement2: Array  # (3, n, n) or (3, 0, 0): second-order first moments
+    rotation2: Array  # (3, n, n) or (3, 0, 0): second-order angular momentum
     mass: float  # [kg]
     normal: int  # number of the only axis that the body turns about, or -1
 
@@ -46,8 +46,8 @@ class InertiaForms:
 class WholeForms(InertiaForms):
     """Constant inertia integrals of a body whose displacements of second order count with their whole energy."""
 
-    F: Array  # (k, n, n) and (k, n): as in `SecondOrderFields`, whose fields are behind the modes in all forms
-    W: Array
+    F: Array  # (k, n, n): as in `SecondOrderFields`, whose fields are behind the modes in all forms
+    W: Array  # (k, n): as in `SecondOrderFields`
 
     @property
     def second_order(self) -> SecondOrderMass:

@@ -52,12 +52,12 @@ class MovingFrame:
     number: int
     link: Link
     parent: MovingFrame | None
-    q: Vector  # modal coordinates and rates
-    v: Vector
+    q: Vector  # modal coordinates
+    v: Vector  # modal rates
     spin: Vector3
     R: Matrix  # from the body's axes into its parent's
-    beta: Vector6  # bias accelerations of the marker, in the parent's axes, and of the joint
-    gamma: Vector6
+    beta: Vector6  # bias acceleration of the marker, in the parent's axes
+    gamma: Vector6  # bias acceleration of the joint
     B: Matrix  # shift of accelerations from the parent's origin to the marker
     marker: MarkerMotion  # where the joint sits
     shift: Vector3  # from the joint to the body's origin, in the body's axes

@@ -34,16 +34,16 @@ from fmd.reduction.body import MarkerShapes
 class MarkerMotion:
     """Motion of a marker, in the axes of its body."""
 
-    arm: Vector3  # its place, and twice the rate at which the modes move it
-    moving: Vector3
+    arm: Vector3  # its place
+    moving: Vector3  # twice the rate at which the modes move it
     R: Matrix  # ``exp(θ̃)``: its rotation by the modes
     A: Matrix  # its rotation rate is ``A θ̇``
-    turned: Vector3  # that rate, and its derivative while the modal rates don't change
-    turning: Vector3
+    turned: Vector3  # that rate
+    turning: Vector3  # its derivative while the modal rates don't change
     bending: Vector3  # acceleration of its place at constant modal rates
     shapes: MarkerShapes
-    slopes: list[Vector]  # derivatives of its place and of θ by the modal coordinates
-    turns: list[Vector]
+    slopes: list[Vector]  # derivatives of its place by the modal coordinates
+    turns: list[Vector]  # derivatives of θ by the modal coordinates
     angle: tuple[Array, Scalar] | None = None  # axis and angle, of a rotation about one axis only
 
 

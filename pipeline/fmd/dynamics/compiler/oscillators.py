@@ -29,12 +29,12 @@ from fmd.dynamics.compiler.program import LANES
 class Oscillators:
     """Oscillators at a cycle's begin, vectors of one size; each force is one over the mass, but for its sign."""
 
-    x: Vector  # positions, rates half a step before them, and accelerations
-    v: Vector
-    a: Vector
+    x: Vector  # positions
+    v: Vector  # rates half a step before them
+    a: Vector  # accelerations
     inverse_mass: Vector  # 1 over their masses
-    by_positions: Vector  # how their residual changes with positions, and with time
-    drift: Vector
+    by_positions: Vector  # how their residual changes with positions
+    drift: Vector  # how it changes with time
     # Accelerations and how it changes with time by each of them beside the drift: they are known late, so that what
     # they are multiplied by is made ready first.
     late: tuple[tuple[Scalar, Vector], ...]

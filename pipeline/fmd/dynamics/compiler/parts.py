@@ -47,8 +47,8 @@ class Call:
 class Parts:
     """A program as calls of shared functions."""
 
-    before: list[Program]  # copy inputs to the arrays, and outputs from them
-    after: list[Program]
+    before: list[Program]  # copy inputs to the arrays
+    after: list[Program]  # copy outputs from the arrays
     functions: list[Program]  # functions of the two arrays
     calls: list[Call]
     sizes: dict[str, int]  # of the arrays [doubles]

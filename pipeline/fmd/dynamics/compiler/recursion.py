@@ -58,7 +58,7 @@ from fmd.dynamics.compiler.span import ModalRows, Span, rows_of_marker, span_row
 class Carried:
     """An articulated body as its parent feels it at the marker, in the parent's axes."""
 
-    IA: Matrix
+    IA: Matrix  # its inertia there
     pA: Vector6  # force for a marker that doesn't accelerate
 
 
@@ -70,35 +70,29 @@ class CarrierModes:
     PQW: Matrix  # ``P⁻¹ Q`` times the coupling of frame and modes
     PQe: list[Scalar]  # ``P⁻¹ Q`` times the modes' bias
     F: SymmetricFactor
-    Y: Matrix  # ``L⁻¹ Y`` and ``L⁻¹ f`` with the factor L of F
-    f: list[Scalar]
+    Y: Matrix  # ``L⁻¹ Y`` with the factor L of F
+    f: list[Scalar]  # ``L⁻¹ f``
     T: dict[int, Matrix]  # each child's T by the rows of Q, ``T_c = T Q``, by its number
 
 
 @dataclass
 class ArticulatedBody:
-    """A body with all that it carries.
-
-    Attributes
-    ----------
-    x, eta, zeta : Vector6, Vector and list of Scalar
-        Accelerations of its frame, of its modes, and of these along Q: filled by the walk outwards.
-    """
+    """A body with all that it carries."""
 
     frame: MovingFrame
     free: Array  # (n,): 1 for each mode that isn't frozen
-    W: list[Vector]  # coupling of frame and free modes, and the bias of these
-    e: Vector
-    IA: Matrix  # articulated inertia and bias force at the body's origin
-    pA: Vector6
+    W: list[Vector]  # coupling of frame and free modes
+    e: Vector  # bias of the free modes
+    IA: Matrix  # articulated inertia at the body's origin
+    pA: Vector6  # bias force at the body's origin
     directions: list[Vector6]  # columns of S, none if the joint is frozen
     modes: CarrierModes | None = None  # of a flexible body that carries others
     U: list[Vector6] = field(default_factory=list)  # ``IA S`` column by column
     D: SymmetricFactor | None = None  # factors of ``Sᵀ IA S``; of IA itself for a free joint
     u: list[Scalar] = field(default_factory=list)  # the joint's load less ``Sᵀ pA``; the load itself for a free joint
     carried: Carried | None = None  # what its parent feels
-    x: Vector6 = field(default_factory=list)
-    zeta: list[Scalar] = field(default_factory=list)
+    x: Vector6 = field(default_factory=list)  # acceleration of its frame, which the walk outwards fills
+    zeta: list[Scalar] = field(default_factory=list)  # accelerations of its modes along Q, likewise
 
     def __post_init__(self) -> None:
         self.eta = self.e.graph.zeros(0)

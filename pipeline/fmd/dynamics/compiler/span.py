@@ -44,8 +44,8 @@ class Span:
 class ModalRows:
     """Rows that change linearly with the modal coordinates."""
 
-    shapes: Array  # (m, n) and (m, n, n): their constant part, and their derivatives
-    forms: Array
+    shapes: Array  # (m, n): their constant part
+    forms: Array  # (m, n, n): their derivatives by the modal coordinates
     values: list[Vector]
 
 

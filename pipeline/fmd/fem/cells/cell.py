@@ -22,8 +22,8 @@ class SolidCell:
     elements: tuple[ElementKind, ...]  # the elements on it, of different orders of the displacement
     centres: tuple[Corners, ...] = ()  # corners at whose centres its further nodes lie, after the mid-edge nodes
     nastran: tuple[str, ...] = ()  # Nastran's names of the element; none if it has no such element
-    nastran_order: Corners = ()  # places of its nodes in the other program's order; empty if that is the same
-    abaqus_order: Corners = ()
+    nastran_order: Corners = ()  # places of its nodes in Nastran's order; empty if that is the same
+    abaqus_order: Corners = ()  # places of its nodes in Abaqus' order; empty if that is the same
 
     @property
     def n_corners(self) -> int:

@@ -21,9 +21,8 @@ class CellShape(ABC):
     # Reference coordinates; exchanging the first two of them mirrors the cell into itself.
     corners: ClassVar[tuple[tuple[float, float, float], ...]]
     edges: ClassVar[tuple[tuple[int, int], ...]]  # corners at the ends of each edge, in the order of the mid-edge nodes
-    # Corners around each face, counter-clockwise seen from outside; in the order of Abaqus' faces S1, S2 …
-    faces: ClassVar[tuple[Corners, ...]]
-    abaqus_faces: ClassVar[tuple[Corners, ...]]
+    faces: ClassVar[tuple[Corners, ...]]  # corners around each face, counter-clockwise seen from outside
+    abaqus_faces: ClassVar[tuple[Corners, ...]]  # the same in the order of Abaqus' faces S1, S2 …
     # A corner, and the other ends of three edges that leave it, right-handed.
     corner_edges: ClassVar[tuple[tuple[int, int, int, int], ...]]
     ideal: ClassVar[float]  # triple product of the unit edges at a corner of the cell with equal edges

@@ -26,7 +26,7 @@ class BeamElement(NamedTuple):
     """Section, orientation and offsets of a beam by its card."""
 
     label: str  # its name and number, for messages
-    section: str
+    section: str  # name of its property or set
     towards: Array  # (3,) or (0,): vector in the plane of the beam's first axis; empty if there is none
     offsets: Array  # (2, 3): of both ends from their nodes, in the file's unit
 

@@ -18,9 +18,9 @@ class FmuVariable(NamedTuple):
 
     name: str
     reference: int  # number by which it is read and set
-    causality: str  # as FMI has them; ``initial`` may be empty
-    variability: str = "continuous"
-    initial: str = ""
+    causality: str  # as FMI has it
+    variability: str = "continuous"  # as FMI has it
+    initial: str = ""  # as FMI has it; may be empty
     start: float | None = None  # value at the start
     unit: str = ""  # the unit may be empty
     description: str = ""  # the unit may be empty

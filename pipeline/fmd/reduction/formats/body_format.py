@@ -35,9 +35,8 @@ class LoadCases(NamedTuple):
     deck: str  # text of the deck that holds the body
     labels: IntArray  # (n_nodes,): node numbers
     rigid: Array  # (3 n_nodes, 6): rigid motions
-    # (n_nodes, 3): loads that stiffen, and those under which the body deforms as its shapes
-    stiffening: dict[str, Array]
-    shapes: dict[str, Array]
+    stiffening: dict[str, Array]  # (n_nodes, 3): loads that stiffen
+    shapes: dict[str, Array]  # (n_nodes, 3): loads under which the body deforms as its shapes
 
 
 class ExportedBody(ABC):

@@ -47,8 +47,8 @@ class PartOutline:
 
     solids: int
     volume: float  # [m³]
-    low: tuple[float, float, float]  # corners of the box around it [m]
-    high: tuple[float, float, float]  # corners of the box around it [m]
+    low: tuple[float, float, float]  # lowest corner of the box around it [m]
+    high: tuple[float, float, float]  # highest corner of the box around it [m]
     faces: tuple[FaceOutline, ...]  # its faces, in the file's order
 
 
