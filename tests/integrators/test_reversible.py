@@ -24,6 +24,7 @@ from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.scene.joints.prismatic import PRISMATIC
 from fmd.scene.joints.revolute import REVOLUTE
 from tests.dynamics.hinged_body import body_of, energies, hinged
+from tests.linear_system import LinearSystem
 
 Body = Callable[..., FlexibleBody]
 Order = Callable[[Array, Array], float]
@@ -242,6 +243,25 @@ def test_a_fast_step_beyond_the_coupled_limit_is_refused() -> None:
     assert limit < 0.95 * Subcycling(1.0, 5).largest_step(plan.system)
     with pytest.raises(InputError, match="reversible-sub-cycling would diverge"):
         planned("arm", f"substeps = 5, step = '{1.001e6 * limit} us'")
+
+
+class Stopped(LinearSystem):
+    """Two oscillators of which the first one has an end stop."""
+
+    @property
+    def stiffest_matrices(self) -> tuple[Array, Array, Array]:
+        M, K, C = self.linear_matrices
+        return M, K + np.diag([1e4, 0.0]), C
+
+
+def test_the_cause_of_a_limit_by_end_stops_is_named() -> None:
+    # 2/(m ω) with ω = 100 rad/s; with one step it is the second oscillator's 2/ω, ω = 150 rad/s.
+    system = Stopped(np.eye(2), np.diag([1.0, 150.0**2]), 1)
+    method = ReversibleSubcycling(1e-3, 10)
+    assert method.largest_step(system) == pytest.approx(2e-3)
+    assert method.describe_limit(system).endswith("of its end stops alone, whose forces are frozen over 10 steps")
+    assert ReversibleSubcycling(1e-3, 1).largest_step(system) == pytest.approx(2 / 150)
+    assert "23.873 Hz" in ReversibleSubcycling(1e-3, 1).describe_limit(system)
 
 
 @pytest.mark.parametrize("substeps", [0, -5])

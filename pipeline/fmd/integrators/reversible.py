@@ -64,15 +64,20 @@ class ReversibleSubcycling(FixedStepIntegrator):
 
     def largest_step(self, system: System) -> float:
         """Return central difference's longest step, and the longest that end stops allow, which are frozen [s]."""
+        return min(CentralDifference(self.step).largest_step(system), self._largest_by_stops(system))
+
+    def _largest_by_stops(self, system: System) -> float:
         (M, K, C), (_, stiffest, most) = system.linear_matrices, system.stiffest_matrices
-        longest = CentralDifference(self.step).largest_step(system)
         if np.array_equal(K, stiffest) and np.array_equal(C, most):
-            return longest
-        return min(longest, largest_leapfrog_step(M, stiffest - K, most - C) / self.substeps)
+            return np.inf
+        return largest_leapfrog_step(M, stiffest - K, most - C) / self.substeps
 
     def describe_limit(self, system: Any) -> str:
-        """Say which frequency limits the step, and what dampers take of that."""
-        return CentralDifference(self.step).describe_limit(system)
+        """Say what limits the step: end stops, or which frequency, and what dampers take of that."""
+        plain = CentralDifference(self.step)
+        if self._largest_by_stops(system) < plain.largest_step(system):
+            return f"2/(m ω) of its end stops alone, whose forces are frozen over {self.substeps} steps"
+        return plain.describe_limit(system)
 
     def load_cycle(self, system: System) -> int:
         """Return the steps of a cycle, over which loads are frozen."""
@@ -142,11 +147,11 @@ def _begin_cycle(m: _FrozenSteps, p: Any, responses: Any, first: int, sampled: b
     for i in range(n):
         m.v_now[i] = 2.0 * m.memory[i] - m.memory[n + i]
     advance(p, m.q_now, m.v_now, 0.5 * H, 0, n)
-    for i in range(m.n_slow):
+    for i in range(m.n_slow if offset else 0):  # of rotations in space, which have no differences
         m.begin[i] = -0.5 * H * m.v_now[i]
     project(p, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now)
     find_responses(p, responses, (first + 0.5 * m.substeps) * m.h, m.q_now, m.v_now, m.a_now, m.X)
-    for i in range(m.n_slow, n):
+    for i in range(m.n_slow if offset else 0, n):  # loops move the middle, the slow coordinates too
         m.begin[i] = m.q[i + offset] - m.q_now[i + offset]
     for i in range(n):
         m.frozen[i], m.middle[i], m.rate[i], m.last[i] = m.a_now[i], m.v_now[i], m.v[i], m.a[i]
