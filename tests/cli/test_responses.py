@@ -137,3 +137,19 @@ def test_the_plate_has_all_its_outputs(fmd: Any, capsys: pytest.CaptureFixture[s
     assert all((tmp_path / file).stat().st_size > 200 for file in summary["files"])
     assert summary["fatigue"]["life.png"]["repeats_to_failure"] > 1e6
     assert {row["quantity"] for row in summary["tables"]["extremes.csv"]} >= {"clamp.force.size", "clamp.moment.z"}
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--order", "0"], "--order = 0: must be 1 or more states"),
+        (["--order", "4", "--error", "1 %"], "--order = 4: can't stand beside --error"),
+        (["--error", "1"], "--error = '1': must be a percentage as text"),
+    ],
+)
+def test_a_reduction_that_no_model_can_have_is_refused_before_one_is_computed(
+    options: list[str], told: str, fmd, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fmd.stages.linear_model.linearise_scene", None)
+    assert fmd("linearise", "plate", *options) == 2
+    assert told in capsys.readouterr().err

@@ -19,6 +19,7 @@ from fmd.responses.whirl import find_circulation
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
 from fmd.stages.rotor import find_vibrations
+from fmd.stages.turning import require_one_axis
 
 MASS, POLAR, ACROSS, ARM, RADIAL, DAMPER = 12.0, 0.09, 0.06, 0.2, 4e5, 150.0
 SIMULATION = """
@@ -334,3 +335,11 @@ def test_a_model_that_jumps_is_computed_wherever_it_is_asked_for_near_the_jump()
 
     at = interpolate_models(model, 0.0, 5.0)
     assert [at(x)[0][1, 0] for x in (0.9, 0.999, 1.0, 1.001, 4.0)] == pytest.approx([-100, -100, -400, -400, -400])
+
+
+def test_a_second_hinge_off_the_axis_is_refused_before_anything_is_reduced() -> None:
+    run = Pipeline(load_scene("four-bar"))
+    with pytest.raises(InputError, match=r"joint\.A: what holds the rotor beside this joint isn't the same all around"):
+        find_vibrations(run)
+    assert not any(part.results for part in run.parts.values())
+    require_one_axis(load_scene("four-bar", ['ground.D.at=["0 mm", "0 mm", "240 mm"]']))  # on the axis

@@ -131,7 +131,8 @@ def _print(found: Fit) -> None:
         | {"at": "at its bound" if row["at_bound"] else ""}
         for row in summary["parameters"]
     ]
-    print_records("Fit", columns | {"unit": "unit", "": "at"}, rows)
+    bounds = {"bound": "at"} if any(row["at"] for row in rows) else {}
+    print_records("Fit", columns | {"unit": "unit"} | bounds, rows)
     console = open_console()
     console.print(
         f"chi-squared {found.chi2:.5g} of {found.n_free} degrees of freedom (probability {found.probability:.2g}); "

@@ -13,7 +13,7 @@ from fmd.accuracy.error_estimates import percent
 from fmd.cli.inputs import DEFAULTS, Options, settle
 from fmd.cli.options import Flag, Folder, Names, SceneName, print_json
 from fmd.cli.tables import open_console, print_files, print_table, print_warnings
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.responses import LITTLE_OFF
 from fmd.core.units import parse_percentage
 
@@ -59,6 +59,7 @@ def linearise(
     from fmd.output.responses import write_model
     from fmd.stages.linear_model import default_inputs, default_outputs, linearise_scene
 
+    require_reduction(order, error)
     run = settle(options.open(scene, linear=True))
     inputs, outputs = in_ or default_inputs(run.scene), out or default_outputs(run.scene)
     linear = linearise_scene(run, inputs, outputs, about)
@@ -112,17 +113,24 @@ def _describe_errors(errors: BandErrors) -> str:
     return f"{low if 0 < within < len(shares) else ''}within {percent(float(shares[-1]))} % up to {edges[-1]:.4g} Hz"
 
 
+def require_reduction(order: int | None, error: str | None) -> None:
+    """Refuse an order or an error that no model can have, before one is computed."""
+    if order is not None and error is not None:
+        raise InputError("--order", "", order, "can't stand beside --error")
+    if order is not None and order < 1:
+        raise InputError("--order", "", order, "must be 1 or more states")
+    if error is not None:
+        with as_input_error("--error", "", error):
+            parse_percentage(error)
+
+
 def reduce_states(model: StateSpace, order: int | None, error: str | None) -> ReducedModel | None:
     """Return a model with fewer states, as ``--order`` or ``--error`` requests it; ``None`` if neither does."""
     if order is None and error is None:
         return None
-    if order is not None and error is not None:
-        raise InputError("--order", "", order, "can't stand beside --error")
     from fmd.responses.model_reduction import ModelReduction
 
     option, value = ("--order", order) if error is None else ("--error", error)
-    try:
+    with as_input_error(option, "", value):
         reduction = ModelReduction(model)
         return reduction.to_order(order) if order is not None else reduction.to_error(parse_percentage(error))
-    except ValueError as wrong:
-        raise InputError(option, "", value, str(wrong)) from wrong

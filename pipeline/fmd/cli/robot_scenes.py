@@ -218,11 +218,9 @@ class _Writer:
         joint = next(
             text for text in (name, f"{name}-stands", f"{name}-on-ground") if text not in self.joint_names.values()
         )
-        mass = link.mass or LIGHT_LINK
         table = {
             "shape": "rigid",
-            "mass": f"{mass:.15g} kg",
-            "inertia": [f"{mass * LIGHT_RADIUS**2:.9g} kg m^2"] * 3,
+            **self._inertia(link),
             "marker": {"origin": {"at": write_lengths(np.zeros(3))}},
         }
         held = {"type": "fixed", "parent": "ground", "child": f"{name}.origin"}
@@ -253,24 +251,28 @@ class _Writer:
             )
             table["marker"] = {key: self._place_on_bar(name, key, pose, size) for key, pose in markers.items()}
             return f"[body.{name}]\n{_write(table)}"
-        mass, inertia = link.mass, np.diag(frame.axes.T @ link.inertia @ frame.axes)
+        table = {
+            "shape": "rigid",
+            **self._inertia(link),
+            "centre": write_lengths(frame.axes.T @ (link.centre - frame.at)),
+            "marker": {key: {"at": write_lengths(pose.at), **_turn(pose)} for key, pose in markers.items()},
+        }
+        return "\n\n".join([f"[body.{name}]\n{_write(table)}", *visuals])
+
+    def _inertia(self, link: RobotLink) -> dict[str, Any]:
+        """Return the mass and the moments of inertia of a link in its body's axes; notes tell of what is made up."""
+        axes = self.frames[link.name].axes
+        mass, inertia = link.mass, np.diag(axes.T @ link.inertia @ axes)
         if not mass > 0.0:
             mass, inertia = LIGHT_LINK, np.full(3, LIGHT_LINK * LIGHT_RADIUS**2)
-            self.notes.append(f"{link.name} has no mass, which a moving body needs: {mass:g} kg is taken")
+            self.notes.append(f"{link.name} has no mass, which a body needs: {mass:g} kg is taken")
         possible = _make_possible(inertia)
         if not np.allclose(inertia, possible, rtol=SKEW_INERTIA, atol=0.0):
             moments = ", ".join(f"{x:.4g}" for x in inertia)
             self.notes.append(
                 f"{link.name}: no body has moments of inertia of {moments} kg m²: the least possible are taken"
             )
-        table = {
-            "shape": "rigid",
-            "mass": f"{mass:.15g} kg",
-            "centre": write_lengths(frame.axes.T @ (link.centre - frame.at)),
-            "inertia": [f"{x:.15g} kg m^2" for x in possible],
-            "marker": {key: {"at": write_lengths(pose.at), **_turn(pose)} for key, pose in markers.items()},
-        }
-        return "\n\n".join([f"[body.{name}]\n{_write(table)}", *visuals])
+        return {"mass": f"{mass:.15g} kg", "inertia": [f"{x:.15g} kg m^2" for x in possible]}
 
     def _place_on_bar(self, name: str, marker: str, pose: Pose, size: Sequence[float]) -> dict[str, Any]:
         """Return a marker of a bar: an end face where the place is near one, else the nearest point of the bar."""

@@ -71,6 +71,10 @@ class AccuracyError(Exception):
     """A computed number failed its check and can't be trusted; the command line ends with exit status 3."""
 
 
+class ConvergenceError(AccuracyError):
+    """The iteration of an implicit step didn't converge; a shorter step may."""
+
+
 class InertiaError(AccuracyError):
     """A motion has lost its inertia, so that the mass matrix isn't positive definite."""
 

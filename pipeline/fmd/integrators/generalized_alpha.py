@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import AccuracyError, StabilityError
+from fmd.core.errors import ConvergenceError, StabilityError
 from fmd.core.limits.newton import (
     CONVERGED,
     OF_GUESS,
@@ -42,6 +42,7 @@ from fmd.integrators.protocol import (
     require_step,
     start_state,
 )
+from fmd.integrators.work_bounds import round_down
 from fmd.kernels.kernel import inlined, inner
 from fmd.kernels.table import Table, aligned
 
@@ -102,8 +103,8 @@ class GeneralizedAlpha(ResumableIntegrator):
 
         Raises
         ------
-        AccuracyError
-            Newton's iteration did not converge; the message has the time.
+        ConvergenceError
+            Newton's iteration did not converge; the message has the time and the step.
         """
         h, own, counts = self.step, system.motion.n, np.array([0.0, np.nan])
         contacts = np.full((times.size, system.n_contact_values), np.nan)
@@ -114,8 +115,9 @@ class GeneralizedAlpha(ResumableIntegrator):
         except StabilityError:
             if np.isnan(counts[1]):
                 raise
-            raise AccuracyError(
-                f"{self.name}: Newton's iteration did not converge at t = {counts[1]:.6g} s; take a smaller step"
+            raise ConvergenceError(
+                f"{self.name}: Newton's iteration did not converge at t = {counts[1]:.6g} s with a step of {h:.4g} s; "
+                f"take a smaller step, such as {round_down(0.5 * h):g} s"
             ) from None
         return Trajectory(self.name, h, 1, times, q, v, int(counts[0]), 0, seconds, end, contacts=contacts)
 

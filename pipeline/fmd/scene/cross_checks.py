@@ -178,7 +178,8 @@ class CrossCheck:
         assert simulation is not None
         for number, run in enumerate(simulation.run):
             if not run.takes_contact:
-                mend = f"{name_methods('takes_contact')} do"
+                step = "" if simulation.step else ", with a step: simulation.step = 'auto' finds it"
+                mend = f"{name_methods('takes_contact')} do{step}"
                 yield FaultError(f"takes no contact; {mend}", "simulation", "run", number, "integrator")
         if getattr(self.scene, "accuracy", None) is not None:
             yield FaultError("can't be required of a scene with contacts: no error budget states theirs", "accuracy")

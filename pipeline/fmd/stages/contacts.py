@@ -14,6 +14,7 @@ from fmd.dynamics.mechanism import Mechanism
 from fmd.fem.surface import surface_facets, surface_topology
 from fmd.stages.contact_deformation import ContactDeformation
 from fmd.stages.contact_grids import StartPose, refine_near_field
+from fmd.stages.contact_steps import require_steps_of_modes
 from fmd.stages.markers import find_marker_facets
 from fmd.stages.rigid_contacts import add_rigid_contact, no_points, plane_of, rigid_surface
 
@@ -58,7 +59,14 @@ def _find_triangles(part: FlexiblePart) -> dict[str, IntArray]:
 
 
 def add_contacts(run: Pipeline, mechanism: Mechanism) -> Mechanism:
-    """Give a mechanism the contacts of its scene."""
+    """Give a mechanism the contacts of its scene.
+
+    Raises
+    ------
+    InputError
+        A step is too long for the modes alone, or as `contact_points`.
+    """
+    require_steps_of_modes(run.scene, mechanism)
     bodies = {body: TouchingBody(body, run.parts[body].contact_points) for _, body, _ in run.scene.touching_faces}
     start = StartPose(run.divided_scene, mechanism)
     bodies |= {body: TouchingBody(body, no_points(run.scene, body, start)) for body in run.scene.rigid_in_contact}

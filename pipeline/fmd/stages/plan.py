@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import StabilityError
+from fmd.core.errors import ConvergenceError, StabilityError
 from fmd.dynamics.compiled_system.positive_mass import require_positive_over
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.excited_modes import Excited
@@ -64,9 +64,14 @@ class Plan:
     def _march(
         self, system: CompiledSystem, q0: Array, v0: Array, times: Array, progress: Progress | None
     ) -> Trajectory:
-        """Integrate a system; an error says if a motion has lost its inertia, or which part is too fast to follow."""
+        """Integrate a system; an error says if a motion has lost its inertia, or which part is too fast to follow.
+
+        That of a step which is too long for Newton's iteration names the step's key.
+        """
         try:
             return self.integrator.march(system, q0, v0, times, progress)
+        except ConvergenceError as failure:
+            raise ConvergenceError(f"{self.key}: {failure}") from failure
         except StabilityError as failure:
             system.explain_failure(failure)
             duration = max(float(times[-1]), self.mechanism.horizon)

@@ -13,7 +13,7 @@ from fmd.responses.whirl import SpaceView, hub_modes, whirling_modes
 from fmd.scene.modes import damping_ratios
 from fmd.scene.variants import complete_for_linear_answers
 from fmd.stages.run_checks import require_no_contact, require_no_gears
-from fmd.stages.turning import OnHub, TurningRotor, scene_in_space
+from fmd.stages.turning import OnHub, TurningRotor, require_one_axis, scene_in_space
 from fmd.stages.whirl_tables import find_vibrations_by_whirl
 
 if TYPE_CHECKING:
@@ -64,7 +64,10 @@ def find_vibrations(run: Pipeline, highest: float | None = None) -> Vibrations:
         return _part_on_hub(run)
     if runs_in_bearings(run.scene) and any(bearing.whirl_tables for bearing in run.scene.bearing.values()):
         return find_vibrations_by_whirl(run, highest)
-    rotor = TurningRotor(run, runs_in_bearings(run.scene))
+    in_bearings = runs_in_bearings(run.scene)
+    if not in_bearings:
+        require_one_axis(run.scene)
+    rotor = TurningRotor(run, in_bearings)
     way, states = rotor.way, rotor.model(0.0).states
     interpolated = None if highest is None else interpolate_models(rotor.model, 0.0, highest, rotor.bends)
 

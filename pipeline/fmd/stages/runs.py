@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import AccuracyError, InertiaError, InputError, StabilityError
+from fmd.core.errors import AccuracyError, ConvergenceError, InertiaError, InputError, StabilityError
 from fmd.core.limits.contact import CHOSEN_STEP, HALVED_STEPS, LARGEST_STEP, LOST_ENERGY, SHOCK_STEPS
 from fmd.core.limits.mechanism import NO_FORCE
 from fmd.core.limits.stability import ALLOWED_GROWTH, LEAST_CYCLES, SURELY_STABLE, TRIED_PART, TRIED_TIMES
@@ -23,6 +24,7 @@ from fmd.integrators.work_bounds import round_down
 from fmd.scene.run_table import SubCycledRun
 from fmd.stability.safe_step import longest_safe_step
 from fmd.stages.buckling import StiffnessChange, find_changes, require_unbuckled
+from fmd.stages.contact_steps import halvings_to_closed, remedies_of_contact, step_key, step_of_modes
 from fmd.stages.found_together import known_marches, known_points
 from fmd.stages.like_mechanisms import build_like
 from fmd.stages.mechanism import find_start, place_joints
@@ -181,7 +183,7 @@ def _draft_plan(built: Pipeline, k: int, given: float | None) -> Plan:
     """Plan a run as the scene has it, whose stability isn't known yet."""
     simulation = built.scene.simulation
     run = simulation.run[k]
-    key = f"simulation.run.{k}.step" if run.step else "simulation.step"
+    key = step_key(built.scene, k)
     if isinstance(run, SubCycledRun):
         return plan_sub_cycled(built, run, key, given)
     method = run.make(run.step or given or 0.0, simulation.error, simulation.duration)
@@ -258,14 +260,15 @@ def _limit_contact_step(
     if free:
         round_laws = any(own.law for body in plan.mechanism.contacts for own in body.contacts)
         share = built.results.get("contact step", CHOSEN_STEP) * (SHOCK_STEPS if round_laws else 1.0)
-        longest = substeps * share * min(limit, plan.system.largest_step)  # loads are frozen over a cycle
+        resolved = 0.0 if round_laws or not run.passes_over else step_of_modes(built)
+        longest = substeps * share * min(limit, max(plan.system.largest_step, resolved))  # loads are frozen in a cycle
         longest = plan.system.resolving_step(longest)[0] / substeps
         return replace(apart, step=min(longest, apart.step or longest))
     if step > LARGEST_STEP * limit:  # which an implicit method has none of
         mend = (
             f"lets contact feed the highest modes; with all points closed, steps are stable up to {limit:.4g} s, and "
             f"{round_down(LARGEST_STEP * limit):g} s is the longest step, {round_down(CHOSEN_STEP * limit):g} s a good "
-            "one"
+            f"one{remedies_of_contact(built.scene, built.scene.simulation.run.index(run))}"
         )
         raise InputError(built.scene.file, plan.key, f"{step:.6g} s", mend)
     return apart
@@ -332,15 +335,16 @@ def find_motions(run: Pipeline) -> dict[str, Motion]:
 
     The errors are those of `Pipeline.motions`.
     """
-    motions, simulation = _find_whole_motions(run), run.scene.simulation
+    simulation = run.scene.simulation
     free = run.scene.contact and simulation.step == "auto" and not any(each.step for each in simulation.run)
-    for _ in range(HALVED_STEPS if free else 0):
-        if not any(_loses_energy(motion) for motion in motions.values()):
-            break
+    for _ in range(HALVED_STEPS + halvings_to_closed(run) if free else 0):
+        with suppress(ConvergenceError):
+            motions = _find_whole_motions(run)
+            if not any(_loses_energy(motion) for motion in motions.values()):
+                return motions
         run.results["contact step"] = 0.5 * run.results.get("contact step", CHOSEN_STEP)
         forget(run, "stability")
-        motions = _find_whole_motions(run)
-    return motions
+    return _find_whole_motions(run)
 
 
 def _loses_energy(motion: Motion) -> bool:

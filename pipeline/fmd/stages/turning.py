@@ -23,7 +23,7 @@ from fmd.responses.steady_rotation import Rotation, SteadyRotation
 from fmd.scene.variants import change_simulation, correct_statically, open_to_space
 from fmd.stability.tangent import OperatingPoint
 from fmd.stages.mechanism import place_joints
-from fmd.stages.parent_joint import ground_place
+from fmd.stages.parent_joint import ground_place, joint_axes
 
 if TYPE_CHECKING:
     from fmd.dynamics.mechanism import Mechanism
@@ -251,11 +251,7 @@ class TurningRotor:
                 "rotor then vary with its angle, and have no frequencies of their own"
             )
             raise InputError(self.scene.file, "bearing", sorted(self.scene.bearing), mend)
-        mend = (
-            "what holds the rotor beside this joint isn't the same all around its axis: the equations then vary with "
-            "the angle, and have no frequencies of their own"
-        )
-        raise InputError(self.scene.file, f"joint.{self.mechanism.links[self.way.root].joint_name}", None, mend)
+        raise _held_beside(self.scene, self.mechanism.links[self.way.root].joint_name)
 
     def _require_balance(self, rate: float, model: StateSpace) -> None:
         """Raise ``InputError`` if the straight rotor's points are accelerated as by a large eccentricity."""
@@ -279,6 +275,44 @@ class TurningRotor:
                 "a prescribed motion or an axial stiffness, or let the load begin later"
             )
             raise InputError(self.scene.file, "drive", sorted(self.given), mend)
+
+
+def require_one_axis(scene: Scene) -> None:
+    """Check that no second hinge on the ground, off the hub's axis, holds what turns on the hub: before it is reduced.
+
+    Raises
+    ------
+    InputError
+        One does, as in a four-bar.
+    """
+    body, carried = next(iter(scene.flexible), ""), scene.carrying
+    hub = carried.get(body, "")
+    while hub and (body := scene.joint[hub].parent.partition(".")[0]) != "ground":
+        hub = carried.get(body, "")
+    if not hub or not scene.joint[hub].kind.is_hinge:
+        return
+    hinge: Any = scene.joint[hub]
+    (at, _), axis = ground_place(scene, hinge.parent), joint_axes(scene, hinge).in_parent @ hinge.axis
+    ends = {name: {joint.parent, joint.child} for name, joint in scene.joint.items()}
+    bodies = {name: {end.partition(".")[0] for end in both} for name, both in ends.items()}
+    joined = bodies[hub] - {"ground"}
+    while more := set[str]().union(*(own for own in bodies.values() if own & joined)) - joined - {"ground"}:
+        joined |= more
+    for name, own in bodies.items():
+        if name == hub or "ground" not in own or not own & joined or not scene.joint[name].kind.is_hinge:
+            continue
+        (place,) = (end for end in ends[name] if end.partition(".")[0] == "ground")
+        apart = ground_place(scene, place)[0] - at
+        if np.linalg.norm(np.cross(apart, axis)) > ON_AXIS * np.linalg.norm(apart) * np.linalg.norm(axis):
+            raise _held_beside(scene, hub)
+
+
+def _held_beside(scene: Scene, joint: str) -> InputError:
+    mend = (
+        "what holds the rotor beside this joint isn't the same all around its axis: the equations then vary with the "
+        "angle, and have no frequencies of their own"
+    )
+    return InputError(scene.file, f"joint.{joint}", None, mend)
 
 
 def _differ(A: Array, B: Array) -> float:

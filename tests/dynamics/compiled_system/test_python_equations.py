@@ -121,9 +121,15 @@ def test_arrays_of_another_size_are_refused_before_machine_code_reads_them(arm: 
         lambda: arm.system.position_rates(q, v[1:]),
         lambda: arm.system.mass_matrix(np.r_[q, 0.0]),
         lambda: arm.system.state_rates(0.0, np.r_[q, v, 0.0]),
+        lambda: arm.system.constraint_jacobian(q[:-1]),
+        lambda: arm.system.joint_jacobian("elbow", q[:-1]),
+        lambda: arm.system.marker_jacobian("forearm.wrist", np.r_[q, 0.0]),
     ):
         with pytest.raises(ValueError, match=r"^(q|v|state) has shape .*, expected \(\d+,\)$"):
             call()
+    for many in (q, q[None, :-1]):
+        with pytest.raises(ValueError, match=rf"q has shape .*, expected \(n_states, {q.size}\)$"):
+            arm.system.mass_matrices(many)
     with pytest.raises(ValueError, match=rf"load\(t, q, v\) has shape \(\), expected \({n},\)"):
         arm.system.accelerations(0.0, q, v, lambda t, q, v: 3.0)
 

@@ -61,13 +61,14 @@ class Equations(PlainSystem):
 
     def mass_matrices(self, q: Array, t: float = 0.0) -> Array:
         """Return the mass matrix at many positions q (n_states, n_positions), shape (n_states, n, n)."""
-        return self.compiled.mass_matrices(self.compiled.signal_values(t), q)
+        if np.ndim(q) != 2 or np.shape(q)[1] != self.n_positions:
+            raise ValueError(f"q has shape {np.shape(q)}, expected (n_states, {self.n_positions})")
+        return self.compiled.mass_matrices(self.compiled.signal_values(t), np.ascontiguousarray(q, dtype=float))
 
     def constraint_jacobian(self, q: Array, t: float = 0.0) -> Array:
         """Return the constraint Jacobian J of closed loops at positions q, shape (n_constraints, n)."""
-        if not self.compiled.rows:
-            return np.zeros((0, self.n))
-        return self.compiled.constraint_jacobian(t, q)
+        q = _sized("q", q, self.n_positions)
+        return self.compiled.constraint_jacobian(t, q) if self.compiled.rows else np.zeros((0, self.n))
 
     def joint_jacobian(self, joint: str, q: Array, t: float = 0.0) -> Array:
         """Return the rate of a joint's angle or displacement for unit rates, shape (n,).
@@ -100,7 +101,7 @@ class Equations(PlainSystem):
 
     def _rates_for_units(self, t: float, q: Array, rate: Callable[[Kinematics], Array]) -> Array:
         """Return rates for unit rates of the coordinates, without those of prescribed motions, shape (n, …)."""
-        states = np.concatenate([np.eye(self.n), np.zeros((1, self.n))])
+        q, states = _sized("q", q, self.n_positions), np.concatenate([np.eye(self.n), np.zeros((1, self.n))])
         found = rate(Kinematics(self.mechanism, np.full(len(states), float(t)), np.tile(q, (len(states), 1)), states))
         return np.asarray(found[:-1] - found[-1])
 

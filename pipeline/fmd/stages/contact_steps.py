@@ -1,0 +1,79 @@
+"""Steps of scenes with contacts: what their modes alone allow or ask for, and what takes longer ones."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from fmd.core.errors import InputError
+from fmd.core.limits.contact import LARGEST_STEP
+from fmd.dynamics.compiled_system.shared import make_system
+from fmd.scene.runs import name_methods
+from fmd.stages.run_checks import require_inertia
+
+if TYPE_CHECKING:
+    from fmd.dynamics.mechanism import Mechanism
+    from fmd.scene.scene import Scene
+    from fmd.stages.pipeline import Pipeline
+
+
+def require_steps_of_modes(scene: Scene, mechanism: Mechanism) -> None:
+    """Check that given steps of a scene with contacts suit its modes, whose limit contacts only shorten.
+
+    Points and flexibility of faces, which the limit with all points closed takes, cost far more than this.
+
+    Raises
+    ------
+    InputError
+        A step of an explicit method is longer than contact can take, or a motion has no inertia.
+    """
+    simulation = scene.simulation
+    given = {k: run.step or simulation.step for k, run in enumerate(simulation.run) if not run.passes_over}
+    steps = {k: step for k, step in given.items() if isinstance(step, float)}
+    if not steps:
+        return
+    system = make_system(mechanism)
+    require_inertia(scene, system)
+    limit = system.largest_step
+    for k, step in steps.items():
+        if step > LARGEST_STEP * limit:
+            fault = (
+                f"is too long for contact: without it steps of the modes are stable up to {limit:.4g} s, with it up "
+                f"to half of that or less{remedies_of_contact(scene, k)}"
+            )
+            raise InputError(scene.file, step_key(scene, k), f"{step:.6g} s", fault)
+
+
+def step_key(scene: Scene, k: int) -> str:
+    """Return the key of the step of a scene's run."""
+    return f"simulation.run.{k}.step" if scene.simulation.run[k].step else "simulation.step"
+
+
+def remedies_of_contact(scene: Scene, k: int) -> str:
+    """Say by which keys a scene with contacts takes longer steps in one of its runs: the end of a message."""
+    bodies = dict.fromkeys(body for _, body, _ in scene.touching_faces)
+    keys = " and ".join(
+        f"body.{name}.modes.enrich" for name in bodies if scene.with_its_basis(name).modes.enrich != "none"
+    )
+    bare = f"; {keys} = 'none' leaves out the fastest modes" if keys else ""
+    return (
+        f"; simulation.step = 'auto' finds one{bare}; simulation.run.{k}.integrator = "
+        f"'{name_methods('takes_contact', 'passes_over')}' with that takes longer ones, past what they don't resolve"
+    )
+
+
+def step_of_modes(built: Pipeline) -> float:
+    """Return 2/ω of the highest mode that touching bodies' scene counts [s], which vibrates in a contact's shock.
+
+    Faster are static responses beside them, and closed contacts, whose deflection follows at once.
+    """
+    bodies = {name: built.parts[name] for _, name, _ in built.scene.touching_faces}
+    counted = [part.body.omega[: part.shape.modes.count or None] for part in bodies.values()]
+    return float(2.0 / max((omega.max(initial=0.0) for omega in counted), default=math.inf))
+
+
+def halvings_to_closed(built: Pipeline) -> int:
+    """Return how many halvings bring a step chosen by the modes down to one by closed contacts."""
+    if not any(run.passes_over for run in built.scene.simulation.run):
+        return 0
+    return math.ceil(math.log2(max(1.0, step_of_modes(built) / built.system.largest_step)))
