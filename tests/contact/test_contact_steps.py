@@ -39,7 +39,7 @@ def test_auto_is_refused_with_the_methods_and_the_step_they_need() -> None:
     simulation["run"] = [{"integrator": "auto"}]
     told = (
         r"simulation\.run\.0\.integrator = 'auto': takes no contact; central-difference, sub-cycling and "
-        r"generalized-alpha do, with a step: simulation\.step = 'auto' finds it"
+        r"generalized-alpha do, with simulation\.step = 'auto' or yours"
     )
     with pytest.raises(InputError, match=told):
         block(simulation=simulation)

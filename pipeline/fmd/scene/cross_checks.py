@@ -178,9 +178,8 @@ class CrossCheck:
         assert simulation is not None
         for number, run in enumerate(simulation.run):
             if not run.takes_contact:
-                step = "" if simulation.step else ", with a step: simulation.step = 'auto' finds it"
-                mend = f"{name_methods('takes_contact')} do{step}"
-                yield FaultError(f"takes no contact; {mend}", "simulation", "run", number, "integrator")
+                fault = f"takes no contact; {name_methods('takes_contact')} do, with simulation.step = 'auto' or yours"
+                yield FaultError(fault, "simulation", "run", number, "integrator")
         if getattr(self.scene, "accuracy", None) is not None:
             yield FaultError("can't be required of a scene with contacts: no error budget states theirs", "accuracy")
         if simulation.start == "steady":
