@@ -309,7 +309,7 @@ TABLES: dict[str, Callable[[], str]] = {
             "speed of the pinion [1000 rpm]": "{speed_krpm}",
             "transmission error varies by [µm]": "{varies_um}",
             "largest force over the mean": "{force}",
-            "driving flanks off [% of the time]": "{apart}",
+            "apart [% of the time]": "{apart}",
         },
     ),
     "robots": partial(

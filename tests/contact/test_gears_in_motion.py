@@ -22,14 +22,18 @@ from fmd.core.involute import GearPair
 from fmd.dynamics.elements import GearTeeth
 from fmd.dynamics.kinematics import Kinematics
 from fmd.fitting.parameters import find_parameter
+from fmd.integrators import central_difference
 from fmd.output.campbell import compute_campbell
 from fmd.output.gear_teeth import gear_teeth_figures, gear_teeth_warnings
 from fmd.output.work_precision import compare_on_scene
 from fmd.recovery.motion_file import gear_variables
 from fmd.scene.gears import find_pair
 from fmd.scene.scene import load_scene
+from fmd.stages.found_together import known_marches
+from fmd.stages.like_mechanisms import with_joint_numbers
 from fmd.stages.linear_model import linearise_scene
 from fmd.stages.pipeline import Pipeline
+from fmd.stages.variants import share_marches
 
 STEP, TORQUE, RATE = 0.5e-6, 100.0, 100.0 * pi
 METHODS = (
@@ -328,6 +332,32 @@ def test_at_rest_under_a_load_force_and_vibration_are_those_of_the_static_mesh()
     model = linearise_scene(run, ["drive.load"], ["out.position"], "equilibrium").model
     assert model.poles_hz.min() == pytest.approx(rigid, rel=0.03)
     assert model.poles_hz.min() < rigid
+
+
+@pytest.mark.long
+def test_gears_in_lanes_move_as_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    lanes, march = list[int](), central_difference.march_lanes
+
+    def count_lanes(steps: Any, samples: Any, starts: Any, *rest: Any) -> None:
+        lanes.append(len(starts.values))
+        march(steps, samples, starts, *rest)
+
+    monkeypatch.setattr(central_difference, "LANE_STEPS", 1)
+    monkeypatch.setattr(central_difference, "march_lanes", count_lanes)
+    runs = []
+    for damper in np.geomspace(0.01, 1.0, 8).tolist():
+        scene = gears()
+        scene["joint"]["out"] = {**scene["joint"]["out"], "damper": damper}
+        scene["simulation"] |= {"duration": 4e-5, "run": METHODS[:1]}
+        runs.append(driven().variant(load_scene(scene)))
+        like = with_joint_numbers(runs[0].mechanism, runs[-1].scene)  # whose teeth needn't be tabulated again
+        runs[-1].results["mechanism"] = like
+    share_marches(runs)
+    assert lanes == [8]
+    for run in runs:
+        (plan,) = run.plans.values()
+        (found,) = known_marches(run).values()
+        assert found.q == pytest.approx(plan.march(run.output_times).q, rel=1e-9, abs=1e-15)
 
 
 def test_a_table_that_is_coarse_or_overrun_is_warned_of() -> None:

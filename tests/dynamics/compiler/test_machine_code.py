@@ -17,6 +17,7 @@ from fmd.dynamics.compiler.chunks import chunk_widths
 from fmd.dynamics.compiler.compiled import compile_mechanism
 from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.digest import digest_mechanism
+from fmd.dynamics.compiler.formulas import trace_table
 from fmd.dynamics.compiler.functions import FUNCTIONS
 from fmd.dynamics.compiler.graph import Graph, combine
 from fmd.dynamics.compiler.program import LANES, Output, Program
@@ -80,6 +81,7 @@ def test_choices_in_lanes_are_those_of_the_interpreter() -> None:
     graph = Graph()
     x, y, z = (graph.scalar_input("x", k) for k in range(3))
     values = [x.select(y, z), y.below(x), x.moving(y), (x * x).power(z), x.apply("far_sin"), y.select(x, 2.0 * z)]
+    values.append(trace_table((-0.5, 0.1, 0.6), ((0.0, 1.0, 2.0, 3.0), (0.5, -1.0, 0.0, 2.0), (1.0, 2.0, 0.0, 0.0)), x))
     outputs = tuple(Output(value, ("y", (k,))) for k, value in enumerate(values))
     program = Program("f", graph, ("x", "y"), outputs, lanes=("x", "y"))
     given, found = np.random.default_rng(3).normal(size=(3, LANES)), np.zeros((len(values), LANES))

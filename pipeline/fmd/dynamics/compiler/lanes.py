@@ -44,6 +44,7 @@ class LaneEmitter:
         self._vectors: dict[int, list[str]] = {}
         self._turns: dict[int, tuple[str, str]] = {}
         self._far_turns: dict[int, tuple[str, str]] = {}
+        self._tables: dict[bytes, str] = {}
         self.functions: set[str] = set()
 
     def depends(self, number: int) -> bool:
@@ -84,6 +85,8 @@ class LaneEmitter:
             self._scalars[number] = self._call(operation, *(self._scalar(k) for k in arguments))
         elif operation in CHOICES:
             self._scalars[number] = self._out.choose(operation, [self._scalar(k) for k in arguments], LANES)
+        elif operation in ("piece", "pick"):
+            self._scalars[number] = self._of_table(operation, self._scalars[arguments[0]], self._graph.arrays[data])  # type: ignore[index]
         elif operation == "entry":
             self._scalars[number] = self._vectors[arguments[0]][data]  # type: ignore[index]
         elif operation == "dot":
@@ -121,6 +124,24 @@ class LaneEmitter:
             given = [self._out.value(f"extractelement {_KIND} {x}, i32 {lane}") for x in arguments]
             one = self._out.value(f"call double @of_{function}({', '.join(f'double {x}' for x in given)})")
             value = self._out.value(f"insertelement {_KIND} {value}, double {one}, i32 {lane}")
+        return value
+
+    def _of_table(self, operation: str, x: str, values: Array) -> str:
+        """Look a table up lane by lane."""
+        out, value = self._out, "poison"
+        key = values.tobytes()
+        if key not in self._tables:
+            self._tables[key] = out.table(values)
+        for lane in range(LANES):
+            one = out.value(f"extractelement {_KIND} {x}, i32 {lane}")
+            if operation == "piece":
+                self.functions.add("piece")
+                one = out.value(f"call double @of_piece(double {one}, ptr {self._tables[key]}, i64 {values.size})")
+            else:
+                number = out.value(f"fptosi double {one} to i64")
+                place = out.value(f"getelementptr double, ptr {self._tables[key]}, i64 {number}")
+                one = out.load_constant(place)
+            value = out.value(f"insertelement {_KIND} {value}, double {one}, i32 {lane}")
         return value
 
     def store(self, number: int, argument: str, places: tuple[int, ...]) -> None:
