@@ -179,21 +179,23 @@ class StressTestRow:
 
 def march_all() -> list[StressTestRow]:
     """March every case by every method in two processes."""
-    marches = [(name, k) for name in case_builders() for k in range(len(_marches(name, CYCLES)))]
+    marches = [(name, k) for name in case_builders() for k in range(len(_marches(name)))]
     # The longest first, so that none is waited for in the end.
     longest = sorted(marches, key=lambda march: (march[0] != "arm", -len(_case(march[0]).M)))
-    rows = Parallel(n_jobs=2)(delayed(_row)(*march, CYCLES) for march in longest)
+    rows = Parallel(n_jobs=2)(delayed(_row)(*march) for march in longest)
     found = dict(zip(longest, rows, strict=True))
     return [found[march] for march in marches]
 
 
-def march_case(name: str, cycles: int = CYCLES) -> list[StressTestRow]:
-    """March one case by every method."""
-    return [_row(name, k, cycles) for k in range(len(_marches(name, cycles)))]
+def march_case(
+    name: str, cycles: int = CYCLES, ratios: tuple[int, ...] = RATIOS, shares: tuple[float, ...] = SHARES
+) -> list[StressTestRow]:
+    """March one case by every method, those with an explicit limit at these ratios and shares of it."""
+    return [march() for march in _marches(name, cycles, ratios, shares)]
 
 
-def _row(name: str, k: int, cycles: int) -> StressTestRow:
-    return _marches(name, cycles)[k]()
+def _row(name: str, k: int) -> StressTestRow:
+    return _marches(name)[k]()
 
 
 @cache
@@ -202,28 +204,32 @@ def _case(name: str) -> StressCase:
 
 
 @cache
-def _marches(name: str, cycles: int) -> list[Callable[[], StressTestRow]]:
+def _marches(
+    name: str, cycles: int = CYCLES, ratios: tuple[int, ...] = RATIOS, shares: tuple[float, ...] = SHARES
+) -> list[Callable[[], StressTestRow]]:
     """Return the marches of one case by every method, as functions."""
     case = _case(name)
     return [
-        *(partial(_march, case, *chosen, cycles) for chosen in _fixed(case)),
+        *(partial(_march, case, *chosen, cycles) for chosen in _fixed(case, ratios, shares)),
         *(partial(_march_adaptively, case, *chosen) for chosen in _adaptive(cycles)),
     ]
 
 
-def _fixed(case: StressCase) -> Iterator[tuple[ResumableIntegrator, int, float]]:
+def _fixed(
+    case: StressCase, ratios: tuple[int, ...], shares: tuple[float, ...]
+) -> Iterator[tuple[ResumableIntegrator, int, float]]:
     """Yield the methods with a step, their ratios, and the step over the explicit limit."""
     spins = bool(case.at.v.any())
-    for m in (1, 5) if spins else RATIOS:
+    for m in (1, 5) if spins else ratios:
         limit = find_sudden_step(case.M, case.K, case.system.n_slow, m)[0]
-        for share in (0.5, 0.9) if spins else SHARES:
+        for share in (0.5, 0.9) if spins else shares:
             if m == 1:
                 yield CentralDifference(share * limit), 1, share
             else:
                 yield Subcycling(share * limit, m), m, share
     for m in (5,) if spins or case.family == "arm" else (2, 5, 20):
         limit = ReversibleSubcycling(1.0, m).largest_step(case.system)
-        for share in (0.5, 0.9) if spins else SHARES:
+        for share in (0.5, 0.9) if spins else shares:
             yield ReversibleSubcycling(share * limit, m), m, share
     plain = 2.0 / case.system.highest_frequency
     long = LONG_SHARES[2:] if len(case.M) >= _MANY else (0.5,) if spins else LONG_SHARES

@@ -220,20 +220,38 @@ def assert_sound(runs: Runs, cache: Path, out: Path, whole: dict[str, Any], twic
 
 
 # What is left after a stage is what there is before the next one, and so with files.
-@pytest.mark.parametrize(
+KILLS = pytest.mark.parametrize(
     ("when", "stages"),
     [("before", STAGES), ("within", STAGES[1::2]), ("after", STAGES[-1:])],
     ids=["before", "within", "after"],
 )
-def test_a_run_killed_at_any_stage_is_taken_up_by_the_next(
+
+
+def kill(runs: Runs, cache: Path, out: Path, when: str, stage: str) -> None:
+    assert runs.run(cache, out, stage=stage, when=when) == -signal.SIGKILL, (stage, said(out))
+    assert not (out / "summary.json").exists()
+
+
+@KILLS
+def test_runs_killed_one_stage_after_another_are_taken_up_by_the_next(
     runs: Runs, whole: dict[str, Any], when: str, stages: tuple[str, ...]
 ) -> None:
     """Each run takes up what all before it have left, and the last one gives the undisturbed results."""
     cache, out = runs.new_folder(), runs.new_folder()
     for stage in stages:
-        assert runs.run(cache, out, stage=stage, when=when) == -signal.SIGKILL, (stage, said(out))
-        assert not (out / "summary.json").exists()
+        kill(runs, cache, out, when, stage)
     assert_sound(runs, cache, out, whole)
+
+
+@KILLS
+@pytest.mark.long
+def test_a_run_killed_at_any_stage_is_taken_up_by_the_next(
+    runs: Runs, whole: dict[str, Any], when: str, stages: tuple[str, ...]
+) -> None:
+    for stage in stages:
+        cache, out = runs.new_folder(), runs.new_folder()
+        kill(runs, cache, out, when, stage)
+        assert_sound(runs, cache, out, whole)
 
 
 @pytest.mark.parametrize(("when", "every"), [pytest.param("before", 1, marks=pytest.mark.long), ("after", 3)])

@@ -96,7 +96,7 @@ def test_modes_of_a_scene_that_was_run_load_little_more_than_numpy(modules):
 
 @pytest.mark.usefixtures("cold_run")
 def test_a_second_run_loads_little_but_numpy_and_the_kernels(modules, tmp_path):
-    warm = modules("run", "beam", *QUICK, "--no-pictures", "--no-budget", "--out", str(tmp_path))
+    warm = modules("run", "beam", *QUICK, "--no-pictures", "--out", str(tmp_path))
     assert (tmp_path / "motion.nc").exists()
     assert not warm & {"gmsh", "fmd.meshes", "skfem", "meshio", "pyvista", "matplotlib"}
     assert not warm & {"xarray", "pandas", "dask", "distributed", "joblib", "pint"}

@@ -7,19 +7,24 @@ from benchmarks import stability
 pytestmark = pytest.mark.slow
 
 
+QUICK = ("stiffness from 1 to 1e12", "beam at 1.5 ω₁, stiffened", "rod-slider", "M_SS nearly singular, 1e-10")
+LONG = ("mass ratio 1e-6, β = 0.0", "20 modes", "mass ratio 1e3, β = 0.3", "beam at 1.5 ω₁, linear")
+ALL = (stability.RATIOS, stability.SHARES)
+FEWER = ((1, 5, 10), (0.5, 0.98, 1.02))
+
+
 @pytest.mark.parametrize(
-    "name",
+    ("name", "ratios", "shares"),
     [
-        *(pytest.param(name, marks=pytest.mark.long) for name in ("mass ratio 1e-6, β = 0.0", "20 modes")),
-        *(pytest.param(name, marks=pytest.mark.long) for name in ("mass ratio 1e3, β = 0.3", "beam at 1.5 ω₁, linear")),
-        *("stiffness from 1 to 1e12", "beam at 1.5 ω₁, stiffened", "rod-slider", "M_SS nearly singular, 1e-10"),
+        *(pytest.param(name, *FEWER, id=name) for name in QUICK),
+        *(pytest.param(name, *ALL, id=f"{name}, all", marks=pytest.mark.long) for name in (*QUICK, *LONG)),
     ],
 )
-def test_what_the_tangent_predicts_is_what_marches_do(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half of the marches of `benchmarks/stability.py`, shorter: no prediction may fail."""
-    monkeypatch.setattr(stability, "RATIOS", (1, 3, 20))
-    monkeypatch.setattr(stability, "SHARES", (0.5, 0.98, 1.02))
-    rows = stability.march_case(name, cycles=1000)
+def test_what_the_tangent_predicts_is_what_marches_do(
+    name: str, ratios: tuple[int, ...], shares: tuple[float, ...]
+) -> None:
+    """The marches of `benchmarks/stability.py`, shorter: no prediction may fail."""
+    rows = stability.march_case(name, 1000, ratios, shares)
     assert not [row for row in rows if row.wrong]
     decided = {row.found for row in rows if row.predicted != "either"}
     assert decided == {"lives", "diverges"} if "ω₁" not in name else {"diverges" if "linear" in name else "lives"}
