@@ -159,3 +159,16 @@ def test_of_a_body_that_hangs_on_nothing_the_cause_alone_is_told() -> None:
     with refused("hangs on nothing: parent = 'ground' and child = 'rod.hinge' work") as refusal:
         load_scene("rod-slider", ["joint.hinge.parent=rod.hinge", "joint.hinge.child=ground"])  # which a drive turns
     assert "closes a loop" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("kind", ["spherical", "free"])
+def test_the_exponential_method_is_refused_rotations_in_space(tmp_path: Path, kind: str) -> None:
+    """A joint that closes a loop adds none."""
+    ball, run = SLIDER + PLATE.replace("{}", kind, 1).replace("{}", "ground"), "simulation.run=[{{integrator='{}'}}]"
+    message = "takes no rotations in space, such as joint 'last' has; exponential-rosenbrock, runge-kutta and auto do"
+    with refused(f"simulation.run.0.integrator = 'exponential': {message}"):
+        scene_of(tmp_path, ball, run.format("exponential"))
+    for other in ("exponential-rosenbrock", "auto"):
+        assert scene_of(tmp_path, ball, run.format(other)).joint["last"].type == kind
+    held = "joint.last.type=fixed", "joint.more={type='spherical', parent='ground', child='plate.a'}"
+    assert scene_of(tmp_path, ball, run.format("exponential"), *held).closing == ("more",)

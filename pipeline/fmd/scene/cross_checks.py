@@ -21,6 +21,7 @@ from fmd.scene.outputs import CONTACT_QUANTITIES, JOINT_QUANTITIES, MECHANISM_FO
 from fmd.scene.pictures import BodyPicture, Film, MechanismView, StressPicture
 from fmd.scene.reading import FaultError, UnknownNameError, suggest_name
 from fmd.scene.rigid_bodies import Undeformable
+from fmd.scene.run_faults import check_runs
 from fmd.scene.runs import name_methods
 from fmd.scene.scene_tables import SceneTables, leads_round
 from fmd.scene.state_loads import OWN, FormulaVariables, LoadOverTime
@@ -225,14 +226,7 @@ class CrossCheck:
             yield FaultError(fault, "simulation", "start")
         if self.scene.contact:
             yield from self._check_contact_runs()
-        for number, run in enumerate(self.scene.simulation_table.run):
-            if not run.keeps_loops and self.scene.closing:
-                mend = f"{name_methods('chooses_steps', 'keeps_loops')} do"
-                yield FaultError(f"doesn't keep loops closed; {mend}", "simulation", "run", number, "integrator")
-            if not run.samples and (sampled := self.scene.sampled):
-                mend = f"{name_methods('samples')} do"
-                fault = f"doesn't end its steps where controller '{sampled[0]}' samples; {mend}"
-                yield FaultError(fault, "simulation", "run", number, "integrator")
+        yield from check_runs(self.scene, self.scene.simulation_table.run)
         for number, name in enumerate(self.scene.simulation_table.fast):
             yield from self._check_joint(name, _SINGLE, "the fast list", "simulation", "fast", number)
 

@@ -26,6 +26,7 @@ class RunTable(SceneTable):
     # Its error sets the steps; any other method is given one, in the run or in the simulation.
     chooses_steps: ClassVar[bool] = False
     keeps_loops: ClassVar[bool] = True  # it brings each step back onto the constraints of loops
+    turns_in_space: ClassVar[bool] = True  # it takes joints with rotations in space, whose positions are quaternions
     samples: ClassVar[bool] = False  # its steps end where sampled controllers measure
     takes_contact: ClassVar[bool] = False  # its steps are given, and it tells contacts when one ends
     passes_over: ClassVar[bool] = False  # it stays stable where its steps don't resolve fast vibrations

@@ -134,6 +134,7 @@ class ExponentialRun(SteppedRun):
 
     title: ClassVar[str] = "Exponential"
     method: ClassVar[str] = "exponential.Exponential"
+    turns_in_space: ClassVar[bool] = False
     limit_remedy: ClassVar[str] = "; exponential-rosenbrock does"
 
     integrator: Literal["exponential"]
