@@ -200,12 +200,18 @@ def test_sections_that_are_more_than_a_thickness_are_refused(
     assert read_shell(tmp_path / "panel.bdf", 1e-3, 2e-3).volume > 0
 
 
+NODAL = "*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS\n1.0\n*NODAL THICKNESS"
+
+
 @pytest.mark.parametrize(
     ("section", "message"),
     [
         ("", "says no thickness of its shells"),
         ("*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS\n1.0, 3, M", "24 of its 24 shells have no thickness"),
         ("*SHELL SECTION, ELSET=ALL-S4, NODAL THICKNESS, OFFSET=0.5\n1.0", "NODAL THICKNESS and OFFSET"),
+        (NODAL + ", GENERATE\n1, 35, 1, 2.0", r"\*NODAL THICKNESS with GENERATE; give"),
+        (NODAL + "\n3, 2.0\n99, 2.0", "THICKNESS of 99, which is no node and no set of nodes"),
+        (NODAL + "\nedges, 2.0", "THICKNESS of edges, which is no node"),
         ("*SHELL SECTION, ELSET=ALL-S4, SHELL THICKNESS=D\n1.0", "with SHELL THICKNESS"),
         ("*SHELL GENERAL SECTION, ELSET=ALL-S4\n1.0", "SHELL GENERAL SECTION"),
         ("*SHELL SECTION, ELSET=ALL-S4, OFFSET=EDGE\n1.0", "neither a share nor SPOS"),

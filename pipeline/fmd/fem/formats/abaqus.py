@@ -117,7 +117,8 @@ def _take(deck: Deck, keyword: str, options: dict[str, str], data: list[list[str
         case "SHELL SECTION":
             deck.shells[deck.named(options.get("ELSET", ""))] = abaqus_section(options, data, deck.directions)
         case "NODAL THICKNESS":
-            deck.nodal_thickness += [(row[0], read_real(row[1])) for row in data if len(row) > 1]
+            deck.thickness_faults += [f"*NODAL THICKNESS with {option}" for option in options]
+            deck.nodal_thickness += [(_number_or_name(row[0]), read_real(row[1])) for row in data if len(row) > 1]
         case "ORIENTATION":
             deck.directions[options.get("NAME", "").casefold()] = orientation_direction(options, data)
         case "BEAM SECTION":

@@ -43,7 +43,8 @@ class Deck:
         self.others: dict[str, int] = defaultdict(int)
         self.links = AbaqusLinks()
         self.shells: dict[str, ShellSection] = {}
-        self.nodal_thickness: list[tuple[str, float]] = []  # by a node's number or a set
+        self.nodal_thickness: list[tuple[int | str, float]] = []  # by a node's number or a set
+        self.thickness_faults: list[str] = []  # options of these sections that aren't read
         self.directions: dict[str, Array | str] = {}  # of orientations, or why one isn't read
         self.beams = DeckBeams()
         self.beam_sections: dict[str, tuple[dict[str, str], list[list[str]]]] = {}
@@ -94,17 +95,16 @@ class Deck:
         for name, rows in self.surfaces.items():
             raw.facet_sets[name] = self._facets(name, rows, raw, where)
         if self.shells:
-            nodal = np.full(len(place), np.nan)
-            for name, thickness in self.nodal_thickness:
-                at = (
-                    [place[int(name)]]
-                    if name.isdigit() and int(name) in place
-                    else point_sets.get(self.named(name), [])
-                )
-                nodal[at] = thickness
+            nodal, faults = np.full(len(place), np.nan), list(self.thickness_faults)
+            for of, thickness in self.nodal_thickness:
+                at = place.get(of) if isinstance(of, int) else point_sets.get(self.named(of))
+                if at is None:
+                    faults.append(f"*NODAL THICKNESS of {of}, which is no node and no set of nodes")
+                else:
+                    nodal[at] = thickness
             raw.shells = of_sets(self.shells, cell_sets, blocks, nodal)
             raw.stacks = [section.plies for section in self.shells.values()]
-            raw.shell_faults = [section.fault for section in self.shells.values() if section.fault]
+            raw.shell_faults = faults + [section.fault for section in self.shells.values() if section.fault]
         raw.beams = self._beams(raw)
         self._add_links(raw, place, linked)
         return raw
