@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
-from fmd.core.limits.fitting import FEWEST_BY_ADJOINT, LEAST_READ_DIFFERENCE, NEAR_DIFFERENCE, READ_DIFFERENCE
+from fmd.core.limits.fitting import FEWEST_BY_ADJOINT, LEAST_READ_DIFFERENCE, READ_DIFFERENCE
 from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter
@@ -58,7 +58,8 @@ class HistorySum:
         """Return the derivative by a number, times its size, where the motion stays as it is."""
         both = self._frozen.hold_motion(self._motion, parameter)
         low, high = (self._histories(run) for run in (both.low, both.high))
-        return float((self._weights * (high - low)).sum() / (2.0 * NEAR_DIFFERENCE))
+        size = abs(self._motion.values.get(parameter, parameter.value))
+        return float((self._weights * (high - low)).sum() * size / (2.0 * both.step))
 
     def _read(self, trajectory: Trajectory) -> Array:
         """Return the histories of a motion, (n_channels, n_times)."""

@@ -80,6 +80,7 @@ class FrozenRun:
         self.run = run
         self.marches = 0
         self._times = times
+        self._solving: dict[str, bool] = {}  # whether numbers, by their keys, change what modes of bodies depend on
 
     @cached_property
     def plan(self) -> Plan:
@@ -142,7 +143,7 @@ class FrozenRun:
         tangent = self._tangent(motion, parameter)
         if tangent is not None:
             return self._move_along(motion, parameter, tangent, share)
-        parts, found = self._parts(motion), self._variants(motion, parameter, share * NEAR_DIFFERENCE)
+        parts, found = self._parts(motion), self._variants(motion, parameter, share * self._reach(motion, parameter))
         signs = [_signs_of_shapes(run, motion.run) for run in (found.low, found.high)] if parts is not None else []
         known = [each for each in signs if each is not None]
         if parts is not None and len(known) == len(found.plans):
@@ -175,14 +176,35 @@ class FrozenRun:
     def direction(self, motion: FrozenMotion, parameter: Parameter) -> Direction | None:
         """Return how the equations change with a number, times its size: by two variants, by four if not in a line."""
         assert motion.plan is not None
-        far = self._variants(motion, parameter, NEAR_DIFFERENCE)
-        weight = 0.5 / NEAR_DIFFERENCE
+        reach = self._reach(motion, parameter)
+        far = self._variants(motion, parameter, reach)
+        weight = 0.5 / reach
         found = find_direction(motion.plan, self._sides(motion, far, weight))
         if found is None or changes_in_line(motion.plan, found, *far.plans):
             return found
-        near = self._variants(motion, parameter, 0.5 * NEAR_DIFFERENCE)
+        near = self._variants(motion, parameter, 0.5 * reach)
         sides = self._sides(motion, far, -weight / 3.0) + self._sides(motion, near, 8.0 * weight / 3.0)
         return find_direction(motion.plan, sides)
+
+    def _reach(self, motion: FrozenMotion, parameter: Parameter) -> float:
+        """Return how far below and above a number its variants are, as a share of it.
+
+        It is farther where bodies' modes are solved anew, whose round-off is divided by it, as long as they stay alike.
+        """
+        if not self._solves_modes(motion, parameter):
+            return NEAR_DIFFERENCE
+        far = self._variants(motion, parameter, DIFFERENCE)
+        alike = all(_signs_of_shapes(run, motion.run) is not None for run in (far.low, far.high))
+        return DIFFERENCE if alike else NEAR_DIFFERENCE
+
+    def _solves_modes(self, motion: FrozenMotion, parameter: Parameter) -> bool:
+        """Return whether a number changes what modes of a body depend on."""
+        if parameter.key not in self._solving:
+            value = (1.0 + DIFFERENCE) * self._middle(motion, parameter)
+            own, others = motion.run.wholes, self._variant({**motion.values, parameter: value}, moves=True).wholes
+            found = any(part.key("modes") != own[name].key("modes") for name, part in others.items())
+            self._solving[parameter.key] = found
+        return self._solving[parameter.key]
 
     def _sides(self, motion: FrozenMotion, beside: Beside, weight: float) -> list[Side]:
         pairs = zip((beside.low, beside.high), beside.plans, (-weight, weight), strict=True)
@@ -190,7 +212,7 @@ class FrozenRun:
 
     def _move_along(self, motion: FrozenMotion, parameter: Parameter, tangent: Tangent, share: float) -> Beside:
         """Return variants whose motions are the scene's own less and more a part of its tangent."""
-        part = share * NEAR_DIFFERENCE
+        part = share * self._reach(motion, parameter)
         found = self._variants(motion, parameter, part)
         own, mechanism = motion.run.motion.trajectory, motion.run.mechanism
         turns = [find_all_turns(mechanism, _signs_of_shapes(run, motion.run) or {}) for run in (found.low, found.high)]
@@ -201,10 +223,7 @@ class FrozenRun:
     def _variants(self, motion: FrozenMotion, parameter: Parameter, share: float, moves: bool = True) -> Beside:
         """Return the scene's stages a share of a number below and above its value."""
         if (parameter, share) not in motion.variants:
-            middle = motion.values.get(parameter, parameter.value)
-            if not middle:
-                mend = "is 0, of which there is no per cent; take a small value, such as 1e-3 of the usual one"
-                raise InputError(self.run.scene.file, parameter.key, middle, mend)
+            middle = self._middle(motion, parameter)
             numbers = dict.fromkeys(number for number, _ in motion.variants)
             if parameter not in numbers and len(numbers) == LANES:
                 for old in [key for key in motion.variants if key[0] == next(iter(numbers))]:
@@ -216,6 +235,13 @@ class FrozenRun:
             plans = tuple(plan_frozen(self.plan, run) for run in (low, high)) if moves else ()
             motion.variants[parameter, share] = Beside(low, high, step, plans)
         return motion.variants[parameter, share]
+
+    def _middle(self, motion: FrozenMotion, parameter: Parameter) -> float:
+        middle = motion.values.get(parameter, parameter.value)
+        if not middle:
+            mend = "is 0, of which there is no per cent; take a small value, such as 1e-3 of the usual one"
+            raise InputError(self.run.scene.file, parameter.key, middle, mend)
+        return middle
 
     def _parts(self, motion: FrozenMotion) -> PartedMarch | None:
         """Return the run's parts, beside which others may be marched; none where the method stands against it."""
