@@ -9,6 +9,7 @@ from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.many_states import state_slopes
 from fmd.integrators.protocol import evaluate
+from fmd.integrators.reversible import ReversibleSubcycling
 from fmd.integrators.subcycling import Subcycling
 from fmd.stability.amplification import amplification_matrix
 from fmd.stability.operating_points import find_operating_points, settle
@@ -28,18 +29,20 @@ REST = OperatingPoint(0.0, np.zeros(2), np.zeros(2))
 
 
 @pytest.mark.parametrize("rate", [0.5, 2.0])
-@pytest.mark.parametrize(("m", "step"), [(5, 0.011), (1, 0.06), (10, 0.002)])
+@pytest.mark.parametrize(
+    "method", [Subcycling(0.011, 5), Subcycling(0.06, 1), Subcycling(0.002, 10), ReversibleSubcycling(0.013, 5)]
+)
 def test_vibrations_grow_in_marches_as_the_tangent_says(
-    coasting: CompiledSystem, rate: float, m: int, step: float
+    coasting: CompiledSystem, rate: float, method: Subcycling | ReversibleSubcycling
 ) -> None:
     """Against the energy of the difference of two marches, averaged over ten periods, over 20 s."""
     turning = OperatingPoint(0.0, np.zeros(2), np.array([rate, 0.0]))
-    (at,), method = settle(coasting, [turning], np.array([1])), Subcycling(step, m)
+    (at,), cycle = settle(coasting, [turning], np.array([1])), method.substeps * method.step
     by_tangent = scheme_growth_rates(method, coasting, [at], 0.01)[0, 0]
-    times = np.arange(0.0, 20.0, m * step)
+    times = np.arange(0.0, 20.0, cycle)
     one, other = (method.march(coasting, at.q + np.array([0.0, x]), at.v, times) for x in (0.0, 1e-7))
     energy = (200 - rate**2) * (other.q - one.q)[:, 1] ** 2 + (other.v - one.v)[:, 1] ** 2
-    window = round(4.4 / (m * step))
+    window = round(4.4 / cycle)
     means = np.convolve(energy, np.ones(window) / window, "valid")
     in_marches = 0.5 * np.polyfit(times[: len(means)], np.log(means), 1)[0]
     assert by_tangent == pytest.approx(in_marches, rel=3e-3, abs=1e-5)

@@ -198,6 +198,10 @@ class ResumableIntegrator(Integrator):
         """Return what the method remembers of a motion beside positions, rates and accelerations."""
         return state.memory
 
+    def history_size(self, state: State) -> int:
+        """Return how many of the first values of a state's memory the next cycles follow smoothly; none by default."""
+        return 0
+
     @abstractmethod
     def resume(self, system: System, start: State, times: Array, progress: Progress | None = None) -> Trajectory:
         """Continue from a state that a march of this method has ended in; earlier output times stay NaN.

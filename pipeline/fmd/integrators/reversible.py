@@ -87,6 +87,10 @@ class ReversibleSubcycling(FixedStepIntegrator):
         """Return the state at time 0, as if rates had been the same before."""
         return replace(start_state(system, q0, v0, np.zeros(system.n)), memory=np.tile(v0, 2))
 
+    def history_size(self, state: State) -> int:
+        """Return the number of the mean rates of two cycles."""
+        return state.memory.size
+
     def describe(self, times: Array, q: Array, v: Array, end: State, n_steps: int, seconds: float) -> Trajectory:
         """Return the trajectory of a march with so many fast steps."""
         m = self.substeps

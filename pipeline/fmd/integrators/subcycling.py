@@ -117,6 +117,10 @@ class Subcycling(FixedStepIntegrator):
         touching = 2 if self.substeps > 1 and system.n_contact_values else 0
         return touching + (2 * system.n + 1 if self.remembered else 0)
 
+    def history_size(self, state: State) -> int:
+        """Return the number of forces carried on from the cycles before, but for how many of these are known."""
+        return state.memory.size - 1 if self.remembered else 0
+
     def carries_tangent(self, system: System, others: Sequence[System]) -> bool:
         """Tell whether tangents can be marched: where forces follow theirs, of a mechanism without loops."""
         return self.substeps == 1 or (self.forces == "tangents" and not system.has_loops)

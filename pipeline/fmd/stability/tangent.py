@@ -115,8 +115,8 @@ def scheme_tangents(
     Returns
     -------
     ndarray, shape (n_points, n_values, n_values)
-        Maps of disturbances of ``State.q``, ``State.v`` and ``State.a``; and of the forces that a method carries on
-        from the cycles before, if it does (the companion form of a map with a history).
+        Maps of disturbances of ``State.q``, ``State.v`` and ``State.a``; and of what a method has of the cycles before,
+        forces that it carries on or mean rates (the companion form of a map with a history).
     float
         Duration of the cycles [s]: ``span``, rounded to whole ones.
     """
@@ -134,8 +134,8 @@ def scheme_tangents(
         states = [_moved(system, start.with_values(own), at, (step - m) * h) for own, at, step in moved]
         values = np.array([state.values for state in states])
     centres = method.ends(system, start, values, first - m, 1)
-    history = start.memory.size - 1 if getattr(method, "remembered", False) else 0
-    sizes = [start.q.size, start.v.size, start.a.size + history]  # some methods keep two accelerations
+    # Some methods keep two accelerations, some what is left of the cycles before.
+    sizes = [start.q.size, start.v.size, start.a.size + method.history_size(start)]
     nudges = np.repeat([NUDGE, RATE_NUDGE, ACCELERATION_NUDGE], sizes)
     count, found = nudges.size, []
     at_once = max(1, VALUES_AT_ONCE // (2 * count * centres.shape[1]))
