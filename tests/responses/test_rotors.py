@@ -11,14 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fmd.accuracy.rotor_errors import estimate_frequency_errors
 from fmd.core.errors import InputError
+from fmd.meshes.gmsh_session import gmsh_model
 from fmd.output.campbell import compute_campbell, whirl_word, write_campbell
 from fmd.responses.interpolated_models import interpolate_models
 from fmd.responses.state_space import Channel, StateSpace
 from fmd.responses.whirl import find_circulation
 from fmd.scene.scene import load_scene
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.rotor import find_vibrations
+from fmd.stages.rotor import coupled, find_vibrations
 from fmd.stages.turning import require_one_axis
 
 MASS, POLAR, ACROSS, ARM, RADIAL, DAMPER = 12.0, 0.09, 0.06, 0.2, 4e5, 150.0
@@ -343,3 +345,65 @@ def test_a_second_hinge_off_the_axis_is_refused_before_anything_is_reduced() -> 
         find_vibrations(run)
     assert not any(part.results for part in run.parts.values())
     require_one_axis(load_scene("four-bar", ['ground.D.at=["0 mm", "0 mm", "240 mm"]']))  # on the axis
+
+
+ROUND = """
+title = "Round shaft"
+[body.shaft]
+mesh = { cad = "shaft.step", size = "30 mm" }
+E = "210 GPa"
+nu = 0.3
+rho = "7850 kg/m^3"
+modes = { count = 6 }
+marker = { near = { face = "xmin" }, far = { face = "xmax" } }
+[ground]
+near = { at = ["0 m", "0 m", "0 m"] }
+far = { at = ["150 mm", "0 m", "0 m"] }
+[joint.float]
+type = "free"
+parent = "ground.near"
+child = "shaft.near"
+[bearing.near]
+between = ["ground.near", "shaft.near"]
+axis = [1, 0, 0]
+radial = "20 N/um"
+axial = "5 N/um"
+[bearing.far]
+between = ["ground.far", "shaft.far"]
+axis = [1, 0, 0]
+radial = "20 N/um"
+"""
+
+
+@pytest.fixture(scope="module")
+def round_shaft(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
+    """A round shaft of tetrahedra, whose mesh isn't the same all around."""
+    folder = tmp_path_factory.mktemp("round")
+    with gmsh_model("shaft") as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.model.occ.addCylinder(0, 0, 0, 150, 0, 0, 15)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(folder / "shaft.step"))
+    return coupled(rotor(folder, ROUND))
+
+
+@pytest.mark.slow
+def test_torsion_keeps_its_frequency_at_any_rate_also_on_a_mesh_that_is_not_the_same_all_around(
+    round_shaft: Pipeline,
+) -> None:
+    # Half a wave of torsion between free ends: √(G/ρ) / (2 L).
+    torsion = np.sqrt(210e9 / 2.6 / 7850) / (2 * 0.15)
+    vibrations = find_vibrations(round_shaft)
+    for rate in (0.0, 200.0, 700.0):
+        found = vibrations(rate)
+        k = int(np.abs(found.frequencies_hz - torsion).argmin())
+        assert found.frequencies_hz[k] == pytest.approx(torsion, rel=5e-4)  # as whirl it would be 3e-3 off, or more
+        assert found.whirl[k] == 0.0
+
+
+@pytest.mark.slow
+def test_a_mesh_that_is_no_coarser_with_larger_elements_states_no_errors(round_shaft: Pipeline) -> None:
+    # Of 200 mm, or 400, the round faces leave nothing: both meshes are one, and errors over their difference infinite.
+    run = Pipeline(load_scene(round_shaft.scene.file, ["body.shaft.mesh.size=200 mm"]), round_shaft.store.cache)
+    why = estimate_frequency_errors(coupled(run), np.zeros(1), np.full((1, 1), 400.0))
+    assert why == "of larger elements the mesh has as many, since its faces decide their size"

@@ -89,7 +89,8 @@ class Pair:
 def make_coarse_pair(run: Pipeline) -> Pair | str:
     """Return a run and its scene on a coarser mesh; or the reason why there is none.
 
-    Few curved elements may be inverted: then a mesh that is less coarse is tried.
+    Few curved elements may be inverted: then a mesh that is less coarse is tried. Where the faces' own size, not that
+    which is asked for, decides how many elements there are, all meshes are alike and tell nothing.
     """
     why = "not estimated: there is no coarser mesh"
     for times in COARSENING_FACTORS:
@@ -97,9 +98,12 @@ def make_coarse_pair(run: Pipeline) -> Pair | str:
         if scene is None:
             break
         try:
-            return _pair(run, scene)
+            pair = _pair(run, scene)
         except FAULTS as fault:  # the latter where it has fewer modes than required
             why = f"not estimated: on a coarser mesh, {fault}"
+        else:
+            alike = "not estimated: of larger elements the mesh has as many, since its faces decide their size"
+            return pair if pair.gains["displacement"] > 0.0 else alike
     return why
 
 

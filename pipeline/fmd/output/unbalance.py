@@ -144,7 +144,7 @@ def _orbits(
 
     def at(rate: float) -> tuple[Array, Array]:
         A, both = matrices(rate)
-        C, B = both[: 3 * n_points], both[3 * n_points :].T
+        C, B = both[: 6 * n_points], both[6 * n_points :].T
         rows = [C[[way * n_points + k for k in seen.values()]] for way in (0, 1)]
         forward, against = circular_response(A, B, (rows[0], rows[1]), (order - 1.0) * rate)
         return force(rate) * forward, abs(force(rate)) * against

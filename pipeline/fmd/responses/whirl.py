@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array
 from fmd.core.limits.responses import ACROSS_AXIS, NO_ENTRY
 from fmd.core.limits.round_off import SOLVED
 from fmd.reduction.rotating import WhirlingModes, order_poles
@@ -39,14 +39,15 @@ class SpaceView:
     A vibration of frequency ω that bends the axis has, in space, the frequency ``Ω + ω`` if it runs ahead in the
     turning frame, ``Ω − ω`` if it lags, which is backwards where it is negative; of one to and fro, which has both,
     that of its larger part. A shape that grows or decays in the turning frame without oscillating is carried round at
-    Ω. What doesn't bend the axis, as torsion, keeps its frequency.
+    Ω. What doesn't bend the axis, as torsion, keeps its frequency: where a mesh isn't the same all around it moves
+    the axis, too, but little beside the points' rotation about it.
     """
 
-    # (n_points, n) each: displacements of points along two axes across that of rotation, for unit states
+    # (n_points, n) each, for unit states: displacements of points on the axis along two axes across it
     across: tuple[Array, Array]
-    along: Array  # (n_points, n): displacements along the axis
+    tilts: tuple[Array, Array]  # rotations of points about these two, times the rotor's size
+    along: tuple[Array, Array]  # displacements along the axis, and rotations about it times the size
     rate: float  # Ω [rad/s]
-    on_axis: IntArray  # numbers of the points on the axis
 
     def look(self, poles: Array, vectors: Array) -> tuple[Array, Array, Array]:
         """Return frequencies, below 0 for backward whirl [rad/s], how each grows with its pole's, and circulations.
@@ -58,12 +59,11 @@ class SpaceView:
         vectors : ndarray, shape (n, n_poles)
             Their states.
         """
-        first, second, third = (C @ vectors for C in (*self.across, self.along))
-        moved = sum((np.abs(u) ** 2).sum(axis=0) for u in (first, second, third))
-        first, second = first[self.on_axis], second[self.on_axis]
-        transverse = (np.abs(first) ** 2 + np.abs(second) ** 2).sum(axis=0)
-        reach = _reach(vectors, (*self.across, self.along))
-        bends = (transverse > ACROSS_AXIS * moved) & (moved > (SOLVED * reach) ** 2)
+        bent, straight = (_squares(motions, vectors) for motions in ((*self.across, *self.tilts), self.along))
+        moved = bent + straight
+        reach = _reach(vectors, (*self.across, *self.tilts, *self.along))
+        bends = (bent > ACROSS_AXIS * moved) & (moved > (SOLVED * reach) ** 2)
+        first, second = (C @ vectors for C in self.across)
         circulation = find_circulation(first, second)
         sense = np.where(bends & (circulation < 0.0), -1.0, 1.0)
         omega = np.where(bends, self.rate, 0.0) + sense * poles.imag
@@ -87,6 +87,11 @@ def whirling_modes(A: Array, view: SpaceView) -> SolvedVibrations:
     kept = order_poles(poles, np.abs(omega))
     seen = WhirlingModes(np.abs(omega[kept]) / (2 * np.pi), poles.real[kept], whirl[kept])
     return SolvedVibrations(seen, poles[kept], vectors[:, kept])
+
+
+def _squares(motions: Sequence[Array], vectors: Array) -> Array:
+    """Return the squared motions of all points in each vibration, added up, (n,)."""
+    return np.asarray(sum((np.abs(C @ vectors) ** 2).sum(axis=0) for C in motions))
 
 
 def _reach(vectors: Array, displacements: Sequence[Array]) -> Array:

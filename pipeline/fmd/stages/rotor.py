@@ -9,7 +9,7 @@ import numpy as np
 
 from fmd.reduction.rotating import WhirlingModes, rotating_modes
 from fmd.responses.interpolated_models import interpolate_models, matrices_of
-from fmd.responses.whirl import SpaceView, hub_modes, whirling_modes
+from fmd.responses.whirl import hub_modes, whirling_modes
 from fmd.scene.modes import damping_ratios
 from fmd.scene.variants import complete_for_linear_answers
 from fmd.stages.run_checks import require_no_contact, require_no_gears
@@ -73,10 +73,10 @@ def find_vibrations(run: Pipeline, highest: float | None = None) -> Vibrations:
 
     def vibrations(rate: float) -> WhirlingModes:
         A, C = matrices_of(rotor.model, rate) if interpolated is None else interpolated(rate)
-        first, second, along = np.split(C, 3)
         if isinstance(way, OnHub):
+            first, second, *_ = np.split(C, 6)
             return hub_modes(A, (first, second), [k for k, (name, _) in enumerate(states) if name in way.still])
-        return whirling_modes(A, SpaceView((first, second), along, rate, rotor.on_axis)).seen
+        return whirling_modes(A, rotor.view(C, rate)).seen
 
     return vibrations
 

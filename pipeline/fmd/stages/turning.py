@@ -20,6 +20,7 @@ from fmd.responses.linearisation import Linearisation
 from fmd.responses.ports import Direction, MarkerPort
 from fmd.responses.state_space import StateSpace
 from fmd.responses.steady_rotation import Rotation, SteadyRotation
+from fmd.responses.whirl import SpaceView
 from fmd.scene.variants import change_simulation, correct_statically, open_to_space
 from fmd.stability.tangent import OperatingPoint
 from fmd.stages.mechanism import place_joints
@@ -139,7 +140,8 @@ class TurningRotor:
     def model(self, rate: float) -> StateSpace:
         """Linearise the rotor where it turns steadily at a rate [rad/s].
 
-        Outputs are the displacements of all markers along two axes across that of rotation, then along it.
+        Outputs are the displacements of all markers along two axes across that of rotation, then along it, and their
+        rotations about these three.
 
         Raises
         ------
@@ -152,6 +154,13 @@ class TurningRotor:
         if isinstance(self.way, InBearings) and rate:
             self._require_balance(rate, model)
         return model
+
+    def view(self, C: Array, rate: float) -> SpaceView:
+        """Return how space sees the rotor's vibrations at a rate [rad/s], by the outputs of its model there."""
+        first, second, along, *turns = np.split(C, 6)
+        tilt_first, tilt_second, about = (self._size * turn for turn in turns)
+        on = self.on_axis
+        return SpaceView((first[on], second[on]), (tilt_first, tilt_second), (along, about), rate)
 
     def forced(self, *places: str) -> Callable[[float], StateSpace]:
         """Return models at a rate [rad/s] as `model`, whose inputs are forces on markers along both axes across."""
@@ -221,7 +230,8 @@ class TurningRotor:
 
     def _ports(self) -> list[MarkerPort]:
         return [
-            MarkerPort(f"{link.name}.{name} {k}", "m", number, at, direction, False)
+            MarkerPort(f"{link.name}.{name} {k}", unit, number, at, direction, turns)
+            for turns, unit in ((False, "m"), (True, "rad"))
             for k, direction in enumerate(self._directions)
             for number, link in enumerate(self.mechanism.links)
             for name, at in link.markers.items()
@@ -256,7 +266,7 @@ class TurningRotor:
     def _require_balance(self, rate: float, model: StateSpace) -> None:
         """Raise ``InputError`` if the straight rotor's points are accelerated as by a large eccentricity."""
         a = self.steady.accelerations(rate, self._found[rate])[self.steady.independent(model)]
-        first, second, _ = np.split(model.C[:, : len(a)] @ a, 3)
+        first, second, *_ = np.split(model.C[:, : len(a)] @ a, 6)
         off = float(np.hypot(first, second).max()) / (rate**2 + 1.0)  # at low rates round-off accelerates, too
         if off > ECCENTRIC * self._size:
             mend = (

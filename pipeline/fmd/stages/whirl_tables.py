@@ -19,7 +19,6 @@ from fmd.core.limits.responses import WHIRLS_BETWEEN
 from fmd.core.limits.round_off import EXACT
 from fmd.reduction.rotating import WhirlingModes
 from fmd.responses.interpolated_models import Matrices, interpolate_models, matrices_of, with_inputs_seen
-from fmd.responses.whirl import SpaceView
 from fmd.responses.whirl_search import WhirlSearch
 from fmd.scene.bearing_tables import BearingTable
 from fmd.scene.variants import change_bearings
@@ -105,8 +104,7 @@ def find_vibrations_by_whirl(run: Pipeline, highest: float | None) -> Callable[[
 
     def vibrations(rate: float) -> WhirlingModes:
         A, both = (interpolated or model)(rate)
-        C, B = both[: 3 * n], both[3 * n :].T
-        first, second, along = np.split(C, 3)
+        C, B = both[: 6 * n], both[6 * n :].T
         terms = [
             (B[:, 2 * k : 2 * k + 2] @ C[rows], B[:, 2 * k : 2 * k + 2] @ (C[rows] @ A + rate * _TURN @ C[rows]))
             for k, rows in enumerate(seen)
@@ -120,7 +118,7 @@ def find_vibrations_by_whirl(run: Pipeline, highest: float | None) -> Callable[[
                     changed -= (now - rest) * term
             return changed
 
-        return WhirlSearch(matrix, SpaceView((first, second), along, rate, rotor.on_axis), grid).find()
+        return WhirlSearch(matrix, rotor.view(C, rate), grid).find()
 
     return vibrations
 

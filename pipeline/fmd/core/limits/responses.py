@@ -21,7 +21,7 @@ CANCELS = 1e-6  # distance of a zero from the pole that it cancels, over its siz
 INFINITE_ZERO = 1e4  # zeros so many times beyond the fastest pole are at infinity
 
 # Whirl.
-ACROSS_AXIS = 1e-3  # of the squared motion of all markers: with less of it across, on the axis, this isn't bent
+ACROSS_AXIS = 1e-2  # of the squared motion of all markers: with less of it across the axis this isn't bent
 NO_ENTRY = 1e-18  # of a matrix's largest entry
 
 # State of linearisation.
