@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 
 import pytest
+from rich.console import Console
 
 from fmd.cli import app
 
@@ -28,7 +29,7 @@ def test_every_command_has_a_module_of_its_name():
 
 
 def test_help_lists_commands_as_they_are_used_and_tells_what_each_option_does(fmd, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "72")
+    monkeypatch.setattr(app.app, "console", Console(width=72))  # whatever a test before has left
     commands = [place.partition(":")[0] for place in app._COMMANDS]
     assert fmd("--help") == 0
     listed = [
