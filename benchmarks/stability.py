@@ -275,7 +275,11 @@ def _march(case: StressCase, method: ResumableIntegrator, m: int, share: float, 
             still, on_its_way = spinning.end, np.concatenate([moved.q - spinning.q, moved.v - spinning.v], axis=1)
     except AccuracyError:
         return StressTestRow(*label, "diverges", np.nan)
-    sizes = [np.concatenate([x.q - y.q, x.v - y.v, x.a - y.a]) for x, y in ((first, base), (there, still))]
+    kept = method.history_size(first)
+    sizes = [
+        np.concatenate([x.q - y.q, x.v - y.v, x.a - y.a, (x.memory - y.memory)[:kept]])
+        for x, y in ((first, base), (there, still))
+    ]
     scale = np.r_[np.full(n, case.lowest), np.ones(n)]
     held = np.tile(case.K.any(axis=1), 2)  # nothing holds a free angle back
     was, now = (np.abs(scale * x[: 2 * n])[held].max() for x in sizes)

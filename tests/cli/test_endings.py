@@ -44,7 +44,7 @@ def test_an_interrupt_while_all_is_loaded_is_one_line(door: str, delay: float, t
     begun = "from fmd.cli.start import main; print(flush=True); main()"
     if door == "module":  # python -m fmd
         begun = "import runpy, fmd.cli.start; print(flush=True); runpy.run_module('fmd', run_name='__main__')"
-    command = [sys.executable, "-c", begun, "run", "beam", "--no-cache", "--no-pictures", "--out", str(tmp_path)]
+    command = [sys.executable, "-c", begun, "run", "arm", "--no-cache", "--no-pictures", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
     assert process.stdout is not None
     assert process.stdout.read(1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import time
 from pathlib import Path
 from typing import Any
 
@@ -286,7 +287,14 @@ def test_a_mesh_whose_elements_change_is_refused(tmp_path: Path) -> None:
 
 
 def test_derivatives_say_how_far_they_are(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    advance = progress._Task.advance
+
+    def advance_slowly(task: Any, done: float) -> None:  # a line comes every millisecond
+        advance(task, done)
+        time.sleep(0.02)
+
     monkeypatch.setattr(progress, "SAY_AFTER_SECONDS", 1e-3)
+    monkeypatch.setattr(progress._Task, "advance", advance_slowly)
     result = package.load(OSCILLATOR)
     result.run.motion  # noqa: B018
     capsys.readouterr()
