@@ -75,6 +75,30 @@ ELEMENTS = (
 )
 
 
+class Lanes(NamedTuple):
+    """Calls of the kernel that marches in lanes: how many marches and groups of eight each had."""
+
+    marches: list[int]
+    groups: list[int]
+
+
+@pytest.fixture
+def lanes(monkeypatch: pytest.MonkeyPatch) -> Lanes:
+    """March in lanes however few the steps are, and note the calls."""
+    from fmd.integrators import central_difference
+
+    found, march = Lanes([], []), central_difference.march_lanes
+
+    def march_noted(steps: Any, samples: Any, starts: Any, rows: Any, n_steps: int) -> None:
+        found.marches.append(len(starts.values))
+        found.groups.append(len(rows))
+        march(steps, samples, starts, rows, n_steps)
+
+    monkeypatch.setattr(central_difference, "LANE_STEPS", 1)
+    monkeypatch.setattr(central_difference, "march_lanes", march_noted)
+    return found
+
+
 @pytest.fixture(scope="session")
 def with_own_cache() -> Callable[[Path], dict[str, str]]:
     """Call for the environment of a process with a cache of its own in a folder, that has the kernels of this run."""

@@ -22,7 +22,6 @@ from fmd.core.involute import GearPair
 from fmd.dynamics.elements import GearTeeth
 from fmd.dynamics.kinematics import Kinematics
 from fmd.fitting.parameters import find_parameter
-from fmd.integrators import central_difference
 from fmd.output.campbell import compute_campbell
 from fmd.output.gear_teeth import gear_teeth_figures, gear_teeth_warnings
 from fmd.output.work_precision import compare_on_scene
@@ -335,15 +334,7 @@ def test_at_rest_under_a_load_force_and_vibration_are_those_of_the_static_mesh()
 
 
 @pytest.mark.long
-def test_gears_in_lanes_move_as_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
-    lanes, march = list[int](), central_difference.march_lanes
-
-    def count_lanes(steps: Any, samples: Any, starts: Any, *rest: Any) -> None:
-        lanes.append(len(starts.values))
-        march(steps, samples, starts, *rest)
-
-    monkeypatch.setattr(central_difference, "LANE_STEPS", 1)
-    monkeypatch.setattr(central_difference, "march_lanes", count_lanes)
+def test_gears_in_lanes_move_as_by_themselves(lanes: Any) -> None:
     runs = []
     for damper in np.geomspace(0.01, 1.0, 8).tolist():
         scene = gears()
@@ -353,7 +344,7 @@ def test_gears_in_lanes_move_as_by_themselves(monkeypatch: pytest.MonkeyPatch) -
         like = with_joint_numbers(runs[0].mechanism, runs[-1].scene)  # whose teeth needn't be tabulated again
         runs[-1].results["mechanism"] = like
     share_marches(runs)
-    assert lanes == [8]
+    assert lanes.marches == [8]
     for run in runs:
         (plan,) = run.plans.values()
         (found,) = known_marches(run).values()

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array
 from fmd.core.errors import StabilityError
 from fmd.dynamics.compiled_system.system import CompiledSystem
-from fmd.integrators import central_difference
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.lanes import arrange_lanes
 from fmd.scene.joints.prismatic import PRISMATIC
@@ -26,17 +25,9 @@ SEEDS = (3, 4, 5, 9, 13)  # of random mechanisms with numbers, whose steps can b
 
 
 @pytest.fixture(autouse=True)
-def groups(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """March in lanes however few the steps are, and note the number of groups of each call."""
-    found, march = list[int](), central_difference.march_lanes
-
-    def march_counted(steps: Any, samples: Any, starts: Any, rows: IntArray, n_steps: int) -> None:
-        found.append(len(rows))
-        march(steps, samples, starts, rows, n_steps)
-
-    monkeypatch.setattr(central_difference, "LANE_STEPS", 1)
-    monkeypatch.setattr(central_difference, "march_lanes", march_counted)
-    return found
+def groups(lanes: Any) -> list[int]:
+    """Return the number of groups of each call in lanes."""
+    return lanes.groups
 
 
 def sprung(seed: int) -> PointMechanism:

@@ -12,7 +12,6 @@ import pytest
 from fmd.accuracy.solved_scene import SolvedScene
 from fmd.core.cache import Cache
 from fmd.core.errors import AccuracyError, InputError
-from fmd.integrators import central_difference
 from fmd.output.result_figures import result_figures
 from fmd.output.summary import run_warnings
 from fmd.scene.scene import Scene
@@ -33,17 +32,7 @@ _WANTED = Wanted(results=("slider.centre.position", "slide.rate"), histories=Tru
 _STOPPED = 7  # points that are done before the sweep is stopped
 
 
-def test_rows_of_points_in_lanes_are_those_of_runs_by_themselves_also_when_resumed(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    lanes, march = list[int](), central_difference.march_lanes
-
-    def count_lanes(steps: Any, samples: Any, starts: Any, *rest: Any) -> None:
-        lanes.append(len(starts.values))
-        march(steps, samples, starts, *rest)
-
-    monkeypatch.setattr(central_difference, "LANE_STEPS", 1)
-    monkeypatch.setattr(central_difference, "march_lanes", count_lanes)
+def test_rows_of_points_in_lanes_are_those_of_runs_by_themselves_also_when_resumed(lanes: Any, tmp_path: Path) -> None:
     springs = np.random.default_rng(33).uniform(9e3, 2e4, 14)
     springs[[2, 6, 9]] = _LOST, _TOO_STIFF, 1.5 * _LOST
     variations = parse_variations([f"joint.slide.spring={','.join(f'{k!r} N/m' for k in springs.tolist())}"])
@@ -55,7 +44,7 @@ def test_rows_of_points_in_lanes_are_those_of_runs_by_themselves_also_when_resum
     begun = run_sweep(variations, points[:_STOPPED], tmp_path, compute, wanted=_WANTED)
     whole = run_sweep(variations, points, tmp_path, compute, wanted=_WANTED)
     assert (begun.computed, whole.computed) == (_STOPPED, len(points) - _STOPPED)
-    assert {*lanes} == {_STOPPED - 1, len(points) - _STOPPED}  # without the one that is refused
+    assert {*lanes.marches} == {_STOPPED - 1, len(points) - _STOPPED}  # without the one that is refused
     assert whole.records[:_STOPPED] == begun.records
 
     for spring, point, record, row in zip(springs, points, whole.records, SweepTable(whole).rows, strict=True):

@@ -79,6 +79,13 @@ class Tooth:
         """Half of the tooth's angle at a radius from the base circle on [rad]; below 0 it is pointed before."""
         return self.base_angle - involute(math.sqrt((radius / self.base_radius) ** 2 - 1.0))
 
+    @property
+    def polar_moment(self) -> float:
+        """Second moment of the tooth's area about the gear's axis [m⁴]; fillets go on at the base circle's angle."""
+        radii = np.linspace(self.root_radius, self.tip_radius, 100)
+        angles = np.array([2.0 * self.half_angle(float(r)) for r in np.maximum(radii, self.base_radius)])
+        return float(np.trapezoid(angles * radii**3, radii))
+
     def flank(self, roll: Array | float) -> Array:
         """Return points of the involute at roll angles (n,), shape (n, 2), or at one, shape (2,) [m]."""
         angle = self.base_angle - (roll - np.arctan(roll))

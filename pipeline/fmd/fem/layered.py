@@ -43,7 +43,7 @@ class Layered:
 
     @property
     def summed(self) -> SummedLayers:
-        """The same with its plies summed over the thickness: what energies are of."""
+        """The laminate with its plies summed over the thickness, as energies take it."""
         return SummedLayers(self.laminate, self.directions)
 
     @property

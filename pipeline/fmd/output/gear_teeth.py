@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.core.html import scaled
 from fmd.core.limits.contact import LARGE_TABLE_ERROR, LIGHT_TEETH
 from fmd.dynamics.elements import GearTeeth
@@ -16,8 +17,7 @@ from fmd.stages.pipeline import Pipeline
 
 def gear_teeth_figures(run: Pipeline) -> dict[str, Any]:
     """Return the gears in mesh of the first run by name; nothing without them."""
-    found, motion = {}, run.motion
-    values = {own.name: own.values for own in gear_variables(motion)}
+    found, values = {}, _values(run)
     for own in _teeth(run):
         error, force = values[f"{own.name}.transmission_error"], values[f"{own.name}.force"]
         found[own.name] = {
@@ -35,9 +35,9 @@ def gear_teeth_figures(run: Pipeline) -> dict[str, Any]:
 
 def gear_teeth_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Return warnings about loads beyond the table, its error, stress by forces on teeth, and teeth not meshed."""
-    found = []
+    found, values = [], _values(run)
     for own in _teeth(run):
-        error = next(x.values for x in gear_variables(run.motion) if x.name == f"{own.name}.transmission_error")
+        error = values[f"{own.name}.transmission_error"]
         if (most := max(error.max(), -error.min() - own.backlash)) > own.energy.reach:
             text = (
                 f"gear_mesh.{own.name}: teeth are pressed by {scaled(most, 'm')}, and forces are tabulated up to "
@@ -70,12 +70,13 @@ def _teeth(run: Pipeline) -> list[GearTeeth]:
     return [own for own in run.motion.mechanism.elements if isinstance(own, GearTeeth)]
 
 
+def _values(run: Pipeline) -> dict[str, Array]:
+    """Return the gears' variables of the first run by name."""
+    return {variable.name: variable.values for variable in gear_variables(run.motion)}
+
+
 def _missing_inertia(run: Pipeline, name: str) -> float:
     """Return the inertia about the axis of teeth that aren't meshed, over that of the body; teeth by their angles."""
     gear: Any = run.scene.body[name]
-    radii = np.linspace(gear.tooth.root_radius, gear.tooth.tip_radius, 100)
-    above = np.maximum(radii, gear.tooth.base_radius)
-    angles = np.array([2.0 * gear.tooth.half_angle(float(r)) for r in above])
-    each = gear.rho * gear.width * float(np.trapezoid(angles * radii**3, radii))
-    rim = 0.5 * pi * gear.rho * gear.width * (gear.tooth.root_radius**4 - (0.5 * gear.bore) ** 4)
+    each, rim = gear.tooth.polar_moment, 0.5 * pi * (gear.tooth.root_radius**4 - (0.5 * gear.bore) ** 4)
     return float((gear.teeth - gear.meshed_teeth) * each / (rim + gear.meshed_teeth * each))

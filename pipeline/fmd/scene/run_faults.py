@@ -1,4 +1,4 @@
-"""What methods of integration can't do in a scene: each run by such a method is a fault."""
+"""Faults of runs whose method of integration can't do what the scene asks."""
 
 from __future__ import annotations
 

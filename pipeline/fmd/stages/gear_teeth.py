@@ -48,10 +48,10 @@ def _make_teeth(run: Pipeline, name: str, mechanism: Mechanism, motion: Kinemati
         energy = tabulate_energy(pair, [run.wholes[each].tooth_flexibility for each in names], pinion.width, load)
     senses = 1.0, float(np.sign(axes[1] @ axis))
     radii = pair.pinion.base_radius, pair.wheel.base_radius
-    angles = [float(motion.along_joint(mechanism.number_of(each))[0][0]) for each in names]
+    numbers = [mechanism.number_of(each) for each in names]
+    angles = [float(motion.along_joint(number)[0][0]) for number in numbers]
     tooth = float(np.arctan2(x_axis @ np.cross(axis, along), x_axis @ along)) - angles[0]
     places = pair.place(tooth), pair.place(-tooth)
-    numbers = [mechanism.number_of(each) for each in names]
     links = [mechanism.links[number] for number in numbers]
     off = [float((at - motion.frames[k].origin[0]) @ axis) for k, at in zip(numbers, middles, strict=True)]
     joints = [run.scene.joint[link.joint_name].child.partition(".")[2] for link in links]

@@ -62,7 +62,7 @@ def read_visual(scene: Scene, body: str, number: int, cache: Cache) -> tuple[Arr
         with as_input_error(scene.file, key, visual.file):
             points, triangles = read(path)
         return points * unit_ratio(visual.unit, "m"), triangles
-    sources = ("fmd/meshes/cad.py", "fmd/stages/visual_files.py")
+    sources = ("fmd/meshes", "fmd/stages/visual_files.py")
     kept = stage_key("visual", {"content": digest, "kind": path.suffix.lower()}, sources, ("gmsh",))
     found = cache.load(kept, "tuple[Array, ...]")
     if found is None:
