@@ -5,17 +5,16 @@ Gmsh's OpenCASCADE may crash on a damaged file or never return; a separate proce
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
-import signal
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmd.meshes.cad_child import CadError, end_after, report
+from fmd.meshes.cad_mesh import CadMesh, save
 from fmd.meshes.cad_midsurface import replace_by_midsurface
 from fmd.meshes.cad_names import Names, import_entities, name_pieces, names_of_entities
 from fmd.meshes.cad_places import describe_part, find_centre, name_faces_by_place, name_of_face
@@ -28,23 +27,6 @@ _TURNED = 1e-4  # distance between centres of faces that one turn carries into e
 # Gmsh's numbers of tetrahedra and triangles of an order, and their nodes: the tetrahedron's in VTK's order.
 _TETRAHEDRA = {1: (4, [0, 1, 2, 3]), 2: (11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8])}
 _TRIANGLES = {1: (2, 3), 2: (9, 6)}
-
-
-class CadMesh(NamedTuple):
-    """A meshed CAD part as plain arrays with named solids and faces."""
-
-    points: NDArray[np.float64]  # (n_points, 3) [m]
-    cells: NDArray[np.int64]  # (n_cells, 4 or 10): points of each tetrahedron in VTK's order
-    parts: Mapping[str, NDArray[np.int64]]  # cells of each solid, by its name in the file or ``solid-1`` …
-    # (n_facets, 3): corners of each face's facets, by its number ``face-1`` …, its name in the file, its colour
-    # ``#ff0000``, and the name by its place, ``xmin`` or ``hole-1``
-    faces: Mapping[str, NDArray[np.int64]]
-    # (4,): area [m²] and centre [m] of each face by its geometry, of a whole cylinder the middle of its axis
-    centres: Mapping[str, NDArray[np.float64]]
-
-
-class CadError(ValueError):
-    """A CAD file can't be meshed; the message gives the reason."""
 
 
 def mesh_cad(
@@ -288,29 +270,6 @@ def whole_faces(gmsh: Any) -> dict[int, int]:
     return first
 
 
-def save(mesh: CadMesh, path: Path) -> None:
-    """Save a mesh as plain arrays and names in an ``.npz`` file."""
-    arrays: dict[str, Any] = {"points": mesh.points, "cells": mesh.cells}
-    arrays |= {f"part {k}": cells for k, cells in enumerate(mesh.parts.values())}
-    arrays |= {f"face {k}": corners for k, corners in enumerate(mesh.faces.values())}
-    arrays["centres"] = np.array(list(mesh.centres.values()))
-    names = json.dumps({"parts": list(mesh.parts), "faces": list(mesh.faces)})
-    np.savez(path, **arrays, names=np.frombuffer(names.encode(), dtype=np.uint8))
-
-
-def load(path: Path) -> CadMesh:
-    """Load a mesh that `save` has written."""
-    with np.load(path, allow_pickle=False) as file:
-        names = json.loads(bytes(file["names"]))
-        return CadMesh(
-            file["points"],
-            file["cells"],
-            {name: file[f"part {k}"] for k, name in enumerate(names["parts"])},
-            {name: file[f"face {k}"] for k, name in enumerate(names["faces"])},
-            dict(zip(names["faces"], file["centres"], strict=True)),
-        )
-
-
 def main(arguments: list[str]) -> str | None:
     """Mesh a CAD file, or describe it; return an error message or ``None``.
 
@@ -338,25 +297,3 @@ def main(arguments: list[str]) -> str | None:
 
     begin(0.0)
     return report(work)
-
-
-def report(work: Callable[[], None]) -> str | None:
-    """Do some work of this process without printing; return an error message or ``None``."""
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):
-            work()
-    except CadError as error:
-        return str(error)
-    except Exception as error:  # Gmsh's own
-        if "Could not read file" in str(error):
-            return "Gmsh can't read it: is it damaged, or of another format than its suffix says?"
-        return " ".join(f"Gmsh can't mesh it: {error}".split())[:200]
-    finally:
-        end_after(0.0)
-    return None
-
-
-def end_after(seconds: float) -> None:
-    """Have the system end this process after some time from now, whatever Gmsh does; 0 takes it back."""
-    if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, seconds)

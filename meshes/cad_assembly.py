@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fmd.meshes.cad import CadError, end_after, report, whole_faces
+from fmd.meshes.cad import whole_faces
+from fmd.meshes.cad_child import CadError, end_after, report
 from fmd.meshes.cad_names import import_entities, names_of_entities
 from fmd.meshes.cad_places import ROUND, look_at_cylinder
 from fmd.meshes.gmsh_session import gmsh_model

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from benchmarks.stability import case_builders
+from benchmarks.stability_cases import case_builders
 from fmd import Pipeline, load_scene
 from fmd.core.errors import AccuracyError
 from fmd.dynamics.compiled_system.system import CompiledSystem

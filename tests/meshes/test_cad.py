@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from fmd.fem.mesh import SolidMesh
-from fmd.meshes.cad import CadError, load, main, mesh_cad, save
+from fmd.meshes.cad import main, mesh_cad
+from fmd.meshes.cad_child import CadError
+from fmd.meshes.cad_mesh import load, save
 from fmd.meshes.gmsh_session import gmsh_model
 
 

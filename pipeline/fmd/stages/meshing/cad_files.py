@@ -95,7 +95,7 @@ def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, s
         The file isn't there, is no CAD file, or can't be meshed.
     """
     from fmd.fem.formats.import_mesh import solid_mesh
-    from fmd.meshes.cad import load
+    from fmd.meshes.cad_mesh import load
 
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         arrays = Path(folder) / "arrays.npz"
