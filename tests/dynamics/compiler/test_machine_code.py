@@ -147,8 +147,8 @@ def test_objects_are_read_back_and_damaged_ones_made_anew(monkeypatch: pytest.Mo
             run(function("cos"), load("cos"), np.zeros(1), y)
             assert y[0] == 1.0
         assert len(compiled) == before + 1
-        kept = sorted(tmp_path.iterdir())
-        assert [path.suffix for path in kept] == [".constants", ".object"]
+        kept = list(tmp_path.iterdir())
+        assert sorted(path.suffix for path in kept) == [".constants", ".object"]  # names depend on the processor
 
 
 def test_a_process_loads_an_object_once_and_keeps_the_last_used(
