@@ -359,3 +359,33 @@ def test_a_table_that_is_coarse_or_overrun_is_warned_of() -> None:
     found = [warning["text"] for warning in gear_teeth_warnings(run) if warning["code"] == "gear-table"]
     assert "tabulated up to" in found[0]
     assert "off by 0.03 of the load, which no key makes less" in found[1]
+
+
+def test_what_stiffens_gears_is_found_with_the_ratio_of_their_teeth() -> None:
+    """A torque turns both, ``(J₁ + J₂ (z₁/z₂)²) α₁ = T``; with teeth that don't touch the wheel would stand still."""
+    scene = gears()
+    scene["joint"]["in"].pop("rate"), scene["joint"]["out"].pop("rate")
+    scene["joint"]["out"]["axis"] = [0, 0, -1]
+    scene["ground"]["wheel"]["at"] = [0.075, 0.0, 0.0]
+    scene["body"]["wheel"] = {**scene["body"]["wheel"], "teeth": 30}
+    del scene["drive"]["load"]
+    scene["simulation"] |= {"duration": 0.01, "run": METHODS[:1]}
+    run = Pipeline(load_scene(scene), Cache(None))
+    J = [float(np.trace(run.parts[name].body.integrals.G[:2, :2, 0, 0])) for name in ("pinion", "wheel")]
+    found = [run.stiffening_loads[name].largest_rate for name in ("pinion", "wheel")]
+    assert found[0] == pytest.approx(TORQUE * 0.01 / (J[0] + J[1] * (20 / 30) ** 2), rel=1e-6)
+    assert found[1] == pytest.approx(found[0] * 20 / 30, rel=1e-9)
+
+
+def test_what_stiffens_gears_whose_motions_are_given_follows_these() -> None:
+    """On a pinion that is held the wheel stands still; motions at both ends need no teeth."""
+    assert held().stiffening_loads["wheel"].largest_rate < 1e-9
+    scene = gears()
+    scene["simulation"] |= {"fast": [], "run": METHODS[:1]}
+    for name, joint, rate in (("motor", "in", 30.0), ("load", "out", -20.0)):
+        angle = {"formula": f"{rate}*t", "unit": "rad"}
+        scene["joint"][joint] = {key: value for key, value in scene["joint"][joint].items() if key != "rate"}
+        scene["drive"][name] = {"type": "motion", "joint": joint, "angle": angle}
+    loads = driven().variant(load_scene(scene)).stiffening_loads
+    assert loads["pinion"].largest_rate == pytest.approx(30.0)
+    assert loads["wheel"].largest_rate == pytest.approx(20.0)

@@ -10,6 +10,7 @@ import numpy as np
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.contact import SKEWED_GEARS
+from fmd.dynamics.closures import Coupler
 from fmd.dynamics.elements import Attachment, GearTeeth
 from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
@@ -34,6 +35,28 @@ def add_gear_teeth(run: Pipeline, mechanism: Mechanism) -> Mechanism:
     motion = Kinematics(mechanism, np.zeros(1), q[None], v[None])
     teeth = [_make_teeth(run, name, mechanism, motion) for name in run.scene.gear_mesh]
     return replace(mechanism, elements=[*mechanism.elements, *teeth])
+
+
+def couple_gears(run: Pipeline, mechanism: Mechanism) -> Mechanism:
+    """Let the gears of a scene turn together as rigid ones, by the numbers of their teeth.
+
+    Of gears in a ring, or that prescribed motions turn at both ends, the last pair stays free: its teeth yield.
+    """
+    motion = Kinematics(mechanism, np.zeros(1), *(own[None] for own in place_joints(run.divided_scene, mechanism)))
+    couplers = list[Coupler]()
+    trains = {link.name: link.name if link.n_rates else "" for link in mechanism.links}  # "": its motion is known
+    for name, own in run.scene.gear_mesh.items():
+        pair = own.pinion, own.wheel
+        train, other = (trains[body] for body in pair)
+        if train != other:
+            axes, _, _ = _find_axes(run, name, mechanism, motion)
+            gears: list[Any] = [run.scene.body[body] for body in pair]
+            pinion, wheel = (float(gear.tooth.teeth) for gear in gears)
+            factors = pinion, wheel * float(np.sign(axes[0] @ axes[1]))
+            angles = [motion.along_joint(mechanism.number_of(body))[0][0] for body in pair]
+            couplers.append(Coupler(name, pair, factors, float(np.dot(factors, angles))))
+            trains = {body: min(train, other) if at in (train, other) else at for body, at in trains.items()}
+    return replace(mechanism, closures=[*mechanism.closures, *couplers])
 
 
 def _make_teeth(run: Pipeline, name: str, mechanism: Mechanism, motion: Kinematics) -> GearTeeth:
@@ -83,7 +106,7 @@ def _find_axes(
     for body in (run.scene.gear_mesh[name].pinion, run.scene.gear_mesh[name].wheel):
         number = mechanism.number_of(body)
         link, frame = mechanism.links[number], motion.frames[number]
-        R, bore = frame.rotation[0], run.bodies[body].origin
+        R, bore = frame.rotation[0], run.parts[body].body.origin
         axes.append(R @ link.axis / np.linalg.norm(link.axis))
         centres.append(frame.origin[0] - R[:, 2] * bore[2])
         teeth.append(R[:, 0])

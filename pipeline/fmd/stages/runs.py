@@ -41,9 +41,11 @@ from fmd.stages.stage import forget
 from fmd.stages.stiffening_check import StiffeningLoads, check_stiffening_loads, keep_inertia_of_pieces, rigid_spins
 
 if TYPE_CHECKING:
+    from fmd.dynamics.mechanism import Mechanism
     from fmd.recovery.motion import Motion
     from fmd.reduction.body import FlexibleBody
     from fmd.scene.runs import Run
+    from fmd.scene.scene import Scene
     from fmd.stability.operating_points import OperatingPoints
     from fmd.stages.pipeline import Pipeline
 
@@ -58,7 +60,16 @@ def check_loads(run: Pipeline) -> Mapping[str, StiffeningLoads]:
         return {}
     bodies = {name: part.body for name, part in run.parts.items()}
     meshed = [name for name, part in run.parts.items() if part.can_be_stiffened or part.body.integrals.stiffening.size]
-    return check_stiffening_loads(run.divided_scene, bodies, meshed, partial(build_like, run.built))
+
+    def build(scene: Scene, bodies: Mapping[str, FlexibleBody]) -> Mechanism:
+        mechanism = build_like(run.built, scene, bodies)
+        if scene.gear_mesh:
+            from fmd.stages.gear_teeth import couple_gears
+
+            return couple_gears(run, mechanism)
+        return mechanism
+
+    return check_stiffening_loads(run.divided_scene, bodies, meshed, build)
 
 
 def stiffen_bodies(run: Pipeline) -> Mapping[str, FlexibleBody]:
