@@ -310,7 +310,7 @@ def _budget_warnings(run: Pipeline, budget: Budget, seconds: float) -> list[dict
     if budget.left_out:
         sources: dict[str, list[str]] = {}
         for source, _, why in (each.partition(": ") for each in budget.left_out):
-            sources.setdefault(why, []).append(source)
+            sources.setdefault(why, []).extend(source.split(", "))
         text = "the error budget isn't whole: " + "; ".join(
             f"{', '.join(dict.fromkeys(of))}: {why}" for why, of in sources.items()
         )
