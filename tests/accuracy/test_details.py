@@ -7,9 +7,9 @@ import pytest
 
 from fmd import Pipeline, load_scene
 from fmd.accuracy.changed_bodies import retune_body
-from fmd.accuracy.details import detail_quantities
+from fmd.accuracy.details import detail_quantities, leave_out_nothing
 from fmd.accuracy.error_budget import state_errors
-from fmd.accuracy.error_estimates import OTHER_LOOPS
+from fmd.accuracy.error_estimates import OTHER_LOOPS, Quantity
 from fmd.accuracy.estimators import Estimates
 from fmd.reduction.inertia import inertia_integrals
 
@@ -44,6 +44,13 @@ def test_what_is_round_off_has_no_row(beam: Pipeline) -> None:
     names = {row.name for row in state_errors(beam).details}
     assert "beam.tip.acceleration" in names
     assert "beam.root.position" not in names
+
+
+def test_what_solving_leaves_of_a_marker_that_a_loop_holds_has_no_row() -> None:
+    """A linkage's foot on the ground had 2.3e-7 m/s² beside 156, stated within 315 % for 2930 %."""
+    sizes = {"rocker.outer.acceleration": 2.3e-7, "rocker.inner.acceleration": 156.3, "crank.outer.acceleration": 1e-5}
+    found = {name: Quantity(name, "m/s^2", size * np.eye(3)) for name, size in sizes.items()}
+    assert {*leave_out_nothing(found)} == {"rocker.inner.acceleration", "crank.outer.acceleration"}
 
 
 def test_a_body_in_other_coordinates_gets_the_whole_inertia_of_its_own_shapes(beam: Pipeline) -> None:

@@ -207,6 +207,38 @@ def test_a_guided_column_buckles_at_the_load_of_its_own_ends(
         _ = run.motions
 
 
+WHEEL_AND_NEEDLE = """
+[body.wheel]
+shape = "rigid"
+mass = "1000 kg"
+inertia = ["500 kg m^2", "500 kg m^2", "1000 kg m^2"]
+marker = { at = { at = ["0 m", "0 m", "0 m"] } }
+[joint.axle]
+type = "revolute"
+parent = "ground"
+child = "wheel.at"
+axis = [0, 0, 1]
+[body.needle]
+shape = "rigid"
+mass = "1 g"
+inertia = ["1e-9 kg m^2", "1e-6 kg m^2", "1e-6 kg m^2"]
+marker = { at = { at = ["0 m", "0 m", "0 m"] } }
+[joint.ball]
+type = "spherical"
+parent = "ground"
+child = "needle.at"
+"""
+
+
+def test_a_guided_column_bears_as_much_beside_what_turns_with_much_and_with_little_inertia(tmp_path: Path) -> None:
+    """The needle's turning about its axis counted as an elastic motion without stiffness, a traceback of SciPy."""
+    file, bears = tmp_path / "column.toml", np.pi**2 * EI
+    text = COLUMN.replace("ROOT", HINGE).replace("GUIDE", LINE).replace("LOAD", str(0.9 * bears))
+    file.write_text('title = "Column"\n' + text.replace('"1 s"', '"10 ms"') + WHEEL_AND_NEEDLE)
+    change = Pipeline(load_scene(file)).stiffness_changes["left"]
+    assert change.buckling == pytest.approx(0.9, rel=0.01)
+
+
 # A wall that moves ---------------------------------------------------------------------------------------------------
 
 MOVING = """

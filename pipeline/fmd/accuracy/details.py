@@ -13,8 +13,7 @@ import numpy as np
 
 from fmd.accuracy.error_estimates import OrientationQuantity, Quantity
 from fmd.core.arrays import Array
-from fmd.core.limits.errors import COMPARED_TIMES
-from fmd.core.limits.round_off import SOLVED
+from fmd.core.limits.errors import COMPARED_TIMES, NOTHING
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import Variable, motion_variables
 from fmd.recovery.quantities import marker_variables, reaction_variables
@@ -67,7 +66,7 @@ def leave_out_nothing(quantities: Quantities) -> Quantities:
     largest: dict[str, float] = {}
     for quantity in quantities.values():
         largest[quantity.unit] = max(largest.get(quantity.unit, 0.0), quantity.scale)
-    return {name: each for name, each in quantities.items() if each.scale > SOLVED * largest[each.unit]}
+    return {name: each for name, each in quantities.items() if each.scale > NOTHING * largest[each.unit]}
 
 
 def row_name(variable: str) -> str:

@@ -200,5 +200,9 @@ def _elastic_directions(system: CompiledSystem, t: float, q: Array) -> Array:
         of_joints = null_space(J[:, joints], rcond=DEPENDENT_CONSTRAINT) if len(J) else np.eye(len(joints))
         alone = np.zeros((n, of_joints.shape[1]))
         alone[joints] = of_joints
-    across = alone.T @ system.mass_matrix(q, t) @ directions
-    return np.asarray(directions @ null_space(across, rcond=DEPENDENT_CONSTRAINT)) if len(across) else directions
+    if not alone.shape[1]:
+        return np.asarray(directions)
+    # Each of unit mass, since joints and modes have units of their own.
+    M = system.mass_matrix(q, t)
+    alone, directions = (each / np.sqrt(np.einsum("ik,ij,jk->k", each, M, each)) for each in (alone, directions))
+    return np.asarray(directions @ null_space(alone.T @ M @ directions, rcond=DEPENDENT_CONSTRAINT))

@@ -14,6 +14,7 @@ SAME_FREQUENCY_OF_MESHES = 0.02  # relative: of shapes that the mesh alone keeps
 COMPARED_FRAMES = 60  # at which stress is compared
 COMPARED_TIMES = 2000  # at which reactions, places and accelerations are compared
 HOTTEST_FRAMES = 20  # of them around the largest stress
+NOTHING = 1e-8  # of the largest quantity of its unit: what solving leaves of a marker that a loop holds still
 HOT = 0.5  # of the largest stress: what other nodes have doesn't matter
 
 # Edges about which stress has no limit.
