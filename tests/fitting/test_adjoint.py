@@ -118,6 +118,20 @@ def test_adjoints_of_other_methods_are_the_transposes_of_their_tangents(
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize(
+    ("make", "kept", "step"), [(chain, 300, "1 ms"), pytest.param(four_bar, 2**20, "0.2 ms", marks=pytest.mark.long)]
+)
+def test_an_adjoint_of_the_exponential_method_is_the_transpose_of_its_tangents(
+    make: Any, kept: int, step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also by a load, of which sums over a loop's evaluations cancel but for a hundred-thousandth."""
+    monkeypatch.setattr(march_adjoint, "MOST_STEPS_KEPT", kept)
+    run = (f"simulation.run=[{{integrator='exponential',step='{step}'}}]", SHORT, "joint.drive.rate=-0.3 rad/s")
+    frozen = FrozenRun(package.load(make("central-difference"), *run[: 3 if make is chain else 2]).run)
+    found, expected = differ(frozen, [*OTHERS, "joint.drive.rate"][: 3 if make is chain else 2])
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
 LONG = ("simulation.step=10 ms", "simulation.duration=0.06 s")
 
 
@@ -239,9 +253,9 @@ def test_a_gradient_says_why_it_is_by_tangents(monkeypatch: pytest.MonkeyPatch) 
         assert adjoint.lacks_adjoint(frozen, motion, parameters, channels) == "results that are no histories"
     accelerated = replace(place, read=lambda run: np.gradient(run.motion.trajectory.v[:, 0]))
     assert adjoint.lacks_adjoint(frozen, motion, parameters, [accelerated]).endswith("several times at once")
-    function = package.ResultFunction(package.load(chain("exponential"), *MORE), of=[place.name], to=SPRINGS)
+    function = package.ResultFunction(package.load(chain("sub-cycling"), *MORE), of=[place.name], to=SPRINGS)
     function.vjp(function.start, np.ones(len(frozen.times)))
-    assert function.lacking == "exponential: its steps are not taken back"
+    assert function.lacking == "sub-cycling: its steps are not taken back"
 
 
 def test_a_gradient_of_the_tip_and_of_a_history_is_that_of_the_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.dynamics.signals.signal import half_sine
 from fmd.dynamics.system import PlainSystem, accelerations
-from fmd.integrators.exponential import Exponential, _functions
+from fmd.integrators.exponential import Exponential, fill_functions
 from fmd.integrators.protocol import State
 from fmd.integrators.scipy_ivp import ScipyIvp
 from fmd.kernels.table import Table
@@ -109,7 +109,7 @@ AT_ANGLES = pytest.mark.parametrize("theta", ANGLES)
 def functions(theta: float, h: float) -> Array:
     """Re φ_k and h Im φ_k/θ, rows k = 0 … 3."""
     out = np.empty(8)
-    _functions((theta / h) ** 2, h, out)
+    fill_functions((theta / h) ** 2, h, out)
     return out.reshape(4, 2)
 
 

@@ -13,7 +13,12 @@ from fmd.dynamics.compiled_system.tangents import Direction
 from fmd.fitting.frozen_run import FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter
 from fmd.fitting.tangents import say_what_lacks_tangents
-from fmd.integrators import central_difference_adjoint, generalized_alpha_adjoint, runge_kutta_adjoint  # noqa: F401
+from fmd.integrators import (  # noqa: F401 - register how their steps are taken back
+    central_difference_adjoint,
+    exponential_adjoint,
+    generalized_alpha_adjoint,
+    runge_kutta_adjoint,
+)
 from fmd.integrators.adjoint import can_be_taken_back, pull_back
 from fmd.integrators.protocol import Trajectory
 from fmd.output.channels import ResultChannel

@@ -65,15 +65,13 @@ class WeightedMarch:
 
 
 @kernel
-def _sum_signals(address: int, times: Array, weights: Array, clock: Array, values: Array) -> float:
-    """Return a weighted sum of what signals are over time."""
-    found = 0.0
+def _add_signals(address: int, weight: float, times: Array, clock: Array, values: Array, out: Array) -> None:
+    """Add what signals are over time, with a weight."""
     for row in range(times.size):
         clock[0] = times[row]
         call_native(address, (clock, values))
         for i in range(values.size):
-            found += weights[row, i] * values[i]
-    return found
+            out[row, i] += weight * values[i]
 
 
 class Sums:
@@ -98,8 +96,10 @@ class Sums:
         by_numbers, room = known.inputs[:count, n:].sum(axis=0), (np.zeros(2), np.zeros(n))
         for k, (direction, codes) in enumerate(zip(self._directions, self._codes, strict=True)):
             self.found[k] += by_numbers[: direction.numbers.size] @ direction.numbers
+            changes = np.zeros((count, n))  # at each time: sums of signals would lose what little they differ by
             for code, weight in codes:
-                self.found[k] += weight * _sum_signals(code.address("signals"), times, by_signals, *room)
+                _add_signals(code.address("signals"), weight, times, *room, changes)
+            self.found[k] += (by_signals * changes).sum()
         for first, table in self._tables.items():
             sums = np.zeros(LANES)
             sum_variants(table, known, np.zeros(1), sums)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -114,19 +115,20 @@ class Exponential(ResumableIntegrator):
         self, system: System, stiffness: Array, start: State, times: Array, origin: float, progress: Progress | None
     ) -> Trajectory:
         """Continue from a state, its steps and the output times counted from an origin [s]."""
-        h, n = self.step, system.n
-        full, half = np.empty((n, 8)), np.empty((n, 8))
-        for j, squared in enumerate(stiffness):
-            _functions(squared, h, full[j])
-            _functions(squared, 0.5 * h, half[j])
-
-        def make(state: State) -> _ExponentialSteps:
-            begin = (state.q, state.v, state.a)
-            oscillators = (np.ascontiguousarray(stiffness), full, half)
-            return _ExponentialSteps(origin, h, *oscillators, *begin, np.empty(8), *aligned(*10 * [n]))
-
+        make, h = partial(self.make_steps, stiffness, origin), self.step
         end, q, v, seconds = FixedMarch(self.name, make, system, 0, h, origin=origin).run(start, times, progress)
         return Trajectory(self.name, h, 1, times, q, v, 4 * (end.step - start.step), 0, seconds, end)
+
+    def make_steps(self, stiffness: Array, origin: float, state: State) -> ExponentialSteps:
+        """Return what a march from a state takes its steps with, counted from an origin [s]."""
+        n, h = stiffness.size, self.step
+        full, half = np.empty((n, 8)), np.empty((n, 8))
+        for j, squared in enumerate(stiffness):
+            fill_functions(squared, h, full[j])
+            fill_functions(squared, 0.5 * h, half[j])
+        oscillators = (np.ascontiguousarray(stiffness), full, half)
+        room = (np.empty((n, 8)), *aligned(*10 * [n]))
+        return ExponentialSteps(origin, h, *oscillators, state.q, state.v, state.a, *room)
 
 
 @dataclass(frozen=True)
@@ -189,7 +191,7 @@ def _require_oscillators(system: System) -> None:
 
 
 @kernel
-def _functions(stiffness: float, h: float, out: Array) -> None:
+def fill_functions(stiffness: float, h: float, out: Array) -> None:
     """Fill out (8,) with ``(Re φ_k, h Im φ_k/θ)`` for k = 0 … 3, where φ₀ is the exponential.
 
     These are the entries of φ_k(L h) that take a rate to a rate and to a position.
@@ -215,18 +217,18 @@ def _functions(stiffness: float, h: float, out: Array) -> None:
 
 
 @dataclass(frozen=True)
-class _ExponentialSteps(SingleSteps):
+class ExponentialSteps(SingleSteps):
     """State of a march by the exponential method, and room to work in."""
 
     origin: float  # time of step number 0, and the step [s]
     h: float
     stiffness: Array  # (n,): of the oscillators [1/s²]
-    full: Array  # (n, 8): `_functions` of each oscillator over a step, and over half of it
+    full: Array  # (n, 8): `fill_functions` of each oscillator over a step, and over half of it
     half: Array
     q: Array
     v: Array
     a: Array
-    phi: Array  # (8,): `_functions` up to a sample
+    phi: Array  # (n, 8): `fill_functions` up to a sample
     qa: Array  # positions and rates of the stages
     va: Array
     qb: Array
@@ -240,24 +242,25 @@ class _ExponentialSteps(SingleSteps):
 
 
 @inner
-def _rest(m: _ExponentialSteps, p: Any, t: float, q: Array, v: Array, N: Array) -> None:
+def _rest(m: ExponentialSteps, p: Any, t: float, q: Array, v: Array, N: Array) -> None:
     """Evaluate the accelerations without the oscillators' own part ``−ω² q``, into N."""
     accelerations(p, t, q, v, N)
     for i in range(v.size):
         N[i] += m.stiffness[i] * q[i]
 
 
-@take_steps.register(_ExponentialSteps)
-def _take_steps(m: _ExponentialSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
+@take_steps.register(ExponentialSteps)
+def _take_steps(m: ExponentialSteps, p: Any, frozen: Any, first: int, done: int, count: int, sampled: bool) -> int:
     for k in range(count):
-        _take_step(m, p, m.origin + (first + done + k) * m.h)
+        take_step(m, p, m.origin + (first + done + k) * m.h)
         if runs_away(m.v):
             return k
     return count
 
 
 @inner
-def _take_step(m: _ExponentialSteps, p: Any, t: float) -> None:
+def take_step(m: ExponentialSteps, p: Any, t: float) -> None:
+    """Take a step from a time t [s]; after it ``qb`` and ``vb`` are its last stage."""
     h, half, full, stiffness = m.h, m.half, m.full, m.stiffness
     N0, Na, Nb, Nc = m.N0, m.Na, m.Nb, m.Nc
     _rest(m, p, t, m.q, m.v, N0)
@@ -279,13 +282,13 @@ def _take_step(m: _ExponentialSteps, p: Any, t: float) -> None:
         m.vb[i] = e * m.va[i] - stiffness[i] * s * m.qa[i] + f * rest
     _rest(m, p, t + h, m.qb, m.vb, Nc)
     for i in range(m.v.size):
-        m.q[i], m.v[i] = _flow(m, i, h, 1.0, full[i])
+        m.q[i], m.v[i] = move_oscillator(m, i, h, 1.0, full[i])
         m.a[i] = N0[i] - stiffness[i] * m.q_now[i]
     project(p, t + h, m.q, m.v)
 
 
 @inner
-def _flow(m: _ExponentialSteps, i: int, s: float, x: float, phi: Array) -> tuple[float, float]:
+def move_oscillator(m: ExponentialSteps, i: int, s: float, x: float, phi: Array) -> tuple[float, float]:
     """Move an oscillator by a time s, a part x of the step: its own motion exactly, N by the parabola of its stages.
 
     At x = 1 the weights are ``(φ₁ − 3 φ₂ + 4 φ₃) N₀ + 2 (φ₂ − 2 φ₃)(N_a + N_b) + (4 φ₃ − φ₂) N_c``.
@@ -299,8 +302,8 @@ def _flow(m: _ExponentialSteps, i: int, s: float, x: float, phi: Array) -> tuple
     )
 
 
-@sample_within.register(_ExponentialSteps)
-def _sample_within(m: _ExponentialSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
+@sample_within.register(ExponentialSteps)
+def _sample_within(m: ExponentialSteps, p: Any, done: int, s: float, q: Array, v: Array) -> None:
     for i in range(v.size):
-        _functions(m.stiffness[i], s, m.phi)
-        q[i], v[i] = _flow(m, i, s, s / m.h, m.phi)
+        fill_functions(m.stiffness[i], s, m.phi[i])
+        q[i], v[i] = move_oscillator(m, i, s, s / m.h, m.phi[i])
