@@ -1,13 +1,14 @@
 """March mechanisms long at steps below and above the limits of stability, against the prediction by tangents.
 
-Run from the project's root: ``python benchmarks/stability.py``. The cases are scenes about their rest, spinning
-bodies, and systems hard on purpose; all take 55 minutes of processor time. Writes ``stability.csv``.
+Run from the project's root: ``python benchmarks/stability.py [INTEGRATOR …]``. The cases are scenes about their rest,
+spinning bodies, and systems hard on purpose; all take 55 minutes of processor time. Rows go to ``stability.csv``; those
+of other integrators stay.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import asdict, dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from joblib import Parallel, delayed
 
 sys.path.append(str(Path(__file__).parents[1]))
 from benchmarks.stability_cases import StressCase, case_builders
-from benchmarks.table_format import write_rows
+from benchmarks.table_format import renew_rows
 from fmd.core.arrays import Array
 from fmd.core.errors import AccuracyError
 from fmd.integrators.central_difference import CentralDifference
@@ -76,9 +77,14 @@ class StressTestRow:
         return self.predicted not in ("either", self.found)
 
 
-def march_all() -> list[StressTestRow]:
-    """March every case by every method in two processes."""
-    marches = [(name, k) for name in case_builders() for k in range(len(_marches(name)))]
+def march_all(integrators: Collection[str] = ()) -> list[StressTestRow]:
+    """March every case by these integrators, or by all, in two processes."""
+    marches = [
+        (name, k)
+        for name in case_builders()
+        for k, march in enumerate(_marches(name))
+        if not integrators or march.args[1].name in integrators
+    ]
     # The longest first, so that none is waited for in the end.
     longest = sorted(marches, key=lambda march: (march[0] != "arm", -len(_case(march[0]).M)))
     rows = Parallel(n_jobs=2)(delayed(_row)(*march) for march in longest)
@@ -105,8 +111,8 @@ def _case(name: str) -> StressCase:
 @cache
 def _marches(
     name: str, cycles: int = CYCLES, ratios: tuple[int, ...] = RATIOS, shares: tuple[float, ...] = SHARES
-) -> list[Callable[[], StressTestRow]]:
-    """Return the marches of one case by every method, as functions."""
+) -> list[partial[StressTestRow]]:
+    """Return the marches of one case by every method, as functions; the method is the second argument."""
     case = _case(name)
     return [
         *(partial(_march, case, *chosen, cycles) for chosen in _fixed(case, ratios, shares)),
@@ -228,12 +234,19 @@ def _march_adaptively(case: StressCase, method: Integrator, steps: int) -> Stres
 
 
 def main() -> None:
-    """March all, and write ``stability.csv`` beside this file."""
+    """March by the integrators that are named, or by all, and write ``stability.csv`` beside this file."""
     from benchmarks.stability import march_all  # the processes that march know this module by its name
 
-    rows = [asdict(row) | {"wrong": int(row.wrong)} for row in march_all()]
+    rows = [asdict(row) | {"wrong": int(row.wrong)} for row in march_all(sys.argv[1:])]
     rows = [row | {"share": f"{row['share']:g}", "drift": f"{row['drift']:.2e}"} for row in rows]
-    write_rows(Path(__file__).with_suffix(".csv"), rows)
+    cases, methods = [*case_builders()], [*dict.fromkeys(march.args[1].name for march in _marches("beam"))]
+    path = Path(__file__).with_suffix(".csv")
+    renew_rows(
+        path,
+        rows,
+        ("case", "integrator"),
+        lambda row: (cases.index(row["case"]), methods.index(row["integrator"])),
+    )
 
 
 if __name__ == "__main__":

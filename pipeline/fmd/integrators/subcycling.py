@@ -313,9 +313,8 @@ def _take_whole_cycles(m: WholeSteps, p: Any, cycle: Any, first: int, count: int
     while done < count:
         last = done + begin_whole_cycles(p, cycle, first + done * m.substeps, m.h, count - done)
         while done < last:
-            cross_cycle(p, cycle, m.substeps, m.q, m.v, m.a, m.begin)
             done += 1
-            if runs_away(m.v):
+            if cross_cycle(p, cycle, m.substeps, m.q, m.v, m.a, m.begin):
                 return done
     return count
 

@@ -7,6 +7,7 @@ of them changes are known, and the last values serve there.
 from __future__ import annotations
 
 from fmd.core.arrays import Array
+from fmd.core.limits.stepping import RUNAWAY
 from fmd.dynamics.compiled_system.kernels import inputs_at, set_inputs
 from fmd.dynamics.compiled_system.parameters import TreeParameters, WholeCycle
 from fmd.dynamics.compiler.program import LANES
@@ -73,7 +74,8 @@ def _look_ahead(p: TreeParameters, cycle: WholeCycle, first: int, h: float) -> N
 
 
 @cross_cycle.register(TreeParameters)
-def _cross_cycle(p: TreeParameters, cycle: WholeCycle, count: int, q: Array, v: Array, a: Array, begin: Array) -> None:
+def _cross_cycle(p: TreeParameters, cycle: WholeCycle, count: int, q: Array, v: Array, a: Array, begin: Array) -> bool:
     cycle.steps[2] = count
     cycle.steps[3] = min(count - 1, cycle.varying[0])
     call_native(cycle.cross, (p.inputs, cycle.steps, cycle.inverse_mass, cycle.ahead, q, v, a, begin))
+    return not cycle.steps[5] < RUNAWAY * RUNAWAY

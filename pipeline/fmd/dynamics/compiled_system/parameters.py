@@ -125,7 +125,9 @@ class WholeCycle(Table):
     signals_ahead: int  # 0 if loads and motions are evaluated one time after the other
     count: int  # fast steps
     varying: IntArray  # (1,): 0 if no load or motion changes in the cycle
-    steps: Array  # (5,): fast step and cycle [s], number of fast steps, through how many loads vary, the first's place
+    # (6,): fast step and cycle [s], number of fast steps, through how many loads vary, the first one's place, and the
+    # sum of the squares of the rates at the end
+    steps: Array
     inverse_mass: Array  # (n,): of each fast coordinate
     quiet: Array  # (any, 2): begin and end of times in which no load or motion changes [s]
     start: Array  # (2,): number of a step, and its length [s]

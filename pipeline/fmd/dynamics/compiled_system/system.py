@@ -264,7 +264,7 @@ class CompiledSystem(ReferenceState):
             signals_ahead=address("signals_ahead") if signals and are_smooth(signals) else 0,
             count=count,
             varying=np.zeros(1, dtype=np.int64),
-            steps=np.zeros(5),
+            steps=np.zeros(6),
             inverse_mass=_inverses(mass),
             quiet=np.array(quiet_times(signals)).reshape(-1, 2),
             start=np.zeros(2),

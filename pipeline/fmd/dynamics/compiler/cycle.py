@@ -17,7 +17,7 @@ from fmd.dynamics.compiler.coordinates import Coordinates
 from fmd.dynamics.compiler.forces import ActingForces
 from fmd.dynamics.compiler.frames import MovingFrame
 from fmd.dynamics.compiler.frozen import trace_single
-from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine
+from fmd.dynamics.compiler.graph import Graph, Scalar, Vector, combine, total
 from fmd.dynamics.compiler.nodes import Place
 from fmd.dynamics.compiler.oscillators import Oscillators, as_vector
 from fmd.dynamics.compiler.program import Output
@@ -42,7 +42,7 @@ class _Cycle(NamedTuple):
 
 
 def trace_cycle(inputs: Coordinates, frames: list[MovingFrame], damped: bool, count: int) -> list[Output]:
-    """Trace a cycle, usually of ``count`` steps; ``steps`` has the fast step, the cycle and its number of steps."""
+    """Trace a cycle, usually of ``count`` steps, and the sum of the squares of its rates into the last of ``steps``."""
     graph, mechanism = inputs.graph, inputs.mechanism
     found = _in_places(mechanism, trace_accelerations(frames, ActingForces(inputs, frames)))
     residual = trace_residual(inputs, frames)
@@ -66,7 +66,8 @@ def trace_cycle(inputs: Coordinates, frames: list[MovingFrame], damped: bool, co
             outputs += _take_slow_step(graph, H, tuple(places[k] for k in slow), _part(value, slow))
         if fast:
             outputs += _take_fast_steps(cycle, places, fast, value, middle[places])
-    return outputs
+    new = [as_vector(output.value) for output in outputs if output.place[0] == "v"]
+    return [*outputs, Output(total(v.dot(v) for v in new), ("steps", (5,)))]
 
 
 def _take_slow_step(graph: Graph, H: Scalar, places: tuple[int, ...], a: Vector) -> list[Output]:

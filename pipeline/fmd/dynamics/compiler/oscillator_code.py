@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from fmd.core.limits.code import CHUNKS_AT_ONCE
@@ -57,59 +57,68 @@ class OscillatorWriter:
                 ends = [chunk.added(end, more) for chunk, end, more in pairs]
         else:
             ends = self._sum_steps(chunks)
+            if self._levers:
+                ends = self._add_loads(chunks, ends)
         return [(chunk.width, chunk.end(end)) for chunk, end in zip(chunks, ends, strict=True)]
 
     def _sum_steps(self, chunks: list[_Chunk]) -> list[_End]:
-        """Write the end by polynomials and their sums: of a whole cycle in which no load varies, or of any steps."""
-        out = self._out
-        usual = out.value(f"icmp eq i64 {self._following}, {self._usual - 1}")
-        if self._levers:
-            still = out.value(f"icmp eq i64 {self._varying}, 0")
-            usual = out.value(f"and i1 {usual}, {still}")
-        found = out.either(
-            usual,
-            [chunk.width for chunk in chunks for _ in range(3)],
-            lambda: [x for chunk in chunks for x in chunk.sum_up(*chunk.polynomials(self._usual))],
-            lambda: [x for end in self._follow_polynomials(chunks) for x in end],
-        )
-        return [(found[3 * k], found[3 * k + 1], found[3 * k + 2]) for k in range(len(chunks))]
-
-    def _follow_polynomials(self, chunks: list[_Chunk]) -> list[_End]:
-        """Write the end by polynomials and sums that follow one after the other, each with a load's change."""
+        """Write the end by polynomials and their sums: of a whole cycle, or of any steps, one after the other."""
         start = [(value, chunk.width) for chunk in chunks for value in chunk.one_step]
 
         def follow(_: str, now: list[str]) -> list[str]:
             return [x for k, chunk in enumerate(chunks) for x in chunk.next_polynomial(now[4 * k : 4 * k + 4])]
 
-        if not self._levers:
+        def take_any() -> list[str]:
             found = self._out.repeat(self._following, start, follow)
-            return [chunk.sum_up(*found[4 * k : 4 * k + 4]) for k, chunk in enumerate(chunks)]
-        levers = [chunk.levers() for chunk in chunks]
-        found = self._out.repeat(self._out.value(f"sub i64 {self._following}, {self._varying}"), start, follow)
-        last = self._forces(chunks, levers, self._varying)
-        start = [
-            (value, chunk.width)
-            for k, chunk in enumerate(chunks)
-            for value in (*found[4 * k : 4 * k + 4], zero(chunk.width), zero(chunk.width), last[k])
-        ]
+            return [x for k, chunk in enumerate(chunks) for x in chunk.sum_up(*found[4 * k : 4 * k + 4])]
 
-        def respond(number: str, now: list[str]) -> list[str]:
-            before, following = self._out.value(f"sub i64 {self._varying}, {number}"), list[str]()
-            forces = self._forces(chunks, levers, self._out.value(f"sub i64 {before}, 1"))
-            for k, chunk in enumerate(chunks):
-                *polynomial, way, way_before, force = now[7 * k : 7 * k + 7]
-                way = self._out.accumulate(way, polynomial[0], force, chunk.width)
-                way_before = self._out.accumulate(way_before, polynomial[0], forces[k], chunk.width)
-                following += [*chunk.next_polynomial(polynomial), way, way_before, forces[k]]
+        usual = self._out.value(f"icmp eq i64 {self._following}, {self._usual - 1}")
+        return self._either(
+            usual,
+            chunks,
+            lambda: [x for chunk in chunks for x in chunk.sum_up(*chunk.polynomials(self._usual))],
+            take_any,
+        )
+
+    def _add_loads(self, chunks: list[_Chunk], ends: list[_End]) -> list[_End]:
+        """Write what the loads' changes add, if any of them varies: their response from rest, without damping."""
+
+        def respond() -> list[str]:
+            found = self._respond(chunks)
+            return [x for chunk, end, more in zip(chunks, ends, found, strict=True) for x in chunk.added(end, more)]
+
+        still = self._out.value(f"icmp eq i64 {self._varying}, 0")
+        return self._either(still, chunks, lambda: [x for end in ends for x in end], respond)
+
+    def _respond(self, chunks: list[_Chunk]) -> list[_End]:
+        levers = [chunk.levers() for chunk in chunks]
+        alone = len(self._levers) == 1  # its lever is a factor of the response
+        factors = [
+            [self._out.splat(literal(1.0), chunk.width)] if alone else own
+            for chunk, own in zip(chunks, levers, strict=True)
+        ]
+        start = [(zero(chunk.width), chunk.width) for chunk in chunks for _ in range(3)]
+
+        def follow(number: str, now: list[str]) -> list[str]:
+            forces, following = self._forces(chunks, factors, self._out.value(f"add i64 {number}, 1")), list[str]()
+            for k, (chunk, force) in enumerate(zip(chunks, forces, strict=True)):
+                way, before, _ = now[3 * k : 3 * k + 3]
+                rest = chunk.binary("fsub", force, before)
+                following += [self._out.accumulate(rest, chunk.two_less_z, way, chunk.width), way, force]
             return following
 
-        found = self._out.repeat(self._varying, start, respond)
-        ends = []
+        found, ends = self._out.repeat(self._varying, start, follow), list[_End]()
         for k, chunk in enumerate(chunks):
-            way, before = found[7 * k + 4 : 7 * k + 6]
-            more = (way, chunk.binary("fsub", way, before), chunk.less_spring(last[k], before))
-            ends.append(chunk.added(chunk.sum_up(*found[7 * k : 7 * k + 4]), more))
+            way, before, force = found[3 * k : 3 * k + 3]
+            end = (way, chunk.binary("fsub", way, before), chunk.less_spring(force, before))
+            ends.append(chunk.scaled(levers[k][0], end) if alone else end)
         return ends
+
+    def _either(
+        self, condition: str, chunks: list[_Chunk], first: Callable[[], list[str]], second: Callable[[], list[str]]
+    ) -> list[_End]:
+        found = self._out.either(condition, [chunk.width for chunk in chunks for _ in range(3)], first, second)
+        return [(found[3 * k], found[3 * k + 1], found[3 * k + 2]) for k in range(len(chunks))]
 
     def _forces(self, chunks: list[_Chunk], levers: list[list[str]], step: str) -> list[str]:
         """Write the changes of forces by the loads' changes from the begin up to a step."""
@@ -176,6 +185,7 @@ class _Chunk:
         self._levers = levers
         self._factors = [out.splat(factor, width) for factor in of._factors]
         self.two_less_z = self.binary("fsub", self.splat(2.0), self.z)
+        self._three_less_z = self.binary("fsub", self.splat(3.0), self.z)
         self._per_step, self._per_square = of._per_step, of._per_square
         if damping:
             self._c = multiply(multiply(h, inverse_mass), damping[0])
@@ -209,11 +219,12 @@ class _Chunk:
         """Write polynomials and sums after twice as many steps."""
         add, subtract, multiply = (partial(self.binary, operation) for operation in ("fadd", "fsub", "fmul"))
         u, before, total, of_totals = now
-        following = subtract(multiply(self.two_less_z, u), before)
+        difference = subtract(multiply(self.two_less_z, u), add(before, before))
+        following_sum = subtract(multiply(self._three_less_z, u), before)
         return [
-            multiply(u, subtract(following, before)),
+            multiply(u, difference),
             multiply(subtract(u, before), add(u, before)),
-            multiply(u, add(following, u)),
+            multiply(u, following_sum),
             add(add(of_totals, of_totals), multiply(u, subtract(add(total, total), u))),
         ]
 
@@ -271,6 +282,10 @@ class _Chunk:
 
     def added(self, one: _End, other: _End) -> _End:
         x, d, b = (self.binary("fadd", x, y) for x, y in zip(one, other, strict=True))
+        return x, d, b
+
+    def scaled(self, factor: str, one: _End) -> _End:
+        x, d, b = (self.binary("fmul", factor, x) for x in one)
         return x, d, b
 
     def end(self, found: _End) -> _End:

@@ -34,8 +34,8 @@ are filled:
 - ``moved`` (n_positions,): how positions change. With the slow ones, and with the slow rates by their accelerations,
   the fast rows of the residual change by ``drift`` (n,), and by ``by_inputs`` (3 n_signals, n), ``by_positions`` and
   ``by_rates`` (n,) along each input, all fast positions and all fast rates;
-- ``steps`` (5,): the fast step, the major cycle, the number of steps in it, through how many of them loads vary, and
-  which step of ``ahead`` the first one is;
+- ``steps`` (6,): the fast step, the major cycle, the number of steps in it, through how many of them loads vary, which
+  step of ``ahead`` the first one is, and the sum of the squares of the rates at the end;
   ``inverse_mass`` (n,): 1 over the masses of the fast coordinates, ``ahead`` (any, 3 n_signals, 8): inputs at eight
   fast steps after another, and ``begin`` (n,): accelerations at the cycle's begin;
 - ``K`` and ``C`` (n, n), ``X``, ``A`` and ``B`` (n_blocks, n, 8), ``frozen``, ``middle``, ``constant``,
