@@ -73,13 +73,12 @@ def figures(found: Any) -> Any:
         ("mesh", ()),
         ("compile", ()),
         ("stability", ("--substeps", "2")),
-        ("linearise", ("--in", "beam.tip.y", "--out", "beam.tip.y")),
         ("frf", ("--in", "beam.tip.y", "--out", "beam.tip.y", "--to", "200 Hz", "--points", "5")),
         ("campbell", ("--to", "100 rpm", "--points", "2")),
     ],
 )
 def test_a_command_gives_what_it_gives_of_the_scene_with_these_settings(command, arguments, chosen, tmp_path):
-    if command in ("linearise", "frf"):
+    if command == "frf":
         arguments = (*arguments, "--folder", tmp_path)
     elif command == "campbell":
         arguments = (*arguments, "--out", tmp_path)

@@ -38,7 +38,7 @@ marker = { middle = { at = ["150 mm", "0 mm", "0 mm"] }, tip = { face = "x+" } }
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("door", "delay"),
-    [("start", 0.1), ("start", 0.3), ("start", 0.7), ("start", 1.5), ("module", 0.2), ("module", 0.7)],
+    [("start", 0.1), ("start", 0.4), ("start", 1.2), ("module", 0.2)],
 )
 def test_an_interrupt_while_all_is_loaded_is_one_line(door: str, delay: float, tmp_path: Path) -> None:
     begun = "from fmd.cli.start import main; print(flush=True); main()"

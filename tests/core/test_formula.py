@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmd.core import formula as code
@@ -327,6 +327,7 @@ WORDS += [
 ]
 
 
+@settings(max_examples=50)
 @given(st.one_of(st.lists(st.sampled_from(WORDS), max_size=60).map("".join), st.text(max_size=60)))
 def test_any_text_is_a_formula_or_a_fault(text: str) -> None:
     found = parse_formula("0")

@@ -115,7 +115,7 @@ def test_a_child_ends_with_its_parent(command: tuple[str, ...]) -> None:
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
-        time.sleep(0.5)
+        time.sleep(0.2)
         assert is_running(child)
         parent.send_signal(signal.SIGKILL)
     for _ in range(100):

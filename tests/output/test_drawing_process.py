@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -25,23 +26,27 @@ def draw_line(draw, path: Path, slope: float = 1.0) -> None:
     draw("charts.draw_chart", TIMES, [Curve("line", slope * TIMES)], path, title="a line", ylabel="x [m]")
 
 
-def test_pictures_are_the_same_as_drawn_here(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def process() -> Iterator[DrawingProcess]:
     with DrawingProcess("scene.toml") as process:
-        for slope in (1.0, 2.0):
-            draw_line(process, tmp_path / f"there-{slope}.png", slope)
-        process.finish()
+        yield process
+
+
+def test_pictures_are_the_same_as_drawn_here(process: DrawingProcess, tmp_path: Path) -> None:
+    for slope in (1.0, 2.0):
+        draw_line(process, tmp_path / f"there-{slope}.png", slope)
+    process.finish()
     for slope in (1.0, 2.0):
         draw_line(draw_here, tmp_path / f"here-{slope}.png", slope)
         assert (tmp_path / f"there-{slope}.png").read_bytes() == (tmp_path / f"here-{slope}.png").read_bytes()
 
 
-def test_an_error_comes_back_and_the_next_picture_is_drawn(tmp_path: Path) -> None:
-    with DrawingProcess("scene.toml") as process:
-        process("charts.draw_chart", TIMES, [], tmp_path / "none.png", title="", ylabel="")
-        draw_line(process, tmp_path / "line.png")
-        with pytest.raises(ValueError, match="a chart needs at least one curve"):
-            process.finish()
+def test_an_error_comes_back_and_the_next_picture_is_drawn(process: DrawingProcess, tmp_path: Path) -> None:
+    process("charts.draw_chart", TIMES, [], tmp_path / "none.png", title="", ylabel="")
+    draw_line(process, tmp_path / "line.png")
+    with pytest.raises(ValueError, match="a chart needs at least one curve"):
         process.finish()
+    process.finish()
     assert (tmp_path / "line.png").exists()
 
 
@@ -57,18 +62,15 @@ def test_a_process_that_dies_is_reported_with_its_remedy(tmp_path: Path) -> None
             process.finish()
 
 
-def test_nothing_is_drawn_while_something_is_timed(tmp_path: Path) -> None:
+def test_nothing_is_drawn_while_something_is_timed(process: DrawingProcess, tmp_path: Path) -> None:
     picture = tmp_path / "line.png"
-    with DrawingProcess("scene.toml") as process:
-        process.start()
-        process.require_ready()
-        draw_line(process, tmp_path / "first.png")  # which takes longest
-        process.finish()
-        with process.paused():
-            draw_line(process, picture)
-            time.sleep(1.0)
-            assert picture.exists() == (sys.platform == "win32")
-        process.finish()
+    draw_line(process, tmp_path / "first.png")  # which takes longest
+    process.finish()
+    with process.paused():
+        draw_line(process, picture)
+        time.sleep(0.5)
+        assert picture.exists() == (sys.platform == "win32")
+    process.finish()
     assert picture.exists()
 
 

@@ -55,7 +55,7 @@ def test_the_worked_example_of_the_standard_is_counted_as_there() -> None:
     assert sums == {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_cycles_are_those_of_the_rainflow_package(seed: int) -> None:
     rng = np.random.default_rng(seed)
     whole = rng.integers(-5, 6, size=int(rng.integers(3, 80))).astype(float)  # with plateaus and equal ranges

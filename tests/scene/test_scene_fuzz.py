@@ -20,7 +20,7 @@ from fmd import load_scene
 from fmd.core.errors import InputError
 
 SCENES = sorted(Path(fmd.models.__file__).parent.glob("*.toml"))
-MUTANTS = (400, pytest.param(1000, marks=[pytest.mark.slow, pytest.mark.long]))
+MUTANTS = (200, pytest.param(1000, marks=[pytest.mark.slow, pytest.mark.long]))
 SECONDS = 10.0  # to read one scene, on a busy machine
 MOST_LINES = 12  # of a message: three faults that are lines of different tables, with those of like bodies
 

@@ -6,7 +6,7 @@ from importlib.resources import files
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmd.scene.toml_files import list_ready_scenes
@@ -93,6 +93,7 @@ def test_each_key_of_a_ready_scene_stands_on_its_line(name: str) -> None:
         assert not isinstance(path[-1], str) or path[-1] in lines[line - 1]
 
 
+@settings(max_examples=50)
 @given(st.dictionaries(TEXTS, TOML_VALUES))
 def test_every_key_of_any_file_has_a_line(tables: dict[str, Any]) -> None:
     text = "".join(f"{toml({key: value})[1:-1]}\n" for key, value in tables.items())

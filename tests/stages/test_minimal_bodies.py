@@ -21,8 +21,7 @@ child = "beam.root"
 """
 
 
-@pytest.mark.parametrize("n_markers", [1, 2])
-@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize(("joint", "n_markers"), [(joint, 1 + k % 2) for k, joint in enumerate(JOINTS)])
 @pytest.mark.parametrize("to", SUFFIXES)
 def test_a_minimal_body_runs(
     to: str, joint: str, n_markers: int, fmd: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]

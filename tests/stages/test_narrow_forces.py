@@ -91,7 +91,10 @@ def test_a_block_that_flies_past_a_small_hard_ball_is_thrown_aside(tmp_path: Pat
         near, far = max(2e-3 - r, 0.0), max(1.5e-3 - r, 0.0)
         return np.r_[y[2:], 5e6 * (near**2 - far**2) / (2 * 5e-4) / 2.0 * y[:2] / r]
 
-    exact = solve_ivp(rates, (0.0, 1.0), [-0.5137, 5e-4, 1.0, 0.0], "DOP853", rtol=1e-11, atol=1e-13, max_step=1e-4)
-    assert abs(exact.y[3, -1]) > 0.3
+    # it flies freely until 0.5 s, and again from 0.53 s on
+    met = solve_ivp(rates, (0.5, 0.53), [-0.0137, 5e-4, 1.0, 0.0], "DOP853", rtol=1e-11, atol=1e-13, max_step=1e-4)
+    end, rate = np.split(met.y[:, -1], 2)
+    assert np.hypot(*end) > 2e-3
+    assert abs(rate[1]) > 0.3
     for label, motion in motions.items():
-        assert motion.tip_position[-1, :2] == pytest.approx(exact.y[:2, -1], abs=5e-3), label
+        assert motion.tip_position[-1, :2] == pytest.approx(end + 0.47 * rate, abs=5e-3), label

@@ -79,26 +79,26 @@ def run(environment, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def grid(run, fmd, tmp_path_factory):
-    """Two meshes, two numbers of modes, and two steps, one that would diverge and one that is no time.
+    """Two meshes, two numbers of modes, and three steps: one that works, one that would diverge, one that is no time.
 
     The steps vary fastest, so both workers want the same mesh and modes at the same time.
     """
     folder = tmp_path_factory.mktemp("grid")
     shapes = ["--vary", "body.beam.modes.count=2,3", "--vary", "body.beam.mesh.divisions=[12, 2, 1],[16,2,1]"]
-    steps = ["--vary", "simulation.step=10us,20us,3ms,fast"]
+    steps = ["--vary", "simulation.step=10us,3ms,fast"]
     return folder, fmd("beam-paper", *COARSE, *shapes, *steps, "--out", folder, "--workers", 2)
 
 
 def test_each_point_is_a_row_also_what_is_refused(grid):
     rows = grid[1]["rows"]
-    assert [grid[1][key] for key in ("points", "computed", "ok", "refused", "failed")] == [16, 12, 8, 8, 0]
-    assert [row["status"] for row in rows] == ["ok", "ok", "refused", "refused"] * 4
-    assert "central-difference would diverge; the largest stable step" in rows[2]["message"]
-    assert rows[3]["message"].startswith("--vary: simulation.step = 'fast'")
+    assert [grid[1][key] for key in ("points", "computed", "ok", "refused", "failed")] == [12, 8, 4, 8, 0]
+    assert [row["status"] for row in rows] == ["ok", "refused", "refused"] * 4
+    assert "central-difference would diverge; the largest stable step" in rows[1]["message"]
+    assert rows[2]["message"].startswith("--vary: simulation.step = 'fast'")
 
 
 def test_the_figures_of_a_point_are_those_of_a_run(grid, run):
-    row = grid[1]["rows"][-4]
+    row = grid[1]["rows"][-3]
     assert [row[f"frequencies_hz.{k}"] for k in range(3)] == run["frequencies_hz"]
     assert row["worst_stress.von_mises_pa"] == run["worst_stress"]["von_mises_pa"]
     for number, integration in enumerate(run["integrations"]):
@@ -109,7 +109,7 @@ def test_the_figures_of_a_point_are_those_of_a_run(grid, run):
 def test_points_that_share_a_mesh_or_modes_have_them_made_once(grid):
     records = [json.loads(path.read_text()) for path in (grid[0] / "points").glob("*.json")]
     made = [stage for record in records for stage in record["summary"].get("stages_run", ())]
-    assert made.count("motion") == 8
+    assert made.count("motion") == 4
     assert made.count("mesh") in (1, 2)  # a point that is refused may have made one, and has no summary
     assert made.count("modes") in (3, 4)
 
@@ -119,11 +119,11 @@ def test_the_table_comes_as_csv_and_as_netcdf_with_a_dimension_for_each_key(grid
     assert found["files"] == ["sweep.csv", "sweep.nc", "sweep-errors.csv", "sweep.png"]
     with (folder / "sweep.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [row["body.beam.mesh.divisions"] for row in rows[:5]] == ["[12, 2, 1]"] * 4 + ["[16,2,1]"]
+    assert [row["body.beam.mesh.divisions"] for row in rows[:4]] == ["[12, 2, 1]"] * 3 + ["[16,2,1]"]
     with xarray.open_dataset(folder / "sweep.nc", engine="scipy") as table:
         keys = ("body.beam.modes.count", "body.beam.mesh.divisions", "simulation.step")
         assert table.status.dims == keys
-        assert table["simulation.step"].values.tolist() == ["10us", "20us", "3ms", "fast"]  # as one of them is no time
+        assert table["simulation.step"].values.tolist() == ["10us", "3ms", "fast"]  # as one of them is no time
         stress = table["worst_stress.von_mises_pa"].values.reshape(-1)
         assert table["run.seconds"].dims == (*keys, "run")
         assert table["run.seconds"].units == "s"
@@ -134,13 +134,13 @@ def test_the_table_comes_as_csv_and_as_netcdf_with_a_dimension_for_each_key(grid
 def test_a_second_sweep_computes_nothing_that_is_known(grid, capsys):
     folder, found = grid
     before = {path.name: path.stat().st_ino for path in (folder / "points").iterdir()}
-    vary = ["--vary", "simulation.step=0.01ms,0.02 ms", "--vary", "body.beam.modes.count=3"]
+    vary = ["--vary", "simulation.step=0.01 ms", "--vary", "body.beam.modes.count=2,3"]
     with pytest.raises(SystemExit, match="0"):
         main(["sweep", "beam-paper", *COARSE, *vary, "--out", str(folder), "--json"])
     again = json.loads(capsys.readouterr().out)
     assert (again["points"], again["ok"], again["computed"]) == (2, 2, 0)
-    assert [row["simulation.step [s]"] for row in again["rows"]] == [1e-5, 2e-5]
-    assert again["rows"][1]["run.0.seconds"] == found["rows"][9]["run.0.seconds"]  # that of the first sweep
+    assert [row["simulation.step [s]"] for row in again["rows"]] == [1e-5, 1e-5]
+    assert again["rows"][1]["run.0.seconds"] == found["rows"][6]["run.0.seconds"]  # that of the first sweep
     assert before == {path.name: path.stat().st_ino for path in (folder / "points").iterdir()}
 
 

@@ -135,7 +135,7 @@ def test_sub_cycling_has_its_declared_order_on_loops(make: Callable[[], tuple[Me
     times = np.array([DURATION])
     wanted = followed(make)[-1]
     errors = []
-    for steps in (4000, 16000):
+    for steps in (2000, 8000):
         march = METHODS[method](DURATION / steps).march(system, q, v, times)
         errors.append(np.abs(march.q[0] - wanted).max())
         assert np.abs(system.compiled.residuals(DURATION, march.q[0], march.v[0])[0]).max() < 1e-12
@@ -158,7 +158,7 @@ def test_what_the_limits_say_of_loops_is_what_marches_do(
     reached = np.abs(followed(make)).max()
     limit = METHODS[method](1e-6).largest_step(system)
     # The paper's scheme, close to its limit, may diverge between the points of the motion that are looked at.
-    for part in (0.1, 0.4, 0.7, *(() if method.startswith("sub") else (0.93,)), 1.1):
+    for part in (0.4, 0.7, *(() if method.startswith("sub") else (0.93,)), 1.1):
         chosen = METHODS[method](part * limit)
         folds = points.e_folds(chosen) if part < 1.0 else np.inf
         try:

@@ -129,10 +129,10 @@ def test_a_double_four_bar_stays_a_parallelogram_through_its_singular_positions(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [bricard, double_four_bar])
-def test_loops_stay_closed_over_a_million_steps(make: Callable[[], Case]) -> None:
+def test_loops_stay_closed_over_many_steps(make: Callable[[], Case]) -> None:
     case, step = make(), 1e-3
-    march = CentralDifference(step).march(case.system, case.q, case.v, np.linspace(0.0, 1e6 * step, 401))
-    assert march.evaluations >= 1_000_000
+    march = CentralDifference(step).march(case.system, case.q, case.v, np.linspace(0.0, 2e5 * step, 401))
+    assert march.evaluations >= 200_000
     assert largest_gap(case, march) < 1e-12
     assert energy_error(case, march) < 1e-3  # of 34 J and 20 J that go to and fro, without a drift
 
@@ -165,7 +165,7 @@ def test_runge_kuttas_method_keeps_order_eight_on_a_loop() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("spatial", [False, True])
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2, 3))])
 def test_random_loops_move_as_bodies_in_absolute_coordinates(seed: int, spatial: bool) -> None:
     loop, times = random_loop(seed, spatial), np.linspace(0.0, 0.2, 3)
     system = CompiledSystem(loop.mechanism)

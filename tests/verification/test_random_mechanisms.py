@@ -115,7 +115,7 @@ def tip(run: Pipeline) -> Array:
 
 
 @pytest.mark.slow
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(seed=SEEDS, m=st.integers(1, 8), share=st.floats(0.02, 3.0))
 def test_a_march_ends_in_numbers_or_says_when_and_where_it_diverged(
     folder: Path, seed: int, m: int, share: float
@@ -158,7 +158,7 @@ def test_a_motion_does_not_depend_on_the_times_asked_for(folder: Path, seed: int
 
 
 @pytest.mark.slow
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(seed=SEEDS)
 def test_a_motion_does_not_depend_on_units(folder: Path, seed: int) -> None:
     metres, millimetres = (tip(load(folder, seed, units)) for units in (SI, MILLIMETRES))

@@ -66,9 +66,8 @@ def by_formula(given: dict[str, np.ndarray], damped: bool, n_loads: int, is_late
     return [x, v, a]
 
 
-@pytest.mark.parametrize("damped", [False, True])
-@pytest.mark.parametrize("n_loads", [0, 1, 2])
-@pytest.mark.parametrize("n", [1, 2, 3, 5, 7, 8, 9, 17, 40])
+@pytest.mark.parametrize(("n_loads", "damped"), [(0, False), (1, True), (2, False), (2, True)])
+@pytest.mark.parametrize("n", [1, 2, 5, 8, 9, 17, 40])
 def test_a_cycle_is_its_steps(n: int, n_loads: int, damped: bool) -> None:
     for is_late in (False, True):
         usual = USUAL[(n + is_late) % len(USUAL)]

@@ -47,7 +47,7 @@ def filled(program: Program, name: str, n: int, **given: Array) -> tuple[Array, 
     return filling, expected
 
 
-@pytest.mark.parametrize("first", range(0, 50, 10))
+@pytest.mark.parametrize("first", [0, 10])
 def test_parts_do_what_the_interpreter_does(first: int) -> None:
     for seed in range(first, first + 10):
         made = random_mechanism(seed, second_order=seed % 5 == 0)

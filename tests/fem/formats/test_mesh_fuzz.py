@@ -162,7 +162,7 @@ def read_damaged(path: Path, arrays: Path) -> str:
 
 
 @pytest.mark.parametrize("form", OTHER)
-@pytest.mark.parametrize("n", [8, pytest.param(25, marks=pytest.mark.long)])
+@pytest.mark.parametrize("n", [4, pytest.param(25, marks=pytest.mark.long)])
 def test_what_meshio_reads_ends_in_a_mesh_or_a_message_when_damaged(
     originals: Path, form: str, n: int, tmp_path: Path
 ) -> None:
