@@ -29,7 +29,7 @@ def bars(*overrides: str) -> Pipeline:
     side = dict.fromkeys(("depth", "width"), "1 m") | {"length": "10 m", "E": "900 Pa", "nu": 0.0, "rho": "1 kg/m^3"}
     bar = {"shape": "bar", **side, "modes": {"count": 20, "family": "axial", "enrich": "none"}}
     bar |= {"marker": {"left": {"face": "x-"}, "right": {"face": "x+"}}}
-    mesh = {"first": [60, 1, 1], "second": [60, 2, 1]}
+    mesh = {"first": [44, 1, 1], "second": [44, 2, 1]}
     joint = {"type": "prismatic", "axis": [1, 0, 0], "parent": "ground"}
     scene = {
         "title": "Bars",

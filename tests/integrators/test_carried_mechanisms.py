@@ -7,9 +7,9 @@ from fmd.core.arrays import Array
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.integrators.subcycling import Subcycling
 from tests.dynamics.compiler.mechanisms import random_mechanism
+from tests.integrators.test_paper_scheme import OTHERS, SOME
 
 CYCLES, STEP = 5, 1e-3  # the last two by parabolas through three cycles
-SOME = (3, 4, 14, 16, 23, 46)
 
 
 def march_plainly(system: CompiledSystem, q: Array, v: Array, m: int, degree: int) -> tuple[Array, Array, Array]:
@@ -44,7 +44,10 @@ def march_plainly(system: CompiledSystem, q: Array, v: Array, m: int, degree: in
     return q, v, a
 
 
-def require_the_same(seed: int, m: int, forces: str, degree: int) -> None:
+@pytest.mark.parametrize(("forces", "degree"), [("carried", 2), ("frozen", 0)])
+@pytest.mark.parametrize("m", [2, 5])
+@pytest.mark.parametrize("seed", [*SOME, *OTHERS])
+def test_random_mechanisms_take_the_cycles_of_the_scheme(seed: int, m: int, forces: str, degree: int) -> None:
     made = random_mechanism(seed)
     system, (q0, v0) = CompiledSystem(made.mechanism), made.state(seed)
     if system.n != system.n_positions:
@@ -53,16 +56,3 @@ def require_the_same(seed: int, m: int, forces: str, degree: int) -> None:
     end = method.march(system, q0, 0.5 * v0, np.array([(CYCLES * m - 0.5) * STEP])).end
     for found, expected in zip((end.q, end.v, end.a), march_plainly(system, q0, 0.5 * v0, m, degree), strict=True):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * max(np.abs(expected).max(), 1e-300))
-
-
-@pytest.mark.parametrize(("forces", "degree"), [("carried", 2), ("frozen", 0)])
-@pytest.mark.parametrize("m", [2, 5])
-@pytest.mark.parametrize("seed", SOME)
-def test_some_random_mechanisms_take_the_cycles_of_the_scheme(seed: int, m: int, forces: str, degree: int) -> None:
-    require_the_same(seed, m, forces, degree)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [*range(8), *(pytest.param(k, marks=pytest.mark.long) for k in range(8, 200))])
-def test_random_mechanisms_carry_their_forces_on(seed: int) -> None:
-    require_the_same(seed, 5, "carried", 2)

@@ -9,7 +9,8 @@ from fmd.integrators.subcycling import Subcycling
 from tests.dynamics.compiler.mechanisms import random_mechanism
 
 CYCLES, STEP = 3, 1e-3
-SOME = (3, 4, 14, 16, 23, 46)
+SOME = (3, 4, 14, 16, 23, 46)  # rigid and flexible, with all joints that have no rotations in space
+OTHERS = [pytest.param(seed, marks=pytest.mark.long) for seed in range(200) if seed not in SOME]
 
 
 def march_plainly(system: CompiledSystem, q: Array, v: Array, h: float, m: int) -> tuple[Array, Array, Array]:
@@ -40,7 +41,9 @@ def march_plainly(system: CompiledSystem, q: Array, v: Array, h: float, m: int) 
     return q, v, a
 
 
-def require_the_same(seed: int, m: int) -> None:
+@pytest.mark.parametrize("m", [2, 5])
+@pytest.mark.parametrize("seed", [*SOME, *OTHERS])
+def test_random_mechanisms_take_the_cycles_of_the_scheme(seed: int, m: int) -> None:
     made = random_mechanism(seed)
     system, (q0, v0) = CompiledSystem(made.mechanism), made.state(seed)
     if system.n != system.n_positions:
@@ -48,15 +51,3 @@ def require_the_same(seed: int, m: int) -> None:
     end = Subcycling(STEP, m).march(system, q0, 0.5 * v0, np.array([(CYCLES * m - 0.5) * STEP])).end
     for found, expected in zip((end.q, end.v, end.a), march_plainly(system, q0, 0.5 * v0, STEP, m), strict=True):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * max(np.abs(expected).max(), 1e-300))
-
-
-@pytest.mark.parametrize("m", [2, 5])
-@pytest.mark.parametrize("seed", SOME)
-def test_some_random_mechanisms_take_the_cycles_of_the_scheme(seed: int, m: int) -> None:
-    require_the_same(seed, m)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [*range(8), *(pytest.param(k, marks=pytest.mark.long) for k in range(8, 200))])
-def test_random_mechanisms_take_the_cycles_of_the_scheme(seed: int) -> None:
-    require_the_same(seed, 5)

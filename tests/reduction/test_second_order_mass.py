@@ -1,5 +1,7 @@
 """Modal mass of displacements of second order, of a body of points that second order moves as a rigid one."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from fmd.core.arrays import EPSILON, Array
@@ -38,6 +40,11 @@ def test_it_is_what_the_kinetic_energy_of_a_rigid_motion_of_second_order_adds() 
     assert mass is not None
     total = 0.5 * m @ ((velocity + rigid) ** 2).sum(axis=1) - 0.5 * m @ (velocity**2).sum(axis=1)
     assert np.isclose(0.5 * v @ mass.matrix(q) @ v, total, rtol=1e-12)
+    M = replace(integrals, displacement2=displacement2, rotation2=rotation2).mass_matrix(np.r_[1.0, q])
+    assert np.allclose(M[:3, 6:] @ v, m @ (velocity + rigid))
+    assert np.allclose(M[3:6, 6:] @ v, m @ (np.cross(x + Phi @ q, velocity) + np.cross(x, rigid)))
+    middle = m @ (x + Phi @ q) + 0.5 * np.einsum("aij,i,j->a", displacement2, q, q)
+    assert np.allclose(M[3:6, :3], np.cross(middle, np.eye(3)).T)
 
 
 def test_a_body_that_turns_about_one_axis_takes_no_momenta_across_its_plane() -> None:
