@@ -14,7 +14,7 @@ def joint(*overrides: str, scene: str = "beam", body: str = "beam"):
 def test_a_driven_hinge_on_the_ground_lets_the_body_turn_about_one_coordinate_axis():
     hub = joint()
     assert (hub.marker, hub.axis, hub.free) == ("root", (0.0, 0.0, 1.0), ((0.0, 0.0, 1.0),))
-    assert (hub.normal, hub.in_plane, hub.floating, hub.prescribed, hub.accelerated) == (2, True, False, False, False)
+    assert (hub.normal, hub.in_plane, hub.floating, hub.prescribed) == (2, True, False, False)
     assert hub.plane == pytest.approx([0.0, 0.0, 1.0])
 
 
@@ -27,10 +27,9 @@ def test_directions_in_which_the_body_turns_freely_are_unit_vectors():
 @pytest.mark.parametrize(
     ("override", "differs"),
     [
-        ("simulation.gravity=['0 m/s^2', '-9.81 m/s^2', '0 m/s^2']", {"accelerated": True}),
         (
             'joint.hub={type="prismatic", parent="ground", child="beam.root", axis=[1, 0, 0]}',
-            {"accelerated": True, "free": (), "normal": -1},
+            {"free": (), "normal": -1},
         ),
         (
             'joint.hub={type="spherical", parent="ground", child="beam.root"}',
@@ -38,14 +37,13 @@ def test_directions_in_which_the_body_turns_freely_are_unit_vectors():
         ),
         (
             'joint.hub={type="free", parent="ground", child="beam.root"}',
-            {"accelerated": True, "floating": True, "free": (), "normal": -1, "in_plane": False},
+            {"floating": True, "free": (), "normal": -1, "in_plane": False},
         ),
     ],
 )
-def test_gravity_and_other_joints_change_what_depends_on_them(override, differs):
-    extra = [] if "gravity" in override else ["drive={}"]
-    one, other = joint(*extra), joint(*extra, override)
-    names = ("free", "floating", "prescribed", "in_plane", "normal", "accelerated")
+def test_other_joints_change_what_depends_on_them(override, differs):
+    one, other = joint("drive={}"), joint("drive={}", override)
+    names = ("free", "floating", "prescribed", "in_plane", "normal")
     assert {name: getattr(other, name) for name in names if getattr(one, name) != getattr(other, name)} == differs
 
 

@@ -52,7 +52,7 @@ def stiffen_body(
     axis : ndarray, shape (3,), optional
         Axis of a plane motion, with one product of rates and one angular acceleration; without, six and three.
     linear : bool
-        True if the joint is accelerated, or gravity acts; without, what the body has of it stays.
+        True for the displacement's momentum as the frame is accelerated; without, what the body has of it stays.
     moving : mapping of str to Marker, optional
         Markers whose displacement of second order is wanted: those that bodies or loads act on, and any to look at.
     free : ndarray, shape (k, 3), optional

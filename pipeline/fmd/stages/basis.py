@@ -145,33 +145,29 @@ def _on_its_joint(model: ConstrainedModel, modes: Modes, settings: AnyModes, fra
 
 def stiffen_reduced(model: ConstrainedModel, body: FlexibleBody, elements: bool = True) -> FlexibleBody:
     """Stiffen a reduced body by the loads that a scene can put on it, or what is on rigid arms alone."""
-    joint = model.joint
-    return _stiffen(model, body, joint.plane, joint.accelerated, model.markers, elements)
+    return _stiffen(model, body, model.joint.plane, True, model.markers, elements)
 
 
 def stiffen_for_any_motion(model: ConstrainedModel, body: FlexibleBody, elements: bool) -> FlexibleBody:
-    """Add to a body that `stiffen_reduced` has stiffened what a motion in a plane, or about a fixed axis, leaves out.
+    """Add to a body that `stiffen_reduced` has stiffened what a motion in a plane leaves out.
 
     Its markers answer to all forces already, so only loads by the frame's own motion are solved for.
     """
-    joint = model.joint
-    if joint.plane is None and joint.accelerated:
-        return body
-    return _stiffen(model, body, None, not joint.accelerated, {}, elements)
+    return body if model.joint.plane is None else _stiffen(model, body, None, False, {}, elements)
 
 
 def _stiffen(
     model: ConstrainedModel,
     body: FlexibleBody,
     plane: Array | None,
-    accelerated: bool,
+    linear: bool,
     moving: Mapping[str, Marker],
     elements: bool,
 ) -> FlexibleBody:
     joint = model.joint
     reaction = None if joint.floating or model.fixed is not None else model.reaction
     free = joint.free_directions if model.fixed is not None else None
-    return stiffen_body(body, model.fe, model.solver, reaction, plane, accelerated, moving, free, elements)
+    return stiffen_body(body, model.fe, model.solver, reaction, plane, linear, moving, free, elements)
 
 
 def _enriched_shapes(model: ConstrainedModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:

@@ -308,12 +308,20 @@ def divide_parts(scene: Scene, wholes: Mapping[str, FlexiblePart], like: Divisio
     return Division(found, parts, divided)
 
 
-def complete_inertia(along_normal: Callable[[str], Array], mechanism: Mechanism) -> Mechanism:
-    """Add to bodies of a mechanism the blocks of inertia along the one axis that they turn about, found by name."""
-    links = [
-        replace(link, integrals=add_normal_blocks(link.integrals, along_normal(link.name)))
-        if link.integrals.normal >= 0
-        else link
-        for link in mechanism.links
-    ]
+def complete_inertia(
+    bodies: Mapping[str, FlexibleBody], along_normal: Callable[[str], Array], mechanism: Mechanism
+) -> Mechanism:
+    """Add to bodies of a mechanism the inertia that their motion doesn't take, but their joints' reactions do.
+
+    That is the momentum of displacements of second order in a frame that isn't accelerated, and the blocks along the
+    one axis that a body turns about, found by name.
+    """
+    links = []
+    for link in mechanism.links:
+        integrals = link.integrals
+        if link.name in bodies:
+            integrals = replace(integrals, displacement2=bodies[link.name].integrals.displacement2)
+        if integrals.normal >= 0:
+            integrals = add_normal_blocks(integrals, along_normal(link.name))
+        links.append(replace(link, integrals=integrals))
     return replace(mechanism, links=links)

@@ -197,6 +197,9 @@ def _link(scene: Scene, places: _Places, functions: FunctionBuilder, body: str) 
     if body in places.bodies:
         reduced, damping = places.bodies[body], scene.flexible[body].modes.damping
         integrals = reduced.integrals
+        if not (places.parent(body) != "ground" or joint.kind.slides or any(scene.simulation.gravity)):
+            # A frame that isn't accelerated takes no force by it; its joint's reaction does, by the whole inertia.
+            integrals = replace(integrals, displacement2=np.zeros((3, 0, 0)))
         given = reduced.damping.size and not damping  # by the file that holds the body
         settings |= {
             "omega": reduced.omega,

@@ -30,7 +30,6 @@ class ParentJoint:
     in_plane: bool  # every joint of the scene keeps to the plane across ``axis``, and so do gravity and all loads
     # Number of the only coordinate axis that the body turns about in space, on a hinge to the ground; else -1.
     normal: int = -1
-    accelerated: bool = True  # the joint moves through space, or gravity acts: the body's frame accelerates
     # Markers where other bodies hang or loads act, by name, and if those keep to the plane of motion.
     loaded: tuple[tuple[str, bool], ...] = ()
 
@@ -86,7 +85,6 @@ def read_parent_joint(scene: Scene, body: str) -> ParentJoint:
         prescribed=prescribed,
         in_plane=all(kept),
         normal=int(np.argmax(np.abs(axis))) if about_an_axis else -1,
-        accelerated=gravity or not on_ground or bool(joint.kind.slides),
         loaded=_loaded_markers(scene, body, normal),
     )
 

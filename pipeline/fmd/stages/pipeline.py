@@ -385,8 +385,8 @@ class Pipeline:
         return leave_out_controllers(motion)
 
     def with_whole_inertia(self, mechanism: Mechanism) -> Mechanism:
-        """Return a mechanism whose bodies have their inertia along the one axis that they turn about, too."""
-        return complete_inertia(self._find_inertia, mechanism)
+        """Return a mechanism whose bodies have the inertia that only their joints' reactions take, too."""
+        return complete_inertia(self.bodies, self._find_inertia, mechanism)
 
     def _find_inertia(self, name: str) -> Array:
         """Return the blocks of a body's inertia integrals along the one axis that it turns about."""
