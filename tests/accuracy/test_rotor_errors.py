@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -81,6 +83,13 @@ def test_a_diagram_without_errors_says_so(diagram, tmp_path) -> None:
     header, first, *_ = (tmp_path / "campbell.csv").read_text().splitlines()
     assert header.endswith(",error")
     assert first.endswith(",not stated: no errors were estimated")
+
+
+def test_a_frequency_without_an_error_is_not_counted_as_exact(diagram) -> None:
+    errors = 1e-3 * diagram.frequencies_hz
+    assert replace(diagram, errors_hz=errors).largest_error(5) == pytest.approx(1e-3)
+    errors[0, 0] = np.nan  # more modes leave fewer vibrations below the others
+    assert replace(diagram, errors_hz=errors).largest_error(5) is None
 
 
 @pytest.mark.long

@@ -72,7 +72,7 @@ def combine_excess(part: FlexiblePart, recovered: Array, changed: Array) -> Arra
     """Return the excess of a part's eigenvalues by the estimates of recovered stress and of a coarser mesh, (n,).
 
     Behind a rigid face or a support stress has no limit at its edge, of which two meshes show little: bars with one had
-    up to 60 times the excess that a coarser mesh tells. There the larger one counts, and elsewhere their root mean square.
+    up to 60 times the excess that a coarser mesh tells. There the larger one counts, elsewhere their root mean square.
     """
     rigid = any(marker.rigid for marker in part.markers.values()) or bool(part.shape.support)
     if rigid or any(link.type == "rigid" for link in part.shape.link.values()):

@@ -126,11 +126,12 @@ class CampbellDiagram:
         return float(np.interp(at.rate, self.rates[known], errors[known])) if known.any() else None
 
     def largest_error(self, n_modes: int) -> float | None:
-        """Return the largest stated error of the first modes' frequencies over them; none if it isn't stated."""
+        """Return the largest stated error of the first modes' frequencies over them; none unless each is stated."""
         if isinstance(self.errors_hz, str):
             return None
-        shares = np.nan_to_num(self.errors_hz / np.where(self.frequencies_hz > 0.0, self.frequencies_hz, np.inf))
-        return float(shares[:, :n_modes].max(initial=0.0))
+        rings = self.frequencies_hz[:, :n_modes] > 0.0
+        shares = self.errors_hz[:, :n_modes][rings] / self.frequencies_hz[:, :n_modes][rings]
+        return float(shares.max(initial=0.0)) if np.isfinite(shares).all() else None
 
     def unstable_rows(self) -> list[dict[str, float]]:
         """Return the ranges in which something grows as plain data."""
