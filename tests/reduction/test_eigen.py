@@ -325,6 +325,18 @@ def test_a_static_response_is_in_balance_and_free_of_rigid_motion(small_bar: FEM
     assert np.abs(R.T @ (M @ u)).max() < 1e-10 * np.abs(M @ u).sum()
 
 
+def test_alike_loads_share_their_search_and_answer_each_alone(small_bar: FEModel) -> None:
+    # each column by itself is the independent path: a search along one direction at a time
+    f = np.random.default_rng(3).standard_normal((len(small_bar.x), 3, 6))
+    f[..., 4], f[..., 5] = f[..., 0] - 2.0 * f[..., 1], 0.0  # of others, and none
+    f[..., 3] = f[..., 2] * (1.0 + 1e-13)
+    solver = FreeBodySolver(small_bar)
+    together = solver.static_response(f)
+    alone = np.concatenate([solver.static_response(f[..., [k]]) for k in range(5)], axis=2)
+    assert np.abs(together[..., :5] - alone).max() < 1e-9 * np.abs(alone).max()
+    assert not together[..., 5].any()
+
+
 def test_a_static_response_is_found_for_a_body_with_a_slender_neck(steel: Material) -> None:
     # Its lowest frequency is far below that of any quadratic field, by which the shift is chosen.
     grid = SolidMesh(*hexahedral_bar(1.2, 0.4, 0.4, (12, 4, 4)))

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.core.arrays import Array, read_only
-from fmd.core.limits.memory import ENTRIES_AT_ONCE
+from fmd.core.limits.memory import ENTRIES_AT_ONCE, FEW_ENTRIES
 from fmd.core.limits.round_off import SOLVED
 from fmd.fem.geometric_stiffness import geometric_stiffness
 from fmd.reduction.body import FlexibleBody, MarkerShapes
@@ -128,7 +128,8 @@ class _Support:
         felt = np.flatnonzero(np.abs(rest).max(axis=0) > SOLVED * np.abs(flat).max(axis=0))
         u = self._solver.static_response(rest[:, felt].reshape(*loads.shape[:2], -1))
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
-        at_a_time = max(1, ENTRIES_AT_ONCE // self._fe.local_pairs)
+        entries = max(ENTRIES_AT_ONCE, FEW_ENTRIES // max(1, self._shapes.shape[0]))
+        at_a_time = max(1, entries // self._fe.local_pairs)
         for first in range(0, len(felt) if elements else 0, at_a_time):
             part = slice(first, first + at_a_time)
             out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)

@@ -9,7 +9,8 @@ STRESSED_AT_ONCE = 256  # elements under stress at a time: a matrix for each of 
 CELLS_AT_ONCE = 4096  # cells of a file at a time
 
 # Reduction.
-ENTRIES_AT_ONCE = 1200  # entries of an element's matrices under all loads at a time
+ENTRIES_AT_ONCE = 1200  # entries of an element's matrices under all loads at a time, in large meshes
+FEW_ENTRIES = 5_000_000  # the same of a small mesh, times its nodes, of which there are as many as elements or more
 SMALL_SYSTEM = 6000  # unknowns, below which SuperLU with an order of its own is as fast as any
 BYTES_OF_NONZERO = 60.0  # for each nonzero of A while it is copied from one format to the next
 
