@@ -50,6 +50,19 @@ def test_a_coarser_mesh_tells_the_excess_of_squared_frequencies_where_nothing_is
     np.testing.assert_allclose(excess, true, rtol=0.1)
 
 
+def test_pieces_on_a_coarser_mesh_are_cut_at_the_same_places(tmp_path: Path) -> None:
+    """Of 14 elements in two pieces 7 were left, in pieces of 3 and 4, whose frequencies differ by half."""
+    text = BAR.replace("{ count = 3 }", "{ count = 4 }\npieces = 2").replace('type = "free"', 'type = "fixed"')
+    file = tmp_path / "bar.toml"
+    file.write_text(text.replace("ORDER", "2").replace("DIVISIONS", "[14, 1, 1]"))
+    run = Pipeline(load_scene(file))
+    pair = make_coarse_pair(run)
+    assert not isinstance(pair, str)
+    for name, body in run.bodies.items():
+        assert pair.coarse.bodies[name].integrals.mass == pytest.approx(body.integrals.mass)
+        assert pair.coarse.bodies[name].omega[0] == pytest.approx(body.omega[0], rel=0.03)
+
+
 @pytest.mark.parametrize("modes", ['{ count = 4, boundary = "interface" }', "{ count = 4 }\npieces = 2"])
 def test_shapes_of_an_interface_are_no_stiffer_on_a_finer_mesh(tmp_path: Path, modes: str) -> None:
     """By Rayleigh's principle; of 7 modes and the static responses four were chosen, which had up to 28 % more."""

@@ -105,11 +105,18 @@ class Bar(Solid):
         return {"mesh": self.mesh.model_copy(update={"order": order})}
 
     def resized(self, factor: float) -> dict[str, Any]:
-        """Return the changes for a mesh with about ``factor`` times the elements each way."""
+        """Return the changes for a mesh with about ``factor`` times the elements each way.
+
+        Pieces of as many elements each have fewer in all of them alike: a coarser mesh is cut at the same places.
+        """
         if self.mesh.divisions is None:
             assert self.mesh.size is not None
             return {"mesh": self.mesh.model_copy(update={"size": self.mesh.size / factor})}
-        return self._divided(tuple(scale_count(count, factor) for count in self.mesh.divisions))
+        sizes, own, n = (self.length, self.depth, self.width), self.mesh.divisions, self.pieces
+        counts, along = [scale_count(count, factor) for count in own], sizes.index(max(sizes))
+        if isinstance(n, int) and n <= counts[along] < own[along] and own[along] % n == 0:
+            counts[along] -= counts[along] % n
+        return self._divided(tuple(counts))
 
     def divided_more(self) -> dict[str, Any]:
         """Return the changes for two elements in place of one quadratic, or of two linear ones, which bend alike."""
