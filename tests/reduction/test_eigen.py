@@ -263,7 +263,7 @@ def test_a_wrong_mode_is_named_with_its_frequency(small_bar: FEModel, monkeypatc
         solver.modes(4)
 
 
-@pytest.mark.parametrize("lost", range(13))
+@pytest.mark.parametrize("lost", [0, 1, 6, 11, 12])
 def test_a_mode_that_lanczos_loses_is_noticed(lost: int, square_bar: FEModel, monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave one of fifteen modes out (the last two are a pair): nothing in the others gives it away."""
 

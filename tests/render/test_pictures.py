@@ -1,4 +1,3 @@
-from itertools import product
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -26,7 +25,7 @@ def distance_to_top_colour(picture: np.ndarray, pixel: np.ndarray) -> float:
     return float(np.abs(around - top).max(axis=-1).min())
 
 
-@pytest.mark.parametrize("corner", list(product((0, 1), repeat=3)))
+@pytest.mark.parametrize("corner", [(0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 0)])
 def test_the_hottest_node_is_seen_in_the_top_colour_wherever_it_is(
     tmp_path: Path, block: Surface, corner: tuple[int, ...]
 ) -> None:

@@ -21,6 +21,18 @@ def test_a_part_fills_its_place_in_the_picture(request: pytest.FixtureRequest, n
         assert min(margins) == pytest.approx(0, abs=1e-9)
 
 
+def test_a_place_of_the_picture_contains_what_lies_in_it() -> None:
+    """`PART` leaves 24 % of the picture's height below and 16 % above, 4 % of its width on both sides."""
+    projection = fit_projection(np.eye(3), np.eye(3), SIZE)
+    inside = [(0.5, 0.26), (0.5, 0.82), (0.05, 0.5), (0.95, 0.5)]
+    outside = [(0.5, 0.22), (0.5, 0.86), (0.03, 0.5), (0.97, 0.5)]
+    for right, up in inside + outside:
+        from_middle = np.array([(right - 0.5) * SIZE[0], (up - 0.5) * SIZE[1], 0.0])
+        assert projection.contains(projection.centre + projection.metres_per_pixel * from_middle, PART) == (
+            (right, up) in inside
+        )
+
+
 def test_motion_in_the_horizontal_plane_is_looked_at_from_above() -> None:
     for extents in ((1.0, 1.0, 0.1), (1.0, 2.0, 0.1), (2.0, 1.0, 0.0)):
         axes = next(oblique_axes(np.array([[0.0, 0.0, 0.0], extents])))

@@ -117,10 +117,9 @@ def misspelt_scenes(count: int, seed: int) -> Iterator[tuple[str, KeyPath, str, 
             yield name, path, word, tables
 
 
-@pytest.mark.parametrize("seed", range(2))
 def test_nearly_all_misspelt_keys_and_values_are_flagged(
-    seed: int, validator: jsonschema.Draft202012Validator, monkeypatch: pytest.MonkeyPatch
+    validator: jsonschema.Draft202012Validator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(str(files("fmd.models")))  # where files of the scenes are looked for
-    missed = [found[:3] for found in misspelt_scenes(50, seed) if validator.is_valid(found[-1])]
+    missed = [found[:3] for found in misspelt_scenes(50, seed=0) if validator.is_valid(found[-1])]
     assert len(missed) <= 5, missed

@@ -109,10 +109,8 @@ def test_a_turning_arm_with_a_tip_mass_droops_as_a_beam_under_tension(tmp_path: 
     assert at[2] == pytest.approx(drooping_tip(mass), rel=3e-3)
 
 
-@pytest.mark.parametrize("mass", [0.5, 5.0])
-def test_an_arm_whose_tip_mass_closes_a_loop_starts_as_steadily_as_one_that_carries_it(
-    tmp_path: Path, mass: float
-) -> None:
+def test_an_arm_whose_tip_mass_closes_a_loop_starts_as_steadily_as_one_that_carries_it(tmp_path: Path) -> None:
+    mass = 5.0
     free = (
         f'[body.load]\nshape = "rigid"\nmass = "{mass} kg"\ncentre = ["0 m", "0 m", "0 m"]\n'
         'inertia = ["1e-3 kg m^2", "1e-3 kg m^2", "1e-3 kg m^2"]\nmarker = { at = { at = ["0 m", "0 m", "0 m"] } }\n'

@@ -49,8 +49,13 @@ def frequencies(mesh: object) -> Array:
     return FreeBodySolver(assemble(mesh, 1, STEEL)).modes(4).omega  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("form", ["inp", "bdf", "vtk", "vtu", "msh"])
-@pytest.mark.parametrize("element", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize(
+    ("form", "element"),
+    [
+        *((form, element) for form in ("inp", "bdf") for element in ("quadrilateral", "triangle")),
+        *(("vtk", "quadrilateral"), ("vtu", "triangle"), ("msh", "quadrilateral")),
+    ],
+)
 def test_each_format_gives_the_same_shell(tmp_path: Path, form: str, element: str) -> None:
     x, cells = panel(element)
     path = tmp_path / f"panel.{form}"
