@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from fmd.core import units
+from fmd.core import common_units, units
 from fmd.core.units import NonNegativeTime, PositiveLength, convert_values, to_si, unit_ratio
 
 
@@ -46,6 +46,28 @@ from fmd.core.units import NonNegativeTime, PositiveLength, convert_values, to_s
 )
 def test_a_quantity_becomes_the_nearest_float_in_si_units(text: str, kind: str, si: float) -> None:
     assert to_si(text, kind) == si
+
+
+def test_common_units_are_those_of_pint_in_any_product() -> None:
+    registry, generator = units._registry(), np.random.default_rng(0)
+    symbols = [*common_units._COMMON]
+    powers, joints = ["", "^2", "**3", "²", "^-1", "³"], [" ", "*", " * ", "/", " / ", "·"]
+    for case in range(400):
+        chosen = generator.choice(symbols, 1 + case % 4) if case >= len(symbols) else [symbols[case]]
+        parts = [symbol + (generator.choice(powers) if case >= len(symbols) else "") for symbol in chosen]
+        text = parts[0] + "".join(generator.choice(joints) + part for part in parts[1:])
+        factor, base = registry.get_base_units(registry.parse_units(text))
+        found = common_units.common_unit(text)
+        if str(base) == "dimensionless":
+            assert found is None
+        else:
+            assert found is not None
+            assert (float(found[0]), found[1]) == (float(factor), str(base)), text
+
+
+@pytest.mark.parametrize("text", ["furlong", "N m/lbf", "mt", "1", "", "Gs", "N //m", "m 2", "/m", "m^2s"])
+def test_other_units_are_left_to_pint(text: str) -> None:
+    assert common_units.common_unit(text) is None
 
 
 def test_rotations_per_minute_become_radians_per_second() -> None:

@@ -29,6 +29,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from fmd.core.cache import Cache
+from fmd.core.common_units import common_unit
 from fmd.core.limits.scene import ANY_SIZE, FORMULAS_KEPT, LONGEST_QUANTITY, POSSIBLE
 from fmd.core.paths import cache_folder
 
@@ -74,7 +75,7 @@ _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_PRODUCT})?\s*")
 
 @cache
 def _known_units() -> dict[str, list[str]]:
-    """Units that have been read before, with factor and base units: known ones need no registry of pint's."""
+    """Other than common units that have been read before, with factor and base units: these need no registry."""
     known = _store().load(_known_name(), "dict")
     try:
         return {str(unit): [str(Decimal(factor)), str(base)] for unit, (factor, base) in (known or {}).items()}
@@ -271,6 +272,8 @@ def convert_values(values: Array, unit: str, wanted: str) -> Array:
 @lru_cache(maxsize=FORMULAS_KEPT)
 def _base_units(unit: str) -> tuple[Decimal, str]:
     """Return the factor to base units (kg, m, s, rad, …) and these as text, empty for an unknown unit."""
+    if (common := common_unit(unit)) is not None:
+        return common
     known = _known_units()
     if unit not in known:
         registry = _registry()
