@@ -14,6 +14,8 @@ import xarray
 
 from fmd import Pipeline, load_scene
 from fmd.core.arrays import Array
+from fmd.core.cache import Cache
+from fmd.output.histories import draw_history, missed_peak_warnings
 from fmd.recovery.stress import von_mises
 
 SCENE = """
@@ -301,3 +303,57 @@ def test_a_hinge_bears_the_products_of_inertia_of_a_body_beside_its_plane(tmp_pa
     pull = 2700 * 0.4 * 0.02 * 0.01 * 0.2 * 100.0**2
     np.testing.assert_allclose(np.linalg.norm(force[:, :2], axis=1), pull, rtol=1e-4)
     np.testing.assert_allclose(np.linalg.norm(moment[:, :2], axis=1), pull * 0.01, rtol=1e-3)
+
+
+SHOCK = """
+title = "Shock"
+[body.arm]
+shape = "rigid"
+mass = "2 kg"
+inertia = ["1e-3 kg m^2", "0.02 kg m^2", "0.02 kg m^2"]
+centre = ["0.2 m", "0 m", "0 m"]
+marker = { hinge = { at = ["0 m", "0 m", "0 m"] }, tip = { at = ["0.4 m", "0 m", "0 m"] } }
+[joint.hinge]
+type = "revolute"
+parent = "ground"
+child = "arm.hinge"
+axis = [0, 0, 1]
+[drive.shock]
+type = "point force"
+marker = "arm.tip"
+direction = [0, 1, 0]
+force = { formula = "0 if t < 0.0212 else 2000*sin(pi*(t-0.0212)/0.001)**2 if t < 0.0222 else 0", unit = "N" }
+[simulation]
+duration = "30 ms"
+output_step = "5 ms"
+tip = "arm.tip"
+run = [{ integrator = "runge-kutta" }]
+[[output]]
+type = "history"
+file = "force.png"
+quantities = ["joint_reaction"]
+"""
+
+
+def test_a_shock_between_output_times_is_warned_of_and_stands_above_its_chart(tmp_path: Path) -> None:
+    """The hinge bears ``m c L / J − 1`` of the shock at the tip, and after it what turns."""
+    file = tmp_path / "shock.toml"
+    file.write_text(SHOCK)
+
+    def run_with(step: str) -> tuple[float, list[dict[str, str]], list[Any]]:
+        run, frames = Pipeline(load_scene(file, [f"simulation.output_step={step}"]), Cache(None)), []
+        draw_history(run, run.scene.output[0], tmp_path, lambda *drawn, **_: frames.extend(drawn[2]))  # type: ignore[arg-type]
+        return (
+            float(np.abs(run.motion.joint_loads.reactions["hinge"][:, 1, :2]).max()),
+            missed_peak_warnings(run),
+            frames,
+        )
+
+    seen, (warning,), (frame, *_) = run_with("5 ms")
+    assert warning["code"] == "coarse-output-times"
+    assert frame.name == "hinge.force: may be 56 times or more larger between output times"
+    assert frame.name.partition(": ")[2] in warning["text"]
+    peak, none, (quiet, *_) = run_with("0.02 ms")
+    assert (none, quiet.name) == ([], "hinge.force")
+    assert peak == pytest.approx(2000 * (2 * 0.2 * 0.4 / (0.02 + 2 * 0.2**2) - 1), rel=1e-3)
+    assert peak > 57 * seen

@@ -14,12 +14,15 @@ from fmd.accuracy.requested_stress import StressPlace, stress_at_elements, stres
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, whole_file, write_table
+from fmd.core.limits.recovery import MISSED_STRESS
 from fmd.core.limits.round_off import SUMMED
 from fmd.core.limits.shown import DIGITS, HARDLY_MOVES
 from fmd.core.netcdf import write_netcdf
 from fmd.dynamics.kinematics import Kinematics
 from fmd.output.error_table import write_errors
+from fmd.output.missed_peaks import missed_part
 from fmd.output.output_kinds import OutputKind
+from fmd.output.stress_warnings import say_missed, say_output_step
 from fmd.output.variable_errors import VariableErrors
 from fmd.recovery.motion import Motion
 from fmd.recovery.motion_file import OF_FORMULA, Variable, gather_runs, gear_variables
@@ -65,7 +68,9 @@ def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = dr
         components = tuple(_names_of(variable, columns.shape[1])[k] for k in chosen.tolist())
         error = errors.of(variable, in_body=output.axes == "body") if errors.has_budget else ""
         stated = error if isinstance(error, float) else None
-        frames.append(HistoryFrame(variable.name, variable.units, columns[:, chosen], components, stated))
+        missed = missed_part(run, variable)
+        beyond = f": {say_missed(missed)}" if missed > MISSED_STRESS else ""
+        frames.append(HistoryFrame(variable.name + beyond, variable.units, columns[:, chosen], components, stated))
     title = output.title or f"{run.scene.title}: {Path(output.file).stem}"
     draw("history_chart.draw_histories", run.motion.times, frames, folder / output.file, title=title)
 
@@ -81,6 +86,20 @@ def _leave_out_round_off(variables: Sequence[Variable]) -> list[Variable]:
 def _owner(variable: Variable) -> str:
     """Return what has a variable beside others: of a formula itself."""
     return variable.name if variable.units == OF_FORMULA else variable.name.rpartition(".")[0]
+
+
+def missed_peak_warnings(run: Pipeline) -> list[dict[str, str]]:
+    """Return a warning where a history or table misses a peak between output times, of that which misses most."""
+    missed = [
+        (missed_part(run, variable), variable.name, output.file)
+        for output in run.scene.output
+        if isinstance(output, Quantities)
+        for variable in _leave_out_round_off(history_variables(run, output, run.motion))
+    ]
+    part, name, file = max(missed, default=(0.0, "", ""))
+    if part <= MISSED_STRESS:
+        return []
+    return [{"code": "coarse-output-times", "text": f"{file}: {name} {say_output_step(run, part)}"}]
 
 
 def write_extremes(run: Pipeline, output: ExtremesTable, folder: Path) -> None:

@@ -42,15 +42,22 @@ def output_time_warnings(run: Pipeline, worst: Mapping[str, int]) -> list[dict[s
     for body, node in worst.items():
         missed = _missed(run, body, node)
         if missed > MISSED_STRESS:
-            step = _one_digit_below(1e3 * run.scene.simulation.output_step * math.sqrt(MISSED_STRESS / missed))
-            beyond = f"{100 * missed:.2g} %{' or more' if missed > UNRESOLVED_STRESS else ''}"
-            tells = "tells more" if missed > UNRESOLVED_STRESS else f"resolves it to {100 * MISSED_STRESS:g} %"
-            text = (
-                f"{body}: its largest stress may be {beyond} larger between output times; "
-                f"simulation.output_step = '{step} ms' {tells}"
-            )
+            text = f"{body}: its largest stress {say_output_step(run, missed)}"
             found.append({"code": "coarse-output-times", "body": body, "text": text})
     return found
+
+
+def say_missed(missed: float) -> str:
+    """Say what of a largest value may lie between output times."""
+    size = f"{100 * missed:.2g} %" if missed < 1.0 else f"{missed:.2g} times"
+    return f"may be {size}{' or more' if missed > UNRESOLVED_STRESS else ''} larger between output times"
+
+
+def say_output_step(run: Pipeline, missed: float) -> str:
+    """Say what of a largest value may lie between output times, and which step resolves it or tells more."""
+    step = _one_digit_below(1e3 * run.scene.simulation.output_step * math.sqrt(MISSED_STRESS / missed))
+    tells = "tells more" if missed > UNRESOLVED_STRESS else f"resolves it to {100 * MISSED_STRESS:g} %"
+    return f"{say_missed(missed)}; simulation.output_step = '{step} ms' {tells}"
 
 
 def _missed(run: Pipeline, body: str, node: int) -> float:

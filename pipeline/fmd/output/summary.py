@@ -22,6 +22,7 @@ from fmd.output.explain import STAGES
 from fmd.output.figure_errors import figure_errors
 from fmd.output.frequencies import frequencies_by_body, frequency_table, mode_warnings
 from fmd.output.gear_teeth import gear_teeth_figures, gear_teeth_warnings
+from fmd.output.histories import missed_peak_warnings
 from fmd.output.mechanism_figures import (
     coupling_warnings,
     loop_figures,
@@ -95,7 +96,7 @@ def summarise(run: Pipeline, files: list[str], budget: bool, budget_seconds: flo
         where = max(worst, key=lambda name: worst[name]["value_pa"])
         largest = {"body": where, "von_mises_pa": worst[where]["value_pa"]}
         summary["worst_stress"] = largest | {key: worst[where][key] for key in ("time_s", "position_m")} | worst
-    summary["warnings"] += stress_warnings(run, found)
+    summary["warnings"] += [*stress_warnings(run, found), *missed_peak_warnings(run)]
     stated = state_errors(run, budget_seconds) if budget and ERROR_BUDGET.applies(run) else None
     if budget and run.scene.contact:
         of_contacts = contact_errors(run, budget_seconds)
