@@ -55,6 +55,19 @@ def test_beyond_half_of_the_limit_it_gains_energy_and_the_summed_error_says_so()
     assert abs(motion.contacts[-1, ERROR]) > 0.05 * 500.0
 
 
+def test_a_march_turned_round_after_the_shock_comes_back() -> None:
+    """Forces without friction follow from positions alone, so central differences are reversible; half the limit."""
+    mechanism = bouncing_bar(30)
+    system = share_system(mechanism)
+    method = CentralDifference(0.5 * system.largest_step)
+    q0, times = np.zeros(mechanism.n_positions), np.array([0.0, 800 * method.step])
+    q0[0] = LENGTH / 2 + FALL
+    there = method.march(system, q0, np.zeros(mechanism.n), times)
+    assert there.v[-1, 0] > 1.0
+    back = method.march(system, there.q[-1], -there.v[-1], times)
+    np.testing.assert_allclose(back.q[-1], q0, atol=1e-10)
+
+
 def test_the_impulse_is_the_change_of_momentum() -> None:
     motion, _ = march(20, 0.3, 1.7)
     momentum = RHO * LENGTH * motion.v[:, 0]

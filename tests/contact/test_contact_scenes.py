@@ -11,7 +11,7 @@ import pytest
 from fmd import Pipeline, load_scene
 from fmd.accuracy.contact_errors import CONTACT_ERRORS, contact_errors
 from fmd.accuracy.error_budget import ERROR_BUDGET
-from fmd.core.errors import InputError, StabilityError
+from fmd.core.errors import AccuracyError, InputError, StabilityError
 from fmd.output.contacts import contact_figures, contact_warnings
 from fmd.output.curves import curves_of
 from fmd.output.figure_errors import figure_errors
@@ -305,3 +305,11 @@ def test_a_block_on_a_slope_starts_with_its_foot_sheared() -> None:
     own, weight = run.motion.contacts["floor"], 9.81 * run.motion.mechanism.mass
     np.testing.assert_allclose(own.force[:, 0], -0.5 * weight, rtol=1e-3)
     assert np.abs(run.motion.trajectory.v).max() < 1e-3 * 4.9 * 5e-3
+
+
+def test_a_block_that_turns_as_it_is_set_down_comes_to_lie_flat_unless_friction_holds_it() -> None:
+    tilted = ['simulation.start="equilibrium"', 'joint.free.rotate=["0 deg", "0 deg", "2 deg"]']
+    smooth = block(*tilted, "contact.floor.friction=0.0")
+    assert smooth.start[0][[3, 5]] == pytest.approx(0.0, abs=1e-6)  # of its quaternion: turned about the normal at most
+    with pytest.raises(AccuracyError, match="has to begin on its feet, or without friction"):
+        _ = block(*tilted, "contact.floor.friction=0.4").start

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from math import pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,15 +15,16 @@ from scipy.integrate import cumulative_simpson, quad, solve_ivp
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 from scipy.optimize import brentq
 
-from fmd.contact.gear_pair import press_gears
+from fmd.contact.gear_pair import mesh_gears, press_gears
 from fmd.core.arrays import Array
 from fmd.core.cache import Cache
-from fmd.core.errors import InputError
+from fmd.core.errors import AccuracyError, InputError
 from fmd.core.involute import GearPair
 from fmd.dynamics.elements import GearTeeth
 from fmd.dynamics.kinematics import Kinematics
 from fmd.fitting.parameters import find_parameter
 from fmd.output.campbell import compute_campbell
+from fmd.output.fmu.write import write_own_fmu
 from fmd.output.gear_teeth import gear_teeth_figures, gear_teeth_warnings
 from fmd.output.work_precision import compare_on_scene
 from fmd.recovery.motion_file import gear_variables
@@ -389,3 +391,41 @@ def test_what_stiffens_gears_whose_motions_are_given_follows_these() -> None:
     loads = driven().variant(load_scene(scene)).stiffening_loads
     assert loads["pinion"].largest_rate == pytest.approx(30.0)
     assert loads["wheel"].largest_rate == pytest.approx(20.0)
+
+
+def test_forces_of_teeth_that_are_not_meshed_are_refused() -> None:
+    pair, _, places, _ = pressed()
+    both = [driven().wholes[name].tooth_flexibility for name in ("pinion", "wheel")]
+    with pytest.raises(ValueError, match=r"pairs of teeth touch at once; mesh\.teeth = \d is needed for both gears"):
+        press_gears(pair, both, 0.02, np.array([0.0, 2e-3]), places)
+
+
+def test_forces_that_do_not_settle_end_in_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair, approaches, places, _ = pressed()
+    both = [driven().wholes[name].tooth_flexibility for name in ("pinion", "wheel")]
+    monkeypatch.setattr("fmd.contact.gear_pair.GEAR_PASSES", 1)
+    with pytest.raises(AccuracyError, match=r"the forces on . pairs of teeth don't settle"):
+        press_gears(pair, both, 0.02, approaches, places[:1])
+    with pytest.raises(AccuracyError, match=r"the load's shares of . pairs of teeth don't settle, at 0\.06 m"):
+        mesh_gears(pair, both, 0.02, TORQUE, 3)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_an_fmu_has_the_gears_teeth(kind: str, tmp_path: Path) -> None:
+    """By FMPy's integrator and by the FMU's own, against central differences in steps of 0.5 µs."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy isn't installed")
+    run = driven()
+    paths = write_own_fmu(run, tmp_path / "gears.fmu")
+    own = sum(run.motion.kinematics.along_joint(number)[0] for number in (0, 1))
+    for path in paths:
+        rows = fmpy.simulate_fmu(
+            str(path),
+            fmi_type=kind,
+            stop_time=float(run.output_times[-1]),
+            output_interval=2e-6,
+            output=["in.position", "out.position"],
+            relative_tolerance=1e-8,
+        )
+        found = np.interp(run.output_times, rows["time"], rows["in.position"] + rows["out.position"])
+        assert found == pytest.approx(own, abs=2e-3 * np.abs(own).max())

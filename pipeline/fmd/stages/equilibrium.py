@@ -56,9 +56,15 @@ def find_equilibrium(system: CompiledSystem, q: Array) -> Array:
         found = _settle(start, q, 0.0, resting, _shift)
     if found is not None:
         return found
+    held = (
+        "; friction holds a body where it begins, so one that would turn as it is set down has to begin on its "
+        "feet, or without friction"
+        if any(own.friction for body in system.mechanism.contacts for own in body.contacts)
+        else ""
+    )
     raise AccuracyError(
         f"no equilibrium after {_RESTING.corrections} corrections; something falls, turns or slides without end "
-        "under the loads of the start, or is about to buckle"
+        f"under the loads of the start, or is about to buckle{held}"
     )
 
 
