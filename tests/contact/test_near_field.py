@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import nnls
 
 from fmd import Pipeline
+from fmd.accuracy.contact_errors import contact_errors
 from fmd.contact.half_space import half_space_flexibility, point_flexibility
 from fmd.core.arrays import Array
 from fmd.output.contacts import contact_figures, contact_warnings
@@ -110,3 +111,20 @@ def test_stress_under_forces_on_points_is_in_equilibrium_with_them_and_itself() 
     np.testing.assert_allclose(-(0.25**2) * tensors[:, [2, 4, 3]].sum(axis=0), force[0], rtol=0.01)
     free = point_force_stress(place[None], source, force, 1e-9, nu)[0]
     np.testing.assert_allclose(free[[2, 3, 4]], 0.0, atol=1e-7)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("points", "speed"), [(60, 0.05), (120, 0.05), (250, 0.05), (120, 0.2)])
+def test_the_error_by_the_grid_covers_what_a_ball_is_off_by_from_hertz(points: int, speed: float) -> None:
+    """With the ball's own mass the mesh has no part in it: its curvature is exact."""
+    run = ball_by(f"contact.floor.points={points}", f'joint.flight.velocity=["0 m/s", "0 m/s", "{-speed} m/s"]')
+    radius, stiff = 1e-3 * RADIUS, 210e9 / (1.0 - 0.3**2)
+    approach = (15.0 / 16.0 * run.mechanism.mass * speed**2 / (stiff * np.sqrt(radius))) ** 0.4
+    force, area = 4.0 / 3.0 * stiff * np.sqrt(radius) * approach**1.5, np.pi * radius * approach
+    exact = {"largest_force_n": force, "largest_pressure_pa": 1.5 * force / area, "largest_area_m2": area}
+    figures, errors = contact_figures(run)["contacts"]["floor"], contact_errors(run)["floor"]
+    for key, value in exact.items():
+        parts = errors[key].summary()
+        assert parts["near field"] > 0.0
+        stated = 2.0 * np.sqrt(sum(parts[source] ** 2 for source in ("near field", "modes", "step")))
+        assert abs(figures[key] - value) < stated < 0.6 * value, key
