@@ -54,13 +54,11 @@ def lose(folder, stage: str) -> None:
         file.write_bytes(file.read_bytes()[:-1])
 
 
-@pytest.mark.parametrize("more", [False, True], ids=["plain", "element, files, stiffening"])
-def test_the_plan_of_a_first_a_second_and_a_damaged_run_is_what_happens(tmp_path, more):
-    overrides, scene = QUICK, "beam-paper"
-    if more:
-        scene, overrides = str(tmp_path / "more.toml"), [*QUICK, 'simulation.stiffening="on"']
-        ready = files("fmd.models").joinpath("beam.toml").read_text(encoding="utf-8")
-        (tmp_path / "more.toml").write_text(ready + MORE, encoding="utf-8")
+def test_the_plan_of_a_first_a_second_and_a_damaged_run_is_what_happens(tmp_path):
+    """Of a scene with stress of elements, files and stiffening."""
+    scene, overrides = str(tmp_path / "more.toml"), [*QUICK, 'simulation.stiffening="on"']
+    ready = files("fmd.models").joinpath("beam.toml").read_text(encoding="utf-8")
+    (tmp_path / "more.toml").write_text(ready + MORE, encoding="utf-8")
     first = plan_and_run(tmp_path, overrides, scene)
     require_foretold(*first)
     assert "mesh" in first[1].log.run

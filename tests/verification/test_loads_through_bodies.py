@@ -98,7 +98,7 @@ def drooping_tip(mass: float) -> float:
     return float(solve_bvp(slopes, ends, x, np.zeros((4, len(x))), tol=1e-9, max_nodes=100_000).y[0, -1])
 
 
-@pytest.mark.parametrize("mass", [0.0, 0.05, 0.5, 5.0])
+@pytest.mark.parametrize("mass", [0.0, 0.5, 5.0])
 def test_a_turning_arm_with_a_tip_mass_droops_as_a_beam_under_tension(tmp_path: Path, mass: float) -> None:
     settings = ('body.bar.modes.boundary="joint"', "simulation.duration=1 s", "simulation.start=steady")
     run = bar(tmp_path, [*FLAT, *settings, WEIGHT], hub("revolute") + TURN + payload(mass))
