@@ -12,12 +12,18 @@ from tests.integrators.test_paper_scheme import OTHERS, SOME
 CYCLES, STEP = 5, 1e-3  # the last two by parabolas through three cycles
 
 
-def march_plainly(system: CompiledSystem, q: Array, v: Array, m: int, degree: int) -> tuple[Array, Array, Array]:
-    """March some cycles, forces going on by a polynomial through the cycles before; return the state at the end."""
+def march_plainly(
+    system: CompiledSystem, q: Array, v: Array, m: int, degree: int
+) -> tuple[Array, Array, Array, list[Array]]:
+    """March some cycles, forces going on by a polynomial through the cycles before.
+
+    Return the state at the end, and the positions after each step of the last cycle.
+    """
     (M, K, _), slow, H = system.linear_matrices, np.arange(system.n) < system.n_slow, m * STEP
     k = np.linalg.solve(M, K).diagonal()
     steps = np.where(slow, H, STEP)
     a = system.compiled.accelerations(0.0, q, v)
+    path = list[Array]()
     q, v, past = q.copy(), v - 0.5 * steps * a, list[Array]()
     for cycle in range(CYCLES):
         t = cycle * H
@@ -40,8 +46,9 @@ def march_plainly(system: CompiledSystem, q: Array, v: Array, m: int, degree: in
                 a = np.where(slow, a, forces[s] - k * q)
             v = np.where(slow, v, v + STEP * a)
             q = np.where(slow, q, q + STEP * v)
+            path.append(q)
         past = known[:2]
-    return q, v, a
+    return q, v, a, path[-m:]
 
 
 @pytest.mark.parametrize(("forces", "degree"), [("carried", 2), ("frozen", 0)])
@@ -53,6 +60,11 @@ def test_random_mechanisms_take_the_cycles_of_the_scheme(seed: int, m: int, forc
     if system.n != system.n_positions:
         pytest.skip("rotations in space are no vectors")
     method = Subcycling(STEP, m, forces)
-    end = method.march(system, q0, 0.5 * v0, np.array([(CYCLES * m - 0.5) * STEP])).end
-    for found, expected in zip((end.q, end.v, end.a), march_plainly(system, q0, 0.5 * v0, m, degree), strict=True):
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * max(np.abs(expected).max(), 1e-300))
+    steps = np.r_[(CYCLES - 1) * m + np.arange(1, m), CYCLES * m - 0.5]
+    march = method.march(system, q0, 0.5 * v0, STEP * steps)
+    *state, path = march_plainly(system, q0, 0.5 * v0, m, degree)
+    fast = slice(system.n_slow, None)
+    within = [(one[fast], other[fast]) for one, other in zip(march.q[:-1], path[:-1], strict=True)]
+    for found, expected in [*zip((march.end.q, march.end.v, march.end.a), state, strict=True), *within]:
+        size = max(np.abs(expected).max(initial=0.0), 1e-300)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * size)
