@@ -394,6 +394,11 @@ def test_a_response_whose_energy_round_off_makes_negative_is_refused() -> None:
     K, opposed = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[1.0], [-1.0]])
     with pytest.raises(AccuracyError, match="static response 0: round-off is larger than the response"):
         inertia_relief.solve_balanced(K, np.eye(2), np.ones((2, 1)), lambda loads: -loads, opposed)
+    with (
+        pytest.raises(AccuracyError, match="static response 0: residual"),
+        np.errstate(all="ignore"),
+    ):  # beyond any number
+        inertia_relief.solve_balanced(1e300 * K, np.eye(2), np.ones((2, 1)), lambda loads: 1e9 * loads, opposed)
 
 
 def test_a_long_bar_bends_as_euler_and_bernoulli_say(slender_bar: FEModel, steel: Material) -> None:

@@ -133,7 +133,10 @@ def _conjugate_gradients(K: Any, f: Array, z: Array, inverse: Callable[[Array], 
     enough = ROUND_GAIN * _energy_norm(r, z)
     for _ in range(GRADIENT_STEPS):
         Kp = K @ p
-        solve = _inverse_of(p.T @ Kp)
+        energies = p.T @ Kp
+        if not np.isfinite(energies).all():  # beyond double precision, which the residual will tell
+            break
+        solve = _inverse_of(energies)
         step = solve @ (p.T @ r)
         u += p @ step
         r -= Kp @ step
