@@ -1,4 +1,4 @@
-"""Whole fits of the arm to 200 noises, and how often their intervals hold the truth, written to calibration.csv.
+"""Whole fits of the arm to 400 noises, and how often their intervals hold the truth, written to calibration.csv.
 
 Run from the project's root: ``python benchmarks/calibration.py``; seeds that the table has are not fitted again.
 Histories of the scene with other numbers have 5 % noise; each fit starts from the scene's own numbers.
@@ -21,7 +21,7 @@ from fmd.fitting.varied import read_varied
 from fmd.output.channels import find_all_channels
 
 TABLE = HERE / "calibration.csv"
-SEEDS, NOISE = 200, 0.05
+SEEDS, NOISE = 400, 0.05
 SETTINGS = (
     "simulation.run=[{integrator='central-difference'}]",
     "simulation.duration=0.5 s",

@@ -35,6 +35,7 @@ Points = list[tuple[float, float]]
 
 SCENES = ("rod-slider", "beam", "beam-20-modes", "beam-60-modes", "arm", "robot")
 TIP_ERRORS = (1e-3, 1e-6)
+SAME_DERIVATIVE = 1e-8  # of the largest: what tangents are to be of extrapolated differences
 METHODS = (
     "central-difference",
     "sub-cycling 5:1",
@@ -196,6 +197,23 @@ def gradients() -> str:
     return listed("gradients", columns | {"masses, centres, inertias": "{masses:r}"})
 
 
+def random_derivatives() -> str:
+    """Tabulate derivatives of random scenes by methods: how many, and the worst of each figure."""
+    groups = group_rows((row for row in read_rows("random_derivatives") if not row["remark"]), "method")
+    cells = []
+    for method, rows in groups.items():
+        exact = [row for row in rows if float(row["apart"]) <= SAME_DERIVATIVE]
+        stated = [row for row in rows if float(row["apart"]) <= max(float(row["noise"]), float(row["stated"]))]
+        worst = max(rows, key=lambda row: float(row["apart"]))
+        adjoints = [float(row["adjoint"]) for row in rows if row["adjoint"] != "nan"]
+        own = [f"{float(worst[name]):.0e}" for name in ("apart", "noise", "stated")]
+        within = len({row["seed"] for row in (*exact, *stated)})
+        adjoint = f"{max(adjoints):.0e}" if adjoints else "–"
+        cells.append([method, str(len(rows)), str(len(exact)), str(within), *own, adjoint])
+    head = ("method", "scenes", "within 1e-8", "or the stated error, or the noise", "worst", "its differences' noise")
+    return markdown((*head, "its stated error", "adjoint from tangents"), cells)
+
+
 def fmu() -> str:
     """Tabulate errors by way and tolerance, sizes and run time of the scenes' FMUs."""
 
@@ -326,6 +344,7 @@ TABLES: dict[str, Callable[[], str]] = {
     ),
     "derivatives": derivatives,
     "gradients": gradients,
+    "random-derivatives": random_derivatives,
     "eigen": eigen,
     "assembly": assembly,
     "error-sources": error_sources,

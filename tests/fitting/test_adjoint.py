@@ -255,7 +255,7 @@ def test_a_gradient_says_why_it_is_by_tangents(monkeypatch: pytest.MonkeyPatch) 
     assert adjoint.lacks_adjoint(frozen, motion, parameters, [accelerated]).endswith("several times at once")
     function = package.ResultFunction(package.load(chain("sub-cycling"), *MORE), of=[place.name], to=SPRINGS)
     function.vjp(function.start, np.ones(len(frozen.times)))
-    assert function.lacking == "sub-cycling: its steps are not taken back"
+    assert function.lacking == "sub-cycling: its steps are not taken back; those of central-difference are"
 
 
 def test_a_gradient_of_the_tip_and_of_a_history_is_that_of_the_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ import pytest
 import fmd as package
 from fmd.core import progress
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
+from fmd.core.errors import AccuracyError, InputError
 from fmd.fitting import fit as fits
 from fmd.fitting.experiment_files import read_experiments
 from fmd.fitting.experiments import HistoryExperiment
@@ -243,3 +243,27 @@ def test_the_command_writes_the_scene_that_fits(
     assert text.startswith("# Fitted by fmd fit arm to ")
     assert fmd("fit", "arm", *settings, *given, "--sigma", "elbow.positoin=1 deg") == 2
     assert "no such channel; did you mean 'elbow.position'" in capsys.readouterr().err
+
+
+def test_a_history_in_another_unit_is_named_where_the_fit_ends_and_where_it_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numbers in millimetres whose heading says metres: a thousand times as much as the scene has."""
+    result = package.load(OSCILLATOR)
+    measure(result, ["slide.position"], path := tmp_path / "wrong.csv", 0.05, units={"slide.position": "m"})
+    varied = read_varied(result.run, ["joint.slide.position"])
+    with pytest.raises(
+        InputError, match=r"don't determine joint\.slide\.position .*; slide\.position varies .* its unit"
+    ):
+        fit_scene(read_experiments([(result.run, str(path))], {}), varied)
+    experiments = read_experiments([(result.run, str(path))], {"slide.position": 1e-3})
+    fit = fit_scene(experiments, varied)
+    (text,) = [each["text"] for each in fit.warnings() if each["code"] == "unlike-size"]
+    assert re.fullmatch(r"slide\.position varies 99\d times as much .* at first: check its unit", text)
+
+    def fail(*_: Any) -> None:
+        raise AccuracyError("the motion fails")
+
+    monkeypatch.setattr(fits, "_search_from", fail)
+    with pytest.raises(AccuracyError, match=r"the motion fails; slide\.position varies .*: check its unit"):
+        fit_scene(experiments, varied)

@@ -111,7 +111,7 @@ def lacks_adjoint(
     if count < FEWEST_BY_ADJOINT:
         return f"{count} numbers: tangents are as quick for less than {FEWEST_BY_ADJOINT}"
     if not can_be_taken_back(plan.integrator):
-        return f"{plan.integrator.name}: its steps are not taken back"
+        return f"{plan.integrator.name}: its steps are not taken back; those of central-difference are"
     if not plan.marched[0].has_tangents:
         return say_what_lacks_tangents(plan)
     if plan.mechanism.held or plan.mechanism.states:

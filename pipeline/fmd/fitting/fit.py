@@ -41,6 +41,7 @@ class Fit:
     jacobians: int  # how often their derivatives were computed
     starts: Sequence[tuple[float, Array]] = ()  # chi-squared and the numbers where each start ended, the best first
     stopped: str = ""  # why the search by parts of histories didn't come to its end, where one was needed
+    unlike: str = ""  # which history varies far more or less than at the scene's own values
 
     @property
     def values(self) -> list[float]:
@@ -135,6 +136,8 @@ class Fit:
                 if len(self.starts) < 2:
                     text += ", or another minimum is lower, which --starts 6 looks for"
                 found.append({"code": "not-white", "text": text})
+        if self.unlike:
+            found.append({"code": "unlike-size", "text": self.unlike})
         if self.stopped:
             text = f"another minimum may be lower: the search by parts of the histories stopped, {self.stopped}"
             found.append({"code": "parts-stopped", "text": text})
@@ -233,9 +236,13 @@ def fit_scene(
         experiment.require_times([each for each in varied if each.parameter.clock])
     model = FitModel(experiments, varied, monitor)
     begins = _spread_starts(varied, starts)
+    unlike = model.unlike_size()
     before = find_information(model.jacobian(begins[0]))
-    require_determined(model, before)
-    tried, stopped = zip(*(_search_from(model, before, begin) for begin in begins), strict=True)
+    require_determined(model, before, unlike)
+    try:
+        tried, stopped = zip(*(_search_from(model, before, begin) for begin in begins), strict=True)
+    except AccuracyError as error:
+        raise AccuracyError(f"{error}; {unlike}" if unlike else str(error)) from error
     found = sorted((min(each, key=_rank) for each in tried), key=_rank)
     best = found[0]
     if not best.success:
@@ -244,7 +251,7 @@ def fit_scene(
     evaluations, jacobians = (sum(getattr(one, name) for each in tried for one in each) for name in ("nfev", "njev"))
     why = next((why for each, why in zip(tried, stopped, strict=True) if any(one is best for one in each)), "")
     after = find_information(best.jac)
-    return Fit(model, before, after, best.x - 1.0, ends[0][0], evaluations, jacobians, ends, why)
+    return Fit(model, before, after, best.x - 1.0, ends[0][0], evaluations, jacobians, ends, why, unlike)
 
 
 def _rank(found: Any) -> tuple[bool, float]:
@@ -342,7 +349,7 @@ def _search(model: FitModel, start: Array, chosen: IntArray | None = None, rows:
     return found
 
 
-def require_determined(model: FitModel, information: Information) -> None:
+def require_determined(model: FitModel, information: Information, unlike: str = "") -> None:
     """Raise ``InputError`` if data can't tell a number to ±50 %; the message names each and what it goes with."""
     keys, lines = [each.parameter.key for each in model.varied], []
     for number, half in enumerate(information.half_widths):
@@ -355,5 +362,6 @@ def require_determined(model: FitModel, information: Information) -> None:
         mend = (
             f"these data don't determine {', '.join(lines)}. Leave such a number out of --vary, so that it stays as it "
             "is, say what is known of it, e.g. --prior KEY=10%, or measure channels on which it acts"
+            f"{f'; {unlike}' * bool(unlike)}"
         )
         raise InputError("--to", "", None, mend)

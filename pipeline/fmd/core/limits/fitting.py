@@ -50,5 +50,6 @@ FIRST_PARTS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of histories, which are fitted on
 LAGS = 10  # samples up to which correlations of residuals are looked at
 POOR_FIT = 1e-3  # probability of chi-squared below which noise alone doesn't explain the residuals
 SAME_CHI2 = 0.1  # difference of chi-squared of two searches that count as having come to the same numbers
+UNLIKE_SIZE = 20.0  # of deviations over time, measured and of the scene at first: from which on a unit may be wrong
 MOST_EVALUATIONS = 50  # of a fit
 FIT_TOLERANCE = 1e-5  # of the change of chi-squared and of the numbers at which a fit ends
