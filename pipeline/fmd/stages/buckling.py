@@ -59,7 +59,8 @@ def find_changes(mechanism: Mechanism, checks: Mapping[str, StiffeningLoads]) ->
         if check.stiffened and len(omega):
             K = geometric_stiffness_over(mechanism, body, check.loads) / np.outer(omega, omega)
             parts = np.linalg.eigvalsh(K)
-            lowest = np.linalg.eigvalsh(K * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
+            lowest, beyond = np.zeros(len(K)), parts[:, 0] < -1.0  # where the whole stiffness isn't definite
+            lowest[beyond] = np.linalg.eigvalsh(K[beyond] * np.outer(omega, omega) + np.diag(omega**2))[:, 0]
             largest, buckling = float(np.abs(parts).max()), float(max(-parts[:, 0].min(), 0.0))
             changes[name] = StiffnessChange(largest, buckling, *_instability(check.times, lowest))
     suspects = [name for name, change in changes.items() if change.buckling > SUSPECT and not part_of(name)]
