@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 import pytest
 
+from fmd import load_scene
+from fmd.core.errors import InputError
+
 PART = (files("fmd.cli.templates") / "part.toml").read_text(encoding="utf-8")
 CRANK = (files("fmd.models") / "slider-crank.toml").read_text(encoding="utf-8")
 MESHED = """title = "Bracket"
@@ -245,3 +248,9 @@ def test_options_that_contradict_are_one_message(fmd, capsys, tmp_path: Path, mo
     (said,) = capsys.readouterr().err.splitlines()
     assert said.startswith(f"fmd: {message}")
     assert not [*tmp_path.iterdir()]
+
+
+def test_a_part_or_a_robot_in_place_of_a_scene_is_told_how_to_write_one(tmp_path: Path) -> None:
+    (tmp_path / "bracket.step").write_text("ISO-10303-21;")
+    with pytest.raises(InputError, match=r"fmd new bracket\.toml --from .*bracket\.step writes a scene"):
+        load_scene(tmp_path / "bracket.step")

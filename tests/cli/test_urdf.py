@@ -1,5 +1,6 @@
 """Scenes from URDF files: mass matrix and weight against the file's own numbers, put together by hand."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -254,3 +255,18 @@ def test_moments_that_no_body_has_are_raised_to_the_least_possible(tmp_path: Pat
     assert "fore.arm: no body has moments of inertia of 2, 5, 10 kg m²" in capsys.readouterr().out
     # Of a plate in the plane of x and y, by its squares 6.5 and 3.5 of x and y: 10 is their sum.
     assert load_scene(tmp_path / "arm.toml").body["fore-arm"].inertia == pytest.approx((3.5, 6.5, 10.0))
+
+
+def test_a_base_that_floats_falls_with_all_that_it_carries(tmp_path: Path, fmd: Callable[..., int]) -> None:
+    """A torque between links turns them, and the centre of all masses falls by ``g t²/2``."""
+    joint = '<joint name="float" type="floating"><parent link="world"/><child link="base_link"/></joint>'
+    (tmp_path / "arm.urdf").write_text(
+        ARM.replace('<link name="tool0"/>', f'<link name="tool0"/><link name="world"/>{joint}')
+    )
+    assert fmd("new", tmp_path / "arm.toml", "--from", tmp_path / "arm.urdf") == 0
+    push = 'drive={push={type="torque", joint="shoulder", torque="5 N m"}}'
+    run = Pipeline(load_scene(tmp_path / "arm.toml", [push, "simulation.duration=0.1 s", "output=[]"]))
+    assert run.system.mass_matrix(run.start[0])[0, 0] == pytest.approx(4 + 2.5 + 1.2)
+    fallen = run.motion.centre_of_mass - run.motion.centre_of_mass[0]
+    assert run.motion.joint_position("shoulder")[-1] > 0.05
+    assert fallen[-1] == pytest.approx([0, 0, -9.81 * 0.1**2 / 2], abs=1e-6)
