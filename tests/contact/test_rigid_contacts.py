@@ -354,3 +354,9 @@ def test_a_flexible_block_falls_on_a_rigid_table_as_on_the_ground() -> None:
     np.testing.assert_allclose(two.force, one.force, atol=1e-6 * np.abs(one.force).max())
     np.testing.assert_allclose(two.friction_work, one.friction_work, atol=1e-6 * one.friction_work[-1])
     assert not [own for own in contact_warnings(runs[1]) if own["code"] == "contact-unseen"]
+
+
+def test_a_wrong_key_of_a_surface_is_named_as_it_stands_in_the_file() -> None:
+    skin = {"type": "ball", "radius": RADIUS, **STEEL}
+    with pytest.raises(InputError, match=r"body\.ball\.surface\.skin\.length.* no such key; the keys here: type, E"):
+        load_scene({"title": "Ball", "body": {"ball": BALL | {"surface": {"skin": {**skin, "length": 1e-3}}}}})

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from fmd.core.units import PositiveLength
 from fmd.scene.bodies import Solid
+from fmd.scene.kinds import KindBy
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Name
 
@@ -283,7 +284,7 @@ class Profile(MeshedBeam):
 
     shape: Literal["profile"]
     length: PositiveLength
-    section: Annotated[Rectangle | Box | ISection, Field(discriminator="type")]
+    section: Annotated[Rectangle | Box | ISection, KindBy("type")]
 
     @property
     def whole_length(self) -> float:

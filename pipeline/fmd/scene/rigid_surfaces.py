@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from fmd.core.limits.contact import USUAL_ROUNDING
 from fmd.core.units import PositiveLength, PositiveStress
+from fmd.scene.kinds import KindBy
 from fmd.scene.reading import FaultError, SceneTable
 from fmd.scene.values import Point, Poisson, Turn
 
@@ -154,4 +153,4 @@ class BoreSurface(AxialSurface):
 
 
 SURFACES = (BallSurface, BoxSurface, PinSurface, BoreSurface)
-RigidSurface = Annotated[BallSurface | BoxSurface | PinSurface | BoreSurface, Field(discriminator="type")]
+RigidSurface = Annotated[BallSurface | BoxSurface | PinSurface | BoreSurface, KindBy("type")]
