@@ -358,5 +358,7 @@ def test_a_flexible_block_falls_on_a_rigid_table_as_on_the_ground() -> None:
 
 def test_a_wrong_key_of_a_surface_is_named_as_it_stands_in_the_file() -> None:
     skin = {"type": "ball", "radius": RADIUS, **STEEL}
-    with pytest.raises(InputError, match=r"body\.ball\.surface\.skin\.length.* no such key; the keys here: type, E"):
+    with pytest.raises(
+        InputError, match=r"body\.ball\.surface\.skin\.length.* no such key; the keys here: type, radius"
+    ):
         load_scene({"title": "Ball", "body": {"ball": BALL | {"surface": {"skin": {**skin, "length": 1e-3}}}}})
