@@ -87,7 +87,8 @@ def estimate_response_errors(
         Spectral density of the only input.
     """
     try:
-        found = _find_variants(run, linear, request, float(frequencies_hz[0]))
+        lowest = float(frequencies_hz[0])
+        found = run.store.compute("errors of responses", lambda: _find_variants(run, linear, request, lowest))
     except FAULTS as fault:  # of a variant: the response itself is there
         found = f"{fault}"
     if isinstance(found, str):

@@ -185,8 +185,7 @@ def write_scene_response(
     """Write a frequency response that a scene lists; return its summary with its files."""
     title = output.title or f"{run.scene.title}: response to {output.input}"
     if ERROR_BUDGET.name in run.results:  # errors are asked for
-        answer = found
-        found = run.store.compute("errors of responses", lambda: answer.with_errors(run))
+        found = found.with_errors(run)
     return {**found.summary(), "files": write_response(found, folder / output.file, title, chart)}
 
 
