@@ -61,20 +61,22 @@ class OperatingPoints:
     def excess_growth(self, method: ResumableIntegrator) -> Array:
         """Return the growth rates that are a scheme's own, beyond those of the equations of motion.
 
+        Where nothing grows by the scheme, its rates are returned as they are: below zero, as the excess would be.
+
         Returns
         -------
         ndarray, shape (n_points, n_positions + n)
             [1/s]; infinite if a march from one of the points diverges at once.
         """
-        rates = np.maximum(self.growth_rates, 0.0)
+        shape = (len(self.points), self.system.n_positions + self.system.n)
         try:
             if method.maps_slopes(self.system):
-                by_scheme = map_growth_rates(method.map_slopes(self.slopes), method.step)
+                by_scheme = map_growth_rates(method.map_slopes(self.slopes), method.step)[:, : shape[1]]
             else:
-                by_scheme = scheme_growth_rates(method, self.system, self.points, SPAN * self.duration)
+                by_scheme = scheme_growth_rates(method, self.system, self.points, SPAN * self.duration)[:, : shape[1]]
         except StabilityError:
-            return np.full(rates.shape, np.inf)
-        return by_scheme[:, : rates.shape[1]] - rates
+            return np.full(shape, np.inf)
+        return by_scheme - np.maximum(self.growth_rates, 0.0) if by_scheme.max(initial=0.0) > 0.0 else by_scheme
 
     def worst(self, method: ResumableIntegrator) -> OperatingPoints:
         """Return the point alone at which vibrations grow the most by a scheme, as if it lasted all the time."""
@@ -205,12 +207,22 @@ def find_steady_points(
     def correction(values: Array, left: Array) -> Array:
         states[:, places] = values
         slopes = differentiate_states(system, times, states, places, np.full(places.size, limits.NUDGE))
-        return np.asarray(-(np.linalg.pinv(slopes[:, accelerated]) @ left[:, :, None])[:, :, 0])
+        return np.asarray(-(_inverses(slopes[:, accelerated]) @ left[:, :, None])[:, :, 0])
 
     found = solve(states[:, places], accelerations_at, correction, np.add, _SETTLING, scale=_least)
     states[:, places] = found.state
     q, v, _ = np.split(states, [system.n_positions, system.n_positions + system.n], axis=1)
     return [replace(at, q=q[k], v=v[k]) for k, at in enumerate(points)] if found.converged else None
+
+
+def _inverses(slopes: Array) -> Array:
+    """Return the inverses of matrices (n_points, n, n), pseudoinverses if one of them is nearly singular."""
+    try:
+        found = np.linalg.inv(slopes)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(slopes)
+    conditions = np.linalg.norm(slopes, 1, axis=(1, 2)) * np.linalg.norm(found, 1, axis=(1, 2))
+    return found if conditions.max() < limits.WORST_CONDITION else np.linalg.pinv(slopes)
 
 
 def _least(values: Array) -> float:

@@ -48,6 +48,7 @@ LOOPS_MOMENT = 1e-5  # how far rates move the mechanism where constraints are di
 # Operating points along a motion.
 SETTLED = 1e-8  # last correction, beside the largest position or 1
 SETTLING_CORRECTIONS = 20  # a point that isn't near by rests where it is
+WORST_CONDITION = 1e14  # of slopes that are inverted; beyond, pseudoinverses leave out what nothing holds
 
 # Steady rotation of a mechanism as a whole.
 TURNING = 1e-9  # last correction, beside the largest one
