@@ -106,6 +106,10 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         # quantities and numbers
         ("simulation.step=10kg", "--set: simulation.step = '10kg': '10kg' is a mass, a time is wanted, e.g. '0.5 ms'"),
         ("simulation.run.1.split=10kg", "simulation.run.1.split = '10kg': '10kg' is a mass, a frequency is wanted"),
+        (
+            'simulation.run=[{integrator="reversible-sub-cycling",substeps=5,split="1 kHz"}]',
+            "simulation.run.0.split = '1 kHz': no such key; the keys here: integrator, substeps, step",
+        ),
         ("body.beam.length=300", "--set: body.beam.length = 300: needs a unit, e.g. '340 mm'"),
         ("body.beam.length=300kg", "'300kg' is a mass, a length is wanted"),
         ("body.beam.length=0mm", "body.beam.length = '0mm': must be greater than zero"),
