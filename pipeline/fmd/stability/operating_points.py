@@ -220,9 +220,9 @@ def _inverses(slopes: Array) -> Array:
     try:
         found = np.linalg.inv(slopes)
     except np.linalg.LinAlgError:
-        return np.linalg.pinv(slopes)
+        return np.asarray(np.linalg.pinv(slopes))
     conditions = np.linalg.norm(slopes, 1, axis=(1, 2)) * np.linalg.norm(found, 1, axis=(1, 2))
-    return found if conditions.max() < limits.WORST_CONDITION else np.linalg.pinv(slopes)
+    return np.asarray(found if conditions.max() < limits.WORST_CONDITION else np.linalg.pinv(slopes))
 
 
 def _least(values: Array) -> float:
