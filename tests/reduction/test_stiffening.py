@@ -9,6 +9,7 @@ from scipy.linalg import eigvalsh
 
 from fmd.core.arrays import EPSILON, Array
 from fmd.fem.assembly import assemble
+from fmd.fem.geometric_stiffness import reduced_geometric_stiffness
 from fmd.fem.markers import Marker, face_marker
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
@@ -18,7 +19,7 @@ from fmd.reduction.body import FlexibleBody, MarkerShapes, _pinned, floating_bod
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.inertia import inertia_integrals
 from fmd.reduction.mode_families import modes_of_family
-from fmd.reduction.stiffening import reduced_geometric_stiffness, stiffen_body
+from fmd.reduction.stiffening import stiffen_body
 
 X, Y, Z = np.eye(3)
 LENGTH, DEPTH = 1.0, 0.01

@@ -12,6 +12,7 @@ Bathe, Finite Element Procedures, section 6.2).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import singledispatch
 
 import numpy as np
@@ -24,7 +25,6 @@ from fmd.fem.model import FEModel
 from fmd.fem.strain import DOUBLED, TENSOR, VOIGT, stresses
 
 
-@singledispatch
 def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
     """Return the geometric stiffness of the linear stress of each displacement, assembled from that of elements.
 
@@ -51,6 +51,34 @@ def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
             entries[part, ..., k] = pulled @ flat.swapaxes(1, 2)
     pairs = space.structure.sums(entries)
     return [space.structure.scalar_matrix(pairs[:, k].copy()) for k in range(u.shape[2])]
+
+
+@singledispatch
+def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
+    """Geometric stiffness of shapes, ``K_G[j, l] = ∫ σ_ab ∂_a φ_j·∂_b φ_l dV``, for the stress of each field u.
+
+    Parameters
+    ----------
+    u : ndarray, shape (n_nodes, 3, k)
+        Displacements that cause the stress [m].
+    shapes : ndarray, shape (n_nodes, 3, n)
+        Displacements that it stiffens [kg^-1/2].
+
+    Returns
+    -------
+    ndarray, shape (k, n, n)
+        Symmetric [N/m per unit of the shapes squared].
+    """
+    matrices = geometric_stiffness(fe, u)
+    return energies(matrices, shapes[: matrices[0].shape[0]])  # nodes of elements come first
+
+
+def energies(matrices: Sequence[sp.csr_array], shapes: Array) -> Array:
+    """Return energies (k, n, n) of shapes (…, n) by matrices, whose rows are unknowns, or nodes for all directions."""
+    n, rows = shapes.shape[-1], matrices[0].shape[0]
+    flat = shapes.reshape(rows, -1)
+    K = np.array([flat.reshape(-1, n).T @ (k_G @ flat).reshape(-1, n) for k_G in matrices])
+    return np.asarray(0.5 * (K + K.swapaxes(1, 2)))
 
 
 def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:

@@ -81,15 +81,17 @@ class PipelineBody(ExportedBody):
         if not isinstance(part.shape, MatrixPart):
             raise self.fault("shape", "has its own stress; load cases are for bodies that are given by their matrices")
         given, deck = part.shape.matrices, part.source.paths["nodes"] if part.source else None
-        if deck is None or deck.suffix.lower() not in SUFFIXES or given.unknowns != 3:
-            problem = "load cases are written for a deck of CalculiX (.inp) with three unknowns a node"
-            raise self.fault("matrices.nodes", problem)
+        if deck is None or deck.suffix.lower() not in SUFFIXES:
+            raise self.fault("matrices.nodes", "load cases are written for a deck of Abaqus or CalculiX (.inp)")
         fe, model = part.fe, part.model
         shapes = part.body.shapes if self._run.scene.moves else part.modes.shapes
-        newton = unit_ratio(given.stiffness_unit, "N/m") * unit_ratio(given.unit, "m")
-        stiffening = {name: f / newton for name, f in stiffening_cases(fe, model.solver, model.markers).items()}
-        of_shapes = {name: f / newton for name, f in shape_cases(fe, shapes).items()}
-        return LoadCases(read_text(deck), part.given_model.labels, fe.rigid_modes, stiffening, of_shapes)
+        length = unit_ratio(given.unit, "m")
+        newton, matrices = unit_ratio(given.stiffness_unit, "N/m") * length, part.given_model
+        cases = stiffening_cases(fe, model.solver, model.markers), shape_cases(fe, shapes)
+        stiffening, of_shapes = (
+            {name: matrices.loads_of_nodes(f, length) / newton for name, f in own.items()} for own in cases
+        )
+        return LoadCases(read_text(deck), matrices.labels, matrices.rigid_by_node(), stiffening, of_shapes)
 
     def frequencies_hz(self) -> Array:
         """Return the natural frequencies of the body's modes [Hz]."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from fmd.core.arrays import Array
 from fmd.core.limits.files import LARGEST_CASE
+from fmd.core.limits.round_off import SOLVED
 from fmd.reduction.loads import PRODUCTS, centrifugal_fields, inertia_of
 
 if TYPE_CHECKING:
@@ -23,13 +24,16 @@ def stiffening_cases(fe: FEModel, solver: FreeBodySolver, markers: Mapping[str, 
     """Return the loads whose combinations are all that stiffen a body, by name, each of shape (n_nodes, 3) [N].
 
     Products of angular rates and unit forces and torques at each marker, balanced by the body's own inertia. Reactions
-    of joints and inertia of rigid motions are combinations of these, so no joint and no support counts.
+    of joints and inertia of rigid motions are combinations of these, so no joint and no support counts. Loads without
+    stress are left out, as that of a straight shaft's turning about itself.
     """
     names = [f"spin-{_AXES[a]}{_AXES[b]}" for a, b in PRODUCTS]
     names += [f"{name}-{what}{axis}" for name in markers for what in "fm" for axis in _AXES]
     columns = [marker.columns(len(fe.x), np.eye(3)) for marker in markers.values()]
     loads = np.concatenate([inertia_of(fe, centrifugal_fields(fe.x, None)), *columns], axis=2)
-    return dict(zip(names, _loads_of(fe, solver.static_response(loads)), strict=True))
+    u = solver.static_response(loads)
+    strained = np.abs(fe.K @ u.reshape(-1, len(names))).max(axis=0) > SOLVED * np.abs(loads).max(axis=(0, 1))
+    return dict(zip(np.array(names)[strained].tolist(), _loads_of(fe, u[:, :, strained]), strict=True))
 
 
 def shape_cases(fe: FEModel, shapes: Array) -> dict[str, Array]:

@@ -22,7 +22,7 @@ import numpy as np
 from fmd.core.arrays import Array, read_only
 from fmd.core.limits.memory import ENTRIES_AT_ONCE, FEW_ENTRIES
 from fmd.core.limits.round_off import SOLVED
-from fmd.fem.geometric_stiffness import geometric_stiffness
+from fmd.fem.geometric_stiffness import reduced_geometric_stiffness
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.loads import PRODUCTS, centrifugal_fields, inertia_of
 
@@ -130,12 +130,14 @@ class _Support:
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
         entries = max(ENTRIES_AT_ONCE, FEW_ENTRIES // max(1, self._shapes.shape[0]))
         at_a_time = max(1, entries // self._fe.local_pairs)
-        for first in range(0, len(felt) if elements else 0, at_a_time):
-            part = slice(first, first + at_a_time)
+        by_elements = self._fe.K @ u.reshape(len(rest), -1)
+        strained = np.flatnonzero(np.abs(by_elements).max(axis=0) > SOLVED * np.abs(flat[:, felt]).max(axis=0))
+        for first in range(0, len(strained) if elements else 0, at_a_time):
+            part = strained[first : first + at_a_time]
             out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
         both = [self._fe.arms, self._fe.directors if elements else None]
         if arms := [one for one in both if one is not None]:
-            left = rest[:, felt] - self._fe.K @ u.reshape(len(rest), -1)
+            left = rest[:, felt] - by_elements
             out[felt] += sum(one.stiffness(left.reshape(u.shape), self._shapes) for one in arms)
         return out
 
@@ -156,25 +158,3 @@ def _with_displacement2(x: Array, shapes: MarkerShapes, marker: Marker, K_G: Arr
         own = 0.5 * (A + A.T) - np.trace(A) * np.eye(3)
         displacement2[first + k] -= shapes.rotation.T @ own @ shapes.rotation
     return replace(shapes, displacement2=read_only(displacement2))
-
-
-def reduced_geometric_stiffness(fe: FEModel, u: Array, shapes: Array) -> Array:
-    """Geometric stiffness of shapes, ``K_G[j, l] = ∫ σ_ab ∂_a φ_j·∂_b φ_l dV``, for the stress of each field u.
-
-    Parameters
-    ----------
-    u : ndarray, shape (n_nodes, 3, k)
-        Displacements that cause the stress [m].
-    shapes : ndarray, shape (n_nodes, 3, n)
-        Displacements that it stiffens [kg^-1/2].
-
-    Returns
-    -------
-    ndarray, shape (k, n, n)
-        Symmetric [N/m per unit of the shapes squared].
-    """
-    matrices, n = geometric_stiffness(fe, u), shapes.shape[2]
-    n_nodes = matrices[0].shape[0]  # those of elements come first
-    flat = shapes[:n_nodes].reshape(n_nodes, -1)
-    K = np.array([flat.reshape(-1, n).T @ (k_G @ flat).reshape(-1, n) for k_G in matrices])
-    return np.asarray(0.5 * (K + K.swapaxes(1, 2)))

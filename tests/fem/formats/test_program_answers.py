@@ -23,7 +23,7 @@ from fmd.fem.formats.matrix_files import write_matrices
 from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.formats.program_answers import read_geometric_stiffness, read_stress
 from fmd.fem.formats.program_fields import CSV_HEADER, read_frd, read_point_stress
-from fmd.fem.geometric_stiffness import geometric_stiffness
+from fmd.fem.geometric_stiffness import geometric_stiffness, reduced_geometric_stiffness
 from fmd.fem.material import Material
 from fmd.fem.model import FEModel
 from fmd.fem.strain import stresses
@@ -166,16 +166,16 @@ def test_the_run_has_stress_in_motion_and_without_the_files_says_what_gives_it(f
 def test_loads_that_the_files_have_not_and_matrices_by_displacement_are_refused(folder: Path) -> None:
     paths = sorted(folder.glob("cases-kg-*.sti"))
     model = read_matrices(folder / "arm.sti", folder / "arm.mas", folder / "arm.inp", (1e-3, 1e3, 1e3))
-    few = read_geometric_stiffness(model, paths[:5], 3, 1e3)
+    few = read_geometric_stiffness(model, paths[:5], (1e-3, 1e3))
     u = FreeBodySolver(model).static_response(inertia_of(model, centrifugal_fields(model.x, np.array([0.0, 0.0, 1.0]))))
     with pytest.raises(AccuracyError, match=r"load 1 isn't a combination of those of its 5 matrices: \S+ % of it are"):
-        geometric_stiffness(few, u)
+        reduced_geometric_stiffness(few, u, u)
     deck = (folder / "cases.inp").read_text().split("*EL PRINT")[0]  # one step, whose displacement stays
     end = "*END STEP\n*STEP,PERTURBATION\n*BOUNDARY,OP=NEW\n*FREQUENCY,SOLVER=MATRIXSTORAGE\n1\n*END STEP\n"
     (folder / "deformed.inp").write_text(deck + end)
     calculix(folder, "deformed")
     with pytest.raises(AccuracyError, match=r"no geometric stiffness: .* takes the stress as initial stress"):
-        read_geometric_stiffness(model, [folder / "deformed.sti"], 3, 1e3)
+        read_geometric_stiffness(model, [folder / "deformed.sti"], (1e-3, 1e3))
 
 
 @pytest.fixture
@@ -196,16 +196,11 @@ def test_geometric_stiffness_comes_alone_or_with_the_stiffness(
     for k, own in enumerate(known):
         A = sp.kron(own, sp.eye_array(3)) * 1e-3 + (0 if alone else 1) * small_bar.K
         sp.save_npz(tmp_path / f"kg-{k}.npz", sp.csr_array(A))
-    stressed = read_geometric_stiffness(model, sorted(tmp_path.glob("kg-*.npz")), 3, 1.0)
-    share = rng.normal(size=4)
-    (found,) = geometric_stiffness(stressed, (u @ share)[:, :, None])
-    wanted = sum(c * k for c, k in zip(share, known, strict=True))
-    assert abs(found - wanted).max() < 1e-5 * abs(wanted).max()  # K is far larger, and is taken off
-
-
-def test_geometric_stiffness_of_six_unknowns_is_refused(model: MatrixModel, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is read for three unknowns a node; with rotations leave it out"):
-        read_geometric_stiffness(model, [tmp_path / "kg.npz"], 6, 1.0)
+    stressed = read_geometric_stiffness(model, sorted(tmp_path.glob("kg-*.npz")), (1.0, 1.0))
+    share, shapes = rng.normal(size=4), rng.normal(size=(len(model.x), 3, 2))
+    found = reduced_geometric_stiffness(stressed, (u @ share)[:, :, None], shapes)
+    wanted = reduced_geometric_stiffness(small_bar, (u @ share)[:, :, None], shapes)
+    assert np.abs(found - wanted).max() < 1e-5 * np.abs(wanted).max()  # K is far larger, and is taken off
 
 
 def csv_of(model: MatrixModel, u: np.ndarray, stress: np.ndarray) -> str:

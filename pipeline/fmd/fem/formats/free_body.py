@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
+from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from fmd.core.arrays import Array
@@ -93,6 +95,8 @@ def _smooth_deformations(model: FEModel, x: Array, R: Array) -> Array:
     products = [x[:, a] * x[:, b] for a in range(3) for b in range(a, 3)]
     functions = np.column_stack([np.ones(len(x)), x, *products])
     shapes = np.einsum("ik,ab->iakb", functions, np.eye(3)).reshape(3 * len(x), -1)
+    if model.T is not None:  # points on arms move as their nodes do, and show no strain
+        shapes = model.T @ spsolve(sp.csc_array(model.T.T @ model.T), model.T.T @ shapes)
     MR = model.M @ R
     shapes = shapes - R @ np.linalg.solve(R.T @ MR, MR.T @ shapes)
     sizes = np.linalg.norm(shapes, axis=0)

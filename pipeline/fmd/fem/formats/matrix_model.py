@@ -11,7 +11,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.files import UNMATCHED_FIELD
 from fmd.core.rotations import rigid_motions
-from fmd.fem.geometric_stiffness import geometric_stiffness
+from fmd.fem.geometric_stiffness import energies, reduced_geometric_stiffness
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
 from fmd.fem.surface import SurfaceTopology
@@ -36,9 +36,9 @@ class StressedStiffness:
     """Geometric stiffness under some loads, as another program has computed it."""
 
     files: str
-    # (n_nodes, n_nodes): Scalar matrices k [N/m], each for all three components of a displacement. Since ``k (θ × x) =
-    # θ × f``, the load of each is ``k x``.
+    # By the unknowns of the model [N/m], or (n_nodes, n_nodes) for all three components of a displacement alike.
     matrices: tuple[sp.csr_array, ...]
+    loads: Array  # (3 n_points, k): forces on points under which each is [N]
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,24 @@ class MatrixModel(FEModel):
         """Node positions, shape (n_nodes, 3) [m]."""
         return self.positions
 
+    def unknowns(self, shapes: Array) -> Array:
+        """Return the given matrices' unknowns by displacements (n_points, 3, n): these themselves, (3 n_points, n)."""
+        return shapes.reshape(-1, shapes.shape[2])
+
+    def rigid_by_node(self) -> Array:
+        """Return rigid motions by the unknowns that files have, node by node, (3 n_nodes, 6), or (6 n_nodes, 6)."""
+        return self.rigid_modes
+
+    def loads_of_nodes(self, forces: Array, length: float) -> Array:
+        """Return loads of nodes by forces on points (n_points, 3), shape (n_nodes, 3), or (n_nodes, 6) with moments.
+
+        Parameters
+        ----------
+        length : float
+            Unit of the arms of moments [m].
+        """
+        return forces
+
     def turning_marker(self, node: int) -> Marker | None:
         """Return the marker at a node that has rotations, by its place among the nodes; ``None`` if it has none."""
         return None
@@ -105,16 +123,14 @@ class MatrixModel(FEModel):
         return np.zeros(shapes.shape[2])
 
 
-@geometric_stiffness.register
-def _(fe: MatrixModel, u: Array) -> list[sp.csr_array]:
+@reduced_geometric_stiffness.register
+def _(fe: MatrixModel, u: Array, shapes: Array) -> Array:
     """Combine the geometric stiffness under given loads to that under the loads ``K u``."""
     assert fe.stressed is not None
-    matrices = fe.stressed.matrices
-    known = np.stack([(k @ fe.x).ravel() for k in matrices], axis=1)
+    known = fe.stressed.loads
     message = f"{fe.stressed.files}: load {{}} isn't a combination of those of its {{}} matrices"
     share = _combine(known, fe.K @ u.reshape(len(known), -1), message)
-    n = len(fe.x)
-    return [sum((c * k for c, k in zip(column, matrices, strict=True)), sp.csr_array((n, n))) for column in share.T]
+    return np.asarray(np.einsum("mk,mij->kij", share, energies(fe.stressed.matrices, fe.unknowns(shapes))))
 
 
 def _require_apart(fields: StressFields, known: Array, n_nodes: int) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from fmd.core.arrays import IntArray
+from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.limits.files import NOT_SCALAR
 from fmd.fem.formats import abaqus
@@ -18,6 +18,7 @@ from fmd.fem.formats.matrix_model import MatrixModel, StressedStiffness, StressF
 from fmd.fem.formats.matrix_readers import read_matrix
 from fmd.fem.formats.node_places import read_matrix_text
 from fmd.fem.formats.program_fields import ProgramFields, read_csv_fields, read_frd
+from fmd.fem.formats.six_unknowns import SixUnknownsModel
 from fmd.fem.surface import SurfaceTopology
 
 _READERS: dict[str, Callable[[str], ProgramFields]] = {".frd": read_frd, ".csv": read_csv_fields}
@@ -75,47 +76,73 @@ def _surface(model: MatrixModel, nodes: Path, known: IntArray) -> tuple[SurfaceT
     return surface, ""
 
 
-def read_geometric_stiffness(model: MatrixModel, paths: Sequence[Path], unknowns: int, unit: float) -> MatrixModel:
+def read_geometric_stiffness(model: MatrixModel, paths: Sequence[Path], units: tuple[float, float]) -> MatrixModel:
     """Return a body with its geometric stiffness under the loads of some files, one load each.
 
     Parameters
     ----------
     paths : sequence of Path
         Matrices in any of the formats of `read_matrices`: geometric stiffness alone, or with the stiffness in it.
-    unit : float
-        The files' unit of stiffness [N/m].
+    units : tuple of float
+        The files' units of length [m] and stiffness [N/m].
 
     Raises
     ------
     InputError
-        A file can't be read.
+        A file can't be read, or has rotations that the body hasn't.
     AccuracyError
-        A matrix isn't that of a stress: it holds back translations or differs between directions.
+        A matrix isn't that of a stress: it holds back translations, or a rotation doesn't turn its load.
     """
-    if unknowns != 3:
-        what = "geometric stiffness is read for three unknowns a node; with rotations leave it out"
-        raise InputError(str(paths[0]), "", None, what)
-    matrices = tuple(_scalar(path, model, read_matrix(path, model.labels, 3, "stiffness") * unit) for path in paths)
-    return replace(model, stressed=StressedStiffness(f"{paths[0].name} … {paths[-1].name}", matrices))
+    turns = isinstance(model, SixUnknownsModel)
+    each = list[tuple[sp.csr_array, Array]]()
+    for path in paths:
+        A = read_matrix(path, model.labels, 6 if turns else 3, "stiffness") * units[1]
+        if isinstance(model, SixUnknownsModel):
+            with as_input_error(str(path)):
+                A = model.given(A, units[0])
+            alone = sp.csr_array(A - model.given_stiffness)  # the larger of both has the stiffness in it
+            found = [_turned_loads(model, min((A, alone), key=lambda one: float(abs(one).max())))]
+        else:
+            found = [_mean_of_directions(model.x, A), _mean_of_directions(model.x, sp.csr_array(A - model.K))]
+        k, load, faults = min(found, key=lambda one: max(one[2].values()))
+        if not max(faults.values()) < NOT_SCALAR:
+            faulty = ", ".join(f"{what} {size:.1e}" for what, size in faults.items())
+            raise AccuracyError(
+                f"{path}: no geometric stiffness: of its largest entry {faulty} (at most {NOT_SCALAR:.0e}); a program "
+                "that adds terms of the displacement takes the stress as initial stress, as the decks of fmd export "
+                "--to load-cases have it"
+            )
+        each.append((k, load))
+    matrices, loads = zip(*each, strict=True)
+    files = f"{paths[0].name} … {paths[-1].name}"
+    return replace(model, stressed=StressedStiffness(files, matrices, np.stack(loads, axis=1)))
 
 
-def _scalar(path: Path, model: MatrixModel, A: sp.csr_array) -> sp.csr_array:
-    """Return k of ``A = k ⊗ 1₃`` or ``A = K + k ⊗ 1₃``, whichever is a geometric stiffness."""
-    found = [_mean_of_directions(A), _mean_of_directions(sp.csr_array(A - model.K))]
-    k, apart, pushed = min(found, key=lambda one: max(one[1:]))
-    if not max(apart, pushed) < NOT_SCALAR:
-        raise AccuracyError(
-            f"{path}: no geometric stiffness: of its largest entry directions differ by {apart:.1e}, and a translation "
-            f"has a force of {pushed:.1e} (at most {NOT_SCALAR:.0e}); a program that adds terms of the displacement "
-            "takes the stress as initial stress, as the decks of fmd export --to load-cases have it"
-        )
-    return k
+def _turned_loads(model: SixUnknownsModel, A: sp.csr_array) -> tuple[sp.csr_array, Array, dict[str, float]]:
+    """Return a matrix, the load on points that its rotations tell, and how far it is from the stiffness of a stress.
+
+    The energy of a stress is that of displacements and of rotation vectors, so a rotation ``e`` of the whole turns
+    forces f by ``e × f`` and moments m by ``½ e × m``.
+    """
+    A, R, axes, n = sp.csr_array(0.5 * (A + A.T)), model.rigid_unknowns(), np.eye(3), len(model.labels)
+    length = float(np.ptp(model.x[:n], axis=0).max())
+    R[:, :3] *= length
+    felt, size = (A @ R).reshape(-1, 3, 6), (abs(A) @ np.abs(R)).reshape(-1, 3, 6)
+    turned = 0.5 * np.cross(felt[:, :, 3:], axes[:, None], axisa=1, axisb=0, axisc=1).sum(axis=2)
+    off = np.concatenate([felt[:, :, :3], felt[:, :, 3:] - np.cross(axes, turned[:, None]).swapaxes(1, 2)], axis=2)
+    for each in (off, size):
+        each[:n] *= length  # forces beside moments
+    largest = size.max() if A.nnz else 0.0
+    faults = [float(np.abs(off[:, :, k : k + 3]).max()) / largest if largest else np.inf for k in (0, 3)]
+    turned[n:] *= 2
+    named = dict(zip(("a translation has a force of", "a rotation doesn't turn its load by"), faults, strict=True))
+    return A, np.asarray(model.shown.T @ turned.ravel()), named
 
 
-def _mean_of_directions(A: sp.csr_array) -> tuple[sp.csr_array, float, float]:
-    """Return the mean k of a matrix's three directions, how far it is from ``k ⊗ 1₃``, and the force of a translation.
+def _mean_of_directions(x: Array, A: sp.csr_array) -> tuple[sp.csr_array, Array, dict[str, float]]:
+    """Return the mean k of a matrix's three directions, its load, and how far it is from ``k ⊗ 1₃`` of a stress.
 
-    Both are parts of the largest entry.
+    Since ``k (θ × x) = θ × f`` for any rotation, its load is ``k x``.
     """
     entries = sp.coo_array(A)
     (row, a), (column, b) = (np.divmod(index, 3) for index in entries.coords)
@@ -127,6 +154,8 @@ def _mean_of_directions(A: sp.csr_array) -> tuple[sp.csr_array, float, float]:
     k = sp.csr_array((own[0] + own[1] + own[2]) / 3)
     size = abs(k).max() if k.nnz else 0.0
     if not size > 0.0:
-        return k, np.inf, np.inf
+        return k, np.zeros(3 * n), {"directions differ by": np.inf}
     apart = max(np.abs(entries.data[a != b]).max(initial=0.0), *(abs(one - k).max() for one in own)) / size
-    return sp.csr_array(0.5 * (k + k.T)), float(apart), float(np.abs(k.sum(axis=0)).max() / size)
+    pushed = float(np.abs(k.sum(axis=0)).max() / size)
+    k = sp.csr_array(0.5 * (k + k.T))
+    return k, (k @ x).ravel(), {"directions differ by": float(apart), "a translation has a force of": pushed}

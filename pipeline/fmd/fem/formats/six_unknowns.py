@@ -29,10 +29,57 @@ from fmd.fem.markers import Marker
 class SixUnknownsModel(MatrixModel):
     """A model of points by matrices with rotations."""
 
-    given_mass: sp.csr_array  # (n, n): the mass matrix as the file has it, by the unknowns y of ``T``
+    # (n, n): the matrices as the files have them, by displacements of all nodes and rotations of those that turn, y
+    given_stiffness: sp.csr_array
+    given_mass: sp.csr_array
     shown: sp.csr_array  # (n, 3 n_points): unknowns y by the displacements of points, S
     # (n_nodes,): number of the first of the seven points around each node; -1 for a node without rotations
     turning: IntArray
+
+    def unknowns(self, shapes: Array) -> Array:
+        """Return displacements of all nodes and rotations of those that turn, by displacements of points."""
+        return np.asarray(self.shown @ super().unknowns(shapes))
+
+    def given(self, A: sp.csr_array, length: float) -> sp.csr_array:
+        """Return another matrix (6 n_nodes, 6 n_nodes) of the files by these unknowns.
+
+        Parameters
+        ----------
+        length : float
+            The files' unit of length [m].
+
+        Raises
+        ------
+        ValueError
+            It has entries for rotations of nodes that have none.
+        """
+        n = len(self.labels)
+        order = _order(n, np.flatnonzero(self.turning >= 0))
+        if (kept := sp.csr_array(A[order][:, order])).count_nonzero() < A.count_nonzero():
+            other = np.setdiff1d(abs(A).sum(axis=1).nonzero()[0], order)
+            raise ValueError(f"node {self.labels[other[0] // 6]} turns in it, and not in the stiffness")
+        arm = sp.diags_array(np.where(np.arange(len(order)) < 3 * n, 1.0, length))
+        return sp.csr_array(arm @ kept @ arm)
+
+    def rigid_by_node(self) -> Array:
+        """Return rigid motions by displacement and rotation of each node, (6 n_nodes, 6)."""
+        x = self.x[: len(self.labels)]
+        turned = np.tile(np.eye(6)[3:], (len(x), 1, 1))
+        return np.concatenate([rigid_motions(x), turned], axis=1).reshape(-1, 6)
+
+    def loads_of_nodes(self, forces: Array, length: float) -> Array:
+        """Return forces and moments of nodes (n_nodes, 6) that forces on points (n_points, 3) are."""
+        assert self.T is not None
+        n, turns = len(self.labels), np.flatnonzero(self.turning >= 0)
+        own = (self.T.T @ forces.ravel()).reshape(-1, 3)
+        loads = np.concatenate([own[:n], np.zeros((n, 3))], axis=1)
+        loads[turns, 3:] = own[n:] / length
+        return loads
+
+    def rigid_unknowns(self) -> Array:
+        """Return the six rigid motions about the nodes' middle by these unknowns, (n, 6)."""
+        x = self.x[: len(self.labels)]
+        return _rigid(x - x.mean(axis=0), np.flatnonzero(self.turning >= 0))
 
     def turning_marker(self, node: int) -> Marker | None:
         """Return the marker at a node that has rotations, by its place among the nodes; ``None`` if it has none."""
@@ -47,7 +94,7 @@ class SixUnknownsModel(MatrixModel):
 
         The modes have unit mass by the points.
         """
-        y = self.shown @ shapes.reshape(self.shown.shape[1], -1)
+        y = self.unknowns(shapes)
         return np.asarray(np.sqrt(np.einsum("ij,ij->j", y, self.given_mass @ y)) - 1.0)
 
 
@@ -74,7 +121,7 @@ def six_unknowns_model(
     stored = np.asarray(abs(K).sum(axis=1) + abs(M).sum(axis=1)).reshape(n, 6)
     turns = np.flatnonzero(stored[:, 3:].any(axis=1))
     turns = turns if turned is None else np.union1d(turns, turned)
-    order = np.concatenate([6 * np.arange(n)[:, None] + np.arange(3), 6 * turns[:, None] + np.arange(3, 6)]).ravel()
+    order = _order(n, turns)
     K, M = (sp.csr_array(A[order][:, order]) for A in (K, M))
     m, rest = _alike(M, n, turns)
     mass, centre, inertia = _lumps(rest, x, turns, ISOTROPIC * float(abs(M).max()))
@@ -96,6 +143,7 @@ def six_unknowns_model(
         sp.csr_array(m + sp.diags_array(weights)),
         points,
         labels,
+        K,
         M,
         shown,
         np.where(np.isin(np.arange(n), turns), n + 7 * np.searchsorted(turns, np.arange(n)), -1),
@@ -105,6 +153,11 @@ def six_unknowns_model(
     )
     _require_inertia(path, model, n)
     return model
+
+
+def _order(n: int, turns: IntArray) -> IntArray:
+    """Return the places of the unknowns y among six a node."""
+    return np.concatenate([6 * np.arange(n)[:, None] + np.arange(3), 6 * turns[:, None] + np.arange(3, 6)]).ravel()
 
 
 def _alike(M: sp.csr_array, n: int, turns: IntArray) -> tuple[sp.csr_array, sp.csr_array]:

@@ -34,9 +34,9 @@ class LoadCases(NamedTuple):
 
     deck: str  # text of the deck that holds the body
     labels: IntArray  # (n_nodes,): node numbers
-    rigid: Array  # (3 n_nodes, 6): rigid motions
-    stiffening: dict[str, Array]  # (n_nodes, 3): loads that stiffen
-    shapes: dict[str, Array]  # (n_nodes, 3): loads under which the body deforms as its shapes
+    rigid: Array  # (k n_nodes, 6): rigid motions by k unknowns a node, 3 displacements, or 6 with rotations
+    stiffening: dict[str, Array]  # (n_nodes, k): loads that stiffen
+    shapes: dict[str, Array]  # (n_nodes, k): loads under which the body deforms as its shapes
 
 
 class ExportedBody(ABC):

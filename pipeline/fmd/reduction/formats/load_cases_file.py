@@ -1,8 +1,8 @@
-"""Decks for CalculiX that compute what a body of its matrices lacks: the stress of its shapes, and its K_G.
+"""Decks for Abaqus and CalculiX that compute what a body of its matrices lacks: the stress of its shapes, and its K_G.
 
-The first deck has a static step for each load. Its answers, ``.frd``, tell the stress. With the ``.dat`` of that deck
-beside it one more is written for each load that stiffens. It has the stress at the points of integration as initial
-stress of a body that is held at rest: to a deformed one CalculiX, as others, would add the stiffness by the
+The first deck has a static step for each load. CalculiX's answers, ``.frd``, tell the stress. With its ``.dat`` beside
+that deck one more is written for each load that stiffens solids. It has the stress at the points of integration as
+initial stress of a body that is held at rest: to a deformed one CalculiX, as others, would add the stiffness by the
 displacement to that by the stress. Then it writes the stiffness of the free body.
 """
 
@@ -18,25 +18,31 @@ from scipy.linalg import qr
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.files import read_text, whole_file
+from fmd.core.limits.round_off import SOLVED, SUMMED
 from fmd.fem.formats.abaqus import deck_sections
 from fmd.fem.formats.program_fields import read_point_stress
 from fmd.reduction.formats.body_format import BodyFormat, LoadCases
 
+_SECTIONS = ("SOLID SECTION", "SHELL SECTION", "BEAM SECTION")
+
 
 def write_load_cases(path: Path, cases: LoadCases) -> list[Path]:
-    """Write the deck of all loads and, if its ``.dat`` lies beside it, those of the geometric stiffness.
+    """Write the deck of all loads and, if CalculiX's ``.dat`` lies beside it, those of the geometric stiffness.
 
     Raises
     ------
     InputError
-        The ``.dat`` has another number of steps, or the deck has no sections of solids.
+        The ``.dat`` has another number of steps, or the deck has no sections.
     """
     model = re.split(r"(?im)^\s*\*\s*STEP\b", cases.deck)[0].rstrip() + "\n"
-    named = [card.get("ELSET") for _, keyword, card, _ in deck_sections(model) if keyword == "SOLID SECTION"]
+    named = [card.get("ELSET") for _, keyword, card, _ in deck_sections(model) if keyword in _SECTIONS]
     sections = [f'"{name}"' if f'"{name}"' in model else name for name in dict.fromkeys(named) if name]
     if not sections:  # CalculiX tells a name in quotes from one without
         raise InputError(
-            str(path), "", None, "the deck of nodes has no *SOLID SECTION, of whose elements stress is wanted"
+            str(path),
+            "",
+            None,
+            f"the deck of nodes has no *{' and no *'.join(_SECTIONS)}, whose stress is wanted",
         )
     support = _support(cases)
     prints = [f"*EL PRINT, ELSET={name}\nS" for name in sections]
@@ -44,7 +50,7 @@ def write_load_cases(path: Path, cases: LoadCases) -> list[Path]:
     steps = [_step(name, cases.labels, load, prints) for name, load in every.items()]
     written = [_write(path, [model, support, *steps])]
     answers = path.with_suffix(".dat")
-    if not answers.is_file():
+    if not answers.is_file() or len(cases.rigid) > 3 * len(cases.labels):  # of nodes that turn CalculiX has no K_G
         return written
     stress = read_point_stress(read_text(answers))
     if len(stress) != len(every):
@@ -58,9 +64,13 @@ def write_load_cases(path: Path, cases: LoadCases) -> list[Path]:
 
 
 def _support(cases: LoadCases) -> str:
-    """Return six single displacements that hold the body without strain."""
-    fixed = qr(cases.rigid.T / np.abs(cases.rigid).max(axis=0)[:, None], mode="r", pivoting=True)[1][:6]
-    lines = [f"{cases.labels[k // 3]}, {k % 3 + 1}, {k % 3 + 1}" for k in sorted(fixed.tolist())]
+    """Return six single unknowns that hold the body without strain, displacements as far as they can."""
+    n_each = len(cases.rigid) // len(cases.labels)
+    rigid = (cases.rigid / np.abs(cases.rigid).max(axis=0)).reshape(-1, n_each, 6)
+    rigid[:, 3:] *= SOLVED
+    fixed = qr(rigid.reshape(-1, 6).T, mode="r", pivoting=True)[1][:6]
+    each = (divmod(k, n_each) for k in sorted(fixed.tolist()))
+    lines = [f"{cases.labels[node]}, {axis + 1}, {axis + 1}" for node, axis in each]
     return "\n".join(["*BOUNDARY", *lines, ""])
 
 
@@ -77,8 +87,9 @@ def _stored(name: str, labels: IntArray, load: Array) -> list[str]:
 def _step(name: str, labels: IntArray, load: Array, prints: Sequence[str]) -> str:
     """Return a static step under a load."""
     lines = ["*STEP", f"** {name}", "*STATIC", "*CLOAD, OP=NEW"]
+    least = SUMMED * np.abs(load).max()
     for label, forces in zip(labels, load.tolist(), strict=True):
-        lines += [f"{label}, {axis}, {force:.12e}" for axis, force in enumerate(forces, start=1) if force]
+        lines += [f"{label}, {axis}, {force:.12e}" for axis, force in enumerate(forces, start=1) if abs(force) > least]
     lines += ["*NODE FILE", "U", "*EL FILE", "S", *prints, "*END STEP", ""]
     return "\n".join(lines)
 

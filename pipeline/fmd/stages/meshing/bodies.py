@@ -97,7 +97,7 @@ def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:
     if given.stress:
         model = read_stress(model, paths["stress"], paths["nodes"], (units[0], units[1] / units[0]))
     if stiffened := source.all_of("geometric_stiffness"):
-        model = read_geometric_stiffness(model, stiffened, given.unknowns, units[1])
+        model = read_geometric_stiffness(model, stiffened, (units[0], units[1]))
     return model
 
 
