@@ -24,6 +24,11 @@ _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _LINKS = ("DISTRIBUTING COUPLING", "MPC", "PRE-TENSION SECTION", "SHELL TO SOLID COUPLING", "EMBEDDED ELEMENT")
 _SECTIONS = ("SHELL SECTION", "BEAM SECTION", "BEAM GENERAL SECTION", "SHELL GENERAL SECTION")
+_PLACED_BY_THE_PROGRAM = (
+    "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE", "IMPERFECTION", "PARAMETER",
+    "SYMMETRIC MODEL GENERATION",
+)  # fmt: skip
+_IN_FILES = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", "NODAL THICKNESS", *LINK_KEYWORDS)
 _SPACED = {keyword.replace(" ", ""): keyword for keyword in (*_LINKS, *_SECTIONS, *LINK_KEYWORDS)}
 _WRITE_FLAT = "write the mesh out flat, all nodes and elements in one file without parts and assemblies"
 
@@ -91,6 +96,8 @@ def _keyword(line: str) -> tuple[str, dict[str, str]]:
 
 def _take(deck: Deck, keyword: str, options: dict[str, str], data: list[list[str]]) -> None:
     """Add a section."""
+    if "INPUT" in options and keyword in _IN_FILES:
+        raise MeshFileError(f"*{keyword} with INPUT isn't followed; put the lines of {options['INPUT']} below it")
     match keyword:
         case "NODE":
             _take_nodes(deck, options, data)
@@ -110,7 +117,7 @@ def _take(deck: Deck, keyword: str, options: dict[str, str], data: list[list[str
             deck.instances += 1
             if any(read_real(item or "0") for row in data for item in row):
                 raise MeshFileError(f"an instance is moved; {_WRITE_FLAT}")
-        case _ if keyword in ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "INCLUDE"):
+        case _ if keyword in _PLACED_BY_THE_PROGRAM:
             raise MeshFileError(f"*{keyword} isn't read; {_WRITE_FLAT}")
         case "PART":
             deck.parts += 1
