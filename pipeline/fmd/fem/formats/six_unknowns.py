@@ -29,9 +29,9 @@ from fmd.fem.markers import Marker
 class SixUnknownsModel(MatrixModel):
     """A model of points by matrices with rotations."""
 
-    # (n, n): the matrices as the files have them, by displacements of all nodes and rotations of those that turn, y
+    # (n, n): the stiffness as the file has it, by y, displacements of all nodes and rotations of those that turn
     given_stiffness: sp.csr_array
-    given_mass: sp.csr_array
+    given_mass: sp.csr_array  # (n, n): the mass matrix as the file has it, by y
     shown: sp.csr_array  # (n, 3 n_points): unknowns y by the displacements of points, S
     # (n_nodes,): number of the first of the seven points around each node; -1 for a node without rotations
     turning: IntArray
