@@ -43,9 +43,8 @@ SHARES = (0.1, 0.5, 0.9, 0.98, 1.02, 1.05)  # of the explicit limit
 LONG_SHARES = (0.5, 1.5, 20.0, 1000.0)  # of the same, for methods without one
 CYCLES = 1_000_000
 _PERIODS = 1e4  # of the lowest frequency, if those are fewer cycles
-_MANY = (
-    30  # coordinates from on which methods that solve for all at once take long steps only, the reversible kind none
-)
+# Coordinates from on which methods that solve for all at once take long steps only, and reversible sub-cycling none.
+_MANY = 30
 _SCIPYS = 200  # explicit steps that SciPy's methods march over
 _START = 1e-6
 _SPINNING = 1e-4  # of that where a vibration that grows takes the spin away and so comes to an end
