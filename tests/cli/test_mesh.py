@@ -75,10 +75,11 @@ def test_a_cad_file_is_meshed_without_a_scene_and_its_mesh_read_again(fmd, tube,
         (["{}/../mesh.inp", "--size", "3 mm"], "--size = '3 mm': belongs to a CAD file"),
         (["beam", "--size", "3 mm"], "--size = '3 mm': belongs to a CAD or mesh file alone"),
         (["{}/../part.xyz", "--unit", "mm"], "part.xyz"),
+        (["{}/../arm.urdf"], "is a robot, no mesh; fmd new arm.toml --from"),
     ],
 )
 def test_a_file_that_cant_be_meshed_is_refused(fmd, tmp_path, capsys, arguments, said):
-    for name in ("tube.step", "mesh.inp", "part.xyz"):
+    for name in ("tube.step", "mesh.inp", "part.xyz", "arm.urdf"):
         (tmp_path / name).touch()
     given = [text.replace("{}/..", str(tmp_path)).format(tmp_path / "tube.step") for text in arguments]
     assert fmd("mesh", *given) == 2

@@ -82,7 +82,8 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         (
             "simulation={}",
             "duration: is missing, e.g. '0.5 ms'\n--set: simulation.output_step: is missing, e.g. '0.5 ms'\n"
-            '--set: simulation.tip: is missing: "body.marker"',
+            '--set: simulation.tip: is missing: "body.marker"\n--set: simulation.run: is missing, e.g. '
+            '[{"integrator" = "auto"}]',
         ),
         ("body.beam=3", "body.beam = 3: must be a table"),
         ("body=3", "body = 3: must be a table"),
@@ -142,8 +143,12 @@ def test_an_override_with_two_lines_of_toml_is_a_string() -> None:
         ),
         (
             'simulation.run.0.integrator="DOP853"',
-            "simulation.run.0.integrator = 'DOP853': is no integrator of its own; take runge-kutta",
+            "'LSODA', 'auto'; did you mean 'runge-kutta'?",
         ),
+        ("simulation.run.0.integrator=rk4", "'LSODA', 'auto'; did you mean 'runge-kutta'?"),
+        ("simulation.run.0.integrator=Newmark-beta", "'LSODA', 'auto'; did you mean 'generalized-alpha'?"),
+        ("simulation.run.0.integrator=velocity_Verlet", "'LSODA', 'auto'; did you mean 'central-difference'?"),
+        ("simulation.run.0.integrator=BDF", "'LSODA', 'auto'; did you mean 'Radau'?"),
         ("drive.spin_up.torque=3 N m", "drive.spin_up.torque = '3 N m': can't stand beside speed"),
         (
             'drive.spin_up={type="torque pulse", joint="hub", duration="1 s"}',

@@ -87,6 +87,9 @@ def _read_file(
         raise InputError("--size", "", size, "belongs to a CAD file; this file has its mesh")
     if not path.is_file():
         raise InputError(str(path), "", None, "no such file")
+    if path.suffix.lower() in (".urdf", ".mjcf"):
+        mend = f"is a robot, no mesh; fmd new {path.stem}.toml --from {path} writes a scene, whose parts are meshed"
+        raise InputError(str(path), "", None, mend)
     if unit is None:
         mend = f"is missing: {path.name} has lengths without one; --unit mm, for instance"
         raise InputError("--unit", "", None, mend)

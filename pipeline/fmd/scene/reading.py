@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
 import reprlib
 import sys
@@ -51,6 +52,12 @@ SYNONYMS = {
     "time": "argument",
     "time_unit": "argumentunit",
     "integrator": "solver method scheme",
+    "central-difference": "leapfrog verlet velocityverlet stormerverlet explicit",
+    "runge-kutta": "rungekutta rk rk4 rk45 rk23 ode45 ode23 dopri dopri5 dop853",
+    "generalized-alpha": "newmark newmarkbeta hht hhtalpha hilberhughestaylor chunghulbert bathe implicit",
+    "Radau": "bdf ode15s ode23s ode23t sdirk dassl ida",
+    "LSODA": "cvode vode lsode gear",
+    "auto": "automatic adaptive default",
     "type": "kind",
     "body": "part parts link links bodies",
     "drive": "load loads force forces torque actuator motor",
@@ -206,6 +213,8 @@ def _example_of(field: FieldInfo | None) -> str:
             return f", e.g. {example_of(each.kind)!r}"
         if isinstance(each, Words | TextCheck):
             return f": {each.description.replace('``', '')}"
+    if field and field.examples:
+        return f", e.g. {json.dumps(field.examples[0], separators=(', ', ' = '))}"  # in TOML
     table = field.annotation if field else None
     if isinstance(table, type) and issubclass(table, SceneTable):
         needed = [inner.alias or name for name, inner in table.model_fields.items() if inner.is_required()]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from fmd.core.units import PositiveFrequency
 from fmd.scene.kinds import KindBy
@@ -265,12 +265,6 @@ class AutoRun(SteeredRun):
         return error, duration
 
 
-def _refuse_dop853(table: Any) -> Any:
-    if isinstance(table, dict) and table.get("integrator") == "DOP853":
-        raise FaultError("is no integrator of its own; take runge-kutta, the same method compiled", "integrator")
-    return table
-
-
 Run = Annotated[
     CentralDifferenceRun
     | SubCyclingRun
@@ -282,7 +276,6 @@ Run = Annotated[
     | ScipyRun
     | AutoRun,
     KindBy("integrator"),
-    BeforeValidator(_refuse_dop853),
 ]
 
 RUNS: tuple[type[RunTable], ...] = get_args(get_args(Run)[0])

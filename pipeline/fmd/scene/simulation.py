@@ -75,7 +75,7 @@ class Simulation(SceneTable):
     start: Literal["undeformed", "steady", "equilibrium", "periodic"] = "undeformed"
     period: PositiveTime | None = None
     fast: tuple[JointName, ...] = ()
-    run: Annotated[tuple[Run, ...], Field(min_length=1)]
+    run: Annotated[tuple[Run, ...], Field(min_length=1, examples=[[{"integrator": "auto"}]])]
 
     def _check(self) -> None:
         steps: dict[KeyPath, float | str | None] = {("step",): self.step, ("output_step",): self.output_step}
