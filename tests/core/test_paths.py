@@ -133,7 +133,7 @@ def test_all_that_kernels_are_compiled_from_is_in_the_name_of_their_folder() -> 
     marked = [
         file
         for file in package.rglob("*.py")
-        if re.search(r"^@(kernel|inner|inlined|contracted)\b", file.read_text(), re.M)
+        if re.search(r"^@(kernel|inner|inlined|contracted|unrolled)\b", file.read_text(), re.M)
     ]
     assert len(marked) > 20
     for file in marked:

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from fmd.core.arrays import Array
-from fmd.kernels.kernel import contracted, inlined, inner, kernel
+from fmd.kernels.kernel import contracted, inlined, inner, kernel, unrolled
 from fmd.kernels.machine import LoadedObject, compile_object
 from fmd.kernels.table import Table
-from fmd.kernels.types import REAL, WHOLE, array_type
+from fmd.kernels.types import REAL, WHOLE, array_type, type_of
 from fmd.kernels.vectors import call_native, read_entries, read_vector, write_vector
 from fmd.kernels.writer import NotInSubset
 
@@ -175,6 +175,33 @@ def read_and_write(x: Array, at: int) -> float:
     pair = 2.0 * read_vector(x, at, 2)
     write_vector(x, at, pair + read_entries(x, at, 2))
     return x[at]
+
+
+@unrolled
+def sum_of_products(x: Array, most: float) -> float:
+    """Of all pairs in order, until the sum is beyond the most."""
+    total = 0.0
+    for i in range(x.size):
+        for j in range(i, x.size):
+            total = total + x[i] * x[j]
+            if total > most:
+                return total
+    return total
+
+
+@kernel
+def sums_of_products(x: Array, most: float) -> float:
+    return sum_of_products(x, most)
+
+
+def test_unrolled_loops_end_after_any_number_of_rounds() -> None:
+    text, _ = sums_of_products.translate(tuple(type_of(each) for each in (np.zeros(1), 0.0)))  # type: ignore[attr-defined]
+    assert text.count("!llvm.loop !1") == 1  # the innermost
+    for size in range(12):
+        x = np.random.default_rng(size).normal(size=size)
+        for most in (np.inf, 0.5):
+            expected = sums_of_products.python(x, most)  # type: ignore[attr-defined]
+            assert sums_of_products(x, most) == pytest.approx(expected, rel=1e-13, abs=1e-13)
 
 
 @singledispatch

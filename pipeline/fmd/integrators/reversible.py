@@ -38,7 +38,7 @@ from fmd.integrators.fixed_step import (
 )
 from fmd.integrators.march_tables import Samples
 from fmd.integrators.protocol import State, Trajectory, require_ratio, start_state
-from fmd.kernels.kernel import contracted
+from fmd.kernels.kernel import unrolled
 from fmd.kernels.table import Table, aligned
 from fmd.kernels.vectors import call_native, fill_vector, read_vector, write_vector
 
@@ -183,7 +183,7 @@ def _take_steps(m: _FrozenSteps, p: Any, responses: Any, first: int, done: int, 
     return 0 if runs_away(m.rate) else count
 
 
-@contracted
+@unrolled
 def _multiply(m: _FrozenSteps, factor: Array, out: Array) -> None:
     """Set the columns of out to those of X times a matrix, of which ``factor[j]`` is a column."""
     n = m.v.size
@@ -199,7 +199,7 @@ def _multiply(m: _FrozenSteps, factor: Array, out: Array) -> None:
                 write_vector(out, at + DOUBLES_IN_LINE * j, total)
 
 
-@contracted
+@unrolled
 def _find_constant(m: _FrozenSteps) -> None:
     n = m.v.size
     for i in range(0, m.rate.size, DOUBLES_AT_ONCE):
@@ -214,7 +214,7 @@ def _find_constant(m: _FrozenSteps) -> None:
         write_vector(m.constant, i, total)
 
 
-@contracted
+@unrolled
 def _step(m: _FrozenSteps) -> None:
     """Take a leapfrog step."""
     n, h, half = m.v.size, fill_vector(m.h, DOUBLES_AT_ONCE), fill_vector(0.5 * m.h, DOUBLES_AT_ONCE)

@@ -61,6 +61,12 @@ def contracted(function: F) -> F:
     return function
 
 
+def unrolled(function: F) -> F:
+    """Mark a contracted function whose innermost loops are long, over coordinates: some rounds go at a time."""
+    _marks[function] = Compiling(inlined=True, contracted=True, unrolled=True)
+    return function
+
+
 class Kernel:
     """A function that is compiled when Python first calls it with values of some types; it runs without Python's lock.
 

@@ -68,11 +68,11 @@ def compile_object(source: str, level: int = 0, triple: str = "", effort: int = 
     Parameters
     ----------
     level : int
-        Effort of LLVM's passes. They make no vectors and unroll no loops, which would take two thirds of all time:
-        loops over coordinates and output times run as fast, but for reversible cycles of 20 oscillators (1.13 of
-        their time). By default the code generator alone runs: what the passes look for, common subexpressions and
-        constants, a graph doesn't have, and they cost a third of the time for no speed (pairing like scalars into
-        vectors costs four times as much).
+        Effort of LLVM's passes. They make no vectors and unroll only loops of functions that are marked so,
+        since that takes two thirds of all time: others, over coordinates and output times, run as fast. By
+        default the code generator alone runs: what the passes look for, common subexpressions and constants, a
+        graph doesn't have, and they cost a third of the time for no speed (pairing like scalars into vectors
+        costs four times as much).
     triple : str
         Another machine, such as ``aarch64-apple-darwin``; this one by default.
     effort : int

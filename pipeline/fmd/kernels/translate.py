@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
+from fmd.core.limits.code import ROUNDS_AT_ONCE
 from fmd.kernels.arithmetic import convert
 from fmd.kernels.expressions import Expressions
 from fmd.kernels.library import DECLARATIONS
@@ -33,6 +34,11 @@ from fmd.kernels.types import (
     name_of,
 )
 from fmd.kernels.writer import BlockWriter, NotInSubset, Value, tuple_of, whole
+
+METADATA = f"""!0 = !{{}}
+!1 = distinct !{{!1, !2}}
+!2 = !{{!"llvm.loop.unroll.count", i32 {ROUNDS_AT_ONCE}}}"""
+UNROLLED = ", !llvm.loop !1"
 
 
 @dataclass
@@ -53,7 +59,7 @@ class Module:
         if isinstance(result, TupleType):
             raise NotInSubset(f"{function.__name__} returns several values; Python can take one")
         checks = CHECKS if self.checked else ""
-        return "\n".join([DECLARATIONS, *self.tables.values(), checks, *self._texts, "!0 = !{}"]), result
+        return "\n".join([DECLARATIONS, *self.tables.values(), checks, *self._texts, METADATA]), result
 
     def function(self, function: Any, types: tuple[Type, ...], entry: str = "") -> tuple[str, Type]:
         """Return the name of a function for types of arguments, and the type of its result."""
@@ -81,6 +87,10 @@ class Module:
         return self.tables[values].partition(" ")[0]
 
 
+def _is_innermost(loop: ast.For) -> bool:
+    return not any(isinstance(node, ast.For | ast.While) for part in loop.body for node in ast.walk(part))
+
+
 @cache
 def _tree(function: Any) -> ast.FunctionDef:
     tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
@@ -103,7 +113,7 @@ class _Body(Expressions):
 
     def __init__(self, module: Module, function: Any, types: tuple[Type, ...], marks: Compiling) -> None:
         super().__init__(module, function, BlockWriter(marks.contracted, module.checks if module.checked else None))
-        self._tree, self._types = _tree(function), types
+        self._tree, self._types, self._unrolled = _tree(function), types, marks.unrolled
         self.result: Type = NOTHING
         self._returned: Value | None = None
         self._loops: list[tuple[str, str]] = []
@@ -253,7 +263,7 @@ class _Body(Expressions):
         w.jump(again)
         w.label(again)
         w.line(f"store i64 {w.value(WHOLE, f'add nsw i64 {i.text}, {step}').text}, ptr {place}")
-        w.jump(head)
+        w.jump(head, UNROLLED if self._unrolled and _is_innermost(statement) else "")
         w.label(after)
 
     def _loop(

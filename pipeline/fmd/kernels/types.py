@@ -59,6 +59,7 @@ class Compiling:
 
     inlined: bool = False
     contracted: bool = False
+    unrolled: bool = False  # rounds of its innermost loops go several at a time
 
 
 @cache

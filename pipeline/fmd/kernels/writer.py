@@ -89,9 +89,9 @@ class BlockWriter:
         self.is_open = True
         self.lines.append(f"{name}:")
 
-    def jump(self, label: str) -> None:
-        """End the block."""
-        self.line(f"br label %{label}")
+    def jump(self, label: str, about: str = "") -> None:
+        """End the block; ``about`` is what LLVM is told of the jump."""
+        self.line(f"br label %{label}{about}")
         self.is_open = False
 
     def branch(self, test: Value, yes: str, no: str) -> None:
