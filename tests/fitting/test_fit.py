@@ -261,6 +261,12 @@ def test_a_history_in_another_unit_is_named_where_the_fit_ends_and_where_it_fail
     (text,) = [each["text"] for each in fit.warnings() if each["code"] == "unlike-size"]
     assert re.fullmatch(r"slide\.position varies 99\d times as much .* at first: check its unit", text)
 
+    (still,) = [channel.values.copy() for channel in fit.model.experiments[0].channels]
+    still[:] = 0.3 + 1e-16 * np.arange(still.size)
+    with monkeypatch.context() as patched:
+        patched.setattr(FitModel, "predict", lambda *_: [[still]])
+        assert fit.model.unlike_size() == ""  # round-off of what rests
+
     def fail(*_: Any) -> None:
         raise AccuracyError("the motion fails")
 

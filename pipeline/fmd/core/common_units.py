@@ -16,7 +16,7 @@ _DEFINED = {
     "Pa": ("1", "N/m^2"),
     "J": ("1", "N m"),
     "W": ("1", "J/s"),
-    "Hz": ("1", "1/s"),
+    "Hz": ("1", "s^-1"),
     "min": ("60", "s"),
     "deg": ("0.01745329251994329576923690768", "rad"),
     "rpm": ("0.1047197551196597746154214461", "rad/s"),
@@ -34,7 +34,7 @@ _PREFIXED = {
     "Hz": "GMk",
 }
 _POWERS = {"²": 2, "³": 3}
-_FACTOR = re.compile(r"(\s*[*/·]\s*|\s+|)(1(?=/)|[A-Za-zµ]+)(?:(?:\^|\*\*)(-?[1-9])|([²³]))?")
+_FACTOR = re.compile(r"(\s*[*/·]\s*|\s+|)([A-Za-zµ]+)(?:(?:\^|\*\*)(-?[1-9])|([²³]))?")
 
 _Unit = tuple[Decimal, Counter[str]]
 
@@ -68,7 +68,6 @@ def _multiply(text: str, units: dict[str, _Unit]) -> _Unit | None:
 
 def _all_units() -> dict[str, _Unit]:
     units = {symbol: (Decimal(1), Counter({name: 1})) for symbol, name in _BASES.items()}
-    units["1"] = Decimal(1), Counter[str]()
     for symbol, (size, of) in _DEFINED.items():
         made = _multiply(of, units)
         assert made is not None
@@ -76,7 +75,6 @@ def _all_units() -> dict[str, _Unit]:
     for symbol, prefixes in _PREFIXED.items():
         for prefix in prefixes:
             units.setdefault(prefix + symbol, (Decimal(_PREFIXES[prefix]) * units[symbol][0], units[symbol][1]))
-    del units["1"]
     return units
 
 

@@ -112,10 +112,9 @@ def begin_whole_cycles(p: Any, cycle: Any, first: int, h: float, count: int) -> 
 def cross_cycle(p: Any, cycle: Any, count: int, q: Array, v: Array, a: Array, begin: Array) -> bool:
     """Take a slow step over a major cycle and ``count`` of its fast steps: all of them, or those up to a sample.
 
-    Return true if the rates are beyond bounds or not finite.
-    That is what `freeze_slow` and `fast_steps` do, in one. ``a`` holds the accelerations of the cycle before and,
-    afterwards, of the slow coordinates at the begin and of the fast ones at the last step; ``begin`` is filled with all
-    accelerations at the begin.
+    That is what `freeze_slow` and `fast_steps` do, in one; true if the rates are then beyond bounds or not finite.
+    ``a`` holds the accelerations of the cycle before and, afterwards, of the slow coordinates at the begin and of
+    the fast ones at the last step; ``begin`` is filled with all accelerations at the begin.
     """
     raise NotImplementedError
 

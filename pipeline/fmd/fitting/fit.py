@@ -362,6 +362,5 @@ def require_determined(model: FitModel, information: Information, unlike: str = 
         mend = (
             f"these data don't determine {', '.join(lines)}. Leave such a number out of --vary, so that it stays as it "
             "is, say what is known of it, e.g. --prior KEY=10%, or measure channels on which it acts"
-            f"{f'; {unlike}' * bool(unlike)}"
         )
-        raise InputError("--to", "", None, mend)
+        raise InputError("--to", "", None, f"{mend}; {unlike}" if unlike else mend)

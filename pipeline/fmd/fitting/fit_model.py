@@ -10,6 +10,7 @@ import numpy as np
 from fmd.core.arrays import Array, BoolArray
 from fmd.core.errors import AccuracyError
 from fmd.core.limits.fitting import UNLIKE_SIZE
+from fmd.core.limits.round_off import SUMMED
 from fmd.core.progress import Monitor, silent
 from fmd.fitting.experiments import Experiment
 from fmd.fitting.measurements import MeasuredChannel
@@ -79,12 +80,12 @@ class FitModel:
         """Return which channel was measured far larger or smaller than the scene has it at first; nothing if none."""
         for experiment, results in zip(self.experiments, self.predict(np.zeros(len(self.varied))), strict=True):
             for channel, result in zip(experiment.channels, results, strict=True):
-                sizes = float(np.std(channel.values)), float(np.std(result))
-                if experiment.in_time and min(sizes) > 0.0 and max(sizes) > UNLIKE_SIZE * min(sizes):
-                    ratio = sizes[0] / sizes[1]
-                    return (
-                        f"{channel.name} varies {ratio:.3g} times as much as the scene has it at first: check its unit"
-                    )
+                values = np.stack([channel.values, result])
+                sizes = values.std(axis=1)
+                moves = (sizes > SUMMED * np.abs(values).max(axis=1)).all()  # what rests has no size
+                if experiment.in_time and moves and sizes.max() > UNLIKE_SIZE * sizes.min():
+                    ratio = f"{sizes[0] / sizes[1]:.3g}"
+                    return f"{channel.name} varies {ratio} times as much as the scene has it at first: check its unit"
         return ""
 
     def _numbers(self, shares: Array) -> dict[Parameter, float]:

@@ -62,9 +62,9 @@ class SixUnknownsModel(MatrixModel):
         return sp.csr_array(arm @ kept @ arm)
 
     def rigid_by_node(self) -> Array:
-        """Return rigid motions by displacement and rotation of each node, (6 n_nodes, 6)."""
+        """Return rigid motions by displacement and rotation of each node, (6 n_nodes, 6); 0 for one that has none."""
         x = self.x[: len(self.labels)]
-        turned = np.tile(np.eye(6)[3:], (len(x), 1, 1))
+        turned = np.eye(6)[3:] * (self.turning >= 0)[:, None, None]
         return np.concatenate([rigid_motions(x), turned], axis=1).reshape(-1, 6)
 
     def loads_of_nodes(self, forces: Array, length: float) -> Array:
