@@ -20,7 +20,7 @@ from fmd.core.limits.shown import DIGITS, HARDLY_MOVES
 from fmd.core.netcdf import write_netcdf
 from fmd.dynamics.kinematics import Kinematics
 from fmd.output.error_table import write_errors
-from fmd.output.missed_peaks import missed_part
+from fmd.output.missed_peaks import MissedPeaks
 from fmd.output.output_kinds import OutputKind
 from fmd.output.stress_warnings import say_missed, say_output_step
 from fmd.output.variable_errors import VariableErrors
@@ -60,7 +60,7 @@ def write_history(run: Pipeline, output: History, folder: Path) -> list[str]:
 
 def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = draw_here) -> None:
     """Draw the quantities of a history over the first run, a frame each, with their stated errors."""
-    errors, frames = VariableErrors(run), []
+    errors, peaks, frames = VariableErrors(run), MissedPeaks(run.motion), []
     for variable in _leave_out_round_off(history_variables(run, output, run.motion)):
         columns = variable.values.reshape(len(variable.values), -1)
         moving = np.ptp(columns, axis=0) > HARDLY_MOVES * np.ptp(columns, axis=0).max()
@@ -68,7 +68,7 @@ def draw_history(run: Pipeline, output: History, folder: Path, draw: Drawer = dr
         components = tuple(_names_of(variable, columns.shape[1])[k] for k in chosen.tolist())
         error = errors.of(variable, in_body=output.axes == "body") if errors.has_budget else ""
         stated = error if isinstance(error, float) else None
-        missed = missed_part(run, variable)
+        missed = peaks.part_of(variable)
         beyond = f": {say_missed(missed)}" if missed > MISSED_STRESS else ""
         frames.append(HistoryFrame(variable.name + beyond, variable.units, columns[:, chosen], components, stated))
     title = output.title or f"{run.scene.title}: {Path(output.file).stem}"
@@ -90,8 +90,9 @@ def _owner(variable: Variable) -> str:
 
 def missed_peak_warnings(run: Pipeline) -> list[dict[str, str]]:
     """Return a warning where a history or table misses a peak between output times, of that which misses most."""
+    peaks = MissedPeaks(run.motion)
     missed = [
-        (missed_part(run, variable), variable.name, output.file)
+        (peaks.part_of(variable), variable.name, output.file)
         for output in run.scene.output
         if isinstance(output, Quantities)
         for variable in _leave_out_round_off(history_variables(run, output, run.motion))

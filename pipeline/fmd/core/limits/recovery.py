@@ -28,6 +28,7 @@ BESIDE_POINT = 0.5  # of the edge of a cube of the part's volume: stress so near
 # Largest values.
 NEAR_LARGEST_DEFLECTION = 0.8  # of the tip's largest deflection
 FINER_TIMES = 32  # times as many times there tell what is largest between two output times
+OF_OUTPUT_STEP = 1e-5  # of the time between outputs: a step for derivatives of momenta along the motion
 MISSED_STRESS = 0.02  # of the largest stress, between output times
 UNRESOLVED_STRESS = 0.1  # of it: more than this is hidden by vibrations that hardly any output times follow
 
