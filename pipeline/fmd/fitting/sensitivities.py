@@ -154,14 +154,12 @@ def _differentiate(
     """Yield the derivative of each result by one number."""
     moves = any(channel.moves for channel in channels)
     pairs = [frozen.beside(motion, parameter, share, moves) for share in (1.0, 0.5)]
-    unknown = find_round_off(frozen.run, pairs) if moves else 0.0
+    unknown = _find_round_off(frozen.run, pairs) if moves else 0.0
     for channel in channels:
         value = np.asarray(channel.read(frozen.run))
         if not np.isfinite(value).all():
             raise InputError("--of", channel.name, None, "is without end: this motion does no damage")
-        rough, fine = (change_of(channel, frozen.run, each.low, each.high) / (2.0 * each.step) for each in pairs)
-        ratio = (pairs[0].step / pairs[1].step) ** 2
-        slope = (ratio * fine - rough) / (ratio - 1.0)
+        slope, rough = _extrapolate(pairs, [change_of(channel, frozen.run, each.low, each.high) for each in pairs])
         if channel.part:
             slope, mean, solved = slope
             yield Sensitivity(channel, parameter, value, slope, np.abs(mean - solved))
@@ -173,7 +171,14 @@ def _differentiate(
             yield Sensitivity(channel, parameter, value, slope, error, jumps, near.by_tangents, near.lacking)
 
 
-def find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
+def _extrapolate(pairs: Sequence[Beside], changes: Sequence[Array]) -> tuple[Array, Array]:
+    """Return the derivative by changes over two steps, the longer one first, and that of the longer step alone."""
+    rough, fine = (change / (2.0 * each.step) for change, each in zip(changes, pairs, strict=True))
+    ratio = (pairs[0].step / pairs[1].step) ** 2
+    return (ratio * fine - rough) / (ratio - 1.0), rough
+
+
+def _find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
     """Return which part of derivatives by a number may be round-off of bodies' modes that are solved anew beside it.
 
     It is twice the largest difference, of a body's frequencies, between derivatives from modes solved anew and Rayleigh
@@ -183,12 +188,12 @@ def find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
     for name, body in run.wholes.items():
         if body.key("modes") == pairs[0].low.wholes[name].key("modes"):
             continue
-        count = range(body.modes.omega.size)
-        rough, fine = (
-            np.array([frequency_change(run, each.low, each.high, name, mode) for mode in count]) / each.step
+        omega = body.modes.omega[:, None]
+        changes = [
+            np.array([frequency_change(run, each.low, each.high, name, mode) for mode in range(omega.size)]) / omega
             for each in pairs
-        )
-        _, mean, solved = ((4.0 * fine - rough) / 3.0 / body.modes.omega[:, None]).T
+        ]
+        _, mean, solved = _extrapolate(pairs, changes)[0].T
         size = np.abs(mean).max(initial=0.0)
         largest = max(largest, 2.0 * float(np.abs(solved - mean).max(initial=0.0) / size) if size else 0.0)
     return largest
