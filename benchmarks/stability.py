@@ -1,8 +1,7 @@
 """March mechanisms long at steps below and above the limits of stability, against the prediction by tangents.
 
 Run from the project's root: ``python benchmarks/stability.py [INTEGRATOR …]``. The cases are scenes about their rest,
-spinning bodies, and systems hard on purpose; all take 55 minutes of processor time. Rows go to ``stability.csv``; those
-of other integrators stay.
+spinning bodies, and systems hard on purpose. Rows go to ``stability.csv``; those of other integrators stay.
 """
 
 from __future__ import annotations

@@ -99,9 +99,9 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
     open_console().print("↻ forward, ↺ backward: points whirl in the sense of the rotation, or against it")
     worst = diagram.largest_error(n_modes)
     if worst is None:
-        some = "more modes leave fewer vibrations below the others; campbell.csv has the errors of these"
-        why = diagram.errors_hz if isinstance(diagram.errors_hz, str) else some
-        open_console().print(f"errors not stated: {why}", soft_wrap=True)
+        some = f"not each of these {n_modes} has an error, since variants have fewer; campbell.csv has the others'"
+        said = f"errors not stated: {diagram.errors_hz}" if isinstance(diagram.errors_hz, str) else some
+        open_console().print(said, soft_wrap=True)
     else:
         open_console().print(f"these {n_modes} are off by up to {percent(worst)} %; campbell.csv has the error of each")
     print_warnings(diagram.warnings())

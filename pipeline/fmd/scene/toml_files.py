@@ -95,8 +95,8 @@ def _parse(file: str, text: str) -> dict[str, Any]:
         end = f"at line {len(lines)}, column {len(lines[-1]) + 1}"
         said = str(error).replace("at end of document", end)
         remedy = next((f"; {mend}" for cause, mend in _MENDS.items() if cause in said), "")
-        if not file.endswith(".toml"):
-            remedy += f"; of a CAD part or a robot fmd new {Path(file).stem}.toml --from {file} writes a scene"
+        if not file.lower().endswith(".toml"):
+            remedy += f"; fmd new {Path(file).stem}.toml --from {file} writes a scene of a CAD part or a robot"
         line = re.search(r"at line (\d+)", said)
         raise InputError(file, "", None, f"isn't valid TOML: {said}{remedy}", line and int(line[1])) from None
 
