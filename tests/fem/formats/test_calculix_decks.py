@@ -56,7 +56,7 @@ def test_a_clamped_deck_has_the_frequencies_of_its_own_output(fmd, tmp_path, cap
     assert modes(fmd, tmp_path, "beamf", more=more) == 0
     found = json.loads(capsys.readouterr().out)["frequencies_hz"]
     given = [13096.03, 19319.52, 76839.71, 86955.23, 105963.6, 162998.5]
-    assert all(1.0 < one / other < 1.006 for one, other in zip(found, given, strict=False))
+    assert all(1.0 < one / other < 1.006 for one, other in zip(found[:6], given, strict=True))
 
 
 @pytest.mark.parametrize(
