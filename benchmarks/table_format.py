@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
+SAME_DERIVATIVE = 1e-8  # of the largest: what tangents are to be of extrapolated differences
 
 
 class Cell(str):

@@ -27,7 +27,16 @@ from accuracy_tables import (  # noqa: E402 - beside this file
     truth,
     truth_pairs,
 )
-from table_format import Row, format_ratio, format_seconds, group_rows, listed, markdown, read_rows  # noqa: E402
+from table_format import (  # noqa: E402
+    SAME_DERIVATIVE,
+    Row,
+    format_ratio,
+    format_seconds,
+    group_rows,
+    listed,
+    markdown,
+    read_rows,
+)
 
 DOCS = HERE.parent / "docs"
 SLOT = re.compile(r"(<!-- table: ([\w-]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
@@ -35,7 +44,6 @@ Points = list[tuple[float, float]]
 
 SCENES = ("rod-slider", "beam", "beam-20-modes", "beam-60-modes", "arm", "robot")
 TIP_ERRORS = (1e-3, 1e-6)
-SAME_DERIVATIVE = 1e-8  # of the largest: what tangents are to be of extrapolated differences
 METHODS = (
     "central-difference",
     "sub-cycling 5:1",

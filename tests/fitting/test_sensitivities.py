@@ -7,18 +7,20 @@ import json
 import re
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import fmd as package
 from fmd.core import progress
 from fmd.core.errors import InputError
-from fmd.fitting.frozen_run import FrozenRun
+from fmd.fitting.frozen_run import Beside, FrozenRun
 from fmd.fitting.neighbours import march_in_parts
 from fmd.fitting.parameters import change_parameters, find_parameter
-from fmd.fitting.sensitivities import Sensitivity
+from fmd.fitting.sensitivities import Sensitivity, _find_round_off
 from fmd.integrators.central_difference import CentralDifference
 
 MASS, STIFFNESS, START = 2.0, 800.0, 0.01
@@ -50,6 +52,7 @@ OSCILLATOR: dict[str, Any] = {
         "run": [{"integrator": "central-difference"}],
     },
 }
+SIMULATION = {"duration": 1.0, "output_step": 0.1, "step": "auto", "tip": "bar.end", "run": [{"integrator": "auto"}]}
 SMALL_ARM = (
     "simulation.run=[{integrator='central-difference'}]",
     "body.forearm.mesh.divisions=[12,1,1]",
@@ -216,6 +219,53 @@ def test_frequencies_go_with_the_root_of_stiffness_and_density_and_inversely_wit
         assert found["body.bar.rho"].relative == pytest.approx(-0.5, abs=1e-9)
         assert sum(found[key].relative for key in sizes) == pytest.approx(-1.0, abs=1e-6)
         assert all(each.relative_error < 1e-6 for each in found.values())
+
+
+def test_round_off_of_stiffness_is_in_the_stated_error_though_modes_and_rayleigh_quotients_share_it() -> None:
+    """Frequencies have 0.5 by the modulus; entries of each stiffness get a round-off of 1e-12 of their own."""
+    fe = package.load(BAR_TABLES, "body.bar.mesh.divisions=[8, 1, 1]").run.wholes["bar"].fe
+    mass, true, stated = fe.M.toarray(), [], []
+    rng = np.random.default_rng(0)
+
+    def solve(scale: float) -> Any:
+        noise = 1e-12 * rng.normal(size=mass.shape)
+        K = scale * fe.K.toarray() * (1.0 + noise + noise.T)
+        squared, shapes = (found[..., 6:12] for found in eigh(K, mass))
+        omega = np.sqrt(squared)
+        modes = SimpleNamespace(omega=omega, shapes=shapes.reshape(-1, 3, 6), frequencies_hz=omega / (2.0 * np.pi))
+        own = SimpleNamespace(K=K, M=mass, mass=fe.mass, rigid_modes=fe.rigid_modes)
+        shape = SimpleNamespace(support=())
+        return SimpleNamespace(wholes={"bar": SimpleNamespace(key=lambda _: scale, fe=own, modes=modes, shape=shape)})
+
+    for _ in range(4):
+        pairs = [Beside(solve(1.0 - step), solve(1.0 + step), step) for step in (2e-3, 1e-3)]
+        rough, fine = (
+            (each.high.wholes["bar"].modes.omega - each.low.wholes["bar"].modes.omega) / each.step for each in pairs
+        )
+        run = solve(1.0)
+        true.append(np.abs((4.0 * fine - rough) / 3.0 / run.wholes["bar"].modes.omega - 1.0).max())
+        stated.append(_find_round_off(run, pairs))
+    assert np.mean(true) < np.mean(stated) < 20.0 * np.mean(true)
+
+
+def test_frequencies_of_a_body_that_its_joint_holds_have_derivatives_by_dimensions() -> None:
+    """Against frequencies solved anew: the joint's forces on the modes change with the body's section."""
+    bar = BAR_TABLES["body"]["bar"] | {"depth": 0.04, "modes": {"count": 3, "boundary": "joint"}}
+    hub = {"type": "revolute", "parent": "ground", "child": "bar.end", "axis": [0, 0, 1]}
+    tables = {"title": "Bar", "body": {"bar": bar}, "joint": {"hub": hub}, "simulation": SIMULATION}
+
+    def solve(depth: float) -> Any:
+        return package.load(tables, "body.bar.mesh.divisions=[8, 2, 2]", f"body.bar.depth={depth!r} m")
+
+    result, names = solve(0.04), [f"bar.frequency.{k}" for k in (1, 2, 3)]
+    found = package.jacobian(result, names, ["body.bar.depth"])
+    far, near = (
+        (solve(0.04 + h).run.modes.frequencies_hz - solve(0.04 - h).run.modes.frequencies_hz) / (2.0 * h)
+        for h in (8e-4, 4e-4)
+    )
+    exact = 1e-5 * result.run.modes.frequencies_hz / 0.04
+    assert (np.abs([each.slope for each in found] - (4.0 * near - far) / 3.0) < exact).all()
+    assert (np.array([each.error for each in found]) < exact).all()
 
 
 def test_modes_of_one_frequency_turn_into_those_that_part(tmp_path: Path) -> None:

@@ -55,6 +55,22 @@ def test_derivatives_of_a_random_rigid_scene_are_differences_of_its_marches(
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize(("phase", "round_off"), [(1.0, 1e-15), (200.0, 1e-14), (5000.0, 1e-11), (5000.0, 1e-9)])
+def test_the_noise_of_extrapolated_differences_is_no_less_than_their_error(
+    phase: float, round_off: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of an oscillation by the logarithm of its frequency, out of phase over the first distances, with round-off."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    module, t, rng = importlib.import_module("random_derivatives"), np.linspace(0.0, 1.0, 41), np.random.default_rng(0)
+
+    def value(share: float) -> Any:
+        return np.sin(phase * (1.0 + share) * t * (1.0 + round_off * rng.normal()))
+
+    shares = module.SHARE * 0.5 ** np.arange(module.HALVINGS + 1)
+    found, noise = module.choose_extrapolation([(value(s) - value(-s)) / (2.0 * s) for s in shares])
+    assert np.abs(found - phase * t * np.cos(phase * t)).max() < 2.0 * noise < 0.02 * phase
+
+
 def test_derivatives_of_a_run_by_auto_are_those_of_the_motion_though_steps_stay(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -9,21 +9,23 @@ from typing import Any
 import numpy as np
 
 from fmd.accuracy.solved_scene import SolvedScene
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import JUMP
 from fmd.core.limits.modes import SAME_FREQUENCY
 from fmd.fitting.frozen_run import Beside, FrozenMotion, FrozenRun
 from fmd.fitting.parameters import Parameter, find_parameter
 from fmd.output.channels import ResultChannel, find_all_channels
+from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
 
 def frequency_change(run: Pipeline, minus: Pipeline, plus: Pipeline, body: str, mode: int) -> Array:
     """Return the change of a frequency [Hz] as stiffness and mass go from those of one variant to those of another.
 
-    That is ``δω² = φᵀ (δK − ω² δM) φ`` for a mode with unit modal mass. Modes of one frequency turn into each other:
-    their changes are the eigenvalues of this matrix for the whole group, in ascending order.
+    That is ``δω² = φᵀ (δK − ω² δM) φ + 2 φᵀ (K − ω² M) δφ`` for a mode with unit modal mass; the second term is of
+    modes that a joint holds, by its forces. Modes of one frequency turn into each other: their changes are the
+    eigenvalues of this matrix for the whole group, in ascending order.
 
     Parameters
     ----------
@@ -50,9 +52,19 @@ def frequency_change(run: Pipeline, minus: Pipeline, plus: Pipeline, body: str, 
     Phi = shapes[:, :, group].reshape(-1, len(group))
     stiffer, heavier = (Phi.T @ (change @ Phi) for change in (after.fe.K - before.fe.K, after.fe.M - before.fe.M))
     change = stiffer - omega[mode] ** 2 * heavier
+    held = (part.fe.K @ Phi - omega[mode] ** 2 * (part.fe.M @ Phi)).T  # forces of what holds modes, as a joint
+    moved = _align(part, after, Phi, group) - _align(part, before, Phi, group)
+    change = change + 2.0 * held @ moved
     changes = np.linalg.eigvalsh(0.5 * (change + change.T)) / (2.0 * omega[mode] * 2.0 * np.pi)
     solved = (after.modes.frequencies_hz - before.modes.frequencies_hz)[group]
     return np.array([changes[int(np.flatnonzero(group == mode)[0])], changes.mean(), solved.mean()])
+
+
+def _align(part: FlexiblePart, other: FlexiblePart, Phi: Array, group: IntArray) -> Array:
+    """Return modes of a variant, turned within their group to be nearest to those of the scene itself."""
+    theirs = other.modes.shapes[:, :, group].reshape(Phi.shape)
+    u, _, v = np.linalg.svd(theirs.T @ (part.fe.M @ Phi))
+    return np.asarray(theirs @ (u @ v))
 
 
 @dataclass(frozen=True)
@@ -181,8 +193,9 @@ def _extrapolate(pairs: Sequence[Beside], changes: Sequence[Array]) -> tuple[Arr
 def _find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
     """Return which part of derivatives by a number may be round-off of bodies' modes that are solved anew beside it.
 
-    It is twice the largest difference, of a body's frequencies, between derivatives from modes solved anew and Rayleigh
-    quotients, both of which are off, as a part of the largest derivative: all per cent per per cent.
+    It is twice the sum of two parts. One is the largest difference, of a body's frequencies, between derivatives from
+    modes solved anew and Rayleigh quotients, both of which are off. The other is what both have from round-off of the
+    stiffness: what it has of translations, which would be nothing, as a part of the lowest mode's.
     """
     largest = 0.0
     for name, body in run.wholes.items():
@@ -194,9 +207,21 @@ def _find_round_off(run: Pipeline, pairs: Sequence[Beside]) -> float:
             for each in pairs
         ]
         _, mean, solved = _extrapolate(pairs, changes)[0].T
-        size = np.abs(mean).max(initial=0.0)
-        largest = max(largest, 2.0 * float(np.abs(solved - mean).max(initial=0.0) / size) if size else 0.0)
+        size = float(np.abs(mean).max(initial=0.0))
+        if size:
+            shared = max(_translation_change(run, each, name) / (2.0 * each.step) for each in pairs)
+            largest = max(largest, 2.0 * (float(np.abs(solved - mean).max()) + shared) / size)
     return largest
+
+
+def _translation_change(run: Pipeline, beside: Beside, name: str) -> float:
+    """Return the relative change of a free body's lowest frequency [Hz s] by what its stiffness has of translations."""
+    body, low, high = (each.wholes[name] for each in (run, beside.low, beside.high))
+    if body.shape.support:
+        return 0.0
+    moves = body.fe.rigid_modes[:, :3]
+    squared = float(np.abs(moves.T @ ((high.fe.K - low.fe.K) @ moves)).max()) / body.fe.mass
+    return squared / (4.0 * np.pi * float(body.modes.omega.min()) ** 2)
 
 
 def change_of(channel: ResultChannel, run: Pipeline, minus: Pipeline, plus: Pipeline) -> Array:
