@@ -62,8 +62,12 @@ class MissedPeaks:
         mechanism = self.motion.mechanism
         closing = {own.name: own.second.body or own.first.body for own in mechanism.closing_joints}
         body = mechanism.number_of(closing.get(joint) or mechanism.joint_children[joint])
-        passed, abrupt = (float(own[int(kind == "moment"), body]) for own in self._passed_by_bodies)
-        return passed, NOTHING * max(abrupt, self._largest_reaction(kind))
+        passed, abrupt = (own[:, body] for own in self._passed_by_bodies)
+        if kind == "force":
+            return float(passed[0]), NOTHING * max(float(abrupt[0]), self._largest_reaction(kind))
+        markers = mechanism.links[body].markers.values()
+        reach = max((float(np.linalg.norm(own.position)) for own in markers), default=0.0)
+        return float(passed[1]), NOTHING * max(float(abrupt[1] + reach * abrupt[0]), self._largest_reaction(kind))
 
     def _largest_reaction(self, kind: str) -> float:
         """Return the largest force [N] or moment [N m] of a joint."""
