@@ -2,7 +2,7 @@
 
 import pytest
 
-from fmd.scene.runs import RUNS, ReversibleSubCyclingRun, name_methods
+from fmd.scene.runs import RUNS, CentralDifferenceRun, ReversibleSubCyclingRun, name_methods
 
 KINDS = [(run, name) for run in RUNS for name in run.names()]
 
@@ -29,3 +29,8 @@ def test_reversible_sub_cycling_without_a_ratio_is_central_difference_under_its_
 def test_methods_are_named_by_what_they_do():
     assert name_methods("chooses_steps", "keeps_loops") == "exponential-rosenbrock, runge-kutta and auto"
     assert name_methods("passes_over") == "generalized-alpha"
+
+
+def test_a_step_that_is_chosen_is_the_simulation_s():
+    with pytest.raises(ValueError, match=r"set simulation.step = 'auto', and leave the run's own out"):
+        CentralDifferenceRun(integrator="central-difference", step="auto")

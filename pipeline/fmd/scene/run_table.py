@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from fmd.core.units import PositiveTime
 from fmd.scene.reading import SceneTable
@@ -84,6 +84,13 @@ class SteppedRun(RunTable):
     """
 
     step: PositiveTime | None = None
+
+    @field_validator("step", mode="before")
+    @classmethod
+    def _given(cls, step: Any) -> Any:
+        if step == "auto":
+            raise ValueError("is chosen for all runs: set simulation.step = 'auto', and leave the run's own out")
+        return step
 
 
 class SteeredRun(RunTable):
