@@ -2,6 +2,7 @@
 
 import pytest
 
+from fmd.core.errors import InputError
 from fmd.scene.runs import RUNS, CentralDifferenceRun, ReversibleSubCyclingRun, name_methods
 
 KINDS = [(run, name) for run in RUNS for name in run.names()]
@@ -32,5 +33,5 @@ def test_methods_are_named_by_what_they_do():
 
 
 def test_a_step_that_is_chosen_is_the_simulation_s():
-    with pytest.raises(ValueError, match=r"set simulation.step = 'auto', and leave the run's own out"):
+    with pytest.raises(InputError, match=r"set simulation.step = 'auto', and leave the run's own out"):
         CentralDifferenceRun(integrator="central-difference", step="auto")
