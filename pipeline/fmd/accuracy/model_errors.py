@@ -172,8 +172,7 @@ class ModelErrors:
 
         What hardly changes with the bodies' stiffness is hardly off by them: the march of the shifted vibrations has
         told that, if there is one. Of what it can't tell the whole error counts: stress, which balances forces, and
-        forces and momenta, in whose sums displacements of second order may be left out; and so it does where bodies
-        have none.
+        momenta, in whose sums displacements of second order may be left out; and so it does where bodies have none.
         """
         run, of_motion = self._run, self._comparison.of_motion
         errors = deflection_errors(run, of_motion)
@@ -184,7 +183,7 @@ class ModelErrors:
             error, shift = error_in_frame(run, name), self._shift_of_eigenvalues(name)
             ratio, squared = max(ratio, error / shift if shift else 0.0), max(squared, error**2)
         for name, change in self._by_shift.items():
-            if of_motion[name].kind == "displacement" and not _is_sum_of_forces(name):
+            if of_motion[name].kind == "displacement" and not _is_sum_over_masses(name):
                 errors[name] = min(errors[name], ratio * change + squared if change else 0.0)
         return errors
 
@@ -269,9 +268,9 @@ class ModelErrors:
         )
 
 
-def _is_sum_of_forces(name: str) -> bool:
-    """Return true for a force, the momentum or the centre of mass, by their names."""
-    return name in ("centre_of_mass", "momentum", "angular_momentum") or name.endswith(".force")
+def _is_sum_over_masses(name: str) -> bool:
+    """Return true for the momentum or the centre of mass, by their names."""
+    return name in ("centre_of_mass", "momentum", "angular_momentum")
 
 
 def _gain_by_rigid_root(run: Pipeline, rigid: Pipeline, name: str) -> tuple[Array, Array]:
