@@ -121,7 +121,7 @@ def _print_run(summary: dict[str, Any], folder: Path, explain: bool) -> None:
         print_frequencies(summary)
     _print_integrations(summary)
     if "error_budget" in summary:
-        _print_budget(summary["error_budget"])
+        _print_budget(summary["error_budget"], summary.get("bodies", {}))
     if "accuracy" in summary:
         _print_rounds(summary["accuracy"])
     console.print(f"{len(summary['files']) + 1} files in {folder}/: summary.json, {', '.join(summary['files'])}")
@@ -172,7 +172,7 @@ def _print_integrations(summary: dict[str, Any]) -> None:
     print_table("Integration: run times are of time integration alone", columns, rows)
 
 
-def _print_budget(budget: dict[str, Any]) -> None:
+def _print_budget(budget: dict[str, Any], bodies: dict[str, Any]) -> None:
     """Print the table of relative errors by source; of a body's frequencies, of joints and markers only the worst."""
     title = f"Error budget [%]: what is stated is {budget['safety']:g} times the root of their squares"
     worst: dict[str, dict[str, Any]] = {}
@@ -180,7 +180,12 @@ def _print_budget(budget: dict[str, Any]) -> None:
         group = row["quantity"].partition(", frequency")[0] if ", frequency" in row["quantity"] else row["quantity"]
         if group not in worst or (row["total"] or 0.0) > (worst[group]["total"] or 0.0):
             worst[group] = row
-    rows = [(row["quantity"], *error_cells(row)) for row in (*worst.values(), *worst_details(budget))]
+
+    def name(quantity: str) -> str:
+        body, is_frequency, _ = quantity.partition(", frequency")
+        return f"{quantity}, {bodies[body]['boundary']}" if is_frequency else quantity
+
+    rows = [(name(row["quantity"]), *error_cells(row)) for row in (*worst.values(), *worst_details(budget))]
     print_table(title, dict.fromkeys(("quantity", *ERROR_COLUMNS), "{}"), rows)
 
 

@@ -60,7 +60,7 @@ def print_frequencies(summary: dict[str, Any]) -> None:
             (k, hertz, *(beside[k - 1] if k <= len(beside) else (None,) * len(more)))
             for k, hertz in enumerate(body["frequencies_hz"], start=1)
         ]
-        print_table(f"Frequencies of {name}", {"mode": "{}", "Hz": "{:.2f}", **more}, rows)
+        print_table(f"Frequencies of {name}, {body['boundary']}", {"mode": "{}", "Hz": "{:.2f}", **more}, rows)
         beside = []
 
 

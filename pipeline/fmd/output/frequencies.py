@@ -45,15 +45,27 @@ def frequency_table(run: Pipeline) -> dict[str, Any]:
     }
 
 
-def frequencies_by_body(run: Pipeline) -> dict[str, dict[str, list[float]]]:
-    """Gather the frequencies of each flexible body's modes [Hz], ``frequencies_hz`` under the body's name."""
+def frequencies_by_body(run: Pipeline) -> dict[str, dict[str, Any]]:
+    """Gather the frequencies of each flexible body's modes [Hz] as ``frequencies_hz``, and of which ``boundary``."""
     divided = run.division.divided
     return {
         name: {
-            "frequencies_hz": (divided[name].frequencies_hz if name in divided else part.modes.frequencies_hz).tolist()
+            "frequencies_hz": (divided[name].frequencies_hz if name in divided else part.modes.frequencies_hz).tolist(),
+            "boundary": _name_boundary(part, name in divided),
         }
         for name, part in run.wholes.items()
     }
+
+
+def _name_boundary(part: FlexiblePart, divided: bool) -> str:
+    """Name what holds a part while it vibrates in its modes."""
+    if part.is_reduced:
+        return "as in its file"
+    if not divided and part.shape.modes.boundary == "joint" and not part.joint.floating:
+        return "held at its joint"
+    if part.shape.support:
+        return "on its supports"
+    return "free of its joint" if part.joint.marker else "free"
 
 
 def mode_warnings(run: Pipeline) -> list[dict[str, str]]:

@@ -161,7 +161,7 @@ def with_orbit_errors(
         _, at = _orbits(other, place, force, response.rates, order)
         return lambda rate: _radii(at(rate))
 
-    with threadpool_limits(1):
+    with threadpool_limits(1), run.store.monitor("errors of orbits"):
         found = find_richer_orbits(synchronous(coupled(run), order), respond, float(response.rates[-1]), order)
         if isinstance(found, str):
             return replace(response, errors=found)
