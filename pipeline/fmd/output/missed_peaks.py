@@ -1,4 +1,4 @@
-"""What histories miss between output times: peaks of forces and accelerations, which last shorter than positions do."""
+"""Peaks of forces and accelerations between output times, which last shorter than those of positions."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class MissedPeaks:
 
     @cached_property
     def _passed_by_bodies(self) -> tuple[Array, Array]:
-        """What `_beyond` finds of forces and moments on each body with all that it carries, shapes (2, n_bodies)."""
+        """Passed and abrupt forces and moments on each body and what it carries, shapes (2, n_bodies): `_beyond`."""
         shifts = np.full(len(self.motion.times), OF_OUTPUT_STEP * float(np.diff(self.motion.times).min()))
         shifts[-1] *= -1.0  # prescribed motions are known up to the end
         at, later = self._momenta(0.0 * shifts), self._momenta(shifts)
