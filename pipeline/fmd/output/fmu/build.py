@@ -95,7 +95,8 @@ def _compile_for(
         )
         jobs = [(target, source) for target in compilers for source in largest_first]
         list(pool.map(lambda job: _compile(compilers[job[0]], folder, *job), jobs))
-        return {target.name: _link(compiler, folder, identifier, target) for target, compiler in compilers.items()}
+        libraries = pool.map(lambda target: _link(compilers[target], folder, identifier, target), compilers)
+        return {target.name: library for target, library in zip(compilers, libraries, strict=True)}
 
 
 def own_target() -> Target | None:
@@ -117,7 +118,8 @@ def _compile(compiler: Sequence[str], folder: Path, target: Target, source: str)
 
 def _link(compiler: Sequence[str], folder: Path, identifier: str, target: Target) -> bytes:
     """Return the library of a target's compiled sources, in the order of their names."""
-    library = f"{identifier}{target.suffix}"
+    library = f"{target.name}/{identifier}{target.suffix}"  # two systems may have one name
+    (folder / target.name).mkdir()
     objects = [_object(target, source.name) for source in sorted(folder.glob("*.c"))]
     strip = [] if platform.system() == "Darwin" and compiler[0] != sys.executable else ["-s"]
     maths = [] if target.suffix == ".dll" else ["-lm"]
