@@ -118,13 +118,13 @@ def _compile(compiler: Sequence[str], folder: Path, target: Target, source: str)
 
 def _link(compiler: Sequence[str], folder: Path, identifier: str, target: Target) -> bytes:
     """Return the library of a target's compiled sources, in the order of their names."""
-    library = f"{target.name}/{identifier}{target.suffix}"  # two systems may have one name
-    (folder / target.name).mkdir()
-    objects = [_object(target, source.name) for source in sorted(folder.glob("*.c"))]
+    library, place = f"{identifier}{target.suffix}", folder / target.name  # of its own: two systems may have one name
+    place.mkdir()
+    objects = [f"../{_object(target, source.name)}" for source in sorted(folder.glob("*.c"))]
     strip = [] if platform.system() == "Darwin" and compiler[0] != sys.executable else ["-s"]
     maths = [] if target.suffix == ".dll" else ["-lm"]
-    _run([*compiler, "-shared", *strip, "-o", library, *objects, *maths], folder, target)
-    return (folder / library).read_bytes()
+    _run([*compiler, "-shared", *strip, "-o", library, *objects, *maths], place, target)
+    return (place / library).read_bytes()
 
 
 def _object(target: Target, source: str) -> str:
