@@ -352,7 +352,7 @@ def test_derivatives_say_how_far_they_are(monkeypatch: pytest.MonkeyPatch, capsy
     package.jacobian(result, ["slide.position"], ["joint.slide.spring", "body.block.mass"])
     assert re.search(r"s: derivatives, 50 %, about \d+ s left\n", capsys.readouterr().err)
     package.ResultFunction(result, ["slide.position"], ["joint.slide.spring"]).jacobian(np.array([900.0]))
-    assert "s: derivatives\n" in capsys.readouterr().err
+    assert "s: derivatives" in capsys.readouterr().err  # with its share, if the first comes before the first line
 
 
 def test_the_command_prints_rows_and_writes_table_chart_and_histories(
