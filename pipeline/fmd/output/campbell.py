@@ -69,8 +69,9 @@ class CampbellDiagram:
 
     def with_errors(self, run: Pipeline) -> CampbellDiagram:
         """Return the diagram with the errors of its frequencies, or why none are stated."""
-        with threadpool_limits(1), run.store.monitor("errors of frequencies"):
-            errors = estimate_frequency_errors(coupled(run), self.rates, self.frequencies_hz)
+        errors = run.store.compute(
+            "errors of frequencies", lambda: estimate_frequency_errors(coupled(run), self.rates, self.frequencies_hz)
+        )
         return replace(self, errors_hz=errors)
 
     @property
