@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmd.contact.histories import AREA, DAMPED, ERROR, FORCE, FRICTION, IMPULSE
+from fmd.contact.histories import AREA, DAMPED, ERROR, FORCE, FRICTION, IMPULSE, MEAN_SLIP, SLIP
+from fmd.contact.recorded import ContactRecord
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.integrators.central_difference import CentralDifference
 from fmd.integrators.protocol import Trajectory
@@ -42,8 +43,17 @@ def test_a_block_stops_where_friction_has_taken_its_energy() -> None:
     motion = slide(0.0, 0.3, speed=1.5)
     assert motion.q[-1, 0] == pytest.approx(1.5**2 / (2 * 0.3 * 10.0), rel=2e-3)
     assert np.ptp(motion.q[motion.times > 0.6, 0]) < 1e-4
+    np.testing.assert_allclose(motion.contacts[-1, [SLIP, MEAN_SLIP]], motion.q[-1, 0], rtol=1e-3)  # of each point
     change = MASS * (motion.v[:, 0] - 1.5)
     np.testing.assert_allclose(motion.contacts[:, IMPULSE], change, atol=1e-9 * MASS * 1.5)
+
+
+def test_points_slip_without_friction_as_far_as_their_body_goes() -> None:
+    motion = slide(0.0, 0.0, speed=0.5, duration=0.1)
+    np.testing.assert_allclose(motion.contacts[1:, SLIP], 0.5 * motion.times[1:], atol=0.5 * motion.step)
+    mechanism, _ = soft_footed_block((0.4, 2 * HALF), MASS, np.zeros(3), 0.0, 1e6)
+    record = ContactRecord(mechanism.contacts, motion.contacts)
+    np.testing.assert_array_equal(record.slips["block"].max(axis=1), motion.contacts[:, SLIP])
 
 
 def test_friction_is_never_more_than_its_cone() -> None:

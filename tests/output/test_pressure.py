@@ -48,6 +48,14 @@ def test_the_picture_has_the_largest_pressure_at_its_place_and_the_force_by_area
     np.testing.assert_allclose(pressures @ points.areas["bottom"], floor.force[:, 1], atol=1e-9)
 
 
+def test_a_picture_of_slip_has_how_far_each_point_has_rubbed(dropped: Pipeline, tmp_path: Path) -> None:
+    drawn, floor = draw(dropped, tmp_path, quantity="slip"), dropped.motion.contacts["floor"]
+    assert drawn["quantity"] == "slip [µm]"
+    assert drawn["values"].max() == pytest.approx(1e6 * floor.slip[-1], rel=1e-12)
+    assert (np.diff(dropped.motion.contact_slips["block"], axis=0) >= 0.0).all()
+    assert 0.0 < floor.mean_slip[-1] < floor.slip[-1]
+
+
 def test_the_camera_looks_onto_the_face_unless_it_is_given(dropped: Pipeline, tmp_path: Path) -> None:
     angles = draw(dropped, tmp_path)["camera"].angles
     assert angles == pytest.approx([-90.0 + np.rad2deg(0.5), np.rad2deg(0.5)], abs=1e-6)

@@ -37,9 +37,14 @@ _HISTORIES: Mapping[str, Callable[[ContactHistory], Array]] = {
     "largest_area_m2": lambda own: own.area,
 }
 """What figures are the largest of: two marches may have the same by chance, and peaks near it tell them apart."""
-_SUMS: Mapping[str, Callable[[ContactHistory], Array]] = {
+_HEATS: Mapping[str, Callable[[ContactHistory], Array]] = {
     "friction_work_j": lambda own: own.friction_work,
     "damping_work_j": lambda own: own.damping_work,
+}
+_SUMS: Mapping[str, Callable[[ContactHistory], Array]] = {
+    **_HEATS,
+    "largest_slip_m": lambda own: own.slip,
+    "mean_slip_m": lambda own: own.mean_slip,
 }
 """What figures are the end of; there, too, two marches may meet by chance."""
 _OTHERS = ("mesh", "modes", "near field")
@@ -129,7 +134,7 @@ def _at_least(errors: Mapping[str, float | str], own: ContactHistory) -> dict[st
 
     This is of one march alone, so that no other can agree with it by chance.
     """
-    heats = {key: float(np.abs(of(own)).max()) for key, of in _SUMS.items()}
+    heats = {key: float(np.abs(of(own)).max()) for key, of in _HEATS.items()}
     least = min(1.0, float(np.abs(own.energy_error).max()) / (sum(heats.values()) or math.inf))
     return {key: max(error, least * heats[key]) for key in heats if not isinstance(error := errors[key], str)}
 

@@ -189,6 +189,7 @@ def _points(
         supple.append(soft)
     vectors = ("weights", "spot", "free", "force", "own", "moved", "at", "known", "tip", "before")
     of_round = ("dent", "dent_then", "drag", "drag_then", "tangent_then", "touched", "touched_then")
+    numbers = "slid", "gap_then", "speed", "speed_then", "soft", "soft_then", "shed", "stored"
     then = ("undamped", "viscous", "weights_then", "normal_then", "moved_then", "elastic_then", "viscous_then")
     return {
         "node": np.concatenate([first[own.slave] + own.points for own in surfaces]),
@@ -203,7 +204,10 @@ def _points(
         "seen": np.zeros((n, 2), dtype=np.int64),
         **{name: np.zeros((n, 3, 3)) for name in ("axes", "turned", "Q", "Q_then")},
         **{name: np.zeros((n, 3)) for name in (*vectors, *of_round, *then)},
-        **{name: np.zeros(n) for name in ("gap_then", "speed", "speed_then", "soft", "soft_then", "shed", "stored")},
+        **{
+            name: np.zeros(n)
+            for name in (*numbers, "gap_then", "speed", "speed_then", "soft", "soft_then", "shed", "stored")
+        },
         "peak": np.ones(n),
         "shares": np.concatenate([bodies[own.slave].points.shares[own.points] for own in surfaces]),
         "foot_then": np.zeros((n, 3), dtype=np.int64),

@@ -28,13 +28,13 @@ def choose_points(c: ContactTable, g: int) -> None:
         if c.seen[i, 0] == 0:
             changed = changed or c.slot[i] >= 0
         elif c.slot[i] < 0:
-            changed = changed or c.free[i, 0] < band or _was_pressed(c, i)
+            changed = changed or c.free[i, 0] < band or was_pressed(c, i)
     count = c.n_chosen[g]
     if changed:
         count = 0
         for i in range(first, last):
             c.slot[i] = -1
-            if c.seen[i, 0] == 1 and (c.free[i, 0] < WIDER_BAND * band or _was_pressed(c, i)):
+            if c.seen[i, 0] == 1 and (c.free[i, 0] < WIDER_BAND * band or was_pressed(c, i)):
                 c.chosen[first + count], c.slot[i] = i, count
                 count += 1
         c.n_chosen[g] = count
@@ -59,7 +59,8 @@ def choose_points(c: ContactTable, g: int) -> None:
 
 
 @inner
-def _was_pressed(c: ContactTable, i: int) -> bool:
+def was_pressed(c: ContactTable, i: int) -> bool:
+    """Return true if a point had a force at the last step."""
     return bool(c.known[i, 0] != 0.0 or c.known[i, 1] != 0.0 or c.known[i, 2] != 0.0)
 
 

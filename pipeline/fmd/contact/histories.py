@@ -14,7 +14,9 @@ ENERGY, FRICTION, DAMPED, ERROR, BEGIN, END, BORDER = 11, 12, 13, 14, 15, 16, 17
 """Places of those of energies and times, and of a mark that the border of a grid has been pressed."""
 MOST_FORCE, MOST_AREA, MOST_PRESSURE = 18, 19, 20
 """Places of the largest values at any step."""
-N_VALUES = 21
+SLIP, MEAN_SLIP = 21, 22
+"""Places of the longest way that a point has slipped, and of the mean by areas of those that have."""
+N_VALUES = 23
 
 
 class ContactHistory(NamedTuple):
@@ -28,6 +30,8 @@ class ContactHistory(NamedTuple):
     energy: Array  # (n_times,): of the deflection that the modes leave out [J]
     friction_work: Array  # (n_times,): heat since the start [J]
     damping_work: Array  # (n_times,): heat by damping since the start [J]
+    slip: Array  # (n_times,): longest way that a pressed point has slipped since the start [m]
+    mean_slip: Array  # (n_times,): mean of those that have, by their areas [m]
     energy_error: Array  # (n_times,): energy that contact's steps have made since the start [J]
     span: tuple[float | None, float | None]  # first and last time of contact [s]; None without
     beyond_grid: bool  # it has reached the border of its near field's grid
@@ -55,6 +59,8 @@ class ContactHistory(NamedTuple):
             "largest_force_n": force,
             "largest_pressure_pa": pressure,
             "largest_area_m2": area,
+            "largest_slip_m": float(self.slip[-1]),
+            "mean_slip_m": float(self.mean_slip[-1]),
             "friction_work_j": float(self.friction_work[-1]),
             "damping_work_j": float(self.damping_work[-1]),
             "energy_error_j": float(self.energy_error[-1]),
@@ -73,6 +79,8 @@ def read_history(v: Array) -> ContactHistory:
         energy=v[:, ENERGY],
         friction_work=v[:, FRICTION],
         damping_work=v[:, DAMPED],
+        slip=v[:, SLIP],
+        mean_slip=v[:, MEAN_SLIP],
         energy_error=v[:, ERROR],
         span=(begin, end),
         beyond_grid=bool(v[-1, BORDER] > 0.0),

@@ -42,9 +42,9 @@ class ContactRecord:
 
     @staticmethod
     def _counts(bodies: Sequence[RecordedBody]) -> IntArray:
-        """Return how many values each body has (n_bodies, 5): contacts', pressures, forces, pushes and modal forces."""
+        """Return how many values each body has, (n_bodies, 6): of contacts, pressures, forces, pushes, modes, slips."""
         sizes = [(N_VALUES * len(body.names), *body.sizes) for body in bodies]
-        return np.array([(values, n, 3 * n, 6, modes) for values, n, modes in sizes], dtype=np.int64)
+        return np.array([(values, n, 3 * n, 6, modes, n) for values, n, modes in sizes], dtype=np.int64)
 
     def _part(self, kind: int) -> list[Array]:
         """Return the values of one kind, by body, shapes (n_times, any)."""
@@ -81,6 +81,11 @@ class ContactRecord:
     def modal(self) -> Mapping[str, Array]:
         """Forces on bodies' modes, shapes (n_times, n_modes), by their names."""
         return self._by_body(4)
+
+    @property
+    def slips(self) -> Mapping[str, Array]:
+        """Ways that the points of bodies have slipped [m], shapes (n_times, n_points), by their names."""
+        return self._by_body(5)
 
     def _by_body(self, kind: int) -> dict[str, Array]:
         return {body.body: own for body, own in zip(self.bodies, self._part(kind), strict=True)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from fmd.contact.compliances import was_pressed
 from fmd.contact.damping import keep_damping, mark_border
 from fmd.contact.histories import (
     AREA,
@@ -14,12 +15,14 @@ from fmd.contact.histories import (
     FORCE,
     FRICTION,
     IMPULSE,
+    MEAN_SLIP,
     MOMENT,
     MOST_AREA,
     MOST_FORCE,
     MOST_PRESSURE,
     N_VALUES,
     PRESSURE,
+    SLIP,
 )
 from fmd.contact.round_points import keep_round_points
 from fmd.contact.tables import ContactTable
@@ -80,7 +83,7 @@ def _add_values(c: ContactTable, i: int, origins: Array, rotations: Array) -> No
 def note_values(c: ContactTable, values: Array) -> None:
     """Write what `fmd.contact.recorded.ContactRecord` reads, of the state that `evaluate_contacts` has seen.
 
-    Where several contacts press a node, its pressure is the largest.
+    Where several contacts press a node, its pressure and slip are the largest.
     """
     n, nodes, n_values = c.now.shape[0], c.x.shape[0], c.now.shape[1]
     for k in range(n):
@@ -105,6 +108,10 @@ def note_values(c: ContactTable, values: Array) -> None:
         for m in range(c.n_modes[body]):
             values[at + m] = c.modal[c.mode[body, m]]
         at += c.n_modes[body]
+    for k in range(nodes):
+        values[at + k] = 0.0
+    for i in range(c.node.size):
+        values[at + c.node[i]] = max(values[at + c.node[i]], c.slid[i])
 
 
 @inner
@@ -156,7 +163,26 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
             _add_work(c, i, begins)
             mark_border(c, i)
         c.seen[i, 1] = c.seen[i, 0]
+    _sum_up_slip(c)
     c.clock[0] = t
+
+
+@inner
+def _sum_up_slip(c: ContactTable) -> None:
+    """Find the longest way that a point of each contact has slipped, and the mean by areas of those that have."""
+    for k in range(c.now.shape[0]):
+        c.now[k, AREA] = 0.0
+        c.sums[k, SLIP], c.sums[k, MEAN_SLIP] = 0.0, 0.0
+    for i in range(c.node.size):
+        if c.slid[i] > 0.0:
+            s = c.surface[i]
+            k, area = c.contact[s], 1.0 if c.rounded[s] == 1 else c.areas[i]
+            c.now[k, AREA] += area
+            c.sums[k, SLIP] = max(c.sums[k, SLIP], c.slid[i])
+            c.sums[k, MEAN_SLIP] += area * c.slid[i]
+    for k in range(c.now.shape[0]):
+        if c.now[k, AREA] > 0.0:
+            c.sums[k, MEAN_SLIP] /= c.now[k, AREA]
 
 
 @inner
@@ -164,16 +190,22 @@ def _add_work(c: ContactTable, i: int, begins: bool) -> None:
     """Add the work of the force on a point since the last step, and remember it; vectors are in the other's frame."""
     s, work, heat = c.sums[c.contact[c.surface[i]]], 0.0, 0.0
     goes_on = c.seen[i, 1] == 1 and not begins
+    rubs, moved, along = goes_on and c.force[i, 0] > 0.0 and was_pressed(c, i), 0.0, 0.0
     moves = c.moved[i, 0] != 0.0 or c.moved[i, 1] != 0.0 or c.moved[i, 2] != 0.0 or c.force[i, 0] != 0.0
     for b in range(3):
-        force, across, tip = 0.0, 0.0, c.spot[i, b]
+        force, across, tip, normal = 0.0, 0.0, c.spot[i, b], 0.0
         for k in range(3 if moves else 0):
             tip += c.Q[i, k, b] * c.moved[i, k]
             force += c.Q[i, k, b] * c.own[i, k]
             across += c.Q[i, k, b] * (c.own[i, k] - c.force[i, 0] * c.turned[i, 0, k])
+            normal += c.Q[i, k, b] * c.turned[i, 0, k]
+        moved += (tip - c.tip[i, b]) ** 2
+        along += (tip - c.tip[i, b]) * normal
         heat -= across * (tip - c.tip[i, b])
         work += 0.5 * (force + c.known[i, b]) * (c.spot[i, b] - c.before[i, b])
         c.tip[i, b], c.before[i, b], c.known[i, b] = tip, c.spot[i, b], force
+    if rubs:
+        c.slid[i] += math.sqrt(max(0.0, moved - along * along))
     if goes_on:
         s[FRICTION] += heat
         s[ERROR] += work + heat

@@ -97,6 +97,7 @@ class ContactTable(Table):
     known: Array  # (n, 3): force at the last step, in the other's frame
     tip: Array  # (n, 3): spot with displacement by forces, at the last step
     before: Array  # (n, 3): spot at the last step
+    slid: Array  # (n,): way that the point has slipped while it was pressed, up to the last step [m]
     # Points of damped groups.
     undamped: Array  # (n, 3): gap without forces, and slip, while others stand in their place
     viscous: Array  # (n, 3): the damper's part of forces, in own axes
@@ -183,7 +184,7 @@ class ContactTable(Table):
 
     @property
     def _remembered(self) -> tuple[Array | IntArray, ...]:
-        last = self.known, self.tip, self.before, self.moved_then, self.elastic_then, self.viscous_then
+        last = self.known, self.tip, self.before, self.slid, self.moved_then, self.elastic_then, self.viscous_then
         of_round = (
             self.dent_then,
             self.drag_then,

@@ -57,6 +57,7 @@ _QUANTITIES: Mapping[str, Drawn] = {
 _OF_CONTACTS: Mapping[str, tuple[str, Callable[[ContactHistory], Array]]] = {
     "contact_force": ("force of contact [N]", lambda own: np.linalg.norm(own.force, axis=1)),
     "contact_pressure": ("largest pressure [MPa]", lambda own: 1e-6 * own.peak_pressure),
+    "contact_slip": ("longest way of slip [µm]", lambda own: 1e6 * own.slip),
     "contact_area": ("area in contact [mm²]", lambda own: 1e6 * own.area),
 }
 _FORMER = {"com_position": "centre_of_mass", "joint_angle": "joint_position"}

@@ -1,4 +1,4 @@
-"""Picture of a contact's pressure on the body whose points it was found at, when it is largest."""
+"""Picture of a contact's pressure when it is largest, or of its slip, on the body whose points these are of."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Drawer = draw_here) -> None:
-    """Draw the pressure of a contact at the output time at which it is largest, which is labelled.
+    """Draw a contact's pressure or slip at the output time at which it is largest, which is labelled.
 
     A near field's grid is smaller than elements: nodes beside it have its pressure, and the label the area it is on.
     """
@@ -34,32 +34,35 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
         number = run.scene.output.index(output) if output in run.scene.output else 0
         message = "is of rigid bodies, which have no mesh to draw it on; a chart of contact_pressure shows it over time"
         raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
-    points, pressures = touching.points, run.motion.contact_pressures[touching.body]
+    quantity, unit, scale = output.quantity, *(("MPa", 1e-6) if output.quantity == "pressure" else ("µm", 1e6))
+    fields = run.motion.contact_pressures if quantity == "pressure" else run.motion.contact_slips
+    points, found = touching.points, scale * fields[touching.body]
     own = points.faces[face]
-    frame = int(pressures[:, own].max(axis=1).argmax())
-    if not pressures[frame, own].any():
+    frame = int(found[:, own].max(axis=1).argmax())
+    if not found[frame, own].any():
         number = run.scene.output.index(output) if output in run.scene.output else 0
-        message = "presses nothing at any output time; a shorter output_step, or a longer duration, may show it"
+        what = "presses" if quantity == "pressure" else "rubs"
+        message = f"{what} nothing at any output time; a shorter output_step, or a longer duration, may show it"
         raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
     surface, part = body_surface(run, touching.body), run.wholes[touching.body]
     _, places = cKDTree(run.bodies[touching.body].x[part.surface.nodes]).query(points.x[own])
     values, known = np.zeros(len(surface.points)), np.zeros(len(surface.points), dtype=bool)
-    np.maximum.at(values, places, pressures[frame, own] * 1e-6)  # of a near field's grid several are at a node
+    np.maximum.at(values, places, found[frame, own])  # of a near field's grid several are at a node
     known[places] = True
     on_face = np.isin(part.surface.nodes, part.markers[face].nodes)
     values = _fill(values, known, on_face, surface.triangles)
-    peak, time = pressures[frame, own].max(), run.motion.times[frame]
+    peak, time = found[frame, own].max(), run.motion.times[frame]
     wide = f", on {1e6 * run.motion.contacts[output.contact].area[frame]:.3g} mm²" if face in points.grids else ""
     draw(
         "pictures.draw_field",
         surface,
         values,
         folder / output.file,
-        title=output.title or f"{run.scene.title}: pressure of {output.contact} on {touching.body}",
-        quantity="pressure [MPa]",
+        title=output.title or f"{run.scene.title}: {quantity} of {output.contact} on {touching.body}",
+        quantity=f"{quantity} [{unit}]",
         limits=(0.0, float(values.max())),
         weights=values,
-        label=f"{peak * 1e-6:.4g} MPa at {1e3 * time:.4g} ms{wide}",
+        label=f"{peak:.4g} {unit} at {1e3 * time:.4g} ms{wide}",
         camera=camera_of(run, _facing(output, surface, places)),
     )
 

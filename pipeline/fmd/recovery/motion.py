@@ -133,6 +133,11 @@ class Motion:
         return {} if self.touched is None else self.touched.pressures
 
     @property
+    def contact_slips(self) -> Mapping[str, Array]:
+        """Ways that points of bodies have slipped while pressed [m], shapes (n_times, n_points), by bodies' names."""
+        return {} if self.touched is None else self.touched.slips
+
+    @property
     def _pushes(self) -> tuple[Array, ...]:
         """Forces of contacts on the bodies' frames (n_times, n_bodies, 6) and on modes (n_times, n); none without."""
         if self.touched is None:

@@ -17,6 +17,7 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``C.impulse``, ``C.friction_work``   of a contact since the start
 ``C.damping_work``                   of its damping since the start
 ``C.area``, ``C.peak_pressure``      of a contact's pressed points
+``C.slip``, ``C.mean_slip``          longest way that its points have slipped while pressed; mean by areas
 ``C.energy``                         of a contact: of the deflection that the modes leave out
 ``G.force``                          of gears in mesh G, along the line of action; below 0 of the other flanks
 ``G.transmission_error``             how far they are turned against one another beyond touch, along that line
@@ -214,6 +215,9 @@ def _contact_variables(motion: Motion) -> Iterator[Variable]:
         yield Variable(f"{name}.moment", own.moment, _XYZ, "N m", text)
         yield Variable(f"{name}.area", own.area, (), "m^2", f"area that contact {name} presses")
         yield Variable(f"{name}.peak_pressure", own.peak_pressure, (), "Pa", f"largest pressure of contact {name}")
+        yield Variable(f"{name}.slip", own.slip, (), "m", f"longest way that points of contact {name} have slipped")
+        text = f"mean way, by areas, of the points of contact {name} that have slipped"
+        yield Variable(f"{name}.mean_slip", own.mean_slip, (), "m", text)
         yield Variable(f"{name}.energy", own.energy, (), "J", f"energy of deflection beside the modes, contact {name}")
         yield Variable(f"{name}.friction_work", own.friction_work, (), "J", f"friction's work in contact {name}")
         yield Variable(f"{name}.damping_work", own.damping_work, (), "J", f"damping's work in contact {name}")

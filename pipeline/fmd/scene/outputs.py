@@ -43,6 +43,7 @@ CHART_QUANTITIES = {
     "element_stress": "stress in a named element, given by `element` and `component`",
     "contact_force": "size of the force of each contact",
     "contact_pressure": "largest pressure of each contact, of points that one is found at",
+    "contact_slip": "longest way that a point of each contact has slipped while it was pressed",
     "contact_area": "area that each contact presses",
     "com_position": "the former name of `centre_of_mass`",
     "joint_angle": "the former name of `joint_position`",
@@ -75,7 +76,7 @@ READ_FORMATS = BODY_FORMATS | {"nastran": (".pch", ".op4", ".op2"), "abaqus": ("
 _SUFFIXES = (".msh", ".vtu", ".vtkhdf", ".nc")
 _FORMAT_SUFFIXES = tuple(suffix for own in EXPORT_FORMATS.values() for suffix in own if suffix not in _SUFFIXES)
 
-CONTACT_QUANTITIES = ("contact_force", "contact_pressure", "contact_area")
+CONTACT_QUANTITIES = ("contact_force", "contact_pressure", "contact_slip", "contact_area")
 
 JOINT_QUANTITIES = ("joint_position", "joint_rate", "joint_angle")
 

@@ -201,7 +201,7 @@ class Fatigue(SurfaceField):
 
 
 class ContactPressure(PictureSettings):
-    """A picture of a contact's pressure at the output time at which it is largest, on the undeformed body.
+    """A picture of a contact's pressure when it is largest, or of how far points have slipped, on the undeformed body.
 
     Between two bodies it is on that with the smaller elements, whose points are looked for on the other.
 
@@ -209,6 +209,9 @@ class ContactPressure(PictureSettings):
     ----------
     contact : str
         Name of the contact.
+    quantity : str
+        ``"pressure"``, at the output time at which it is largest, or ``"slip"``, the way that each point has slipped
+        while it was pressed, at the end.
 
     Examples
     --------
@@ -222,3 +225,4 @@ class ContactPressure(PictureSettings):
 
     type: Literal["pressure"]
     contact: Name
+    quantity: Literal["pressure", "slip"] = "pressure"
