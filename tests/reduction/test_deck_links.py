@@ -29,6 +29,9 @@ BRACKET = Path(__file__).parents[1] / "fem" / "formats" / "decks" / "bracket.inp
 ALUMINIUM = Material(70e9, 0.33, 2700.0)
 # CalculiX 2.20: *RIGID BODY of the nodes of BORE, MASS of 0.4 kg on its reference node, nodes of FOOT fixed.
 CALCULIX_HZ = [375.066, 640.655, 1624.415, 7594.937, 20453.998, 22452.978]
+# MYSTRAN 17.0 (77d970d): RBE3 of the nodes of BORE, all with weight 1, a CONM2 of 0.4 kg on its reference, FOOT fixed.
+# RBE2 in place of that gives the frequencies of CalculiX, in all of its seven digits.
+MYSTRAN_HZ = [343.2448, 522.4164, 1157.832, 6947.647, 13439.53, 13830.5]
 RIGID_BODY = """*NODE, NSET=MOTOR
 9001, 0.042, 0.0, 0.03
 *RIGID BODY, NSET=BORE, REF NODE=9001
@@ -141,6 +144,16 @@ def test_an_average_link_of_nastran_weights_its_points_as_its_card_says(
     J = np.array([[10.0, -1.0, -2.0], [-1.0, 20.0, -3.0], [-2.0, -3.0, 30.0]])
     mass = np.block([[300.0 * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), J]])
     assert clamped_hz(model, root) == pytest.approx(dense(assemble(mesh, 1, ALUMINIUM), rows, mass, root), rel=1e-8)
+
+
+def test_a_mass_on_an_average_link_has_the_frequencies_of_mystran(tmp_path: Path) -> None:
+    bracket = read_mesh(BRACKET, 1.0)
+    bore, foot = on_face(bracket, "BORE") + 1, on_face(bracket, "FOOT")
+    path = tmp_path / "bracket.bdf"
+    rbe3 = long_card("RBE3", 1, "", 9001, 123456, 1.0, 123, *bore)
+    path.write_text(nastran(bracket, "GRID,9001,,0.042,0.,0.03", rbe3, "CONM2,2,9001,,0.4"))
+    hz = clamped_hz(linked(read_mesh(path, 1.0), mass_order=2), foot)
+    assert [float(f"{f:.7g}") for f in hz] == MYSTRAN_HZ
 
 
 @pytest.mark.parametrize(("spider", "square"), [(True, 999.269), (False, 994.307)])
