@@ -1,5 +1,6 @@
 """Nastran's matrices: OUTPUT4 in all of its encodings, DMIG cards, decks as nodes, and what is refused by name."""
 
+import gzip
 import struct
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from fmd.reduction.eigen import FreeBodySolver
 from tests.fem.formats.test_six_unknowns import exact, frame, lumped
 
 SI = (1.0, 1.0, 1.0)
+DECKS = Path(__file__).parent / "decks"
+# MYSTRAN 17.0 (77d970d) on mystran.bdf, its modes 7 to 14: CQUAD4, CBAR, RBE2, RBE3, CONM2 with inertia.
+MYSTRAN_HZ = [69.47858, 109.9686, 196.6058, 304.1913, 315.821, 376.4759, 517.5857, 537.1977]
 # Sparse text as Nastran's manual shows it, with strings of words: a lower triangle of columns 1, 2 and 4.
 MANUAL = """       4      -4       2       2LOW     1P,3E23.16
        1       0      10
@@ -215,3 +219,11 @@ def test_dmig_of_points_that_the_deck_lacks_or_of_rotations_by_three_unknowns_is
     (tmp_path / "a.bdf").write_text(deck(x, labels))
     with pytest.raises(InputError, match=r"directions are 1 to 3.*matrices.unknowns = 6"):
         read_matrices(tmp_path / "a.pch", tmp_path / "a.pch", tmp_path / "a.bdf", SI)
+
+
+def test_matrices_of_mystran_with_the_links_of_its_deck_have_its_frequencies(tmp_path: Path) -> None:
+    path = tmp_path / "plate.op4"
+    path.write_bytes(gzip.decompress((DECKS / "mystran.op4.gz").read_bytes()))
+    model = read_matrices(path, path, DECKS / "mystran.bdf", SI, unknowns=6)
+    hz = FreeBodySolver(model).modes(8).omega / (2 * np.pi)
+    assert [float(f"{f:.7g}") for f in hz] == MYSTRAN_HZ
