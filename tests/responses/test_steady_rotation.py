@@ -229,7 +229,8 @@ def test_a_rotor_out_of_balance_is_refused_with_its_eccentricity(tmp_path: Path)
     centre = 'centre = { at = ["0 m", "0 m", "0 m"] }'
     assert centre in overhung()
     text = overhung().replace(centre, 'centre = { at = ["0 m", "-1 mm", "0 m"] }')
-    with pytest.raises(InputError, match=r"a centre of mass 0\.99 mm off the axis"):
+    # Its whirl at 587 rad/s yields to it by a little: 0.99 mm / (1 + (587 / 3000)²).
+    with pytest.raises(InputError, match=r"a centre of mass 0\.95 mm off the axis"):
         find_vibrations(run_of(tmp_path, text))(300.0)
 
 

@@ -1,4 +1,4 @@
-"""Text of a scene for a part from CAD, with a marker for each face that has a name."""
+"""Text of a scene for a part from CAD, with markers on two faces and a line for each other one that has a name."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def write_cad_scene(cad: Path, target: Path) -> str:
         "extent": " × ".join(_write_millimetres(extent) for extent in extents) + f" mm along x, y and z{unitless}",
         "solids": _count(part.solids, "solid"),
         "faces": _count(len(part.faces), "face"),
-        "markers": "\n".join(_write_markers(part, markers, root)),
+        "markers": "\n".join(_write_markers(part, markers, root, tip)),
         "root": root,
         "tip": tip,
         "direction": str([int(a == thin) for a in range(3)]),
@@ -64,7 +64,7 @@ def write_cad_scene(cad: Path, target: Path) -> str:
 
 
 def _name_markers(part: PartOutline) -> dict[str, FaceOutline]:
-    """Return the faces that get a marker, by its name: those with names, or the largest if fewer than two have one."""
+    """Return the faces that markers may be on, by their names: the largest if fewer than two have one."""
     named = [face for face in part.faces if not _NUMBERED.fullmatch(face.name)]
     if len(named) < 2:
         named = sorted(part.faces, key=lambda face: -face.area)[:MOST_MARKERS]
@@ -100,12 +100,16 @@ def _choose_ends(part: PartOutline, markers: dict[str, FaceOutline]) -> tuple[st
     return root, farthest(root)
 
 
-def _write_markers(part: PartOutline, markers: dict[str, FaceOutline], root: str) -> list[str]:
-    """Write a line for each marker, the root's a rigid face, and comments for the faces that have none."""
+def _write_markers(part: PartOutline, markers: dict[str, FaceOutline], root: str, tip: str) -> list[str]:
+    """Write a line for each face: those of the root, which is rigid, and the tip as markers, others as comments.
+
+    Each marker takes six static responses, which a face that nothing uses needn't have.
+    """
     lines = []
     for name, face in sorted(markers.items(), key=lambda item: [part.zfill(9) for part in re.split(r"(\d+)", item[0])]):
-        rigid = ', attachment = "rigid"' if name == root else ""
-        lines.append(f"{name} = {{ face = {json.dumps(face.name, ensure_ascii=False)}{rigid} }} # {_describe(face)}")
+        rigid, unused = ', attachment = "rigid"' * (name == root), "# " * (name not in (root, tip))
+        given = json.dumps(face.name, ensure_ascii=False)
+        lines.append(f"{unused}{name} = {{ face = {given}{rigid} }} # {_describe(face)}")
     taken = {face.name for face in markers.values()}
     rest = [face for face in part.faces if face.name not in taken]
     lines += [f"# {face.name}: {_describe(face)}" for face in rest[:MOST_MARKERS]]

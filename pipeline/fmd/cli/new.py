@@ -37,7 +37,7 @@ def new(
     path
         The file to write, e.g. part.toml.
     from_
-        Make it of this part, e.g. bracket.step, with its faces as markers, or of this robot, e.g. arm.urdf or arm.xml
+        Make it of this part, e.g. bracket.step, with a line for each face, or of this robot, e.g. arm.urdf or arm.xml
         (MJCF); or copy this ready scene, e.g. beam.
     flexible
         Links of the robot that become flexible bars by their boxes; as often as needed.

@@ -68,6 +68,7 @@ COMPARED_TURN = 1.0  # angle at which they are compared [rad]
 SHORTEST_RATE = 1 / 256  # of the rate: shortest step to it
 ON_AXIS = 1e-6  # of the farthest marker: one nearer to the axis is on it
 ECCENTRIC = 2.5e-4  # of the rotor's size: unbalance that changes frequencies by less than 1 %
+YIELDING = 10.0  # of the rate: vibrations above it follow an unbalance by their stiffness alone
 STEADY_RATE = 1e-3  # of the squared rate, or of 1 rad/s²: less is no acceleration of the whole
 
 # Unbalance.
