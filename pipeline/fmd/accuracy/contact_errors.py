@@ -41,8 +41,13 @@ _HEATS: Mapping[str, Callable[[ContactHistory], Array]] = {
     "friction_work_j": lambda own: own.friction_work,
     "damping_work_j": lambda own: own.damping_work,
 }
+_WEAR: Mapping[str, Callable[[ContactHistory], Array]] = {
+    "wear_volume_m3": lambda own: own.wear_volume,
+    "largest_wear_depth_m": lambda own: own.wear_depth,
+}
 _SUMS: Mapping[str, Callable[[ContactHistory], Array]] = {
     **_HEATS,
+    **_WEAR,
     "largest_slip_m": lambda own: own.slip,
     "mean_slip_m": lambda own: own.mean_slip,
 }
@@ -104,8 +109,8 @@ def step_differences(run: Pipeline) -> Differences:
 
     A march with twice the step differs by 2^p − 1 times the error of ours, of order p, or, where contact doesn't allow
     that, one with half the step by 1 − 2^-p of it. The order is 2, and 1 of the largest values, which the steps just
-    meet, with friction, whose slip is counted by steps, and with damping. Times are known to a step, areas to a point,
-    heat to its part of the energy that the steps make or lose.
+    meet, with friction, whose slip is counted by steps, with damping, and of wear. Times are known to a step,
+    areas to a point, heat and wear to their part of the energy that the steps make or lose.
     """
     plan = next(iter(run.plans.values()))
     method: Any = plan.integrator
@@ -119,7 +124,7 @@ def step_differences(run: Pipeline) -> Differences:
     ratio = 2.0 if longer else 0.5
 
     def share(key: str) -> float:
-        return float(1.0 / abs(ratio ** (1.0 if key in _HISTORIES else order) - 1.0))
+        return float(1.0 / abs(ratio ** (1.0 if key in (*_HISTORIES, *_WEAR) else order) - 1.0))
 
     times, points = dict.fromkeys(("begin_s", "end_s"), step), _areas_of_points(run)
     found = {
@@ -130,13 +135,13 @@ def step_differences(run: Pipeline) -> Differences:
 
 
 def _at_least(errors: Mapping[str, float | str], own: ContactHistory) -> dict[str, float | str]:
-    """Return the errors of a contact's heats, each no less than its part of the largest energy that the steps made [J].
+    """Return the errors of a contact's heats and wear, each no less than its part of the energy that the steps made.
 
     This is of one march alone, so that no other can agree with it by chance.
     """
-    heats = {key: float(np.abs(of(own)).max()) for key, of in _HEATS.items()}
-    least = min(1.0, float(np.abs(own.energy_error).max()) / (sum(heats.values()) or math.inf))
-    return {key: max(error, least * heats[key]) for key in heats if not isinstance(error := errors[key], str)}
+    sums = {key: float(np.abs(of(own)).max()) for key, of in {**_HEATS, **_WEAR}.items() if key in errors}
+    least = min(1.0, float(np.abs(own.energy_error).max()) / (sum(sums[key] for key in _HEATS) or math.inf))
+    return {key: max(error, least * sums[key]) for key in sums if not isinstance(error := errors[key], str)}
 
 
 def _areas_of_points(run: Pipeline) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from fmd.contact.histories import BEGIN, END, N_VALUES
+from fmd.contact.histories import BEGIN, END, MOST_WORN, N_VALUES, WORN
 from fmd.contact.round_laws import law_table
 from fmd.contact.surfaces import ContactSurface, find_surfaces
 from fmd.contact.tables import ContactTable
@@ -107,6 +107,7 @@ def _bodies(
         "place": np.zeros((size, 3)),
         "radii": np.concatenate([body.points.radii for body in bodies]),
         "border": np.concatenate([body.points.border for body in bodies]).astype(np.int64),
+        "worn": np.zeros(size if any(body.wears for body in bodies) else 0),
         "placed": np.full(size, -1, dtype=np.int64),
     }
 
@@ -151,6 +152,7 @@ def _surfaces(
         "softness": np.array([own.softness for own in surfaces]),
         "clearance": np.array([own.of.clearance for own in surfaces]),
         "friction": np.array([own.of.friction for own in surfaces]),
+        "wear": np.array([own.of.wear for own in surfaces]),
         "plane": plane,
         "position": position,
         "reach": reach,
@@ -204,10 +206,7 @@ def _points(
         "seen": np.zeros((n, 2), dtype=np.int64),
         **{name: np.zeros((n, 3, 3)) for name in ("axes", "turned", "Q", "Q_then")},
         **{name: np.zeros((n, 3)) for name in (*vectors, *of_round, *then)},
-        **{
-            name: np.zeros(n)
-            for name in (*numbers, "gap_then", "speed", "speed_then", "soft", "soft_then", "shed", "stored")
-        },
+        **{name: np.zeros(n) for name in numbers},
         "peak": np.ones(n),
         "shares": np.concatenate([bodies[own.slave].points.shares[own.points] for own in surfaces]),
         "foot_then": np.zeros((n, 3), dtype=np.int64),
@@ -261,6 +260,8 @@ def _results(bodies: Sequence[TouchingBody], links: Sequence[int], n_links: int,
             carrier.append(links[on])
     sums = np.zeros((len(carrier), N_VALUES))
     sums[:, [BEGIN, END]] = np.nan
+    unworn = np.array([own.wear == 0.0 for body in bodies for own in body.contacts])
+    sums[unworn, WORN] = sums[unworn, MOST_WORN] = np.nan
     return {
         "push": np.zeros((n_links, 6)),
         "modal": np.zeros(n),

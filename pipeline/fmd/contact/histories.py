@@ -16,7 +16,9 @@ MOST_FORCE, MOST_AREA, MOST_PRESSURE = 18, 19, 20
 """Places of the largest values at any step."""
 SLIP, MEAN_SLIP = 21, 22
 """Places of the longest way that a point has slipped, and of the mean by areas of those that have."""
-N_VALUES = 23
+WORN, MOST_WORN = 23, 24
+"""Places of the volume that each of both faces has lost by wear, and of the largest depth of that; NaN without wear."""
+N_VALUES = 25
 
 
 class ContactHistory(NamedTuple):
@@ -35,6 +37,8 @@ class ContactHistory(NamedTuple):
     energy_error: Array  # (n_times,): energy that contact's steps have made since the start [J]
     span: tuple[float | None, float | None]  # first and last time of contact [s]; None without
     beyond_grid: bool  # it has reached the border of its near field's grid
+    wear_volume: Array  # (n_times,): lost by each of both faces since the start [m³]; NaN without wear
+    wear_depth: Array  # (n_times,): largest depth of that at the points [m]; NaN without, 0 of rigid bodies
     largest: tuple[float, float, float]  # force [N], area [m²] and pressure [Pa] at any step
 
     def lost_part(self, kinetic: Array) -> float:
@@ -48,10 +52,16 @@ class ContactHistory(NamedTuple):
         return float(np.abs(self.energy_error).max()) / scale if scale else 0.0
 
     @property
+    def wears(self) -> bool:
+        """True if its faces wear."""
+        return not np.isnan(self.wear_volume[-1])
+
+    @property
     def figures(self) -> dict[str, Any]:
         """Figures for a summary: first and last time of contact, sums, and largest values at any step."""
         begin, end = self.span
         force, area, pressure = self.largest
+        worn = {"wear_volume_m3": float(self.wear_volume[-1]), "largest_wear_depth_m": float(self.wear_depth[-1])}
         return {
             "begin_s": begin,
             "end_s": end,
@@ -64,6 +74,7 @@ class ContactHistory(NamedTuple):
             "friction_work_j": float(self.friction_work[-1]),
             "damping_work_j": float(self.damping_work[-1]),
             "energy_error_j": float(self.energy_error[-1]),
+            **(worn if self.wears else {}),
         }
 
 
@@ -84,5 +95,7 @@ def read_history(v: Array) -> ContactHistory:
         energy_error=v[:, ERROR],
         span=(begin, end),
         beyond_grid=bool(v[-1, BORDER] > 0.0),
+        wear_volume=v[:, WORN],
+        wear_depth=v[:, MOST_WORN],
         largest=(float(v[-1, MOST_FORCE]), float(v[-1, MOST_AREA]), float(v[-1, MOST_PRESSURE])),
     )

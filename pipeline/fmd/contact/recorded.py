@@ -24,6 +24,10 @@ class RecordedBody(Protocol):
         """Names of its contacts."""
 
     @property
+    def wears(self) -> bool:
+        """True if a contact in its list wears faces."""
+
+    @property
     def sizes(self) -> tuple[int, int]:
         """Numbers of points and of modes."""
 
@@ -42,9 +46,13 @@ class ContactRecord:
 
     @staticmethod
     def _counts(bodies: Sequence[RecordedBody]) -> IntArray:
-        """Return how many values each body has, (n_bodies, 6): of contacts, pressures, forces, pushes, modes, slips."""
+        """Return how many values of each kind each body has, shape (n_bodies, 7).
+
+        These are contacts', pressures, forces, pushes, modal forces, slips, and volumes lost by wear.
+        """
         sizes = [(N_VALUES * len(body.names), *body.sizes) for body in bodies]
-        return np.array([(values, n, 3 * n, 6, modes, n) for values, n, modes in sizes], dtype=np.int64)
+        wears = any(body.wears for body in bodies)
+        return np.array([(values, n, 3 * n, 6, modes, n, n * wears) for values, n, modes in sizes], dtype=np.int64)
 
     def _part(self, kind: int) -> list[Array]:
         """Return the values of one kind, by body, shapes (n_times, any)."""
@@ -86,6 +94,14 @@ class ContactRecord:
     def slips(self) -> Mapping[str, Array]:
         """Ways that the points of bodies have slipped [m], shapes (n_times, n_points), by their names."""
         return self._by_body(5)
+
+    @property
+    def worn(self) -> Mapping[str, Array]:
+        """Volumes that points of bodies have lost by wear [m³], shapes (n_times, n_points), by their names.
+
+        The second shapes are 0 where no contact wears.
+        """
+        return self._by_body(6)
 
     def _by_body(self, kind: int) -> dict[str, Array]:
         return {body.body: own for body, own in zip(self.bodies, self._part(kind), strict=True)}

@@ -20,9 +20,11 @@ from fmd.contact.histories import (
     MOST_AREA,
     MOST_FORCE,
     MOST_PRESSURE,
+    MOST_WORN,
     N_VALUES,
     PRESSURE,
     SLIP,
+    WORN,
 )
 from fmd.contact.round_points import keep_round_points
 from fmd.contact.tables import ContactTable
@@ -112,6 +114,9 @@ def note_values(c: ContactTable, values: Array) -> None:
         values[at + k] = 0.0
     for i in range(c.node.size):
         values[at + c.node[i]] = max(values[at + c.node[i]], c.slid[i])
+    at += nodes
+    for k in range(c.worn.size):
+        values[at + k] = c.worn[k]
 
 
 @inner
@@ -186,6 +191,20 @@ def _sum_up_slip(c: ContactTable) -> None:
 
 
 @inner
+def _wear(c: ContactTable, i: int, slip: float) -> None:
+    """Let a point's force, over a slip, take from both faces (Archard, J Appl Phys 24, 1953)."""
+    k, s = c.node[i], c.surface[i]
+    v, volume = c.sums[c.contact[s]], c.wear[s] * c.force[i, 0] * slip
+    v[WORN] += volume
+    c.worn[k] += volume
+    if c.rounded[s] == 0 and c.areas[i] > 0.0:
+        v[MOST_WORN] = max(v[MOST_WORN], c.worn[k] / c.areas[i])
+    if c.master[s] >= 0 and c.primitive[s, 0] == 0.0:
+        for e in range(3):
+            c.worn[c.foot[i, e]] += c.weights[i, e] * volume
+
+
+@inner
 def _add_work(c: ContactTable, i: int, begins: bool) -> None:
     """Add the work of the force on a point since the last step, and remember it; vectors are in the other's frame."""
     s, work, heat = c.sums[c.contact[c.surface[i]]], 0.0, 0.0
@@ -205,7 +224,10 @@ def _add_work(c: ContactTable, i: int, begins: bool) -> None:
         work += 0.5 * (force + c.known[i, b]) * (c.spot[i, b] - c.before[i, b])
         c.tip[i, b], c.before[i, b], c.known[i, b] = tip, c.spot[i, b], force
     if rubs:
-        c.slid[i] += math.sqrt(max(0.0, moved - along * along))
+        slip = math.sqrt(max(0.0, moved - along * along))
+        c.slid[i] += slip
+        if c.wear[c.surface[i]] > 0.0:
+            _wear(c, i, slip)
     if goes_on:
         s[FRICTION] += heat
         s[ERROR] += work + heat

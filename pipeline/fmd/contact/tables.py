@@ -34,6 +34,7 @@ class ContactTable(Table):
     place: Array  # (n_nodes, 3): deformed, in space [m]
     radii: Array  # (n_nodes,): of round points [m]; 0 of others
     border: IntArray  # (n_nodes,): 1 at the border of a grid that is smaller than its face
+    worn: Array  # (n_nodes,): volume lost by wear [m³]; empty where nothing wears
     placed: IntArray  # (n_nodes,): number of the state at which it was found
     # Surfaces.
     slave: IntArray  # (n_surfaces,): the body of its points
@@ -45,6 +46,7 @@ class ContactTable(Table):
     softness: Array  # (n_surfaces,): more of the own flexibility of each point
     clearance: Array  # (n_surfaces,): what is added to gaps [m]
     friction: Array  # (n_surfaces,)
+    wear: Array  # (n_surfaces,): depth by pressure and slip [1/Pa]
     edges: Array  # (n_surfaces, 17): the same of the points' own box, if its edges touch; 0 else
     primitive: Array  # (n_surfaces, 17): kind, place, axes, half extents and radius of a rigid body's surface
     rounded: (
@@ -195,7 +197,7 @@ class ContactTable(Table):
             self.soft_then,
             self.frame_then,
         )
-        return *last, *of_round, self.sums, self.clock, self.height, self.seen
+        return *last, *of_round, self.sums, self.worn, self.clock, self.height, self.seen
 
     @property
     def _ends(self) -> IntArray:

@@ -119,6 +119,7 @@ class ContactPlane:
     near_field: str = "mesh"  # what gives the flexibility near a contact
     law: RoundLaw | None = None  # force of each point of a rigid body by its depth
     slide: float = 1.0  # how much softer it is aside
+    wear: float = 0.0  # depth by pressure and slip [1/Pa]
 
     @property
     def axes(self) -> Array:
@@ -147,6 +148,7 @@ class ContactPair:
     near_field: str = "mesh"  # what gives the flexibility near a contact
     law: RoundLaw | None = None  # force of each point of a rigid body by its depth, before another one
     slide: float = 1.0  # how much softer it is aside
+    wear: float = 0.0  # depth by pressure and slip [1/Pa], of both faces
     edges: str = ""  # this body's surface, a box, if its edges are meant, before those of the other's
     # What belongs to the same contact: of two boxes the other's corners before this one, and edges before edges.
     others: tuple[ContactPair, ...] = ()
@@ -182,6 +184,11 @@ class TouchingBody:
         return max((own.damping for own in self.contacts), default=0.0)
 
     @property
+    def wears(self) -> bool:
+        """True if a contact in its list wears faces."""
+        return any(own.wear > 0.0 for own in self.contacts)
+
+    @property
     def is_lossy(self) -> bool:
         """True if its contacts rub, are damped, or lose energy in a shock."""
         return self.damping > 0.0 or any(own.friction > 0.0 or (own.law and own.law.loss) for own in self.contacts)
@@ -195,7 +202,9 @@ class TouchingBody:
         own += self.anchor or ()
         own += [*self.points.faces.values(), *self.points.surfaces.values()]
         content = b"".join(np.ascontiguousarray(x).tobytes() for x in own)
-        laws = ((at.name, at.face, at.friction, at.clearance, at.damping, at.law, at.slide) for at in self.planes)
+        laws = (
+            (at.name, at.face, at.friction, at.clearance, at.damping, at.law, at.slide, at.wear) for at in self.planes
+        )
         names = repr([self.body, self.pairs, self.points.primitives, *laws])
         return hashlib.blake2b(content + names.encode(), digest_size=16).hexdigest()
 
@@ -216,6 +225,11 @@ class TouchingBody:
     def face_of(self, contact: str) -> str:
         """Return the face whose points one of its contacts takes."""
         return {own.name: own.face for own in self.contacts}[contact]
+
+    def faces_of(self, contact: str) -> list[tuple[str, str]]:
+        """Return bodies and faces of one of its contacts, first its own, whose points the contact takes."""
+        own = next(own for own in self.contacts if own.name == contact)
+        return [(self.body, own.face)] + ([(own.other, own.other_face)] if isinstance(own, ContactPair) else [])
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -59,6 +59,7 @@ _KINDS = {
     "acceleration": ("m/s^2", "9.81 m/s^2"),
     "area": ("m^2", "1 m^2"),
     "volume": ("m^3", "1 m^3"),
+    "inverse of a stress": ("Pa^-1", "1e-14 1/Pa"),
     "temperature": ("K", "293 K"),
 }
 
@@ -68,7 +69,7 @@ _ALSO = {"rotational stiffness": "N m", "rotational damping": "N m s"}
 # Only units with exponents of one digit reach pint's parser: an expression such as 9**9**9 can't.
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)\b"
 _UNIT = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
-_PRODUCT = rf"{_UNIT}(?:(?:\s*[*/·]\s*|\s+){_UNIT})*"
+_PRODUCT = rf"(?:(?<=\s)1\s*/\s*)?{_UNIT}(?:(?:\s*[*/·]\s*|\s+){_UNIT})*"
 _UNITS = re.compile(_PRODUCT)
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_PRODUCT})?\s*")
 
@@ -342,3 +343,4 @@ PositiveMass = Annotated[Mass, Positive]
 PositiveTime = Annotated[Time, Positive]
 PositiveFrequency = Annotated[Frequency, Positive]
 NonNegativeTime = Annotated[Time, NonNegative]
+NonNegativeCompliance = Annotated[float, QuantityReader("inverse of a stress"), NonNegative]

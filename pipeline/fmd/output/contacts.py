@@ -11,6 +11,7 @@ from fmd.core.arrays import Array
 from fmd.core.limits.contact import FEW_ON_MESH, FEW_POINTS, LOST_ENERGY, UNSEEN_DEPTH
 from fmd.output.between_nodes import describe_depths
 from fmd.recovery.motion import Motion
+from fmd.recovery.wear import worn_faces
 from fmd.stages.pipeline import Pipeline
 
 
@@ -21,6 +22,9 @@ def contact_figures(run: Pipeline) -> dict[str, Any]:
     near_fields = {own.name: own.near_field for body in touching for own in body.contacts}
     figures = {name: {"near_field": near_fields[name], **own.figures} for name, own in histories.items()}
     for body in touching:
+        for name in body.names:
+            if histories[name].wears and (faces := worn_faces(run.motion, name)):
+                figures[name]["wear_depths_m"] = {f"{at.body}.{at.face}": float(at.depths[-1].max()) for at in faces}
         for name in () if body.points.is_rigid else body.names:
             spacing = float(np.sqrt(body.points.areas[body.face_of(name)].mean()))
             radius = float(np.sqrt(histories[name].largest[1] / np.pi))
@@ -48,6 +52,7 @@ def contact_warnings(run: Pipeline) -> list[dict[str, str]]:
                 found.append({"code": "contact-energy", "text": text})
         found += [{"code": "contact-grid", "text": text} for text in _grid_faults(motion)]
         found += [{"code": "contact-wide", "text": text} for text in _pin_faults(motion)]
+        found += [{"code": "contact-worn", "text": text} for text in _wear_faults(motion)]
         found += [{"code": "contact-coarse", "text": text} for text in _coarse_faults(motion)]
         found += [{"code": "contact-unseen", "text": text} for text in describe_depths(run, motion).values()]
     for name, body, face in run.scene.touching_faces:
@@ -103,6 +108,19 @@ def _pin_faults(motion: Motion) -> Iterator[str]:
             for own in contacts:
                 if own.law and motion.contacts[own.name].beyond_grid:
                     yield f"contact.{own.name}: {fault}"
+
+
+def _wear_faults(motion: Motion) -> Iterator[str]:
+    """Yield which contacts wear deeper than they are pressed together, so that the worn shape would press elsewhere."""
+    for name, own in motion.contacts.items():
+        force = np.linalg.norm(own.force, axis=1)
+        deep = float(np.divide(2.0 * own.energy, force, out=np.zeros(len(force)), where=force > 0.0).max())
+        if own.wears and own.wear_depth[-1] > deep:
+            yield (
+                f"contact.{name}: wear goes {own.wear_depth[-1]:.3g} m deep, more than the {deep:.3g} m that its "
+                "surface gives way, and pressures are those of the shape as drawn; volume and mean depth hold, the "
+                "largest depth spreads as surfaces fit"
+            )
 
 
 def _coarse_faults(motion: Motion) -> Iterator[str]:

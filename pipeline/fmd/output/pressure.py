@@ -1,4 +1,4 @@
-"""Picture of a contact's pressure when it is largest, or of its slip, on the body whose points these are of."""
+"""Picture of a contact's pressure when it is largest, or of its slip or wear, on a body that touches."""
 
 from __future__ import annotations
 
@@ -15,56 +15,69 @@ from fmd.core.limits.contact import ASLANT
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind
 from fmd.output.pictures import camera_of
+from fmd.recovery.wear import worn_faces
 from fmd.render.calls import Drawer, draw_here
 
 if TYPE_CHECKING:
+    from fmd.contact.touching_body import TouchingBody
+    from fmd.recovery.motion import Motion
     from fmd.render.surface import Surface
     from fmd.scene.stress_outputs import ContactPressure
     from fmd.stages.pipeline import Pipeline
 
 
 def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Drawer = draw_here) -> None:
-    """Draw a contact's pressure or slip at the output time at which it is largest, which is labelled.
+    """Draw a contact's pressure, slip or wear at the output time at which it is largest, which is labelled.
 
     A near field's grid is smaller than elements: nodes beside it have its pressure, and the label the area it is on.
     """
     (touching,) = (own for own in run.motion.mechanism.contacts if output.contact in own.names)
-    face = touching.face_of(output.contact)
     if touching.points.is_rigid:
         number = run.scene.output.index(output) if output in run.scene.output else 0
         message = "is of rigid bodies, which have no mesh to draw it on; a chart of contact_pressure shows it over time"
         raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
     quantity, unit, scale = output.quantity, *(("MPa", 1e-6) if output.quantity == "pressure" else ("µm", 1e6))
-    fields = run.motion.contact_pressures if quantity == "pressure" else run.motion.contact_slips
-    points, found = touching.points, scale * fields[touching.body]
-    own = points.faces[face]
-    frame = int(found[:, own].max(axis=1).argmax())
-    if not found[frame, own].any():
+    body, face, own, found = _find_field(run.motion, touching, output)
+    (points,) = (each.points for each in run.motion.mechanism.contacts if each.body == body)
+    found = scale * found
+    frame = int(found.max(axis=1).argmax())
+    if not found[frame].any():
         number = run.scene.output.index(output) if output in run.scene.output else 0
         what = "presses" if quantity == "pressure" else "rubs"
         message = f"{what} nothing at any output time; a shorter output_step, or a longer duration, may show it"
         raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
-    surface, part = body_surface(run, touching.body), run.wholes[touching.body]
-    _, places = cKDTree(run.bodies[touching.body].x[part.surface.nodes]).query(points.x[own])
+    surface, part = body_surface(run, body), run.wholes[body]
+    _, places = cKDTree(run.bodies[body].x[part.surface.nodes]).query(points.x[own])
     values, known = np.zeros(len(surface.points)), np.zeros(len(surface.points), dtype=bool)
-    np.maximum.at(values, places, found[frame, own])  # of a near field's grid several are at a node
+    np.maximum.at(values, places, found[frame])  # of a near field's grid several are at a node
     known[places] = True
     on_face = np.isin(part.surface.nodes, part.markers[face].nodes)
     values = _fill(values, known, on_face, surface.triangles)
-    peak, time = found[frame, own].max(), run.motion.times[frame]
+    peak, time = found[frame].max(), run.motion.times[frame]
     wide = f", on {1e6 * run.motion.contacts[output.contact].area[frame]:.3g} mm²" if face in points.grids else ""
     draw(
         "pictures.draw_field",
         surface,
         values,
         folder / output.file,
-        title=output.title or f"{run.scene.title}: {quantity} of {output.contact} on {touching.body}",
+        title=output.title or f"{run.scene.title}: {quantity} of {output.contact} on {body}",
         quantity=f"{quantity} [{unit}]",
         limits=(0.0, float(values.max())),
         weights=values,
         label=f"{peak:.4g} {unit} at {1e3 * time:.4g} ms{wide}",
         camera=camera_of(run, _facing(output, surface, places)),
     )
+
+
+def _find_field(motion: Motion, touching: TouchingBody, output: ContactPressure) -> tuple[str, str, IntArray, Array]:
+    """Return body, face and points of what is drawn, and its values at these (n_times, n_points) [Pa or m]."""
+    if output.quantity == "wear":
+        faces = worn_faces(motion, output.contact)
+        return next(own for own in faces if output.body in (None, own.body))
+    fields = motion.contact_pressures if output.quantity == "pressure" else motion.contact_slips
+    face = touching.face_of(output.contact)
+    own = touching.points.faces[face]
+    return touching.body, face, own, fields[touching.body][:, own]
 
 
 def _facing(output: ContactPressure, surface: Surface, face: IntArray) -> ContactPressure:

@@ -128,6 +128,11 @@ class Motion:
         return {} if self.touched is None else self.touched.histories
 
     @property
+    def contact_wear(self) -> Mapping[str, Array]:
+        """Volumes that points of bodies have lost by wear since the start [m³], (n_times, n_points), by body."""
+        return {} if self.touched is None else self.touched.worn
+
+    @property
     def contact_pressures(self) -> Mapping[str, Array]:
         """Pressures at the points of bodies that touch something [Pa], shapes (n_times, n_points), by their names."""
         return {} if self.touched is None else self.touched.pressures

@@ -18,6 +18,7 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``C.damping_work``                   of its damping since the start
 ``C.area``, ``C.peak_pressure``      of a contact's pressed points
 ``C.slip``, ``C.mean_slip``          longest way that its points have slipped while pressed; mean by areas
+``C.wear_volume``, ``C.wear_depth``  what each of its faces has lost by wear, if it wears; largest at points
 ``C.energy``                         of a contact: of the deflection that the modes leave out
 ``G.force``                          of gears in mesh G, along the line of action; below 0 of the other flanks
 ``G.transmission_error``             how far they are turned against one another beyond touch, along that line
@@ -218,6 +219,10 @@ def _contact_variables(motion: Motion) -> Iterator[Variable]:
         yield Variable(f"{name}.slip", own.slip, (), "m", f"longest way that points of contact {name} have slipped")
         text = f"mean way, by areas, of the points of contact {name} that have slipped"
         yield Variable(f"{name}.mean_slip", own.mean_slip, (), "m", text)
+        if own.wears:
+            yield Variable(f"{name}.wear_volume", own.wear_volume, (), "m^3", f"volume that {name} wears off each face")
+            text = f"largest depth that contact {name} has worn at points of its face"
+            yield Variable(f"{name}.wear_depth", own.wear_depth, (), "m", text)
         yield Variable(f"{name}.energy", own.energy, (), "J", f"energy of deflection beside the modes, contact {name}")
         yield Variable(f"{name}.friction_work", own.friction_work, (), "J", f"friction's work in contact {name}")
         yield Variable(f"{name}.damping_work", own.damping_work, (), "J", f"damping's work in contact {name}")

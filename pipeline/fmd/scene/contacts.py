@@ -8,8 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from fmd.core.limits.contact import LEAST_RESTITUTION
-from fmd.core.units import Length, NonNegativeTime, PositiveLength
+from fmd.core.units import Length, NonNegativeCompliance, NonNegativeTime, PositiveLength
 from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
+from fmd.scene.stress_outputs import ContactPressure
 from fmd.scene.values import Axis, Number, PlaceName
 
 
@@ -36,6 +37,9 @@ class Contact(SceneTable):
         ``w + β ẇ``. Contacts with a body in common have the same. It shortens the longest step.
     restitution : float
         Of two rigid bodies, or one and a plane, the speed after a shock over that before, if nothing else holds them.
+    wear : float
+        Coefficient of wear over hardness, k/H [1/Pa]: each of both faces loses the depth ``k/H ∫ p |v| dt`` by pressure
+        and slip (Archard). The shape stays as it is. Of two materials, scale the result to the other's coefficient.
     near_field : str
         What gives the flexibility near a contact with a plane: the ``"mesh"``, or, on a sphere, a cylinder, a cone or
         an ellipsoid, a ``"half-space"`` with a fine grid where the face is lowest at the start. ``"auto"`` takes this
@@ -64,6 +68,7 @@ class Contact(SceneTable):
     friction: Annotated[Number, Field(ge=0.0, le=10.0)] = 0.0
     clearance: Length = 0.0
     damping: NonNegativeTime = 0.0
+    wear: NonNegativeCompliance = 0.0
     restitution: Annotated[Number, Field(ge=LEAST_RESTITUTION, le=1.0)] = 1.0
     near_field: Literal["auto", "mesh", "half-space"] = "auto"
     points: Annotated[int, Field(ge=50, le=1000)] = 400
@@ -137,6 +142,18 @@ def check_faces(contacts: Mapping[str, Contact], flexible: Collection[str]) -> I
             mend = "a face touches one plane, and two faces make one contact; join them, or name parts of faces"
             yield FaultError(f"has the face of contact.{taken[faces]}; {mend}", "contact", name, "between")
         taken[faces] = name
+
+
+def check_wear_picture(
+    output: ContactPressure, contact: Contact, flexible: Collection[str], number: int
+) -> Iterator[FaultError]:
+    """Check that what a picture of wear is to show wears."""
+    if output.quantity == "wear" and contact.wear == 0.0:
+        fault = f"needs the contact's wear, e.g. contact.{output.contact}.wear = '1e-14 1/Pa'"
+        yield FaultError(fault, "output", number, "quantity")
+    bodies = [body for end in contact.between if (body := end.partition(".")[0]) in flexible]
+    if output.body is not None and output.body not in bodies:
+        yield UnknownNameError("body", output.body, bodies, "flexible bodies of the contact", "output", number, "body")
 
 
 def check_surface(place: str, surfaces: Collection[str], contact: Contact, *path: str | int) -> Iterator[FaultError]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmd.core.units import unit_ratio
-from fmd.scene.contacts import check_bodies, check_faces, check_surface
+from fmd.scene.contacts import check_bodies, check_faces, check_surface, check_wear_picture
 from fmd.scene.controllers import Controller
 from fmd.scene.curves import TimeFunction
 from fmd.scene.gear_teeth import check_gears
@@ -238,6 +238,8 @@ class CrossCheck:
             if isinstance(output, ContactPressure) and output.contact not in self.scene.contact:
                 known = self.scene.contact
                 yield UnknownNameError("contact", output.contact, known, "the contacts", "output", number, "contact")
+            elif isinstance(output, ContactPressure):
+                yield from check_wear_picture(output, self.scene.contact[output.contact], self.scene.flexible, number)
             if isinstance(output, Chart):
                 yield from self._check_chart(output, "output", number)
             elif isinstance(output, Quantities):

@@ -211,7 +211,9 @@ class ContactPressure(PictureSettings):
         Name of the contact.
     quantity : str
         ``"pressure"``, at the output time at which it is largest, or ``"slip"``, the way that each point has slipped
-        while it was pressed, at the end.
+        while it was pressed, at the end, or ``"wear"``, the depth that each has lost then.
+    body : str, optional
+        Of two bodies that wear one another, the one to draw; by default that with the smaller elements.
 
     Examples
     --------
@@ -225,4 +227,9 @@ class ContactPressure(PictureSettings):
 
     type: Literal["pressure"]
     contact: Name
-    quantity: Literal["pressure", "slip"] = "pressure"
+    quantity: Literal["pressure", "slip", "wear"] = "pressure"
+    body: Name | None = None
+
+    def _check(self) -> None:
+        if self.body is not None and self.quantity != "wear":
+            raise FaultError(f"is for wear; {self.quantity} is known on one of both bodies alone", "body")

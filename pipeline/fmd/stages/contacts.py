@@ -107,8 +107,8 @@ def _pair(name: str, contact: Contact, bodies: Mapping[str, TouchingBody]) -> tu
     """Return the body whose points are looked for on the other's triangles, that with smaller ones, and the pair."""
     (one, face), (body, own) = (end.partition(".")[::2] for end in contact.between)
     if bodies[one].points.areas[face].mean() < bodies[body].points.areas[own].mean():
-        return one, ContactPair(name, face, body, own, *_law(contact), reported_on_other=True)
-    return body, ContactPair(name, own, one, face, *_law(contact))
+        return one, ContactPair(name, face, body, own, *_law(contact), wear=contact.wear, reported_on_other=True)
+    return body, ContactPair(name, own, one, face, *_law(contact), wear=contact.wear)
 
 
 def _law(contact: Contact) -> tuple[float, float, float]:

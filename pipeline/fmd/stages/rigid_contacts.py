@@ -170,7 +170,8 @@ def plane_of(scene: Scene, name: str, contact: Contact) -> ContactPlane:
     position, axes = ground_place(scene, place)
     normal = axes @ np.array(contact.normal, dtype=float)
     normal /= np.linalg.norm(normal)
-    return ContactPlane(name, position, normal, contact.friction, face, contact.clearance, contact.damping)
+    law = contact.friction, contact.clearance, contact.damping
+    return ContactPlane(name, position, normal, law[0], face, *law[1:], wear=contact.wear)
 
 
 def add_rigid_contact(
@@ -203,6 +204,7 @@ def add_rigid_contact(
         contact.friction,
         contact.clearance,
         contact.damping,
+        wear=contact.wear,
         reported_on_other=mine_at == contact.between[0],
     )
     mine = rigid_surface(scene, mine_at)
