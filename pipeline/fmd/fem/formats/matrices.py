@@ -38,7 +38,7 @@ def read_matrices(
         without node numbers are x, y, z of the first node in ``nodes``, then of the second; with six unknowns a node
         the rotations about x, y, z behind each. Nastran's OUTPUT4 (``.op4``) and OUTPUT2 (``.op2``), whose rows are of
         the nodes in ascending order, as those of CalculiX (``.sti``, ``.mas``) are, and DMIG cards (``.pch``); of
-        several matrices in a file those whose names begin with K and M.
+        several matrices in a file those whose names begin with K and M. Ansys' ``.full``, by node numbers.
     nodes : Path
         Rows of number, x, y, z, or a deck of Nastran, Abaqus or CalculiX.
     units : tuple of float

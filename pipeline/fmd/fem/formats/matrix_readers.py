@@ -1,4 +1,4 @@
-"""Readers of matrices in files: Matrix Market, SciPy's, Abaqus' rows, and Nastran's OUTPUT4, OUTPUT2 and DMIG."""
+"""Readers of matrices in files: Matrix Market, SciPy's, Abaqus' rows, Nastran's OUTPUT4, OUTPUT2 and DMIG, Ansys'."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.fortran import read_real
 from fmd.core.limits.files import MOST_MATRIX_BYTES, SHOWN_OF_LINE
+from fmd.fem.formats.ansys_full import read_full
 from fmd.fem.formats.nastran_matrices import choose_matrix, read_dmig, read_op4, sum_entries
 from fmd.fem.formats.nastran_op2 import read_op2
 from fmd.fem.formats.node_places import read_matrix_text
@@ -37,6 +38,8 @@ def read_matrix(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.cs
                 A = _read_output(path, labels, unknowns, what)
             case ".pch":
                 A = _read_dmig(path, labels, unknowns, what)
+            case ".full":
+                A = _completed(read_full(path, labels, unknowns, what))
             case _:
                 A = _read_text(path, labels, unknowns)
     if A.shape != (n, n):
@@ -57,10 +60,7 @@ def _read_output(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.c
     if A.shape != 2 * (unknowns * len(labels),):
         return sp.csr_array(A)  # its size is refused where all are
     place = (unknowns * np.argsort(labels)[:, None] + np.arange(unknowns)).ravel()
-    row, column, values = place[A.coords[0]], place[A.coords[1]], A.data
-    if _is_half(row, column, A.shape[0]):
-        row, column, values = _both_halves(row, column, values)
-    return _real_matrix(A.shape, row, column, values)
+    return _completed(sp.coo_array((A.data, (place[A.coords[0]], place[A.coords[1]])), shape=A.shape))
 
 
 def _read_dmig(path: Path, labels: IntArray, unknowns: int, what: str) -> sp.csr_array:
@@ -141,9 +141,7 @@ def _read_text(path: Path, labels: IntArray, unknowns: int) -> sp.csr_array:
     last = 1 + int(max(row.max(initial=-1), column.max(initial=-1)))
     if by_numbers and last < n - (unknowns - 3):  # rotations of a last node may have no stiffness
         raise ValueError(f"its last row is {last}, and {len(labels)} nodes have {n} {_WHAT[unknowns]}")
-    if _is_half(row, column, n):
-        row, column, values = _both_halves(row, column, values)
-    return _real_matrix((n, n), row, column, values)
+    return _completed(sp.coo_array((values, (row, column)), shape=(n, n)))
 
 
 def _coordinate_table(text: str, n: int) -> tuple[IntArray, IntArray, Array] | None:
@@ -258,6 +256,14 @@ def _find_fault(text: str) -> str:
 def _items(line: str) -> list[str]:
     """Return what stands between blanks before a Matrix Market file's comment."""
     return line.partition("%")[0].split()
+
+
+def _completed(A: sp.coo_array) -> sp.csr_array:
+    """Return a matrix of which one half may be given."""
+    (row, column), values = A.coords, A.data
+    if _is_half(row, column, A.shape[0]):
+        row, column, values = _both_halves(row, column, values)
+    return _real_matrix(A.shape, row, column, values)
 
 
 def _is_half(row: IntArray, column: IntArray, n: int) -> bool:
