@@ -16,7 +16,8 @@ class MatrixFiles(SceneTable):
     stiffness, mass : str
         Matrix of the free body, relative to the scene's file: Matrix Market, SciPy's ``.npz``, or what
         Abaqus writes: rows of node, direction, node, direction, value, or of row, column, value. Of Nastran, OUTPUT4
-        (``.op4``), OUTPUT2 (``.op2``) and DMIG cards (``.pch``); of CalculiX, ``.sti`` and ``.mas``; of Ansys, ``.full``.
+        (``.op4``), OUTPUT2 (``.op2``) and DMIG cards (``.pch``); of CalculiX, ``.sti`` and ``.mas``; of Ansys,
+        ``.full``.
     nodes : str
         Rows of a node's number, x, y and z, in the order of the matrices; or a deck of Nastran, Abaqus or CalculiX.
     unit : str

@@ -1,10 +1,11 @@
 """Abaqus input files: sets in pieces, surfaces, continued lines, and what is refused."""
 
+import re
 from pathlib import Path
 
 import pytest
 
-from fmd.fem.formats.abaqus import read_abaqus
+from fmd.fem.formats.abaqus import _cell_kind, read_abaqus
 from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.formats.raw_mesh import MeshFileError
 
@@ -131,3 +132,20 @@ def test_what_joins_or_cuts_and_is_not_read_is_named() -> None:
         "*PRE-TENSION SECTION": 1
     }
     assert read_abaqus(AS_CALCULIX_TAKES_IT + "*EQUATION, REMOVE\nlow, 3\n").others == {"*EQUATION with REMOVE": 1}
+
+
+@pytest.mark.parametrize("kind", ["C3D8FOO", "C3D20RR", "C3D10MM", "C3D9"])
+def test_solid_elements_of_names_that_no_program_has_are_refused(kind: str) -> None:
+    n = int(re.sub(r"C3D(\d+)\D*", r"\1", kind))
+    with pytest.raises(MeshFileError, match=f"elements {kind} of {n} nodes aren't read"):
+        read_abaqus(f"*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE={kind}\n1, 1\n")
+
+
+@pytest.mark.parametrize("kind", ["S4X", "B31X", "F3D8", "SC8R", "T3D9", "COH3D8"])
+def test_other_elements_of_unknown_names_are_counted_as_what_is_not_read(kind: str) -> None:
+    assert read_abaqus(f"*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE={kind}\n1, 1\n").others == {kind: 1}
+
+
+@pytest.mark.parametrize("kind", ["C3D8RPHT", "C3D10MHT", "C3D15VH", "C3D20RI", "AC3D8R", "S4RSW", "S8R5", "B32OSH"])
+def test_letters_behind_the_number_of_nodes_change_no_mesh(kind: str) -> None:
+    assert _cell_kind(kind)[0] == _cell_kind(re.sub(r"(3D\d+|S\d|B32)\D.*", r"\1", kind))[0] != ""

@@ -17,9 +17,12 @@ from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh, ShellSection
 from fmd.fem.formats.shell_sections import abaqus_section, orientation_direction
 
 SUFFIXES = (".inp",)
-_SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)")
-_PLANE = re.compile(r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)")
-_LINE = re.compile(r"B[23]\d|PIPE|T[23]D|R2D|RB[23]D")
+# Letters behind the number of nodes are of integration, incompatible modes, hybrid forms and further unknowns.
+_SOLID = re.compile(r"(?:AC|DC|DCC|EC|Q|C)3D(\d+)V?(?:M|I|RI?)?P?H?[SET]?D?")
+_PLANE = re.compile(
+    r"(?:S|STRI|DS|SFM3D|M3D|R3D|F3D(?=[34]$)|CPS|CPE|CPEG|CAX|SAX|CGAX)(\d+)(?:R5|RSW?|[MI]?R?P?H?[SET]?)"
+)
+_LINE = re.compile(r"B[23][123](?:R|OS)?H?|PIPE[23][12]H?|T[23]D[23][HTE]?|R2D2|RB[23]D2")
 _CELLS = {len(cell.nodes): cell for cell in CELLS.values()}
 _PLANE_CELLS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
 _LINKS = ("DISTRIBUTING COUPLING", "MPC", "PRE-TENSION SECTION", "SHELL TO SOLID COUPLING", "EMBEDDED ELEMENT")
@@ -211,15 +214,15 @@ def _take_set(deck: Deck, keyword: str, options: dict[str, str], data: list[list
 
 def _cell_kind(name: str) -> tuple[str, int]:
     """Return the cell type and number of nodes of an element's name; empty if it is no cell."""
-    if match := _SOLID.match(name):
-        n_local = int(match[1])
-        if n_local not in _CELLS:
+    if begin := _SOLID.match(name):
+        n_local = int(begin[1])
+        if n_local not in _CELLS or begin.end() < len(name):
             raise MeshFileError(f"elements {name} of {n_local} nodes aren't read")
         return _CELLS[n_local].name, n_local
-    if match := _PLANE.match(name):
+    if match := _PLANE.fullmatch(name):
         n_local = int(match[1][0])  # STRI65 has 6, S4R5 4
         return (_PLANE_CELLS[n_local], n_local) if n_local in _PLANE_CELLS else ("", 0)
-    if _LINE.match(name):
+    if _LINE.fullmatch(name):
         n_local = 3 if re.match(r"B[23]2|PIPE[23]2|T[23]D3", name) else 2
         return ("line3", 3) if n_local == 3 else ("line", 2)
     return "", 0
