@@ -29,6 +29,7 @@ from tests.fitting.test_tangents import (
     SPRINGS,
     balanced,
     chain,
+    fast_slides,
     four_bar,
     numbers_of_random,
     revolute,
@@ -129,6 +130,34 @@ def test_an_adjoint_of_the_exponential_method_is_the_transpose_of_its_tangents(
     run = (f"simulation.run=[{{integrator='exponential',step='{step}'}}]", SHORT, "joint.drive.rate=-0.3 rad/s")
     frozen = FrozenRun(package.load(make("central-difference"), *run[: 3 if make is chain else 2]).run)
     found, expected = differ(frozen, [*OTHERS, "joint.drive.rate"][: 3 if make is chain else 2])
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+SLIDING = ["body.block.mass", "joint.slide.spring", "drive.push.force", "joint.drive.rate", SIZES[1]]
+
+
+@pytest.mark.parametrize(("parent", "kept"), [("crank.a", 2000), ("block.a", 2**20)])
+def test_an_adjoint_of_sub_cycling_is_the_transpose_of_its_tangents(
+    parent: str, kept: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of fast slides that don't couple, in sections, and of slides that do; one has a load and a damper."""
+    monkeypatch.setattr(march_adjoint, "MOST_STEPS_KEPT", kept)
+    tables = fast_slides("sub-cycling")
+    tables["joint"]["other"]["parent"] = parent
+    frozen = FrozenRun(package.load(tables, SHORT).run)
+    assert frozen.plan.marched[0].takes_whole_cycles == (parent == "crank.a")
+    found, expected = differ(frozen, SLIDING)
+    assert np.abs(expected).min() > 1e-4 * np.abs(expected).max()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(24))
+def test_adjoints_of_sub_cycled_random_mechanisms_are_the_transposes_of_their_tangents(seed: int) -> None:
+    """Of fast coordinates of all kinds, with bodies that turn in space."""
+    run = "simulation.run=[{integrator='sub-cycling',substeps=4,forces='tangents'}]"
+    frozen = FrozenRun(package.load(random_scene(seed, SI), run, "simulation.step=auto").run)
+    found, expected = differ(frozen, numbers_of_random(frozen.run.scene))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
@@ -253,9 +282,9 @@ def test_a_gradient_says_why_it_is_by_tangents(monkeypatch: pytest.MonkeyPatch) 
         assert adjoint.lacks_adjoint(frozen, motion, parameters, channels) == "results that are no histories"
     accelerated = replace(place, read=lambda run: np.gradient(run.motion.trajectory.v[:, 0]))
     assert adjoint.lacks_adjoint(frozen, motion, parameters, [accelerated]).endswith("several times at once")
-    function = package.ResultFunction(package.load(chain("sub-cycling"), *MORE), of=[place.name], to=SPRINGS)
+    function = package.ResultFunction(package.load(four_bar("sub-cycling"), *MORE), of=[place.name], to=SPRINGS)
     function.vjp(function.start, np.ones(len(frozen.times)))
-    assert function.lacking == "sub-cycling: its steps are not taken back; those of central-difference are"
+    assert function.lacking == "sub-cycling of loops"
 
 
 def test_a_gradient_of_the_tip_and_of_a_history_is_that_of_the_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:

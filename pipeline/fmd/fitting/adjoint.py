@@ -18,8 +18,9 @@ from fmd.integrators import (  # noqa: F401 - register how their steps are taken
     exponential_adjoint,
     generalized_alpha_adjoint,
     runge_kutta_adjoint,
+    subcycling_adjoint,
 )
-from fmd.integrators.adjoint import can_be_taken_back, pull_back
+from fmd.integrators.adjoint import pull_back
 from fmd.integrators.protocol import Trajectory
 from fmd.output.channels import ResultChannel
 from fmd.stages.pipeline import Pipeline
@@ -110,9 +111,8 @@ def lacks_adjoint(
         return "results that are no histories"
     if count < FEWEST_BY_ADJOINT:
         return f"{count} numbers: tangents are as quick for less than {FEWEST_BY_ADJOINT}"
-    if not can_be_taken_back(plan.integrator):
-        return f"{plan.integrator.name}: its steps are not taken back; those of central-difference are"
-    if not plan.marched[0].has_tangents:
+    system = plan.marched[0]
+    if not (system.has_tangents and plan.integrator.carries_tangent(system, [system])):
         return say_what_lacks_tangents(plan)
     if plan.mechanism.held or plan.mechanism.states:
         return "states of controllers and of filters"

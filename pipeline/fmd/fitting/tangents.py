@@ -98,7 +98,7 @@ def say_what_lacks_tangents(plan: Plan) -> str:
     if not system.has_tangents:
         return "sampled controllers" if system.is_sampled else "contact"
     if not plan.integrator.carries_tangent(system, [system]):
-        return str(plan.integrator.name)
+        return f"{plan.integrator.name} of loops" if system.has_loops else str(plan.integrator.name)
     return "shapes of bodies, or oscillators, that change with it"
 
 

@@ -8,14 +8,14 @@ of a method that chooses its steps it holds the states at which all of them begi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 
-from fmd.core.arrays import Array
+from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import AccuracyError, StabilityError
 from fmd.core.limits.fitting import WEIGHTS_LEFT
 from fmd.core.limits.memory import MOST_STEPS_KEPT
@@ -24,6 +24,7 @@ from fmd.dynamics.compiled_system.adjoint_kernels import Evaluations, StepsBack,
 from fmd.dynamics.compiled_system.closed_tangents import require_one_linearisation
 from fmd.dynamics.compiled_system.parameters import CompiledParameters
 from fmd.dynamics.compiled_system.system import CompiledSystem
+from fmd.dynamics.compiled_system.tangent_kernels import MechanismVariants
 from fmd.dynamics.compiled_system.tangents import Direction, system_along, tabulate_variants
 from fmd.dynamics.compiler.program import LANES
 from fmd.dynamics.compiler.signal_code import load_signals
@@ -89,6 +90,20 @@ class Sums:
                 self._tables[first] = tabulate_variants(system, directions[first : first + LANES])
         self.found = np.zeros(len(directions))
 
+    def beside(self, function: str) -> Iterator[tuple[MechanismVariants, IntArray, Array]]:
+        """Yield mechanisms beside the system's own, addresses of their function, and derivatives to add to.
+
+        Each has them of up to eight directions.
+        """
+        for first, table in self._tables.items():
+            addresses, found = np.zeros(4 * LANES, dtype=np.int64), np.zeros(LANES)
+            chosen = self._directions[first : first + LANES]
+            for lane, direction in enumerate(chosen):
+                for k, each in enumerate(direction.variants):
+                    addresses[4 * lane + k] = each.compiled.address(function)
+            yield table, addresses, found
+            self.found[first : first + LANES] += found[: len(chosen)]
+
     def take(self, known: Evaluations) -> None:
         """Add what evaluations have; there are none after."""
         count, n = int(known.count[0]), self._n_inputs
@@ -121,11 +136,6 @@ def take_back(method: Integrator, march: WeightedMarch, sums: Sums) -> tuple[Arr
     raise NotImplementedError
 
 
-def can_be_taken_back(method: Integrator) -> bool:
-    """Return whether steps of a method are taken back."""
-    return take_back.dispatch(type(method)) is not take_back.dispatch(object)
-
-
 def pull_back(
     method: Integrator,
     system: CompiledSystem,
@@ -141,7 +151,7 @@ def pull_back(
     Parameters
     ----------
     method : Integrator
-        By which it is marched; one that `can_be_taken_back`.
+        By which it is marched; one that `carries_tangent`.
     system : CompiledSystem
         What is marched, one that `has_tangents`.
     q0, v0, times, by_q, by_v

@@ -60,7 +60,7 @@ from functools import partial
 from typing import NamedTuple
 
 from fmd.dynamics.compiler.acceleration_tangents import trace_acceleration_tangents
-from fmd.dynamics.compiler.adjoints import trace_acceleration_adjoint, trace_rows_adjoint
+from fmd.dynamics.compiler.adjoints import trace_acceleration_adjoint, trace_rows_adjoint, trace_slope_adjoint
 from fmd.dynamics.compiler.algebra import times
 from fmd.dynamics.compiler.closures import ConstrainedForces, MultiplierForces, trace_reactions, trace_rows
 from fmd.dynamics.compiler.coordinates import Coordinates, RestingCoordinates
@@ -320,6 +320,7 @@ _DIRECTIONS = ("dinputs", "dq", "dv", "da", "dr")
 _ALONG = _DIRECTIONS[:3]
 _BESIDE = (*_ALONG, "dr")
 _ADJOINT = tuple(f"{name}_adjoint" for name in _STATE)
+_SLOPE = (*_STATE, "a", *(f"along_{name}" for name in (*_STATE, "a")))
 _CHANGES = ("dg", "drates")
 _CLOSED = ("g", "rates")
 _FURTHER = (*_DIRECTIONS[:4], "dalong_q", "dalong_v", "dr")
@@ -341,8 +342,9 @@ DEFINITIONS = {
     ),
     "residual": Definition((*_STATE, "a", "r"), _residual, seldom=True),
     "tangents": Definition((*_STATE, "a", *_DIRECTIONS), _by("inputs", "q", "v", "a"), lanes=_DIRECTIONS, seldom=True),
-    "second_slopes": Definition(
-        (*_STATE, "a", *(f"along_{name}" for name in (*_STATE, "a")), *_FURTHER), _second_slopes, lanes=_FURTHER
+    "second_slopes": Definition((*_SLOPE, *_FURTHER), _second_slopes, lanes=_FURTHER),
+    "slope_adjoint": Definition(
+        (*_SLOPE, "x", *(f"{name}_adjoint" for name in _SLOPE)), partial(trace_slope_adjoint, of=_SLOPE)
     ),
     "inertia": Definition(("inputs", "q", "da", "dr"), _by("a"), lanes=("da", "dr")),
     "stiffness": Definition((*_STATE, "a", "dq", "dr"), _by("q"), lanes=("dq", "dr")),
