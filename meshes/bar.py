@@ -13,14 +13,15 @@ _SMALLEST, _LARGEST = 1e-5, 1e4  # m: Gmsh takes lengths near its fixed toleranc
 
 def mesh(bar: Any) -> MeshArrays:
     """Mesh the bar of a scene's table ``Bar``; a tiny or huge one is meshed as one of 1 m."""
-    size = np.array([bar.length, bar.depth, bar.width])
-    unit = 1.0 if size.min() > _SMALLEST and size.max() < _LARGEST else bar.length
+    size = np.array(bar.mesh.made_at or bar.extents)
+    unit = 1.0 if size.min() > _SMALLEST and size.max() < _LARGEST else float(size[0])
     length, depth, width = (size / unit).tolist()
     if bar.mesh.element == "hexahedron":
         arrays = hexahedral_bar(length, depth, width, bar.mesh.divisions)
     else:
         arrays = tetrahedral_bar(length, depth, width, bar.mesh.size / unit)
-    return arrays if unit == 1.0 else arrays._replace(points=unit * arrays.points)
+    stretch = unit * np.array(bar.extents) / size
+    return arrays if (stretch == 1.0).all() else arrays._replace(points=stretch * arrays.points)
 
 
 def hexahedral_bar(length: float, depth: float, width: float, divisions: tuple[int, int, int]) -> MeshArrays:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from fmd.meshes.cad_child import CadError, end_after, report
 from fmd.meshes.cad_mesh import CadMesh, save
 from fmd.meshes.cad_midsurface import replace_by_midsurface
+from fmd.meshes.cad_morph import carry_nodes
 from fmd.meshes.cad_names import Names, import_entities, name_pieces, names_of_entities
 from fmd.meshes.cad_places import describe_part, find_centre, name_faces_by_place, name_of_face
 from fmd.meshes.gmsh_session import gmsh_model
@@ -27,6 +29,15 @@ _TURNED = 1e-4  # distance between centres of faces that one turn carries into e
 # Gmsh's numbers of tetrahedra and triangles of an order, and their nodes: the tetrahedron's in VTK's order.
 _TETRAHEDRA = {1: (4, [0, 1, 2, 3]), 2: (11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8])}
 _TRIANGLES = {1: (2, 3), 2: (9, 6)}
+_POWERS = np.array([2, 1, 1, 1])  # of the unit of length, in a face's area and centre
+
+
+class ScriptValues(NamedTuple):
+    """Unit of a script of Gmsh, and dimensions in this unit by the names of its parameters."""
+
+    unit: float = 1.0  # [m]
+    values: Mapping[str, float] = MappingProxyType({})  # dimensions that the part has
+    made_at: Mapping[str, float] = MappingProxyType({})  # dimensions at which it is meshed; nodes are carried to values
 
 
 def mesh_cad(
@@ -35,13 +46,14 @@ def mesh_cad(
     order: int,
     begin: Callable[[float], None] = lambda elements: None,
     sector: tuple[int, str, str] | None = None,
+    script: ScriptValues | None = None,
 ) -> CadMesh:
     """Mesh the solids in a CAD file; solids that touch share their nodes.
 
     Parameters
     ----------
     path : Path
-        STEP, IGES or BREP.
+        STEP, IGES, BREP, or a script of Gmsh.
     size : float
         Edge length of the elements [m], smaller around bores and fillets.
     order : int
@@ -51,17 +63,22 @@ def mesh_cad(
     sector : tuple, optional
         Number of sectors around z in the whole body, and the names of the two faces of this one that a turn carries
         into each other; they are meshed alike.
+    script : ScriptValues, optional
+        Unit and dimensions of a script.
 
     Raises
     ------
     CadError
-        The file has no solid or no such faces, or the size would give too many elements.
+        The file has no solid or no such faces, the size would give too many elements, or the nodes of a mesh can't be
+        carried to other dimensions.
     """
+    given = script or ScriptValues()
+    unit, size = given.unit, size / given.unit
     with gmsh_model("cad") as gmsh:
-        names, whole = _open(gmsh, path)
+        names, whole = _open(gmsh, path, given.made_at)
         volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
         expected = volume / (0.117851 * size**3)  # volume of the regular tetrahedron of unit edge
-        _require_few(expected, size)
+        _require_few(expected, size * unit)
         _set_options(
             gmsh,
             MeshSizeMax=size,
@@ -75,7 +92,15 @@ def mesh_cad(
         if sector is not None:
             _mesh_alike(gmsh, sector[0], [_surfaces_named(names, whole, name) for name in sector[1:]])
         gmsh.model.mesh.generate(3)
-        return _read_out(gmsh, order, names, whole)
+        mesh, place = _read_out(gmsh, order, names, whole)
+        points = mesh.points
+        if given.values != given.made_at:
+            gmsh.model.add("changed")
+            _open(gmsh, path, given.values)
+            points = carry_nodes(gmsh, "cad", "changed", points, mesh.cells, place)
+            gmsh.model.setCurrent("changed")
+        centres = _find_centres(gmsh, names, whole)
+        return mesh._replace(points=unit * points, centres={name: x * unit**_POWERS for name, x in centres.items()})
 
 
 def mesh_sheet(
@@ -206,9 +231,9 @@ def describe_cad(path: Path) -> dict[str, Any]:
         return describe_part(gmsh, whole, names)
 
 
-def _open(gmsh: Any, path: Path) -> tuple[Names, dict[int, int]]:
+def _open(gmsh: Any, path: Path, values: Mapping[str, float] = MappingProxyType({})) -> tuple[Names, dict[int, int]]:
     """Open a CAD file as the current model, and return the names of its entities and the face of each surface."""
-    solids = import_entities(gmsh, path, 3)
+    solids = import_entities(gmsh, path, 3, values)
     if not solids:
         raise CadError("there is no solid in it; export the part as a solid, not as surfaces")
     names = name_pieces(gmsh, path, solids)
@@ -225,8 +250,8 @@ def _name_by_place(gmsh: Any, names: Names) -> dict[int, int]:
     return whole
 
 
-def _read_out(gmsh: Any, order: int, names: Names, whole: Mapping[int, int]) -> CadMesh:
-    """Read the mesh of the current model out of Gmsh."""
+def _read_out(gmsh: Any, order: int, names: Names, whole: Mapping[int, int]) -> tuple[CadMesh, NDArray[np.int64]]:
+    """Read the mesh of the current model out of Gmsh, without centres, and the number of each of its nodes' point."""
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     place = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
     place[tags] = np.arange(tags.size)
@@ -241,16 +266,25 @@ def _read_out(gmsh: Any, order: int, names: Names, whole: Mapping[int, int]) -> 
         parts[name if name not in parts else f"{name}-{k + 1}"] = np.arange(done, done + len(blocks[-1]))
         done += len(blocks[-1])
     faces: dict[str, list[NDArray[np.int64]]] = {}
+    for name, surfaces in _surfaces_by_name(gmsh, names, whole).items():
+        for tag in surfaces:
+            nodes = gmsh.model.mesh.getElementsByType(triangle, tag)[1]
+            faces.setdefault(name, []).append(np.sort(place[nodes].reshape(-1, n_around)[:, :3], axis=1))
+    joined = {name: np.concatenate(rows) for name, rows in faces.items()}
+    return CadMesh(xyz.reshape(-1, 3), np.concatenate(blocks), parts, joined, {}), place
+
+
+def _surfaces_by_name(gmsh: Any, names: Names, whole: Mapping[int, int]) -> dict[str, list[int]]:
     surfaces: dict[str, list[int]] = {}
     for _, tag in gmsh.model.getEntities(2):
-        nodes = gmsh.model.mesh.getElementsByType(triangle, tag)[1]
-        corners = np.sort(place[nodes].reshape(-1, n_around)[:, :3], axis=1)
         for name in [f"face-{whole[tag]}", *names.get((2, tag), [])]:
-            faces.setdefault(name, []).append(corners)
             surfaces.setdefault(name, []).append(tag)
-    centres = {name: np.array(find_centre(gmsh, tags)) for name, tags in surfaces.items()}
-    whole_faces = {name: np.concatenate(rows) for name, rows in faces.items()}
-    return CadMesh(xyz.reshape(-1, 3), np.concatenate(blocks), parts, whole_faces, centres)
+    return surfaces
+
+
+def _find_centres(gmsh: Any, names: Names, whole: Mapping[int, int]) -> dict[str, NDArray[np.float64]]:
+    found = _surfaces_by_name(gmsh, names, whole)
+    return {name: np.array(find_centre(gmsh, tags)) for name, tags in found.items()}
 
 
 def whole_faces(gmsh: Any) -> dict[int, int]:
@@ -277,21 +311,29 @@ def main(arguments: list[str]) -> str | None:
     ----------
     arguments : list of str
         File, file to write, seconds for reading, seconds for meshing each element that is expected, and, to mesh it,
-        size and order of the elements, or ``shell`` and the thickness, and, of a sector, the number of sectors and its
-        cuts. The system
-        ends the process when that time is over, as on a damaged file.
+        a table in JSON: ``size`` [m] and ``order`` of the elements, or the ``thickness`` of a shell, ``sector`` and
+        ``script`` as in `mesh_cad`. The system ends the process when that time is over, as on a damaged file.
     """
-    source, target, reading, each, *sizes = arguments
+    source, target, reading, each, *wanted = arguments
 
     def begin(elements: float) -> None:
         end_after(float(reading) + float(each) * elements)
 
     def work() -> None:
-        if sizes and sizes[1] == "shell":
-            mesh_sheet(Path(source), float(sizes[0]), float(sizes[2]), Path(target), begin)
-        elif sizes:
-            sector = (int(sizes[2]), sizes[3], sizes[4]) if sizes[2:] else None
-            save(mesh_cad(Path(source), float(sizes[0]), int(sizes[1]), begin, sector), Path(target))
+        given = json.loads(wanted[0]) if wanted else {}
+        if "thickness" in given:
+            mesh_sheet(Path(source), given["size"], given["thickness"], Path(target), begin)
+        elif given:
+            sector, script = given.get("sector"), given.get("script")
+            mesh = mesh_cad(
+                Path(source),
+                given["size"],
+                given["order"],
+                begin,
+                tuple(sector) if sector else None,
+                ScriptValues(*script) if script else None,
+            )
+            save(mesh, Path(target))
         else:
             Path(target).write_text(json.dumps(describe_cad(Path(source))), encoding="utf-8")
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+from fmd.meshes.cad_script import SUFFIX as SCRIPT
+from fmd.meshes.cad_script import run_script
 from fmd.meshes.gmsh_session import import_cad
 
 Names = dict[tuple[int, int], list[str]]
@@ -20,8 +24,16 @@ _SURFACES = {
 }
 
 
-def import_entities(gmsh: Any, path: Path, dimension: int) -> list[tuple[int, int]]:
-    """Import a CAD file with its labels into the current model, and return its entities of a dimension."""
+def import_entities(
+    gmsh: Any, path: Path, dimension: int, values: Mapping[str, float] = MappingProxyType({})
+) -> list[tuple[int, int]]:
+    """Import a CAD file with its labels into the current model, and return its entities of a dimension.
+
+    A script is run with values of its parameters.
+    """
+    if path.suffix.lower() == SCRIPT:
+        run_script(gmsh, path, values)
+        return [(each, tag) for each, tag in gmsh.model.getEntities(dimension)]
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     return [entity for entity in import_cad(gmsh, path) if entity[0] == dimension]
 
@@ -33,7 +45,7 @@ def name_pieces(gmsh: Any, path: Path, entities: list[tuple[int, int]]) -> Names
 
 
 def names_of_entities(gmsh: Any, path: Path) -> Names:
-    """Return the names of each solid and face: the end of its label, its colour, its name in STEP."""
+    """Return the names of each solid and face: the end of its label, its colour, its name in STEP or in a script."""
     names: Names = {}
     for entity in [*gmsh.model.getEntities(2), *gmsh.model.getEntities(3)]:
         own = []
@@ -43,6 +55,8 @@ def names_of_entities(gmsh: Any, path: Path) -> Names:
         colour = gmsh.model.getColor(*entity)
         if entity[0] == 2 and tuple(colour) != (0, 0, 255, 0):
             own.append("#{:02x}{:02x}{:02x}".format(*colour[:3]))
+        groups = gmsh.model.getPhysicalGroupsForEntity(*entity)
+        own += filter(None, (gmsh.model.getPhysicalName(entity[0], group) for group in groups))
         names[entity] = own
     if path.suffix.lower() not in (".step", ".stp"):
         return names

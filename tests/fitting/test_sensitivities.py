@@ -328,15 +328,6 @@ def test_a_result_that_there_is_not_is_refused(name: str, words: str) -> None:
         package.jacobian(package.load(OSCILLATOR), [name], ["body.block.mass"])
 
 
-def test_a_mesh_whose_elements_change_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "bar.toml"
-    path.write_text(BAR.replace("divisions = [10, 2, 2]", 'element = "tetrahedron", size = "15 mm"'))
-    with pytest.raises(InputError, match="changes the elements of bar, so that results jump"):
-        package.jacobian(package.load(path), ["bar.frequency.1"], ["body.bar.length"])
-    with pytest.raises(InputError, match="bar has the modes 1 to"):
-        package.jacobian(package.load(path), ["bar.frequency.70"], ["body.bar.E"])
-
-
 def test_derivatives_say_how_far_they_are(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     advance = progress._Task.advance
 

@@ -63,10 +63,12 @@ def test_what_can_not_be_meshed_is_refused_with_the_reason(path: Path, tmp_path:
         gmsh.model.occ.synchronize()
         gmsh.write(str(tmp_path / "surface.step"))
     target = str(tmp_path / "mesh.npz")
-    assert "no solid in it" in str(main([str(tmp_path / "surface.step"), target, "20", "0.01", "0.1", "1"]))
+    assert "no solid in it" in str(
+        main([str(tmp_path / "surface.step"), target, "20", "0.01", '{"size": 0.1, "order": 1}'])
+    )
     (tmp_path / "damaged.step").write_text("ISO-10303-21;")
     assert "can't read it: is it damaged" in str(
-        main([str(tmp_path / "damaged.step"), target, "20", "0.01", "0.1", "1"])
+        main([str(tmp_path / "damaged.step"), target, "20", "0.01", '{"size": 0.1, "order": 1}'])
     )
 
 

@@ -10,7 +10,9 @@ from pathlib import Path
 from fmd.core.errors import AccuracyError
 from fmd.core.files import write_text
 from fmd.core.limits.round_off import SOLVED
-from fmd.fitting.parameters import Parameter, find_parameter, list_settings
+from fmd.fitting.parameters import Parameter, change_parameters, find_parameter, list_settings
+from fmd.scene.bar import Bar
+from fmd.scene.imported_bodies import CadPart
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.toml_files import list_ready_scenes
 
@@ -43,6 +45,7 @@ def write_changed_scene(
     """
     base = given if given in list_ready_scenes() else os.path.relpath(given, path.parent)
     settings = [text for parameter, value in values.items() for text in list_settings(scene, parameter, value)]
+    settings += _list_kept_elements(scene, change_parameters(scene, values))
     lines = [*(f"# {text}" for text in comments), "", f"base = {json.dumps(base)}", "set = ["]
     lines += [f"    {json.dumps(text)}," for text in [*overrides, *settings]]
     write_text(path, "\n".join([*lines, "]"]) + "\n")
@@ -51,3 +54,18 @@ def write_changed_scene(
         found = find_parameter(again, parameter.key)
         if not parameter.is_factor and not abs(found.value - value) <= SOLVED * abs(value):
             raise AccuracyError(f"{path}: {parameter.key} reads back as {found.value!r}, not {value!r}")
+
+
+def _list_kept_elements(scene: Scene, changed: Scene) -> list[str]:
+    """Return what sets at which dimensions bodies were meshed, of those that keep the elements of another scene."""
+    found = []
+    for name, body in changed.body.items():
+        if body == scene.body[name] or not isinstance(body, Bar | CadPart) or not body.mesh.made_at:
+            continue
+        first = body.mesh.made_at
+        if isinstance(first, dict):
+            text = ", ".join(f"{key} = {json.dumps(f'{x!r} m')}" for key, x in first.items())
+            found.append(f"body.{name}.mesh.made_at={{ {text} }}")
+        else:
+            found.append(f"body.{name}.mesh.made_at={json.dumps([f'{x!r} m' for x in first])}")
+    return found

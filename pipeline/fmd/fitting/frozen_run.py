@@ -291,7 +291,7 @@ def require_like_meshes(run: Pipeline, other: Pipeline, values: Mapping[Paramete
             continue
         if not np.array_equal(mine.mesh.cells, theirs.mesh.cells):
             keys = ", ".join(parameter.key for parameter in values)
-            mend = f"changes the elements of {name}, so that results jump; a mesh of hexahedra by divisions keeps them"
+            mend = f"changes the elements of {name}, so that results jump; fixed divisions or sizes keep them"
             raise InputError(run.scene.file, keys, None, mend)
 
 

@@ -10,7 +10,9 @@ from pydantic import BaseModel
 
 from fmd.core.errors import InputError
 from fmd.core.units import QuantityReader, si_unit
+from fmd.scene.bar import Bar
 from fmd.scene.curves import FormulaOrTable
+from fmd.scene.imported_bodies import CadPart
 from fmd.scene.reading import suggest_name
 from fmd.scene.scene import Scene
 
@@ -77,12 +79,21 @@ def find_parameter(scene: Scene, key: str, origin: str = "--to") -> Parameter:
 
 
 def change_parameters(scene: Scene, values: Mapping[Parameter, float]) -> Scene:
-    """Return the scene with other values of some of its numbers, in SI units; shifts of clocks are none of it."""
+    """Return the scene with other values of some of its numbers, in SI units; shifts of clocks are none of it.
+
+    Bodies whose dimensions change keep the elements of the given scene.
+    """
+    first = scene
     for parameter, value in values.items():
         if parameter.clock:
             continue
         scene = _replace(scene, parameter.key.split("."), value)
-    return scene
+    kept = {name: _keep_elements(body, first.body[name]) for name, body in scene.body.items()}
+    return scene.model_copy(update={"body": kept})
+
+
+def _keep_elements(body: Any, first: Any) -> Any:
+    return body.with_elements_of(first) if isinstance(body, Bar | CadPart) else body
 
 
 def list_settings(scene: Scene, parameter: Parameter, value: float) -> list[str]:

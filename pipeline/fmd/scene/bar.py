@@ -23,6 +23,8 @@ class BarMesh(DividedMesh):
         Numbers of hexahedra along x, y and z; required for hexahedra.
     size : float, optional
         Edge length of a tetrahedron [m]; required for tetrahedra.
+    made_at : tuple of float, optional
+        Length, depth and width [m] of the bar whose tetrahedra are stretched to these; by default those of the bar.
 
     Examples
     --------
@@ -37,6 +39,7 @@ class BarMesh(DividedMesh):
     order: Order = 2
     divisions: tuple[Count, Count, Count] | None = None
     size: PositiveLength | None = None
+    made_at: tuple[PositiveLength, PositiveLength, PositiveLength] | None = None
 
     def _check(self) -> None:
         if self.element == "hexahedron":
@@ -44,6 +47,8 @@ class BarMesh(DividedMesh):
                 raise FaultError("belongs to tetrahedra; hexahedra take divisions, e.g. [48, 4, 2]", "size")
             if self.divisions is None:
                 raise FaultError("is missing: hexahedra along x, y and z, e.g. [48, 4, 2]", "divisions")
+            if self.made_at is not None:
+                raise FaultError("belongs to tetrahedra; divisions keep hexahedra as they are", "made_at")
         else:
             if self.divisions is not None:
                 raise FaultError("belongs to hexahedra; tetrahedra take a size, e.g. '5 mm'", "divisions")
@@ -99,6 +104,18 @@ class Bar(Solid):
     def parts(self) -> tuple[str, ...]:
         """Name of the one part that the mesh of a bar has."""
         return ("bar",)
+
+    @property
+    def extents(self) -> tuple[float, float, float]:
+        """Length, depth and width [m]."""
+        return self.length, self.depth, self.width
+
+    def with_elements_of(self, first: Bar) -> Bar:
+        """Return the bar with the elements of another one, which differs in its dimensions."""
+        if self.mesh.divisions is not None or self.extents == first.extents:
+            return self
+        made_at = first.mesh.made_at or first.extents
+        return self.model_copy(update={"mesh": self.mesh.model_copy(update={"made_at": made_at})})
 
     def of_order(self, order: int) -> dict[str, Any]:
         """Return the changes for elements of another order."""

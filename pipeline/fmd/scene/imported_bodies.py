@@ -8,14 +8,14 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from fmd.core.units import PositiveDensity, PositiveLength, PositiveStress
+from fmd.core.units import Length, PositiveDensity, PositiveLength, PositiveStress
 from fmd.scene.bodies import Deformable, DividedMesh, require_interface
 from fmd.scene.layers import Layerable
 from fmd.scene.links import FaceLink, MassOnLink, TiedFace
 from fmd.scene.matrix_files import MatrixFiles
 from fmd.scene.modes import ModeSettings
 from fmd.scene.places import MarkerPlace, NamedElement, Support
-from fmd.scene.reading import FaultError, SceneTable
+from fmd.scene.reading import FaultError, SceneTable, UnknownNameError
 from fmd.scene.sectors import SectorMesh
 from fmd.scene.values import (
     ForceUnit,
@@ -89,7 +89,8 @@ class CadFile(SectorMesh):
     Parameters
     ----------
     cad : str
-        A STEP, IGES or BREP file, relative to the scene's.
+        A STEP, IGES or BREP file, relative to the scene's, or a script of Gmsh, ``.geo``, with
+        ``SetFactory("OpenCASCADE")``.
     size : float
         Edge length of an element [m]; around bores and fillets elements are smaller.
     order : int
@@ -97,6 +98,13 @@ class CadFile(SectorMesh):
     shell : float or str, optional
         Thickness [m]: the file's surfaces are the midsurfaces of shells, or its solid has walls of this thickness.
         ``"layers"`` takes it from the body's ``layers``.
+    unit : str, optional
+        A script's unit of length; m by default.
+    parameter : dict of str to float
+        Dimensions [m] that the script has by ``DefineConstant``; others keep the script's values.
+    made_at : dict of str to float
+        Dimensions [m] at which the part is meshed; its nodes are carried to those of ``parameter``, so that elements
+        stay the same. By default it is meshed at ``parameter``.
 
     Examples
     --------
@@ -111,6 +119,19 @@ class CadFile(SectorMesh):
     size: PositiveLength
     order: Order = 2
     shell: PositiveLength | Literal["layers"] | None = None
+    unit: LengthUnit | None = None
+    parameter: dict[Name, Length] = Field(default_factory=dict)
+    made_at: dict[Name, Length] = Field(default_factory=dict)
+
+    @property
+    def is_script(self) -> bool:
+        """True for a script of Gmsh, which may have dimensions."""
+        return self.cad.lower().endswith(".geo")
+
+    @property
+    def first(self) -> dict[str, float]:
+        """Dimensions at which it is meshed [m]."""
+        return self.parameter | self.made_at
 
     @model_validator(mode="before")
     @classmethod
@@ -120,6 +141,14 @@ class CadFile(SectorMesh):
     def _check(self) -> None:
         if self.shell is not None and self.order == 2:
             raise FaultError("is of solids: shells have four nodes", "order")
+        if self.shell is not None and self.is_script:
+            raise FaultError("is of other CAD files: scripts are of solids", "shell")
+        for key in ("unit", "parameter"):
+            if getattr(self, key) and not self.is_script:
+                raise FaultError("is of scripts, bracket.geo: other CAD files have their own", key)
+        for name in self.made_at:
+            if name not in self.parameter:
+                raise UnknownNameError("parameter", name, self.parameter, "the parameters", "made_at", name)
         if self.shell is not None and self.cyclic is not None:
             raise FaultError("is of solids, not of shells", "cyclic")
 
@@ -260,6 +289,12 @@ class CadPart(Imported):
 
     shape: Literal["cad"]
     mesh: CadFile
+
+    def with_elements_of(self, first: CadPart) -> CadPart:
+        """Return the part with the elements of another one, which differs in its dimensions."""
+        if self.mesh.parameter == first.mesh.parameter:
+            return self
+        return self.model_copy(update={"mesh": self.mesh.model_copy(update={"made_at": first.mesh.first})})
 
     def of_order(self, order: int) -> dict[str, Any]:
         """Return the changes for elements of another order."""

@@ -195,7 +195,7 @@ def test_damaged_cad_files_end_in_a_mesh_or_a_message(originals: Path, seed: int
     for _ in range(12):
         path.write_bytes(damaged(content, rng))
         arrays.unlink(missing_ok=True)
-        status = in_a_fork(lambda: main([str(path), str(arrays), "20", "0.01", "0.5", "2"]))
+        status = in_a_fork(lambda: main([str(path), str(arrays), "20", "0.01", '{"size": 0.5, "order": 2}']))
         assert status in (0, 1, 9) or status < 0  # OpenCASCADE may crash: the product tells so
         assert status == 0 or not arrays.is_file()
 

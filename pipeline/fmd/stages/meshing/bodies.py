@@ -18,7 +18,7 @@ from fmd.fem.mesh import SolidMesh
 from fmd.fem.midsurface import Layup
 from fmd.fem.sectors import repeat_sector
 from fmd.scene.beams import MeshedBeam
-from fmd.scene.imported_bodies import CadPart, MatrixPart, MeshedPart
+from fmd.scene.imported_bodies import CadFile, CadPart, MatrixPart, MeshedPart
 from fmd.scene.layers import LaminaTable, Layerable
 from fmd.scene.reading import suggest_name
 from fmd.scene.reduced_bodies import ReducedPart
@@ -30,6 +30,7 @@ from fmd.stages.meshing.cad_files import mesh_cad_file, mesh_cad_sheet
 
 if TYPE_CHECKING:
     from fmd.fem.model import FEModel
+    from fmd.meshes.cad import ScriptValues
     from fmd.scene.any_body import Flexible
 
 
@@ -57,7 +58,7 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
             assert shape.shell_thickness is not None  # which decks alone may have
             return mesh_cad_sheet(source.path, table.size, shape.shell_thickness, shape.offset)
         sector = None if table.cyclic is None or table.cuts is None else (table.cyclic, *table.cuts)
-        return _complete(mesh_cad_file(source.path, table.size, table.order, sector), table, source)
+        return _complete(mesh_cad_file(source.path, table.size, table.order, sector, _script(table)), table, source)
     assert not isinstance(shape, MatrixPart | ReducedPart)
     if isinstance(shape, MeshedBeam):
         return mesh_beams(shape)
@@ -69,6 +70,17 @@ def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
     points, cells, edges, sides = module.sheet(shape)
     thickness, offset = (np.full(len(cells), each) for each in (shape.wall, shape.offset))
     return thicken(Sheet(points, cells, thickness, {shape.shape: np.arange(len(cells))}, edges, {}, sides, offset))
+
+
+def _script(table: CadFile) -> ScriptValues | None:
+    """Return the unit and the dimensions of a script, ``None`` for other files."""
+    if not table.is_script:
+        return None
+    from fmd.meshes.cad import ScriptValues
+
+    unit = unit_ratio(table.unit or "m", "m")
+    values, made_at = ({name: x / unit for name, x in each.items()} for each in (table.parameter, table.first))
+    return ScriptValues(unit, values, made_at)
 
 
 def _complete(mesh: SolidMesh, table: SectorMesh, source: SourceFiles) -> SolidMesh:

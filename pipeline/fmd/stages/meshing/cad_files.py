@@ -25,6 +25,7 @@ from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
 
 if TYPE_CHECKING:
+    from fmd.meshes.cad import ScriptValues
     from fmd.meshes.cad_places import WholeCylinder
 
 UNLIKE_SOLID = ", by ribs, fillets or corners, and so does its mass; what they do for stiffness isn't there"
@@ -75,19 +76,27 @@ def is_cad_file(path: Path) -> bool:
     return path.suffix.lower() in cad_suffixes()
 
 
-def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, str] | None = None) -> SolidMesh:
+def mesh_cad_file(
+    path: Path,
+    size: float,
+    order: int,
+    sector: tuple[int, str, str] | None = None,
+    script: ScriptValues | None = None,
+) -> SolidMesh:
     """Mesh a CAD file with tetrahedra, and check what comes as a mesh from a file is checked.
 
     Parameters
     ----------
     path : Path
-        STEP, IGES or BREP.
+        STEP, IGES, BREP, or a script of Gmsh.
     size : float
         Edge length of an element [m].
     order : int
         Polynomial order, 1 or 2.
     sector : tuple, optional
         Number of sectors in the whole body, and the faces of this one that are meshed alike.
+    script : ScriptValues, optional
+        Unit and dimensions of a script.
 
     Raises
     ------
@@ -99,7 +108,7 @@ def mesh_cad_file(path: Path, size: float, order: int, sector: tuple[int, str, s
 
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         arrays = Path(folder) / "arrays.npz"
-        _run_gmsh(path, arrays, repr(size), str(order), *map(str, sector or ()))
+        _run_gmsh(path, arrays, json.dumps({"size": size, "order": order, "sector": sector, "script": script}))
         mesh = load(arrays)
     cell_type = {1: "tetra", 2: "tetra10"}[order]
     raw = RawMesh(mesh.points, [(cell_type, mesh.cells)], {name: [cells] for name, cells in mesh.parts.items()})
@@ -120,7 +129,7 @@ def mesh_cad_sheet(path: Path, size: float, thickness: float, offset: float = 0.
 
     with tempfile.TemporaryDirectory(prefix="fmd-") as folder:
         sheet = Path(folder) / "sheet.msh"
-        _run_gmsh(path, sheet, repr(size), "shell", repr(thickness))
+        _run_gmsh(path, sheet, json.dumps({"size": size, "thickness": thickness}))
         try:
             mesh = read_shell(sheet, 1.0, thickness, offset=offset)
         except InputError as error:
@@ -205,16 +214,18 @@ def choose_element_size(part: PartOutline) -> float:
     return float(f"{size:.{CAD_DIGITS - 1}e}")
 
 
-def _run_gmsh(path: Path, target: Path, *sizes: str, entry: str = "fmd.meshes.cad:main") -> None:
+def _run_gmsh(path: Path, target: Path, *wanted: str, entry: str = "fmd.meshes.cad:main") -> None:
     """Let the mesher read a CAD file and write what it makes of it."""
-    if not is_cad_file(path):
+    from fmd.meshes.cad_script import SUFFIX
+
+    if not is_cad_file(path) and path.suffix.lower() != SUFFIX:
         raise InputError(str(path), "", None, f"is no CAD file that is read; these are: {' '.join(cad_suffixes())}")
     if not path.is_file():
         raise InputError(str(path), "", None, "no such file")
     limits = f"{READING_SECONDS:g}", f"{CAD_SECONDS_PER_ELEMENT:g}"
     memory = READING_BYTES + int(available_memory())
     try:
-        run_child(entry, str(path.resolve()), str(target), *limits, *sizes, seconds=CAD_SECONDS, memory=memory)
+        run_child(entry, str(path.resolve()), str(target), *limits, *wanted, seconds=CAD_SECONDS, memory=memory)
     except ChildError as error:
         said = f"Gmsh's OpenCASCADE stopped on it ({error}); is it damaged?" if "died" in str(error) else str(error)
         if error.late:

@@ -1,0 +1,166 @@
+"""Dimensions of parts with free meshes: laws of scale, closed forms, parts meshed anew, fits and designs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fmd as package
+from fmd.core.errors import InputError
+from fmd.fitting.changed_scene import write_changed_scene
+from fmd.fitting.parameters import find_parameter
+from tests.fitting.test_sensitivities import BAR, by_key
+from tests.meshes.test_cad_morph import BRACKET, volume_of
+
+TETRAHEDRA = BAR.replace("divisions = [10, 2, 2]", 'element = "tetrahedron", size = "40 mm"')
+PLATE = """SetFactory("OpenCASCADE");
+DefineConstant[ scale = 1, bore = 6 ];
+Box(1) = {0, 0, 0, 40 * scale, 20 * scale, 10 * scale};
+Cylinder(2) = {28 * scale, 10 * scale, 0, 0, 0, 10 * scale, bore * scale};
+BooleanDifference(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+"""
+SCENE = """
+title = "{title}"
+
+[body.part]
+mesh = {{ cad = "part.geo", unit = "mm", size = "{size}", order = {order}, parameter = {{ {parameter} }} }}
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+modes = {{ count = 4, boundary = "joint" }}
+marker = {{ wall = {{ face = "{wall}" }}, tip = {{ face = "xmax" }} }}
+
+[joint.wall]
+type = "fixed"
+parent = "ground"
+child = "part.wall"
+"""
+SIMULATION = """
+[simulation]
+duration = "1 ms"
+output_step = "0.1 ms"
+step = "auto"
+tip = "part.tip"
+run = [{ integrator = "auto" }]
+"""
+ON_PLATE = SCENE.format(title="Plate", size="10 mm", order=1, parameter='scale = "1 mm", bore = "6 mm"', wall="xmin")
+ON_BRACKET = (
+    SCENE.format(title="Bracket", size="6 mm", order=2, parameter='hole = "16 mm", fillet = "6 mm"', wall="zmax")
+    + SIMULATION
+)
+
+
+def write(folder: Path, script: str, scene: str) -> Path:
+    (folder / "part.geo").write_text(script)
+    path = folder / "part.toml"
+    path.write_text(scene)
+    return path
+
+
+@pytest.mark.slow
+def test_a_script_in_proportion_obeys_laws_of_scale(tmp_path: Path) -> None:
+    key = "body.part.mesh.parameter.scale"
+    found = package.jacobian(package.load(write(tmp_path, PLATE, ON_PLATE)), ["mass", "part.frequency.1"], [key])
+    # Nodes within the bore's curved face aren't in proportion, between chords that are.
+    assert by_key(found, "mass")[key].relative == pytest.approx(3.0, rel=1e-4)
+    assert by_key(found, "part.frequency.1")[key].relative == pytest.approx(-1.0, rel=1e-3)
+
+
+def test_dimensions_of_a_bar_of_tetrahedra_add_up_to_the_law_of_scale(tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(TETRAHEDRA)
+    keys = [f"body.bar.{name}" for name in ("length", "depth", "width")]
+    found = package.jacobian(package.load(path), ["bar.frequency.1", "bar.frequency.3", "mass"], keys)
+    for name in ("bar.frequency.1", "bar.frequency.3"):
+        assert sum(each.relative for each in by_key(found, name).values()) == pytest.approx(-1.0, abs=1e-6)
+    assert [each.relative for each in by_key(found, "mass").values()] == pytest.approx([1.0, 1.0, 1.0], rel=1e-9)
+
+
+def test_a_mesh_whose_elements_change_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(TETRAHEDRA)
+    with pytest.raises(InputError, match="size: changes the elements of bar, so that results jump"):
+        package.jacobian(package.load(path), ["bar.frequency.1"], ["body.bar.mesh.size"])
+    with pytest.raises(InputError, match="bar has the modes 1 to"):
+        package.jacobian(package.load(path), ["bar.frequency.70"], ["body.bar.E"])
+
+
+@pytest.mark.parametrize("of", ["bar", "part"])
+def test_a_changed_scene_keeps_the_elements(of: str, tmp_path: Path) -> None:
+    path = write(tmp_path, PLATE, ON_PLATE if of == "part" else TETRAHEDRA)
+    scene = package.load_scene(path)
+    key = {"part": "body.part.mesh.parameter.bore", "bar": "body.bar.depth"}[of]
+    parameter = find_parameter(scene, key)
+    write_changed_scene(scene, {parameter: 1.1 * parameter.value}, tmp_path / "new.toml", str(path), [])
+    first, new = (package.load(each).run.wholes[of] for each in (path, tmp_path / "new.toml"))
+    assert np.array_equal(new.mesh.cells, first.mesh.cells)
+    assert new.mesh.volume != pytest.approx(first.mesh.volume, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("part.geo", "part.step", "is of scripts, bracket.geo: other CAD files have their own"),
+        ('size = "10 mm", order = 1', 'size = "10 mm", shell = "1 mm"', "scripts are of solids"),
+        (
+            "parameter = {",
+            'made_at = { depth = "1 mm" }, parameter = {',
+            "no such parameter; the parameters: scale, bore",
+        ),
+    ],
+)
+def test_keys_that_a_cad_file_has_no_use_for_are_refused(old: str, new: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=words):
+        package.load_scene(write(tmp_path, PLATE, ON_PLATE.replace(old, new)))
+
+
+@pytest.mark.long
+def test_a_hole_and_a_fillet_are_fitted_and_designed(fmd: Any, tmp_path: Path) -> None:
+    path = write(tmp_path, BRACKET, ON_BRACKET)
+    hole, fillet = (f"body.part.mesh.parameter.{name}" for name in ("hole", "fillet"))
+    truth = package.load(
+        path, f"{hole}=17 mm", f"{fillet}=7 mm", 'body.part.mesh.made_at={hole="16 mm", fillet="6 mm"}'
+    )
+    frequencies = truth.run.wholes["part"].modes.frequencies_hz
+    data = tmp_path / "modes.csv"
+    data.write_text("frequency_hz\n" + "".join(f"{f}\n" for f in frequencies))
+    given = [
+        "--to",
+        data,
+        "--vary",
+        f"{hole}=14..19mm,{fillet}=5..8mm",
+        "--sigma",
+        "frequency=0.01%",
+        "--out",
+        tmp_path,
+    ]
+    assert fmd("fit", path, *given, "--json") == 0
+    fitted = json.loads((tmp_path / "fit.json").read_text())["parameters"]
+    assert [each["value"] for each in fitted] == pytest.approx([0.017, 0.007], rel=1e-5)
+    again = package.load(tmp_path / "fitted.toml")
+    assert again.run.wholes["part"].modes.frequencies_hz == pytest.approx(frequencies, rel=1e-6)
+    found = package.jacobian(package.load(path), ["mass"], [hole, fillet])
+    volume = volume_of(16.0, 6.0)
+    shares = [-2 * np.pi * 64 * 8e-9 / volume, 2 * (1 - np.pi / 4) * 36 * 30e-9 / volume]
+    assert [each.relative for each in found] == pytest.approx(shares, rel=1e-3)
+
+
+@pytest.mark.long
+def test_the_largest_hole_of_a_given_frequency_is_that_of_a_scan(fmd: Any, tmp_path: Path) -> None:
+    path, key = write(tmp_path, BRACKET, ON_BRACKET), "body.part.mesh.parameter.hole"
+
+    def frequency(hole: float) -> float:
+        body = package.load(path, f"{key}={hole} mm", 'body.part.mesh.made_at={hole = "16 mm"}').run.wholes["part"]
+        return float(body.modes.frequencies_hz[1])
+
+    scan = [frequency(hole) for hole in (16.5, 17.0, 17.5)]
+    limit = scan[1]
+    assert scan[0] > limit > scan[2]
+    given = ["--minimise", "mass", "--subject", f"frequency.2 >= {limit!r} Hz", "--vary", f"{key}=14..18mm"]
+    assert fmd("optimise", path, *given, "--out", tmp_path, "--json") == 0
+    design = json.loads((tmp_path / "design.json").read_text())
+    assert design["parameters"][0]["value"] == pytest.approx(0.017, rel=1e-5)
