@@ -63,6 +63,7 @@ LIMITS = "fmd.core.limits"
 DATA_ROOMS = {"render", "meshes", "models", "verification", "bench"}
 # Numbers elsewhere that decide nothing: facts of a file format, of a method, of a machine, or measures of one drawing.
 FACTS = {
+    "fmd.contact.friction_newton": {"OPEN", "STICKS", "SLIPS"},
     "fmd.contact.histories": {
         *("FORCE", "IMPULSE", "MOMENT", "AREA", "PRESSURE", "ENERGY", "FRICTION", "DAMPED", "ERROR"),
         *("BEGIN", "END", "BORDER", "N_VALUES", "MOST_FORCE", "MOST_AREA", "MOST_PRESSURE"),

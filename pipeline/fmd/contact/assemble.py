@@ -16,7 +16,7 @@ from fmd.contact.tables import ContactTable
 from fmd.contact.touching_body import ContactPlane
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.code import DOUBLES_IN_LINE
-from fmd.core.limits.contact import NEAR_RADIUS, NEAR_TRIANGLES
+from fmd.core.limits.contact import KNOWN_RESPONSES, NEAR_RADIUS, NEAR_TRIANGLES
 
 if TYPE_CHECKING:
     from fmd.contact.touching_body import TouchingBody
@@ -53,6 +53,7 @@ def contact_table(
         **_triangles(surfaces, first),
         **_points(surfaces, counts, first, bodies),
         **_rooms(group, np.array([own.of.damping for own in surfaces])[np.searchsorted(point, group[:-1])]),
+        **_friction_rooms(group, any(own.of.friction and not own.of.law for own in surfaces)),
         **_results(bodies, links, n_links, n),
     )
     for own, begin, end in zip(surfaces, point[:-1], point[1:], strict=True):
@@ -241,6 +242,24 @@ def _rooms(group: IntArray, damping: Array) -> dict[str, Any]:
         "b": np.zeros(int(counts.max())),
         "block": np.zeros((3, 3)),
         "product": np.zeros((3, 3)),
+    }
+
+
+def _friction_rooms(group: IntArray, rubs: bool) -> dict[str, Any]:
+    counts = np.diff(group) if rubs else np.ones(len(group) - 1, dtype=np.int64)
+    stride = DOUBLES_IN_LINE * -(-3 * counts // DOUBLES_IN_LINE)
+    most, points = int(stride.max()), int(counts.max())
+    return {
+        "P": np.zeros((3 * counts * stride).sum()),
+        "M": np.zeros(3 * points * (most + DOUBLES_IN_LINE)),
+        **{name: np.zeros(len(counts), dtype=np.int64) for name in ("inverted", "swept", "n_known")},
+        **{name: np.zeros(points, dtype=np.int64) for name in ("grip", "place_in")},
+        **{name: np.zeros((points, 3)) for name in ("trial", "slack")},
+        **{name: np.zeros(most) for name in ("left", "held", "response")},
+        "known_response": np.zeros(len(counts) * KNOWN_RESPONSES * 2 * most),
+        "pivots": np.zeros((DOUBLES_IN_LINE, DOUBLES_IN_LINE)),
+        "pivot_rows": np.zeros(DOUBLES_IN_LINE * most),
+        "lead": np.zeros(DOUBLES_IN_LINE),
     }
 
 

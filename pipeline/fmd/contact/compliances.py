@@ -37,7 +37,7 @@ def choose_points(c: ContactTable, g: int) -> None:
             if c.seen[i, 0] == 1 and (c.free[i, 0] < WIDER_BAND * band or was_pressed(c, i)):
                 c.chosen[first + count], c.slot[i] = i, count
                 count += 1
-        c.n_chosen[g] = count
+        c.n_chosen[g], c.inverted[g], c.swept[g] = count, 0, 0
         for own in range(count):
             _note_pose(c, c.chosen[first + own])
             for other in range(own + 1):
@@ -48,6 +48,7 @@ def choose_points(c: ContactTable, g: int) -> None:
             if _is_stale(c, i):
                 _note_pose(c, i)
                 changed = True
+                c.inverted[g], c.swept[g] = 0, 0
                 for other in range(count):
                     _set_block(c, g, own, other)
     for own in range(count):

@@ -1,47 +1,88 @@
-"""Forces with Coulomb's friction by block Gauss–Seidel: ``|λ_t| ≤ μ λ_n``, against the slip where that is reached."""
+"""Forces with Coulomb's friction, ``|λ_t| ≤ μ λ_n``, against the slip where that is reached.
+
+Block Gauss–Seidel finds them while points come and go. Where the same points stay for as many sweeps as their stiffness
+costs, this is found, and Newton's method takes over.
+"""
 
 from __future__ import annotations
 
 import math
 
 from fmd.contact.compliances import move_points
+from fmd.contact.friction_newton import count_loose, find_forces_by_newton
+from fmd.contact.stiffness import invert_flexibility
 from fmd.contact.tables import ContactTable
-from fmd.core.limits.contact import SMALL_FORCE, SWEEPS
+from fmd.core.limits.contact import CHEAP_NEWTON, LATE_SWEEPS, SMALL_FORCE, SWEEPS, SWEEPS_PER_POINT
 from fmd.kernels.kernel import inlined, inner
 
 
 @inner
 def find_friction_forces(c: ContactTable, g: int) -> bool:
-    """Find normal and friction forces on a group's chosen points, from the forces at hand; false if they don't settle.
-
-    One point after the other is brought to rest by itself and then into its cone (Jourdan, Alart & Jean, Comput Methods
-    Appl Mech Eng 155, 1998). Displacements by the forces at hand are known.
-    """
-    first = c.group[g]
-    for _ in range(SWEEPS):
-        largest, change, least = 0.0, 0.0, math.inf
-        for own in range(c.n_chosen[g]):
-            i = c.chosen[first + own]
-            gap = _place(c, i, own, 0)
-            if c.force[i, 0] == 0.0 and gap >= 0.0:
-                continue
-            soft = _own_compliance(c, g, i, own, 0, 0)
-            n = max(0.0, c.force[i, 0] - gap / soft)
-            t1, t2, bound = 0.0, 0.0, c.friction[c.surface[i]] * n
-            if bound > 0.0:
-                d = n - c.force[i, 0]
-                across = max(_own_compliance(c, g, i, own, 1, 1), _own_compliance(c, g, i, own, 2, 2))
-                slip1 = _place(c, i, own, 1) + _own_compliance(c, g, i, own, 1, 0) * d
-                slip2 = _place(c, i, own, 2) + _own_compliance(c, g, i, own, 2, 0) * d
-                t1, t2 = c.force[i, 1] - slip1 / across, c.force[i, 2] - slip2 / across
-                size = math.sqrt(t1 * t1 + t2 * t2)
-                if size > bound:
-                    t1, t2 = t1 * bound / size, t2 * bound / size
-            largest, least = max(largest, n), min(least, soft)
-            change = max(change, _apply(c, g, i, own, n, t1, t2))
-        if change <= SMALL_FORCE * largest + c.noise[g] / least:
+    """Find forces and displacements of a group's chosen points, from the forces at hand; false if they don't settle."""
+    count, least = c.n_chosen[g], math.inf
+    for own in range(count):
+        least = min(least, _own_compliance(c, g, c.chosen[c.group[g] + own], own, 0, 0))
+    if c.inverted[g] == 1:
+        loose = count_loose(c, g)
+        if loose**3 <= CHEAP_NEWTON * count**2 and find_forces_by_newton(c, g, least):
             return True
+    _displace(c, g)
+    for sweep in range(SWEEPS):
+        if _sweep(c, g, least):
+            return True
+        c.swept[g] += 1
+        late = c.inverted[g] == 1 and sweep == LATE_SWEEPS
+        if c.inverted[g] == 0 and c.swept[g] > SWEEPS_PER_POINT * count:
+            late = invert_flexibility(c, g)
+            c.inverted[g] = 1 if late else -1
+        if late:
+            count_loose(c, g)
+            if find_forces_by_newton(c, g, least):
+                return True
+            _displace(c, g)
     return False
+
+
+@inner
+def _displace(c: ContactTable, g: int) -> None:
+    """Find the displacements by the forces at hand."""
+    for k in range(c.stride[g]):
+        c.answer[k] = 0.0
+    for own in range(c.n_chosen[g]):
+        i = c.chosen[c.group[g] + own]
+        n, t1, t2 = c.force[i, 0], c.force[i, 1], c.force[i, 2]
+        if n != 0.0:
+            c.force[i, 0], c.force[i, 1], c.force[i, 2] = 0.0, 0.0, 0.0
+            _apply(c, g, i, own, n, t1, t2)
+
+
+@inner
+def _sweep(c: ContactTable, g: int, least: float) -> bool:
+    """Bring one point after the other to rest by itself and then into its cone; true where hardly any force changes.
+
+    Jourdan, Alart & Jean, Comput Methods Appl Mech Eng 155, 1998.
+    """
+    first, largest, change = c.group[g], 0.0, 0.0
+    for own in range(c.n_chosen[g]):
+        i = c.chosen[first + own]
+        gap = _place(c, i, own, 0)
+        if c.force[i, 0] == 0.0 and gap >= 0.0:
+            continue
+        soft = _own_compliance(c, g, i, own, 0, 0)
+        n = max(0.0, c.force[i, 0] - gap / soft)
+        t1, t2, bound = 0.0, 0.0, c.friction[c.surface[i]] * n
+        if bound > 0.0:
+            d = n - c.force[i, 0]
+            across = max(_own_compliance(c, g, i, own, 1, 1), _own_compliance(c, g, i, own, 2, 2))
+            slip1 = _place(c, i, own, 1) + _own_compliance(c, g, i, own, 1, 0) * d
+            slip2 = _place(c, i, own, 2) + _own_compliance(c, g, i, own, 2, 0) * d
+            t1, t2 = c.force[i, 1] - slip1 / across, c.force[i, 2] - slip2 / across
+            size = math.sqrt(t1 * t1 + t2 * t2)
+            if size > bound:
+                t1, t2 = t1 * bound / size, t2 * bound / size
+        largest = max(largest, n)
+        change = max(change, _apply(c, g, i, own, n, t1, t2))
+    return bool(change <= SMALL_FORCE * largest + c.noise[g] / least)
 
 
 @inlined

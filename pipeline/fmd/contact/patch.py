@@ -100,10 +100,8 @@ def _find_forces(c: ContactTable, g: int) -> bool:
 
 @inner
 def _begin(c: ContactTable, g: int, rubs: bool) -> None:
-    """Begin with the last step's forces and their displacements, or with the points that had some."""
+    """Begin with the last step's forces, or with the points that had some."""
     first, count = c.group[g], c.n_chosen[g]
-    for k in range(c.stride[g]):
-        c.answer[k] = 0.0
     for own in range(count):
         i = c.chosen[first + own]
         normal = 0.0
@@ -116,13 +114,9 @@ def _begin(c: ContactTable, g: int, rubs: bool) -> None:
                 c.force[i, a] += c.turned[i, a, k] * turned
             normal = c.force[i, 0] if a == 0 else normal
         c.active[i] = 1 if normal > 0.0 else 0
-        if rubs:
-            if c.active[i] == 0:
-                c.force[i, 0], c.force[i, 1], c.force[i, 2] = 0.0, 0.0, 0.0
-            else:
-                _set_own(c, i)
-                move_points(c, g, own, c.own[i, 0], c.own[i, 1], c.own[i, 2])
-        else:
+        if c.active[i] == 0:
+            c.force[i, 0] = 0.0
+        if c.active[i] == 0 or not rubs:
             c.force[i, 1], c.force[i, 2] = 0.0, 0.0
 
 
@@ -136,14 +130,17 @@ def _set_own(c: ContactTable, i: int) -> None:
 
 @inner
 def _spread(c: ContactTable, g: int, rubs: bool) -> float:
-    """Turn the forces on chosen points into own axes, find the displacements by them, and return ``λᵀ D λ``."""
+    """Turn the forces on chosen points into own axes and the displacements by them, and return ``λᵀ D λ``.
+
+    Friction forces are found with their displacements.
+    """
     first, count, twice = c.group[g], c.n_chosen[g], 0.0
-    for k in range(c.stride[g]):
+    for k in range(0 if rubs else c.stride[g]):
         c.answer[k] = 0.0
     for own in range(count):
         i = c.chosen[first + own]
         _set_own(c, i)
-        if c.force[i, 0] != 0.0:
+        if c.force[i, 0] != 0.0 and not rubs:
             move_points(c, g, own, c.own[i, 0], c.own[i, 1], c.own[i, 2])
     for own in range(count):
         i = c.chosen[first + own]

@@ -138,6 +138,22 @@ class ContactTable(Table):
     foot_then: IntArray  # (n, 3)
     N: Array  # flexibility between chosen points along their normals
     normal_then: Array  # (n, 3): what N was found with
+    P: Array  # the inverse of D, where friction had it found; nothing without friction
+    inverted: IntArray  # (n_groups,): 1 where it is, -1 where D has none
+    swept: IntArray  # (n_groups,): sweeps of Gauss–Seidel with this D
+    M: Array  # equations of points that don't stick, a row each, with the right side behind
+    grip: IntArray  # (most points of a group,): state of each: open, sticks, slips
+    place_in: IntArray  # (most points,): its first unknown in them
+    trial: Array  # (most points, 3): force that its state follows from
+    slack: Array  # (most points, 3): gap and slip with displacements by forces
+    left: Array  # (most rows of D,): gaps and slips without these, in own axes
+    held: Array  # (as many): forces if no point moved
+    response: Array  # (as many): rows of P, summed up
+    known_response: Array  # (n_groups, known ones, 2, as many), flat: directions, and P times them
+    n_known: IntArray  # (n_groups,): how many
+    pivots: Array  # (8, 8): inverse of a block on P's diagonal, as P is found
+    pivot_rows: Array  # (8, as many), flat: this times its rows
+    lead: Array  # (8,): entries of a row in the block's columns
     L: Array  # factor of the active part of N
     factored: IntArray  # (n,): places of points in it, from the group's first entry on
     n_factored: IntArray  # (n_groups,): how many; -1 if it isn't to be used
