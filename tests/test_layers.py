@@ -46,7 +46,7 @@ OWNERS = {
 }
 # Packages that take 50 ms or more to load, so that an import inside a function pays; `fmd.meshes` brings Gmsh.
 HEAVY = {
-    *("control", "cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib"),
+    *("ansys", "control", "cvxopt", "dask", "distributed", "filelock", "gmsh", "h5py", "imageio", "jinja2", "joblib"),
     *("fmpy", "llvmlite", "mcp"),
     *("matplotlib", "meshio", "petsc4py", "pint", "psutil", "pymetis", "pyvista", "rich", "scipy", "skfem"),
     *("slepc4py", "vtk", "vtkmodules", "xarray"),

@@ -30,7 +30,7 @@ from fmd.scene.values import (
 
 
 class MeshFile(DividedMesh, SectorMesh):
-    """A mesh that another program made: Abaqus, Nastran, Gmsh, MED, VTK and more.
+    """A mesh that another program made: Abaqus, Nastran, Ansys, Gmsh, MED, VTK and more.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class MeshFile(DividedMesh, SectorMesh):
         Thickness [m]: the file's triangles and quadrilaterals are shells. ``"deck"`` takes it from the deck's sections,
         ``"layers"`` from the body's ``layers``.
     beam : str, optional
-        ``"deck"``: the lines of a deck of Nastran or Abaqus are beams, with the deck's sections.
+        ``"deck"``: the lines of a deck of Nastran, Abaqus or Ansys are beams, with the deck's sections.
     tie : tuple of TiedFace
         Faces of solid parts that stay together without common nodes.
 

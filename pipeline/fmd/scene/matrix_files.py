@@ -19,7 +19,8 @@ class MatrixFiles(SceneTable):
         (``.op4``), OUTPUT2 (``.op2``) and DMIG cards (``.pch``); of CalculiX, ``.sti`` and ``.mas``; of Ansys,
         ``.full``.
     nodes : str
-        Rows of a node's number, x, y and z, in the order of the matrices; or a deck of Nastran, Abaqus or CalculiX.
+        Rows of a node's number, x, y and z, in the order of the matrices; or a deck of Nastran, Abaqus, CalculiX or
+        Ansys.
     unit : str
         Unit of length of ``nodes``.
     stiffness_unit : str

@@ -11,6 +11,8 @@ MOST_MATRIX_BYTES = 4_000_000_000  # of a matrix's file: more doesn't fit into t
 MOST_MATRIX_ROWS = 10**8  # that a file may say of a sparse matrix, whose rows take 0.4 GB before an entry is read
 SHOWN_OF_LINE = 40  # characters of a line of a file that a message quotes
 MOST_UNKNOWNS = 10_000  # of a superelement, whose matrices are dense: 0.8 GB each
+ARM_BY_DIGITS = 1e-6  # of an arm, by which coefficients of nine digits may miss it
+UPRIGHT_BEAM = 1e-4  # slope against z below which Ansys lays a beam's y axis along the global one
 SAME_LINE = 1e-9  # sine of the angle between the arms of a coordinate system's three points: they lie on a line
 
 # What another program has computed for a body without elements.

@@ -1,4 +1,4 @@
-"""Import of beams from the lines of a deck of Nastran or Abaqus."""
+"""Import of beams from the lines of a deck of Nastran, Abaqus or Ansys."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from fmd.core.errors import AccuracyError, as_input_error
 from fmd.core.limits.files import LARGEST_COORDINATE, MOST_MESH_BYTES
 from fmd.fem.cells.table import CELLS, is_solid, solid_cell
 from fmd.fem.connections import Connections
-from fmd.fem.formats import abaqus, nastran
+from fmd.fem.formats import abaqus, ansys, nastran
 from fmd.fem.formats import repair as repairs
 from fmd.fem.formats.meshio_reader import read_by_meshio
 from fmd.fem.formats.mixed import split_mixed
@@ -22,9 +22,11 @@ from fmd.fem.formats.named_sets import PLANE, corners_of, find_faces, find_parts
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh, rows_among, three_corners
 
-_TEXT_READERS = dict.fromkeys(abaqus.SUFFIXES, abaqus.read_abaqus) | dict.fromkeys(
-    nastran.SUFFIXES, nastran.read_nastran
-)
+_TEXT_READERS = {
+    **dict.fromkeys(abaqus.SUFFIXES, abaqus.read_abaqus),
+    **dict.fromkeys(ansys.SUFFIXES, ansys.read_ansys),
+    **dict.fromkeys(nastran.SUFFIXES, nastran.read_nastran),
+}
 T = TypeVar("T")
 
 
@@ -225,8 +227,7 @@ def require_sound(raw: RawMesh) -> None:
 
 def _solid_cells(raw: RawMesh) -> tuple[str, IntArray]:
     """Return the one type of solid cells in the file, and their points, block after block."""
-    read = replace(raw, others={})
-    count, listed = read.count_elements(), read.list_elements()
+    count, listed = replace(raw, others={}).count_elements(), raw.list_elements()
     solids = [kind for kind in count if is_solid(kind)]
     if not solids:
         plane = any(kind in ("triangle", "quad") for kind in count)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,14 @@ from fmd.core.errors import AccuracyError, InputError, as_input_error
 from fmd.core.limits.files import IN_LINE, ISOTROPIC, SYMMETRIC
 from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.connections import Connections
-from fmd.fem.formats import abaqus
+from fmd.fem.formats import abaqus, ansys
 from fmd.fem.formats.free_body import require_free_body
 from fmd.fem.formats.matrix_model import MatrixModel
 from fmd.fem.formats.matrix_readers import read_matrix
 from fmd.fem.formats.nastran import SUFFIXES as DECKS
 from fmd.fem.formats.nastran import read_grid_points
 from fmd.fem.formats.node_places import read_matrix_text, read_node_table
-from fmd.fem.formats.raw_mesh import MeshFileError
+from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.formats.six_unknowns import SixUnknownsModel, six_unknowns_model
 from fmd.fem.formats.tied_matrices import references, tie_matrices
 from fmd.fem.markers import Marker, weighted_marker
@@ -40,7 +41,7 @@ def read_matrices(
         the nodes in ascending order, as those of CalculiX (``.sti``, ``.mas``) are, and DMIG cards (``.pch``); of
         several matrices in a file those whose names begin with K and M. Ansys' ``.full``, by node numbers.
     nodes : Path
-        Rows of number, x, y, z, or a deck of Nastran, Abaqus or CalculiX.
+        Rows of number, x, y, z, or a deck of Nastran, Abaqus, CalculiX or Ansys.
     units : tuple of float
         The files' units of length [m], stiffness [N/m] and mass [kg].
     unknowns : int
@@ -115,17 +116,19 @@ def _read_nodes(path: Path) -> tuple[IntArray, Array, Connections]:
         with as_input_error(str(path), of=MeshFileError):
             return read_grid_points(read_matrix_text(path))
     if path.suffix.lower() in abaqus.SUFFIXES:
-        return *_nodes_of_deck(path), Connections()
+        return *_nodes_of_deck(path, abaqus.read_abaqus), Connections()
+    if path.suffix.lower() in ansys.SUFFIXES:
+        return *_nodes_of_deck(path, ansys.read_ansys), Connections()
     labels, x = read_node_table(path)
     if len(x) < 3:
         raise InputError(str(path), "", None, "needs three nodes at least, with finite coordinates")
     return labels, x, Connections()
 
 
-def _nodes_of_deck(path: Path) -> tuple[IntArray, Array]:
-    """Read the nodes of the elements of a deck of Abaqus or CalculiX, in ascending order, as CalculiX's rows are."""
+def _nodes_of_deck(path: Path, read: Callable[[str], RawMesh]) -> tuple[IntArray, Array]:
+    """Read the nodes of a deck's elements and masses, in ascending order, as CalculiX's rows are."""
     with as_input_error(str(path), of=MeshFileError):
-        raw = abaqus.read_abaqus(read_matrix_text(path))
+        raw = read(read_matrix_text(path))
     found = raw.connections
     if joined := [*found.rigid, *found.mean, *found.equations, *found.ties]:
         what = "gives unknowns by others, which the matrices leave out; write them without"
