@@ -40,7 +40,8 @@ OWN_FRAME = 1e-6  # of the largest shape
 # Static shapes.
 STATIC_RESIDUAL = 1e-6  # largest residual in the energy norm, as that of modes
 ROUNDED_STATIC_RESIDUAL = 1e-4  # the same, if round-off explains it
-CONVERGED_RESIDUAL = 1e-12  # residual in the energy norm that needs no further round of conjugate gradients
+# Residual in the energy norm that needs no further round of conjugate gradients: a round from here gains a digit or two.
+CONVERGED_RESIDUAL = 1e-10
 GRADIENT_ROUNDS = 6  # rounds of conjugate gradients, each of which gains four digits
 ROUND_GAIN = 1e-4  # by which a round has to make the residual smaller
 GRADIENT_STEPS = 100  # in a round: a factor of K that is nearly exact needs few
