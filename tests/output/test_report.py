@@ -109,6 +109,7 @@ def test_the_page_holds_frequencies_pictures_charts_run_times_errors_and_version
     page = Page(text)
     hertz = load("beam", *QUICK).modes.frequencies_hz
     assert {f"{value:.2f}" for value in hertz} <= set(page.cells)
+    assert "<p>beam, free of its joint; " in text
     assert {"central-difference", "sub-cycling 5:1", "sub-cycling 10:1"} <= set(page.cells)
     assert {"beam, largest von Mises stress", "stated", version("gmsh"), version("scikit-fem")} <= set(page.cells)
     pictures = [base64.b64decode(at.partition(",")[2]) for at in page.addresses]

@@ -40,8 +40,7 @@ OWN_FRAME = 1e-6  # of the largest shape
 # Static shapes.
 STATIC_RESIDUAL = 1e-6  # largest residual in the energy norm, as that of modes
 ROUNDED_STATIC_RESIDUAL = 1e-4  # the same, if round-off explains it
-# Residual in the energy norm that needs no further round of conjugate gradients: a round from here gains a digit or two.
-CONVERGED_RESIDUAL = 1e-10
+CONVERGED_RESIDUAL = 1e-10  # in the energy norm: a further round of conjugate gradients would gain a digit or two
 GRADIENT_ROUNDS = 6  # rounds of conjugate gradients, each of which gains four digits
 ROUND_GAIN = 1e-4  # by which a round has to make the residual smaller
 GRADIENT_STEPS = 100  # in a round: a factor of K that is nearly exact needs few

@@ -22,6 +22,7 @@ from fmd.output.report.shown import image_of, show_outputs
 from fmd.output.report.view3d import collect_view
 from fmd.output.stated_errors import ERROR_COLUMNS, error_cells, key_figures, run_time, worst_details
 from fmd.render.camera import Camera
+from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
 
 _MEANT = {"mesh": "the mesh", "modes": "the modes", "time": "the integration", "model": "the model"}
@@ -75,7 +76,7 @@ def collect_tables(run: Pipeline, summary: dict[str, Any]) -> dict[str, Any]:
         "source": run.scene.source,
         "scene": run.scene.name,
         "figures": key_figures(summary),
-        "frequencies": _frequencies(summary) if run.wholes else None,
+        "frequencies": _frequencies(summary, part_of(run.part.name) or run.part.name) if run.wholes else None,
         "integrations": _integrations(summary) if "integrations" in summary else None,
         "budget": _budget(summary["error_budget"]) if "error_budget" in summary else None,
         "stages": [
@@ -143,8 +144,8 @@ def _draw_charts(run: Pipeline) -> Iterator[dict[str, str]]:
         yield image_of(draw_inline(run, chart.type, **settings)[0].png, title)
 
 
-def _frequencies(summary: dict[str, Any]) -> dict[str, Any]:
-    """Frequencies, beside those of the scene's reference if it has one."""
+def _frequencies(summary: dict[str, Any], name: str) -> dict[str, Any]:
+    """Frequencies of a body, beside those of the scene's reference if it has one."""
     known = zip(summary["reference_hz"], summary["relative_error"], strict=True)
     beside = [(f"{hertz:.1f}", f"{100 * error:+.2f} %") for hertz, error in known]
     return {
@@ -153,7 +154,8 @@ def _frequencies(summary: dict[str, Any]) -> dict[str, Any]:
             (k + 1, f"{hertz:.2f}", *(beside[k] if k < len(beside) else ("", "") if beside else ()))
             for k, hertz in enumerate(summary["frequencies_hz"])
         ],
-        "note": f"{summary['dofs']} unknowns, {summary['rigid_modes']} rigid-body modes, "
+        "note": f"{name}, {summary['bodies'][name]['boundary']}; {summary['dofs']} unknowns, "
+        f"{summary['rigid_modes']} rigid-body modes, "
         f"residual {summary['residual']:.0e}",
     }
 
