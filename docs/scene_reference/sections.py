@@ -58,7 +58,7 @@ from fmd.scene.propeller import Propeller, PropellerMesh
 from fmd.scene.reading import SceneTable
 from fmd.scene.reduced_bodies import BodyFile, FileNode, ReducedPart
 from fmd.scene.rigid_bodies import PointMarker, PointMass, RigidBody, Rod
-from fmd.scene.rigid_surfaces import BallSurface, BoreSurface, BoxSurface, ElasticSurface, PinSurface
+from fmd.scene.rigid_surfaces import BallSurface, BoreSurface, BoxSurface, ElasticSurface, FileSurface, PinSurface
 from fmd.scene.runs import RUNS
 from fmd.scene.scene import PublishedResults, Scene
 from fmd.scene.shells import Plate, ShellMesh, Tube
@@ -284,6 +284,7 @@ SECTIONS = (
     Section("### Box that touches", BoxSurface),
     Section("### Pin that touches", PinSurface),
     Section("### Bore that touches", BoreSurface),
+    Section("### File of triangles that touches", FileSurface),
     Section("### Shapes of rigid bodies in pictures", VisualSettings, _VISUALS),
     Section("### Box in pictures", BoxVisual),
     Section("### Cylinder in pictures", CylinderVisual),

@@ -12,7 +12,7 @@ from fmd import Pipeline, load_scene
 from fmd.cli.robot_scenes import _make_names
 from fmd.core.arrays import Array
 from fmd.dynamics.kinematics import Kinematics
-from fmd.stages.visual_files import read_visual
+from fmd.stages.visual_files import read_shape
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">
@@ -180,7 +180,7 @@ def test_jaws_follow_a_wheel_and_each_other_and_are_drawn_by_what_there_is(tmp_p
     rack, slides = run.scene.coupler["joint-1"], run.scene.coupler["joint-2"]
     assert (rack.type, rack.radius, rack.offset) == ("rack", 0.02, 0.001)
     assert (slides.type, slides.driver, slides.ratio) == ("slides", "joint-1", -1.0)
-    points, triangles = read_visual(run.scene, "link-2", 0, run.store.cache)
+    points, triangles = read_shape(run.scene, "link-2", "visual.0", run.store.cache)
     np.testing.assert_array_equal(points, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     np.testing.assert_array_equal(triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 3]])
 

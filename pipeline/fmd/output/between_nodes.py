@@ -40,7 +40,7 @@ def describe_depths(run: Pipeline, motion: Motion) -> dict[str, str]:
     for body in bodies.values():
         for pair in body.pairs:
             theirs = bodies[pair.other].points.primitives
-            if body.points.is_rigid or pair.other_face not in theirs:
+            if body.body not in run.parts or pair.other_face not in theirs:
                 continue
             surface = theirs[pair.other_face]
             size = surface.radius if surface.kind != BOX else 2.0 * (min(surface.half) + surface.radius)

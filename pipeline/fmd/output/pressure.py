@@ -32,7 +32,7 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
     A near field's grid is smaller than elements: nodes beside it have its pressure, and the label the area it is on.
     """
     (touching,) = (own for own in run.motion.mechanism.contacts if output.contact in own.names)
-    if touching.points.is_rigid:
+    if touching.body not in run.parts:
         number = run.scene.output.index(output) if output in run.scene.output else 0
         message = "is of rigid bodies, which have no mesh to draw it on; a chart of contact_pressure shows it over time"
         raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)

@@ -12,7 +12,7 @@ from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.shown import BORE_WALL
 from fmd.core.rotations import rotation_by
-from fmd.stages.visual_files import read_visual
+from fmd.stages.visual_files import read_shape
 
 if TYPE_CHECKING:
     from fmd.render.surface import Surface
@@ -37,14 +37,20 @@ def shape_surfaces(run: Pipeline, body: str, size: float) -> list[tuple[Surface,
     if table.visual:
         return [(_given_surface(run, body, number), visual.colour) for number, visual in enumerate(table.visual)]
     if table.surface:
-        return [(_touching_surface(surface), None) for surface in table.surface.values()]
+        return [(_touching_surface(run, body, name), None) for name in table.surface]
     return [(_usual_surface(table, size), None)]
 
 
-def _touching_surface(table: Any) -> Surface:
-    """Return a ball, a box, a pin or a bore that may touch something."""
+def _touching_surface(run: Pipeline, body: str, name: str) -> Surface:
+    """Return a surface that may touch something."""
     from fmd.render.solids import make_ball, make_box, make_cylinder, make_tube
+    from fmd.render.surface import Surface
 
+    table: Any = run.scene.body[body]
+    table = table.surface[name]
+    if table.type == "file":
+        shape = read_shape(run.scene, body, f"surface.{name}", run.store.cache)
+        return Surface(*shape, np.empty((0, 2), dtype=np.int64))
     if table.type == "ball":
         return make_ball(np.array(table.at), table.radius)
     if table.type == "box":
@@ -73,9 +79,7 @@ def _given_surface(run: Pipeline, body: str, number: int) -> Surface:
                 key = f"body.{body}.visual.{number}.type"
                 raise InputError(run.scene.file, key, "rod", "needs two markers at different places; the body has one")
             return join_surfaces([make_cylinder(one, other, visual.radius) for one, other in pairwise(places)])
-    points, triangles = read_visual(run.scene, body, number, run.store.cache)
-    placed = points @ rotation_by(visual.rotation).T + np.array(visual.at)
-    return Surface(placed, triangles, np.empty((0, 2), dtype=np.int64))
+    return Surface(*read_shape(run.scene, body, f"visual.{number}", run.store.cache), np.empty((0, 2), dtype=np.int64))
 
 
 def _usual_surface(table: Any, size: float) -> Surface:

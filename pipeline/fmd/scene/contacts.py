@@ -19,7 +19,8 @@ class Contact(SceneTable):
 
     A flexible body touches with the face of an averaged marker; its points are those that a constant pressure acts on.
     What its modes leave out of the deflection by forces on them is known from its mesh, and so is the pressure. A rigid
-    body touches with one of its surfaces, a ball, a box, a pin or a bore, whose flexibility is a half-space's.
+    body touches with one of its surfaces, a ball, a box, a pin, a bore or triangles of a file, whose flexibility is a
+    half-space's.
 
     Parameters
     ----------
@@ -96,9 +97,12 @@ class Contact(SceneTable):
 
 
 def check_bodies(
-    contacts: Mapping[str, Contact], pieces: Collection[str], flexible: Collection[str]
+    contacts: Mapping[str, Contact], pieces: Collection[str], flexible: Collection[str], triangles: Collection[str]
 ) -> Iterator[FaultError]:
-    """Yield faults of contacts with bodies in pieces, or of another damping or restitution than others allow."""
+    """Yield faults of contacts with bodies in pieces, or of another damping or restitution than others allow.
+
+    Rigid bodies' surfaces of triangles are as faces of flexible ones.
+    """
     of_body: dict[str, tuple[str, float]] = {}
     for name, contact in contacts.items():
         bodies = sorted({end.partition(".")[0] for end in contact.between} - {"ground"})
@@ -107,10 +111,14 @@ def check_bodies(
                 yield FaultError(
                     f"touches with {body}, which is in pieces; pieces = 1 works", "contact", name, "between"
                 )
-            if body not in flexible:
+            if body not in flexible and not any(
+                end in triangles for end in contact.between if end.startswith(f"{body}.")
+            ):
                 continue
             if contact.restitution != 1.0:
-                fault = f"is for rigid bodies alone: {body} bounces by its modes; damping takes energy, too"
+                fault = (
+                    f"is for round rigid surfaces alone: {body} bounces by its flexibility; damping takes energy, too"
+                )
                 yield FaultError(fault, "contact", name, "restitution")
             other, damping = of_body.setdefault(body, (name, contact.damping))
             if damping != contact.damping:

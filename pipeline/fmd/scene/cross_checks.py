@@ -168,7 +168,7 @@ class CrossCheck:
                 else:
                     yield from self._check_place(place, "contact", name, "between", number)
         yield from check_faces(self.scene.contact, self.scene.flexible)
-        yield from check_bodies(self.scene.contact, self.scene.pieces, self.scene.flexible)
+        yield from check_bodies(self.scene.contact, self.scene.pieces, self.scene.flexible, self.scene.of_triangles)
         if self.scene.contact and self.scene.sampled:
             fault = f"can't be in a scene with a sampled controller, {self.scene.sampled[0]}"
             yield FaultError(fault, "contact", next(iter(self.scene.contact)))

@@ -56,7 +56,7 @@ class Undeformable(SceneTable):
         Shapes in pictures and films. By default a rod is one of its length, a point mass a ball, and any other body
         its surfaces, else rods or a plate through its markers, or the box that has its inertia.
     surface : dict of str to RigidSurface
-        Balls, boxes, pins and bores that may touch something, by name.
+        Balls, boxes, pins, bores and files of triangles that may touch something, by name.
     """
 
     mass: PositiveMass

@@ -1,4 +1,4 @@
-"""Surfaces of rigid bodies that may touch something: balls, boxes, pins and bores."""
+"""Surfaces of rigid bodies that may touch something: balls, boxes, pins, bores and files of triangles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from fmd.core.limits.contact import USUAL_ROUNDING
 from fmd.core.units import PositiveLength, PositiveStress
 from fmd.scene.kinds import KindBy
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import Point, Poisson, Turn
+from fmd.scene.values import LengthUnit, Point, Poisson, Turn
+from fmd.scene.visuals import VisualFile
 
 
 class ElasticSurface(SceneTable):
@@ -152,5 +153,37 @@ class BoreSurface(AxialSurface):
     type: Literal["bore"]
 
 
-SURFACES = (BallSurface, BoxSurface, PinSurface, BoreSurface)
-RigidSurface = Annotated[BallSurface | BoxSurface | PinSurface | BoreSurface, KindBy("type")]
+class FileSurface(ElasticSurface):
+    """Triangles of an STL, OBJ or CAD file, whose corners touch: 1,000 at most.
+
+    Parameters
+    ----------
+    file : str
+        The file, relative to the scene's.
+    unit : str
+        Unit of length of an STL or OBJ file; CAD files hold their own.
+    at : tuple of float
+        Place of the file's origin in the body's frame [m].
+    rotation : tuple of float
+        Rotation vector that turns the file's axes in the body's frame [rad].
+
+    Examples
+    --------
+    ::
+
+        [body.hook.surface.skin]
+        type = "file"
+        file = "hook.stl"
+        E = "210 GPa"
+        nu = 0.3
+    """
+
+    type: Literal["file"]
+    file: VisualFile
+    unit: LengthUnit = "mm"
+    at: Point = (0.0, 0.0, 0.0)
+    rotation: Turn = (0.0, 0.0, 0.0)
+
+
+SURFACES = (BallSurface, BoxSurface, PinSurface, BoreSurface, FileSurface)
+RigidSurface = Annotated[BallSurface | BoxSurface | PinSurface | BoreSurface | FileSurface, KindBy("type")]

@@ -73,6 +73,12 @@ class SceneTables(SceneTable):
         bodies = (end.partition(".")[0] for own in self.contact.values() for end in own.between)
         return tuple(dict.fromkeys(body for body in bodies if body in self.body and body not in self.flexible))
 
+    @property
+    def of_triangles(self) -> set[str]:
+        """The surfaces of rigid bodies, ``"body.surface"``, that are triangles of a file."""
+        surfaces = {name: getattr(body, "surface", {}) for name, body in self.body.items()}
+        return {f"{body}.{name}" for body, own in surfaces.items() for name in own if own[name].type == "file"}
+
     def faces_in_contact(self, body: str, with_bodies: bool) -> tuple[str, ...]:
         """Return the markers on the faces of a body that may touch something, or other flexible bodies alone."""
         pairs = {name for name, *_ in self.touching_faces if [at[0] for at in self.touching_faces].count(name) == 2}

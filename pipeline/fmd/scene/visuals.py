@@ -22,6 +22,9 @@ def _check_visual_file(file: str) -> str:
     return file
 
 
+VisualFile = Annotated[SourceFile, AfterValidator(_check_visual_file)]
+
+
 class OneOrMore:
     """Reader of a list that may be written without brackets if it has one table."""
 
@@ -159,7 +162,7 @@ class FileVisual(VisualSettings):
     """
 
     type: Literal["file"]
-    file: Annotated[SourceFile, AfterValidator(_check_visual_file)]
+    file: VisualFile
     unit: LengthUnit = "mm"
     at: Point = (0.0, 0.0, 0.0)
     rotation: Turn = (0.0, 0.0, 0.0)

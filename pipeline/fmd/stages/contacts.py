@@ -16,7 +16,7 @@ from fmd.stages.contact_deformation import ContactDeformation
 from fmd.stages.contact_grids import StartPose, refine_near_field
 from fmd.stages.contact_steps import require_steps_of_modes
 from fmd.stages.markers import find_marker_facets
-from fmd.stages.rigid_contacts import add_rigid_contact, no_points, plane_of, rigid_surface
+from fmd.stages.rigid_contacts import add_rigid_contact, first_points, plane_of, rigid_surface
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -69,18 +69,25 @@ def add_contacts(run: Pipeline, mechanism: Mechanism) -> Mechanism:
     require_steps_of_modes(run.scene, mechanism)
     bodies = {body: TouchingBody(body, run.parts[body].contact_points) for _, body, _ in run.scene.touching_faces}
     start = StartPose(run.divided_scene, mechanism)
-    bodies |= {body: TouchingBody(body, no_points(run.scene, body, start)) for body in run.scene.rigid_in_contact}
+    bodies |= {
+        body: TouchingBody(body, first_points(run.scene, body, start, run.store.cache))
+        for body in run.scene.rigid_in_contact
+    }
     for name, contact in run.scene.contact.items():
         if any(rigid_surface(run.scene, place) for place in contact.between):
             add_rigid_contact(run.scene, name, contact, bodies, start)
         elif contact.on_ground:
             plane = plane_of(run.scene, name, contact)
             body = contact.between[1].partition(".")[0]
-            points, told = refine_near_field(run.scene, plane, body, bodies[body].points, start)
+            points, told = bodies[body].points, "half-space"
+            if contact.between[1] not in run.scene.of_triangles:
+                points, told = refine_near_field(run.scene, plane, body, points, start)
             planes = (*bodies[body].planes, replace(plane, near_field=told))
             bodies[body] = replace(bodies[body], points=points, planes=planes)
         else:
             body, pair = _pair(name, contact, bodies)
+            if run.scene.of_triangles.issuperset(contact.between):
+                pair = replace(pair, near_field="half-space")
             bodies[body] = replace(bodies[body], pairs=(*bodies[body].pairs, pair))
     if run.scene.simulation.start == "equilibrium":
         bodies = {name: replace(own, anchor=start.frame(name)) for name, own in bodies.items()}

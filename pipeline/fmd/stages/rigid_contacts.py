@@ -10,13 +10,16 @@ import numpy as np
 from fmd.contact.primitives import BALL, BORE, BOX, PIN, Primitive, RoundPoints
 from fmd.contact.round_laws import RoundLaw, ball_law, joint_modulus, pin_law, shear_ratio
 from fmd.contact.touching_body import ContactPair, ContactPlane, ContactPoints, TouchingBody
+from fmd.contact.triangle_field import points_of_triangles
 from fmd.core.arrays import Array
-from fmd.core.errors import InputError
+from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.contact import CROSSING_EDGES, PRIMITIVE_DEPTH
 from fmd.core.rotations import rotation_by
 from fmd.stages.parent_joint import ground_place
+from fmd.stages.visual_files import read_shape
 
 if TYPE_CHECKING:
+    from fmd.core.cache import Cache
     from fmd.scene.contacts import Contact
     from fmd.scene.scene import Scene
     from fmd.stages.contact_grids import StartPose
@@ -30,9 +33,9 @@ _PAIRS = {
 
 
 def rigid_surface(scene: Scene, place: str) -> Any:
-    """Return the table of a rigid body's surface at a place of a contact; ``None`` of a flexible body or the ground."""
+    """Return the table of a rigid body's round surface at a place of a contact; ``None`` elsewhere."""
     body, _, name = place.partition(".")
-    return getattr(scene.body.get(body), "surface", {}).get(name)
+    return None if place in scene.of_triangles else getattr(scene.body.get(body), "surface", {}).get(name)
 
 
 def order_of(scene: Scene, name: str, contact: Contact) -> tuple[str, str]:
@@ -44,6 +47,10 @@ def order_of(scene: Scene, name: str, contact: Contact) -> tuple[str, str]:
         Neither of the two has points that may touch the other.
     """
     one, other = (rigid_surface(scene, place) for place in contact.between)
+    for place in contact.between:
+        if place in scene.of_triangles:
+            fault = "is of triangles, which touch planes, one another and faces of flexible bodies; make both files"
+            raise InputError(scene.file, f"contact.{name}.between", place, fault)
     for (mine, theirs), places in (((other, one), contact.between[::-1]), ((one, other), contact.between)):
         if theirs is not None and (mine is None or theirs.type in _PAIRS.get(mine.type, ())):
             return places[0], places[1]
@@ -157,11 +164,31 @@ def expected_stiffness(law: RoundLaw, radius: float, force: float, energy: float
     return law.stiffness(max(law.depth_under(force, energy), PRIMITIVE_DEPTH * radius))
 
 
-def no_points(scene: Scene, body: str, start: StartPose) -> ContactPoints:
-    """Return the surfaces of a rigid body that points may touch, before it has points of its own."""
-    primitives = {name: primitive_of(table, start.origin(body)) for name, table in scene.body[body].surface.items()}  # type: ignore[union-attr]
-    none, shapes = np.zeros((0, 3)), np.zeros((0, 3, 0))
-    return ContactPoints(none, {}, shapes, np.zeros((0, 3, 0, 3)), {}, primitives=primitives)
+def first_points(scene: Scene, body: str, start: StartPose, cache: Cache) -> ContactPoints:
+    """Return the surfaces of a rigid body that points may touch, and the points of one of triangles.
+
+    Raises
+    ------
+    InputError
+        Several surfaces of triangles touch something, or round ones do, too, or its file can't be used.
+    """
+    tables: dict[str, Any] = scene.body[body].surface  # type: ignore[union-attr]
+    ends = [end.partition(".") for own in scene.contact.values() for end in own.between]
+    touching = [name for own, _, name in ends if own == body]
+    used = dict.fromkeys(name for name in touching if tables[name].type == "file")
+    if not used:
+        round_ones = {name: table for name, table in tables.items() if table.type != "file"}
+        primitives = {name: primitive_of(table, start.origin(body)) for name, table in round_ones.items()}
+        none, shapes = np.zeros((0, 3)), np.zeros((0, 3, 0))
+        return ContactPoints(none, {}, shapes, np.zeros((0, 3, 0, 3)), {}, primitives=primitives)
+    name = next(iter(used))
+    key = f"body.{body}.surface.{name}.file"
+    if len({*touching}) > 1:
+        fault = "is of triangles, beside which no other surface of the body touches; one file with all of them works"
+        raise InputError(scene.file, key, tables[name].file, fault)
+    x, triangles = read_shape(scene, body, f"surface.{name}", cache)
+    with as_input_error(scene.file, key, tables[name].file):
+        return points_of_triangles(name, x - start.origin(body), triangles, tables[name].E, tables[name].nu)
 
 
 def plane_of(scene: Scene, name: str, contact: Contact) -> ContactPlane:

@@ -14,6 +14,7 @@ from fmd.core.errors import as_input_error
 from fmd.core.files import digest_file
 from fmd.core.limits.patience import VISUAL_SECONDS
 from fmd.core.processes import ChildError, run_child
+from fmd.core.rotations import rotation_by
 from fmd.core.units import unit_ratio
 from fmd.fem.formats.obj import read_obj
 from fmd.fem.formats.stl import read_stl
@@ -23,7 +24,7 @@ _READERS = {".stl": read_stl, ".obj": read_obj}  # of triangles, by suffix
 
 
 def find_visual_files(scene: Scene) -> dict[str, str]:
-    """Return the digests of the files that rigid bodies are shown by, under their keys in the scene.
+    """Return the digests of the files that rigid bodies are shown or touched by, under their keys in the scene.
 
     Raises
     ------
@@ -32,21 +33,23 @@ def find_visual_files(scene: Scene) -> dict[str, str]:
     """
     digests = {}
     for body, table in scene.body.items():
-        for number, visual in enumerate(getattr(table, "visual", ())):
-            if visual.type == "file":
-                key = f"body.{body}.visual.{number}.file"
-                with as_input_error(scene.file, key, visual.file):
-                    digests[key] = digest_file(Path(scene.file).parent / visual.file)
+        shapes = {f"visual.{number}": own for number, own in enumerate(getattr(table, "visual", ()))}
+        shapes |= {f"surface.{name}": own for name, own in getattr(table, "surface", {}).items()}
+        for place, own in shapes.items():
+            if own.type == "file":
+                key = f"body.{body}.{place}.file"
+                with as_input_error(scene.file, key, own.file):
+                    digests[key] = digest_file(Path(scene.file).parent / own.file)
     return digests
 
 
-def read_visual(scene: Scene, body: str, number: int, cache: Cache) -> tuple[Array, IntArray]:
-    """Read a body's shape from its file.
+def read_shape(scene: Scene, body: str, place: str, cache: Cache) -> tuple[Array, IntArray]:
+    """Read a body's shape from its file, whose table is ``visual.NUMBER`` or ``surface.NAME`` of the body.
 
     Returns
     -------
     tuple of ndarray, shapes (n_points, 3) and (n_triangles, 3)
-        Points in the file's axes [m], and the corners of each triangle.
+        Points in the body's frame [m], and the corners of each triangle.
 
     Raises
     ------
@@ -54,14 +57,15 @@ def read_visual(scene: Scene, body: str, number: int, cache: Cache) -> tuple[Arr
         The file can't be read, or holds no shape; the message says why.
     """
     table: Any = scene.body[body]
-    visual = table.visual[number]
-    key = f"body.{body}.visual.{number}.file"
+    kind, _, name = place.partition(".")
+    visual = table.visual[int(name)] if kind == "visual" else table.surface[name]
+    key = f"body.{body}.{place}.file"
     digest = find_visual_files(scene)[key]
     path = Path(scene.file).parent / visual.file
     if (read := _READERS.get(path.suffix.lower())) is not None:
         with as_input_error(scene.file, key, visual.file):
             points, triangles = read(path)
-        return points * unit_ratio(visual.unit, "m"), triangles
+        return _place(visual, points * unit_ratio(visual.unit, "m")), triangles
     sources = ("fmd/meshes", "fmd/stages/visual_files.py")
     kept = stage_key("visual", {"content": digest, "kind": path.suffix.lower()}, sources, ("gmsh",))
     found = cache.load(kept, "tuple[Array, ...]")
@@ -70,7 +74,12 @@ def read_visual(scene: Scene, body: str, number: int, cache: Cache) -> tuple[Arr
             found = _triangulate(path)
         cache.save(kept, found)
     points, triangles = found
-    return points, triangles
+    return _place(visual, points), triangles
+
+
+def _place(table: Any, points: Array) -> Array:
+    """Return points of a file in the body's frame."""
+    return np.asarray(points @ rotation_by(table.rotation).T + np.array(table.at))
 
 
 def _triangulate(path: Path) -> tuple[Array, IntArray]:
