@@ -111,6 +111,15 @@ def test_a_softened_body_yields_more_to_the_same_force_and_has_the_same_stress()
     assert soft.markers["at"].rotation == pytest.approx(soft.shapes[1])
 
 
+def test_a_softened_body_keeps_the_order_and_the_zeros_of_the_given_one_so_that_it_takes_no_code_of_its_own() -> None:
+    shapes = np.linalg.qr(np.random.default_rng(0).standard_normal((30, 4)))[0].reshape(10, 3, 4)
+    body = body_of(np.random.default_rng(1).uniform(size=(10, 3)), shapes, np.array([1.0, 2.0, 2.01, 9.0]))
+    excess = np.diag([0.0, 0.0, 0.1, 0.0]) + 1e-10 * np.ones((4, 4))  # the third rings below the second now
+    soft, as_if = soften_body(body, excess)
+    assert soft.omega == pytest.approx([1.0, 2.0, 2.01 * 0.9**0.5, 9.0])
+    assert np.count_nonzero(as_if) == 4
+
+
 def test_a_retuned_body_rings_at_other_frequencies_and_yields_to_a_static_force_as_before() -> None:
     random = np.random.default_rng(0)
     shapes = np.linalg.qr(random.standard_normal((30, 3)))[0].reshape(10, 3, 3)

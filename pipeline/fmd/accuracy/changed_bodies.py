@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from fmd.core.arrays import Array
-from fmd.core.limits.errors import MOST_OF_EIGENVALUE
+from fmd.core.limits.errors import HARDLY_MIXED, MOST_OF_EIGENVALUE
 from fmd.core.limits.rank import NEW_RESPONSE
 from fmd.reduction.body import FlexibleBody
 
@@ -27,13 +28,17 @@ def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]
     Returns
     -------
     FlexibleBody
-        Body of other frequencies, in its own coordinates.
+        Body of other frequencies, in its own coordinates, each of which is most like the given one of its number.
     ndarray, shape (n, n)
         Matrix from these coordinates to the given body's that have the same forces.
     """
     parts, directions = np.linalg.eigh(np.eye(len(excess)) - 0.5 * (excess + excess.T))
     kept = (directions * np.clip(parts, 1 - MOST_OF_EIGENVALUE, 1 + MOST_OF_EIGENVALUE)) @ directions.T
     omega2, turn = np.linalg.eigh(body.omega[:, None] * kept * body.omega)
+    # In the given order and without round-off equations have the structure of the given body's, and their machine code.
+    order = linear_sum_assignment(turn**2, maximize=True)[1]
+    omega2, turn = omega2[order], turn[:, order]
+    turn[np.abs(turn) < HARDLY_MIXED] = 0.0
     return _combined(body, turn, np.sqrt(omega2)), turn * omega2 / body.omega[:, None] ** 2
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,14 +13,26 @@ from fmd.accuracy.coarse_mesh import Pair
 from fmd.accuracy.details import detail_quantities, leave_out_nothing
 from fmd.accuracy.quantities import Quantities, mesh_quantities, motion_quantities, stress_quantities
 from fmd.accuracy.requested_stress import RequestedStress
-from fmd.accuracy.time_limit import TimeLimit
+from fmd.accuracy.time_limit import LeftOutError, TimeLimit
 from fmd.core.arrays import Array, IntArray
-from fmd.core.errors import StabilityError
-from fmd.core.limits.errors import COMPARED_FRAMES, FINER_TOLERANCE, HOT, HOTTEST_FRAMES, SHORT_SECONDS
+from fmd.core.errors import AccuracyError, StabilityError
+from fmd.core.limits.errors import (
+    COMPARED_FRAMES,
+    COMPARED_IMPLICIT_STEPS,
+    FINER_TOLERANCE,
+    HOT,
+    HOTTEST_FRAMES,
+    MARCH_OF_LIMIT,
+    SHORT_SECONDS,
+    WORTH_OTHER_METHOD,
+)
+from fmd.core.limits.stepping import IMPLICIT_STEPS_IN_ACTION
 from fmd.integrators.automatic import Automatic
 from fmd.integrators.exponential import PiecewiseExponential
+from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.recovery.stress import choose_frames
 from fmd.stages.plan import repeat_choice
+from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
     from fmd.integrators.protocol import Integrator, Trajectory
@@ -51,6 +65,8 @@ class Comparison:
         self.motion = run.motion
         self._first = next(iter(run.plans.values()))
         self.plan = repeat_choice(self._first, self.motion.trajectory)
+        # Of the first march by each kind of method [s].
+        self._seconds: dict[type, float] = {type(self.plan.integrator): run.fine_motion.trajectory.seconds}
         self.frames: IntArray = np.arange(0)
         self.corrections: dict[str, float] = {}
         self.of_mesh = mesh_quantities(run)
@@ -65,6 +81,35 @@ class Comparison:
         self.details = leave_out_nothing(detail_quantities(run.scene, self.motion) | requested)
         self.of_motion |= self.details
         self.quantities = self.of_mesh | self.of_motion
+
+    @cached_property
+    def beside(self) -> tuple[Plan, Quantities]:
+        """The plan that variants are marched by, and the run's own quantities by it.
+
+        Where a dozen marches like the run's take longer than the time limit, generalised-α steps over the vibrations
+        that an explicit method follows: what that makes of them is the same in both marches that are compared.
+        """
+        own = self.run.fine_motion.trajectory.seconds
+        plan = replace(self.plan, integrator=self.implicit_method)
+        if own > MARCH_OF_LIMIT * self.limit.seconds and type(plan.integrator) is not type(self.plan.integrator):
+            try:
+                motion = self.march(self.run, plan)
+            except (LeftOutError, AccuracyError):
+                return self.plan, self.quantities
+            if motion.trajectory.seconds < WORTH_OTHER_METHOD * own:
+                return plan, self.quantities_of(self.run, motion, self.hot)
+        return self.plan, self.quantities
+
+    @property
+    def implicit_method(self) -> GeneralizedAlpha:
+        """Generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
+        duration, system = float(self.run.output_times[-1]), self.plan.system
+        steps = max(COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action))
+        return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
+
+    def march_beside(self, other: Pipeline) -> Motion:
+        """Integrate a variant by the plan that variants are marched by; raises as `march`."""
+        return self.march(other, plan_like(self.beside[0], other))
 
     def require_modes(self, share: float) -> None:
         """Raise ``LeftOutError`` if a part of the time that the run's mesh and modes took isn't left."""
@@ -125,14 +170,15 @@ class Comparison:
         Parameters
         ----------
         work : float
-            Expected run time over that of the run's own march.
+            Expected run time over that of the first march by this kind of method.
 
         Raises
         ------
         LeftOutError
             It would take longer than the time limit leaves.
         """
-        self.limit.require(work * self.run.fine_motion.trajectory.seconds)
+        kind = type(plan.integrator)
+        self.limit.require(work * self._seconds.get(kind, 0.0))
         times = self.run.fine_times[0]
         try:
             trajectory = plan.march(times, self.limit.watch())
@@ -142,6 +188,7 @@ class Comparison:
                 raise
             plan = replace(plan, integrator=self._first.integrator)
             trajectory = plan.march(times, self.limit.watch())
+        self._seconds.setdefault(kind, trajectory.seconds)
         return other.motion_by(plan, trajectory)
 
 

@@ -31,7 +31,6 @@ from fmd.core.limits import errors as limits
 from fmd.integrators.march_pairs import motion_difference
 from fmd.recovery.stress import excess_in_middle, von_mises
 from fmd.scene.variants import change_modes, enrich_bases
-from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
     from fmd.stages.part import FlexiblePart
@@ -242,12 +241,12 @@ class Estimates(Comparison):
         bodies = {name: soften_body(body, shift * excess[name]) for name, body in self.run.bodies.items()}
         moved = self.run.with_bodies({name: body for name, (body, _) in bodies.items()})
         forces = {name: as_if for name, (_, as_if) in bodies.items()}
-        motion = self.march(moved, plan_like(self.plan, moved))
-        theirs = self.quantities_of(moved, motion, self.hot, as_if=forces)
+        ours = self.beside[1]
+        theirs = self.quantities_of(moved, self.march_beside(moved), self.hot, as_if=forces)
         if shift == _SHIFTS[0]:
-            self.correct_by(theirs, 1 / limits.SAFETY)
+            self.correct_by(theirs, 1 / limits.SAFETY, ours)
         for name, quantity in theirs.items():
-            change = self.quantities[name].error(quantity) / limits.SAFETY
+            change = ours[name].error(quantity) / limits.SAFETY
             self._shifts[name] = max(self._shifts.get(name, 0.0), change)
         return dict(self._shifts)
 
@@ -261,8 +260,8 @@ class Estimates(Comparison):
         theirs, softened = pair.coarse, {name: pair.soften(name) for name in self.run.bodies}
         moved = self.run.with_bodies({name: body for name, (body, _) in softened.items()})
         forces = {name: as_if for name, (_, as_if) in softened.items()}
-        ours = self.quantities_of(moved, self.march(moved, plan_like(self.plan, moved)), as_if=forces)
-        finer = self.quantities_of(theirs, self.march(theirs, plan_like(self.plan, theirs)), places=self._places)
+        ours = self.quantities_of(moved, self.march_beside(moved), as_if=forces)
+        finer = self.quantities_of(theirs, self.march_beside(theirs), places=self._places)
         for name, error in self.changes(finer, ours).items():
             if (kind := self.quantities[name].kind) == "displacement":
                 self._shapes[name] = error / abs(pair.gains[kind])
@@ -285,8 +284,8 @@ class Estimates(Comparison):
     def _changes_by_shapes(self, pair: Pair) -> dict[str, float]:
         """Return what changes on the other mesh of a pair that rings at the run's frequencies."""
         ringing, stressed = pair.at_the_same_frequencies()
-        motion = self.march(ringing, plan_like(self.plan, ringing))
-        return self.changes(self.quantities_of(ringing, motion, places=self._places, as_if=stressed))
+        motion, ours = self.march_beside(ringing), self.beside[1]
+        return self.changes(self.quantities_of(ringing, motion, places=self._places, as_if=stressed), ours)
 
     @property
     def _places(self) -> dict[str, Array]:

@@ -32,7 +32,6 @@ from fmd.core.limits import errors as limits
 from fmd.scene.variants import attach_roots_rigidly, damp_bodies
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
-from fmd.stages.runs import plan_like
 
 if TYPE_CHECKING:
     from fmd.accuracy.comparison import Comparison
@@ -144,8 +143,8 @@ class ModelErrors:
         ``forces`` takes each body's coordinates to those that have the same forces, and so its stress.
         """
         comparison = self._comparison
-        motion = comparison.march(other, plan_like(comparison.plan, other))
-        return comparison.changes(comparison.quantities_of(other, motion, as_if=forces))
+        motion, ours = comparison.march_beside(other), comparison.beside[1]
+        return comparison.changes(comparison.quantities_of(other, motion, as_if=forces), ours)
 
     def _softened(self, excess: dict[str, Array]) -> dict[str, float]:
         """Return the change of the motion with parts of some bodies' stiffness (n, n) taken off."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +12,6 @@ from fmd.accuracy.time_limit import LeftOutError
 from fmd.core.errors import AccuracyError
 from fmd.core.limits import errors as limits
 from fmd.core.limits.stability import SURELY_STABLE
-from fmd.core.limits.stepping import IMPLICIT_STEPS_IN_ACTION
-from fmd.integrators.generalized_alpha import GeneralizedAlpha
 from fmd.integrators.runge_kutta import RungeKutta
 from fmd.stages.runs import plan_like
 
@@ -53,6 +50,8 @@ def reactions_of_other_loops(of: Comparison, rich: Pipeline) -> list[str]:
 
 def _by_one_method(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) -> tuple[Quantities, Quantities] | None:
     """Return the quantities of the run and of a richer basis by the run's method, if it serves for both."""
+    if of.beside[0] is not of.plan:
+        return None  # it is too slow for variants of the run's own size already
     try:
         plan, base = _comparable(of, rich)
         theirs = of.march(rich, plan)
@@ -87,7 +86,7 @@ def _by_implicit_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) 
 
     Steps without a solution, as of a loop that starts at rest with fast static responses, are halved.
     """
-    method = _implicit_method(of)
+    method = of.implicit_method
     for k in range(limits.MOST_REFINEMENTS):
         plan = replace(of.plan, integrator=replace(method, step=method.step / 2**k))
         try:
@@ -97,7 +96,9 @@ def _by_implicit_steps(of: Comparison, rich: Pipeline, as_if: dict[str, Array]) 
                 raise
         else:
             break
-    ours = of.quantities_of(of.run, of.march(of.run, plan))
+    beside, ours = of.beside
+    if plan.integrator != beside.integrator:
+        ours = of.quantities_of(of.run, of.march(of.run, plan))
     return ours, of.quantities_of(rich, theirs, as_if=as_if or None)
 
 
@@ -115,13 +116,6 @@ def _is_resolved(
     finer = of.march(rich, replace(plan, integrator=change_fineness(plan, 0.0)[0]), limits.FINER_WORK)
     again = of.changes(of.quantities_of(rich, finer, as_if=as_if or None), enriched)
     return all(again[name] < limits.RESOLVED_PART * changes[name] for name in rows)
-
-
-def _implicit_method(of: Comparison) -> GeneralizedAlpha:
-    """Return generalised-α with a step that follows the motion and the loads, not the fastest vibration."""
-    duration, system = float(of.run.output_times[-1]), of.plan.system
-    steps = max(limits.COMPARED_IMPLICIT_STEPS, math.ceil(IMPLICIT_STEPS_IN_ACTION * duration / system.shortest_action))
-    return GeneralizedAlpha(system.resolving_step(duration / steps)[0])
 
 
 def _comparable(of: Comparison, rich: Pipeline) -> tuple[Plan, Motion | None]:

@@ -45,6 +45,7 @@ SAFETY = 2.0
 LEAST_SHOWN = 1e-5  # relative error whose figure is shown
 NEAR_PEAK = 0.8  # of the largest value
 MOST_OF_EIGENVALUE = 0.75  # part of an eigenvalue, or of a stiffness, that an estimate may change
+HARDLY_MIXED = 1e-6  # of two shapes in one of a body of other frequencies: what solving leaves of none
 
 # Estimators.
 SHORT_SECONDS = 0.5  # seconds of a march that may be taken again with half of its step
@@ -56,6 +57,9 @@ FINER_TOLERANCE = 0.1  # tolerance of the finer march over the run's
 # Radians of the highest frequency in a step that follows it, of which three bases had 0.8 to 1.5, and evaluations of
 # a step of the Runge-Kutta method.
 FOLLOWED, EVALUATIONS_A_STEP = 1.0, 12
+# Part of the time limit that each of a dozen marches may take, and part of an explicit march's time from which on
+# generalised-α is worth being another method.
+MARCH_OF_LIMIT, WORTH_OTHER_METHOD = 0.04, 0.6
 COMPARED_IMPLICIT_STEPS = 4000  # of two marches that are compared, whose errors in time are alike
 # Change by a richer basis from which on its march is doubted, and the part of it that half of the step may change.
 DOUBTED, RESOLVED_PART = 0.01, 0.3
