@@ -142,6 +142,11 @@ def test_a_block_that_begins_in_the_ground_is_refused_by_its_depth() -> None:
         _ = block('joint.free.position=["0 m", "40 mm", "0 m"]').plans
 
 
+def test_a_periodic_start_with_a_contact_is_refused() -> None:
+    with pytest.raises(InputError, match="periodic': doesn't know of contacts"):
+        _ = block('simulation.start="periodic"', 'simulation.period="1 ms"').plans
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [

@@ -325,6 +325,14 @@ def test_a_static_response_is_in_balance_and_free_of_rigid_motion(small_bar: FEM
     assert np.abs(R.T @ (M @ u)).max() < 1e-10 * np.abs(M @ u).sum()
 
 
+def test_static_responses_say_how_far_they_are(small_bar: FEModel) -> None:
+    shares: list[float] = []
+    f = np.random.default_rng(1).standard_normal((*small_bar.x.shape, 3))
+    FreeBodySolver(small_bar).static_response(f, shares.append)
+    assert 0.0 < min(shares) < 0.9
+    assert shares[-1] == max(shares) > 0.9
+
+
 def test_alike_loads_share_their_search_and_answer_each_alone(small_bar: FEModel) -> None:
     # each column by itself is the independent path: a search along one direction at a time
     f = np.random.default_rng(3).standard_normal((len(small_bar.x), 3, 6))

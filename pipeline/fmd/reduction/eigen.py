@@ -23,6 +23,7 @@ from fmd.core.limits.modes import (
     ROUNDED_RESIDUAL,
     ZERO_EIGENVALUE,
 )
+from fmd.core.progress import Advance
 from fmd.reduction.factor.factor import Factor, factorise
 from fmd.reduction.inertia_relief import THIN, rounded_defect, solve_balanced
 from fmd.reduction.missed_modes import missed_eigenvalue
@@ -145,13 +146,15 @@ class FreeBodySolver:
         n_elastic: int = n - B.shape[1] - self._rigid_modes_left(B).shape[1]
         return n_elastic if n <= MOST_DENSE else (n_elastic - 1) // 2
 
-    def static_response(self, f: Array) -> Array:
+    def static_response(self, f: Array, advance: Advance = lambda done: None) -> Array:
         """Solve ``K u = f`` for loads in equilibrium with the rigid acceleration they cause (inertia relief).
 
         Parameters
         ----------
         f : ndarray, shape (n_nodes, 3, n_loads)
             Nodal loads [N]; what accelerates the body as a whole is balanced by its inertia.
+        advance : callable
+            Takes the part that is done.
 
         Returns
         -------
@@ -163,7 +166,7 @@ class FreeBodySolver:
         AccuracyError
             The residual stayed above its limit.
         """
-        return self._nodal(solve_balanced(self._K, self._M, self._R, self._inverse, self._loads(f)))
+        return self._nodal(solve_balanced(self._K, self._M, self._R, self._inverse, self._loads(f), advance))
 
     def inertia_response(self, u: Array) -> Array:
         """Deflections ``(K − σ M)⁻¹ M u`` by the inertia of fields u (n_nodes, 3, k), without any rigid motion."""

@@ -23,6 +23,7 @@ from fmd.core.limits.modes import (
     STATIC_RESIDUAL,
 )
 from fmd.core.limits.round_off import SUMMED
+from fmd.core.progress import Advance
 
 THIN = "since elements are so thin: shorter elements, or a thicker part, have less of it"
 
@@ -46,7 +47,9 @@ def rounded_defect(K: Any, u: Array) -> Array:
     return np.asarray(np.finfo(float).eps * signs * (abs(K) @ np.abs(u)))
 
 
-def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], f: Array) -> Array:
+def solve_balanced(
+    K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], f: Array, advance: Advance = lambda done: None
+) -> Array:
     """Solve ``K u = f − M R a``, the rigid acceleration a being the one that the loads cause.
 
     Conjugate gradients with the inverse of ``K − σ M`` take a few steps. They start anew on what is left of the load,
@@ -62,6 +65,8 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
         ``(K − σ M)⁻¹``, σ < 0.
     f : ndarray, shape (n, n_loads)
         Loads [N].
+    advance : callable
+        Takes the part that is done, by the digits of the residual that are gone.
 
     Returns
     -------
@@ -91,8 +96,12 @@ def solve_balanced(K: Any, M: Any, R: Array, inverse: Callable[[Array], Array], 
     if not size.all():
         raise _lost(int(size.argmin()))
     u, before = np.zeros_like(loads), np.inf
+
+    def tell(left: Array) -> None:
+        advance(float(np.log(np.clip((left / size).max(), CONVERGED_RESIDUAL, 1.0)) / np.log(CONVERGED_RESIDUAL)))
+
     for _ in range(GRADIENT_ROUNDS):
-        u += _conjugate_gradients(K, defect, answer, elastic)
+        u += _conjugate_gradients(K, defect, answer, elastic, tell)
         defect = balance(loads - K @ u)
         answer = elastic(defect)
         residual = _energy_norm(defect, answer) / size  # in which round-off of stiff elements counts little
@@ -123,11 +132,13 @@ def _energy_norm(load: Array, answer: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", load, answer), 0.0)))
 
 
-def _conjugate_gradients(K: Any, f: Array, z: Array, inverse: Callable[[Array], Array]) -> Array:
+def _conjugate_gradients(
+    K: Any, f: Array, z: Array, inverse: Callable[[Array], Array], tell: Callable[[Array], None]
+) -> Array:
     """Solve ``K u = f`` to about four digits, preconditioned by ``inverse``, from its z.
 
     All columns step in the space of all (O'Leary, Linear Algebra Appl 29, 1980): a few loads hold the lowest modes, in
-    which ``inverse`` is far from that of K.
+    which ``inverse`` is far from that of K. ``tell`` takes the energy norms that are left.
     """
     u, r, p = np.zeros_like(f), f.copy(), z
     enough = ROUND_GAIN * _energy_norm(r, z)
@@ -141,7 +152,9 @@ def _conjugate_gradients(K: Any, f: Array, z: Array, inverse: Callable[[Array], 
         u += p @ step
         r -= Kp @ step
         z = inverse(r)
-        if not (_energy_norm(r, z) > enough).any():
+        left = _energy_norm(r, z)
+        tell(left)
+        if not (left > enough).any():
             break
         p = z - p @ (solve @ (Kp.T @ z))
     return u

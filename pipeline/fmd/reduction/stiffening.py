@@ -21,7 +21,9 @@ import numpy as np
 
 from fmd.core.arrays import Array, read_only
 from fmd.core.limits.memory import ENTRIES_AT_ONCE, FEW_ENTRIES
+from fmd.core.limits.patience import SOLVING
 from fmd.core.limits.round_off import SOLVED
+from fmd.core.progress import Advance
 from fmd.fem.geometric_stiffness import reduced_geometric_stiffness
 from fmd.reduction.body import FlexibleBody, MarkerShapes
 from fmd.reduction.loads import PRODUCTS, centrifugal_fields, inertia_of
@@ -42,6 +44,7 @@ def stiffen_body(
     moving: Mapping[str, Marker] | None = None,
     free: Array | None = None,
     elements: bool = True,
+    advance: Advance = lambda done: None,
 ) -> FlexibleBody:
     """Add the displacement of second order to a reduced body: to its inertia, and to its markers.
 
@@ -59,6 +62,8 @@ def stiffen_body(
         Directions about which the joint lets a body turn that stands on supports.
     elements : bool
         False for the arms of links alone, which need no stress.
+    advance : callable
+        Takes the part that is done.
 
     Returns
     -------
@@ -73,7 +78,7 @@ def stiffen_body(
     columns = [marker.columns(len(x), np.eye(3)) for marker in moving.values()]
     support = _Support(body, fe, solver, constraints, np.zeros((0, 3)) if free is None else free)
     K_G = support.geometric_stiffness(
-        np.concatenate([inertia, *columns], axis=2), elements
+        np.concatenate([inertia, *columns], axis=2), elements, advance
     )  # one solution for all loads
     ends = np.cumsum([*(len(group) for group in fields), *(6 for _ in moving)])
     spin, push, turn, *unit = np.split(K_G, ends[:-1])
@@ -120,19 +125,22 @@ class _Support:
             self._tests = np.cross(free, body.x[:, None]).swapaxes(1, 2).reshape(fe.M.shape[0], -1)
             self._balance = fe.M @ self._tests
 
-    def geometric_stiffness(self, loads: Array, elements: bool) -> Array:
+    def geometric_stiffness(self, loads: Array, elements: bool, advance: Advance) -> Array:
         """Return the geometric stiffness of the body's shapes under nodal loads (n_nodes, 3, k), shape (k, n, n)."""
         flat = loads.reshape(-1, loads.shape[-1])
         T, P = self._tests, self._balance
         rest = flat - P @ np.linalg.lstsq(T.T @ P, T.T @ flat, rcond=None)[0] if P.size else flat
         felt = np.flatnonzero(np.abs(rest).max(axis=0) > SOLVED * np.abs(flat).max(axis=0))
-        u = self._solver.static_response(rest[:, felt].reshape(*loads.shape[:2], -1))
+        u = self._solver.static_response(
+            rest[:, felt].reshape(*loads.shape[:2], -1), lambda done: advance(SOLVING * done)
+        )
         out = np.zeros((flat.shape[1], self._shapes.shape[2], self._shapes.shape[2]))
         entries = max(ENTRIES_AT_ONCE, FEW_ENTRIES // max(1, self._shapes.shape[0]))
         at_a_time = max(1, entries // self._fe.local_pairs)
         by_elements = self._fe.K @ u.reshape(len(rest), -1)
         strained = np.flatnonzero(np.abs(by_elements).max(axis=0) > SOLVED * np.abs(flat[:, felt]).max(axis=0))
         for first in range(0, len(strained) if elements else 0, at_a_time):
+            advance(SOLVING + (1.0 - SOLVING) * first / len(strained))
             part = strained[first : first + at_a_time]
             out[felt[part]] = reduced_geometric_stiffness(self._fe, u[:, :, part], self._shapes)
         both = [self._fe.arms, self._fe.directors if elements else None]

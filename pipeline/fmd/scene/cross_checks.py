@@ -183,7 +183,7 @@ class CrossCheck:
                 yield FaultError(fault, "simulation", "run", number, "integrator")
         if getattr(self.scene, "accuracy", None) is not None:
             yield FaultError("can't be required of a scene with contacts: no error budget states theirs", "accuracy")
-        if simulation.start == "steady":
+        if simulation.start in ("steady", "periodic"):
             yield FaultError("doesn't know of contacts; 'undeformed' and 'equilibrium' do", "simulation", "start")
 
     def _check_motion(self, name: str, drive: MotionDrive) -> Iterator[FaultError]:

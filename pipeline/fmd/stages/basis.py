@@ -13,6 +13,7 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.limits.modes import RITZ_GENERATIONS
 from fmd.core.limits.rank import NEW_RESIDUAL_VECTOR, NEW_RESPONSE
+from fmd.core.progress import Advance
 from fmd.fem.markers import Marker
 from fmd.fem.model import FEModel
 from fmd.reduction.body import FlexibleBody, floating_body, free_frame_body, reduced_body, supported_body
@@ -143,9 +144,11 @@ def _on_its_joint(model: ConstrainedModel, modes: Modes, settings: AnyModes, fra
     return reduced_body(*common, joint.free_directions, joint.normal)
 
 
-def stiffen_reduced(model: ConstrainedModel, body: FlexibleBody, elements: bool = True) -> FlexibleBody:
+def stiffen_reduced(
+    model: ConstrainedModel, body: FlexibleBody, elements: bool = True, advance: Advance = lambda done: None
+) -> FlexibleBody:
     """Stiffen a reduced body by the loads that a scene can put on it, or what is on rigid arms alone."""
-    return _stiffen(model, body, model.joint.plane, True, model.markers, elements)
+    return _stiffen(model, body, model.joint.plane, True, model.markers, elements, advance)
 
 
 def stiffen_for_any_motion(model: ConstrainedModel, body: FlexibleBody, elements: bool) -> FlexibleBody:
@@ -163,11 +166,12 @@ def _stiffen(
     linear: bool,
     moving: Mapping[str, Marker],
     elements: bool,
+    advance: Advance = lambda done: None,
 ) -> FlexibleBody:
     joint = model.joint
     reaction = None if joint.floating or model.fixed is not None else model.reaction
     free = joint.free_directions if model.fixed is not None else None
-    return stiffen_body(body, model.fe, model.solver, reaction, plane, linear, moving, free, elements)
+    return stiffen_body(body, model.fe, model.solver, reaction, plane, linear, moving, free, elements, advance)
 
 
 def _enriched_shapes(model: ConstrainedModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:

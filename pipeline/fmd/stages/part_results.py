@@ -86,7 +86,9 @@ def stiffen(part: FlexiblePart) -> SecondOrder:
         given = NO_MESH.format("file" if part.is_reduced else "matrices, without geometric_stiffness")
         mend = f"stiffening by inertia loads takes stress, and the body {given}; 'off' leaves it out"
         raise InputError(part.file, "simulation.stiffening", None, mend)
-    body = stiffen_reduced(part.model, part.body)
+    model, reduced = part.model, part.body  # whose stages have their own progress
+    with part.store.monitor("stiffening") as advance:
+        body = stiffen_reduced(model, reduced, advance=advance)
     return SecondOrder(body.integrals, body.markers)
 
 

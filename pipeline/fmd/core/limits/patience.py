@@ -16,6 +16,7 @@ ABANDONED_SECONDS = 3600.0  # seconds; no file takes as long to be written
 # Progress.
 SHOW_AFTER_SECONDS = 1.0  # before progress is shown at all
 SAY_AFTER_SECONDS = 10.0  # between two lines about tasks where there is no terminal
+SOLVING = 0.8  # part of the time of stiffening that its static responses take: 0.76 and 0.8 of two solids
 JUDGED_AFTER = 0.5  # seconds of a march from which on its progress forecasts the rest
 
 # Clusters.
