@@ -42,7 +42,7 @@ class Pair:
 
     def divides(self, name: str) -> bool:
         """Return true if a body's meshes differ."""
-        return len(self.coarse.parts[name].mesh.cells) != len(self.run.parts[name].mesh.cells)
+        return self.coarse.parts[name].mesh.n_cells != self.run.parts[name].mesh.n_cells
 
     def excess_of_modes(self, name: str) -> tuple[Array, NDArray[np.bool_]]:
         """Return the relative excess of the squares of a part's frequencies, and which modes have a match, (n,) each.
@@ -147,7 +147,7 @@ def _matching_run(run: Pipeline, scene: Scene) -> Pipeline:
 def _pair(run: Pipeline, scene: Scene) -> Pair:
     coarse = _matching_run(run, scene)
     pairs = [(own, coarse.parts[name]) for name, own in run.parts.items()]
-    ratio = min(compare_element_sizes(own.shape, len(own.mesh.cells), len(other.mesh.cells)) for own, other in pairs)
+    ratio = min(compare_element_sizes(own.shape, own.mesh.n_cells, other.mesh.n_cells) for own, other in pairs)
     order, edges = min(own.order for own in run.parts.values()), min(own.mesh.order for own in run.parts.values())
     gains = {kind: refinement_gain(ratio, order, edges, kind) for kind in KINDS}
     # Where the volume changes with the mesh so does the shape, and nothing converges faster than that does.

@@ -192,7 +192,7 @@ def _on_coarser_meshes(run: Pipeline) -> _Variant | str:
 
     def gain(other: Pipeline) -> float:
         pairs = [(own, other.parts[name]) for name, own in run.parts.items()]
-        ratio = min(compare_element_sizes(own.shape, len(own.mesh.cells), len(its.mesh.cells)) for own, its in pairs)
+        ratio = min(compare_element_sizes(own.shape, own.mesh.n_cells, its.mesh.n_cells) for own, its in pairs)
         order = min(own.order for own in run.parts.values())
         return refinement_gain(ratio, order, order, "stress")  # pressure is one, and forces converge no slower
 

@@ -121,7 +121,7 @@ def _corner_stress(pair: Pair, name: str, edge: ReentrantEdges | RigidFaceEdge) 
     u = part.body.shapes[: len(part.space.x)] @ q
     own = float(von_mises(part.surface_stress[on] @ q).max())
     coarse = _stress_along_edge(other, edge.on(other), part.space.x, u)
-    ratio = compare_element_sizes(part.shape, len(part.mesh.cells), len(other.mesh.cells))
+    ratio = compare_element_sizes(part.shape, part.mesh.n_cells, other.mesh.n_cells)
     if not (coarse > 0.0 and ratio > 1.0):
         return None
     x, y, z = (float(each) for each in part.space.x[part.surface.nodes[place]])

@@ -329,7 +329,7 @@ class Estimates(Comparison):
         A coarser mesh tells little of it, since the same place isn't in the middle of its elements.
         """
         errors: dict[str, float | str] = {}
-        if not part.elements or part.space.order == 1 or part.space.kind.strain_matrix is not None:
+        if not part.elements or part.space.order == 1:
             return errors
         q = self.motion.modal(part.name)
         for (element, number), own in zip(part.elements.items(), part.element_stress, strict=True):
@@ -352,5 +352,5 @@ def _is_next_to_rigid_face(part: FlexiblePart, node: int) -> bool:
     rigid = [marker.nodes for marker in part.markers.values() if marker.rigid]
     if not rigid or any(node in nodes for nodes in rigid):
         return False
-    around = part.space.element_nodes[(part.space.element_nodes == node).any(axis=1)]
-    return bool(np.isin(around, np.concatenate(rigid)).any())
+    each = (own.first + own.space.element_nodes for own in part.space.members)
+    return any(np.isin(nodes[(nodes == node).any(axis=1)], np.concatenate(rigid)).any() for nodes in each)

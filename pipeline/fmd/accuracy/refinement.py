@@ -150,7 +150,7 @@ def meet_accuracy(run: Pipeline) -> Refinement:
         if worst.numerical <= required:
             return Refinement(here, tuple(rounds), len(rounds) - 1)
         scene = _refined(scene, this.shares, required)
-        if any(part.has_mesh and len(part.mesh.cells) > MOST_ELEMENTS for part in here.parts.values()):
+        if any(part.has_mesh and part.mesh.n_cells > MOST_ELEMENTS for part in here.parts.values()):
             ended_by = f"{MOST_ELEMENTS} elements"
             break
     return Refinement(best, tuple(rounds), chosen, ended_by)

@@ -12,7 +12,7 @@ from fmd.cli.options import Repair, print_json
 from fmd.core.errors import InputError
 
 if TYPE_CHECKING:
-    from fmd.fem.mesh import SolidMesh
+    from fmd.fem.joined import AnyMesh
 
 _MOTION = ("reference", "drive", "coupler", "spring", "bushing", "bearing", "simulation", "accuracy")
 _SPARE = (("output",), ("output", *_MOTION), ("output", *_MOTION, "joint", "ground"))
@@ -64,7 +64,7 @@ def mesh(
 
 def _read_file(
     path: Path, size: str | None, unit: str | None, overrides: list[str] | None, repair: bool
-) -> tuple[SolidMesh, dict[str, Any]]:
+) -> tuple[AnyMesh, dict[str, Any]]:
     """Mesh a CAD file, or read a mesh file, without a scene."""
     from fmd.core.units import unit_ratio
     from fmd.stages.meshing.cad_files import choose_element_size, describe_cad_file, is_cad_file, mesh_cad_file
@@ -101,11 +101,11 @@ def _read_file(
     return found, _figures(found, found.order, {})
 
 
-def _figures(mesh: SolidMesh, order: int, more: dict[str, Any]) -> dict[str, Any]:
+def _figures(mesh: AnyMesh, order: int, more: dict[str, Any]) -> dict[str, Any]:
     """Return counts, sizes and quality of a mesh, with units in the keys."""
     return {
         "nodes": len(mesh.points),
-        "elements": len(mesh.cells),
+        "elements": mesh.n_cells,
         "parts": {name: len(cells) for name, cells in mesh.parts.items()},
         "faces": list(mesh.faces),
         "element_type": mesh.cell_type,

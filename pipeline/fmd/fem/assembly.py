@@ -8,6 +8,8 @@ element's T; the material enters after the sum over elements, where there are fa
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -16,16 +18,17 @@ from fmd.core.limits.memory import BLOCKS_AT_ONCE, ELEMENTS_AT_ONCE, ENHANCED_AT
 from fmd.fem.beam_mass import carry_beam_mass
 from fmd.fem.beams import BeamLine
 from fmd.fem.elements import Formulation, determinants, shape_functions
+from fmd.fem.joined import AnyMesh, JoinedMesh, JoinedSpace
+from fmd.fem.joined_model import join_models
 from fmd.fem.material import AnyElastic, AnyMaterial, Material, batches
-from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
 from fmd.fem.shell_model import hang_on_nodes
 from fmd.fem.space import Discretisation
 from fmd.fem.strain import condensed_stiffness
 
 
-def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Formulation = "enhanced") -> FEModel:
-    """Assemble stiffness and consistent mass of a solid or of a shell.
+def assemble(mesh: AnyMesh, order: int, material: AnyMaterial, formulation: Formulation = "enhanced") -> FEModel:
+    """Assemble stiffness and consistent mass of a solid, of a shell, of beams, or of some of them as one body.
 
     Parameters
     ----------
@@ -39,7 +42,18 @@ def assemble(mesh: SolidMesh, order: int, material: AnyMaterial, formulation: Fo
     AccuracyError
         The Jacobian is not positive at every quadrature point.
     """
-    space = Discretisation(mesh, order, formulation)
+    if isinstance(mesh, JoinedMesh):
+        joined = JoinedSpace(mesh, order, formulation)
+        return replace(
+            join_models(joined, [_assemble(own.space, own.material(material)) for own in joined.members]),
+            material=material,
+        )
+    return _assemble(Discretisation(mesh, order, formulation), material)
+
+
+def _assemble(space: Discretisation, material: AnyMaterial) -> FEModel:
+    """Assemble stiffness and mass of elements of one kind."""
+    mesh = space.mesh
     layer = FEModel(space, material, _stiffness(space, material), _mass(space, material))
     if mesh.midsurface is None:
         return layer

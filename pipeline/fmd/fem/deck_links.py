@@ -14,15 +14,15 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.mesh import ON_A_LINE, RIGID_RESIDUAL
 from fmd.core.rotations import rigid_motions
 from fmd.fem.connections import Connections, Equation, MassOnPoint, MeanConnection, RigidConnection, SpringBetween
+from fmd.fem.joined import AnySpace, JoinedSpace
 from fmd.fem.links import Linked, LinkedFace, LumpedMass, Relation
 from fmd.fem.local_markers import single_node_marker
 from fmd.fem.markers import Marker, face_marker, weighted_marker
 from fmd.fem.selection import body_nodes, points_of_nodes
-from fmd.fem.space import Discretisation
 from fmd.fem.ties import tie_faces
 
 
-def find_deck_links(deck: Connections, space: Discretisation) -> Linked:
+def find_deck_links(deck: Connections, space: AnySpace) -> Linked:
     """Return the links of a deck on its solid or shell, each by the name of its reference point.
 
     Raises
@@ -36,10 +36,14 @@ def find_deck_links(deck: Connections, space: Discretisation) -> Linked:
 class _Finder:
     """Groups of points that are one rigid piece, and what is on each."""
 
-    def __init__(self, deck: Connections, space: Discretisation) -> None:
+    def __init__(self, deck: Connections, space: AnySpace) -> None:
         self._deck, self._space = deck, space
-        x, self._first = body_nodes(space)
-        self._n, self._is_shell = len(x), space.mesh.midsurface is not None
+        if isinstance(space, JoinedSpace):  # whose deck's points are rows
+            x, self._first, self._turns = space.x, 0, space.turning
+        else:
+            x, rows, self._turns = body_nodes(space)
+            self._first = int(rows[0])
+        self._n = len(x)
         self._x = np.concatenate([x, deck.places])
         self._above: dict[int, int] = {}  # a point with rotations, and one nearer to its group's first
         self._names = {point: name for name, point in reversed(list(deck.names.items()))}
@@ -72,17 +76,20 @@ class _Finder:
             [self._relation(each, links) for each in deck.equations],
             [self._relation(each, links) for each in deck.springs],
             {name: (at[point], self._x[point]) for name, point in deck.names.items() if point in at},
-            [tie_faces(self._space, each) for each in deck.ties],
+            [tie_faces(self._space.members[0].space, each) for each in deck.ties],  # solids come first
         )
 
     def _turned_nodes(self) -> set[int]:
         """Return the nodes of a shell whose rotations are wanted."""
-        if not self._is_shell:
-            return set()
         eccentric = [each.points for each in self._deck.masses if each.offset.any() or each.inertia.any()]
         turned = [each.points[each.directions >= 3] for each in (*self._deck.equations, *self._deck.springs)]
         points = np.concatenate([np.zeros(0, dtype=np.int64), *eccentric, *turned])
-        return set(map(int, points[points < self._n]))
+        return set(map(int, self._turning(points)))
+
+    def _turning(self, points: IntArray) -> IntArray:
+        """Return those of some points that are the body's nodes with rotations."""
+        own = points[points < self._n]
+        return np.asarray(own[self._turns[own]])
 
     def _root(self, point: int) -> int:
         """Return the first point of a point's group; a point of no group makes one."""
@@ -101,10 +108,10 @@ class _Finder:
 
     def _marker(self, first: int, rigid: list[RigidConnection], mean: list[MeanConnection]) -> Marker:
         """Return the marker of a group's nodes, of a shell those that turn with it."""
-        turning = [each.points for each in rigid if each.turning or not self._is_shell]
-        tied = np.concatenate([np.array([first]), *turning])
+        tied = np.concatenate([np.array([first]), *(each.points for each in rigid)])
+        tied = np.setdiff1d(tied, self._pinned(first, rigid) - self._first)
         nodes = np.unique(tied[tied < self._n])
-        if not mean and not rigid and len(nodes) and self._is_shell:
+        if not mean and not rigid and len(self._turning(nodes)):
             return single_node_marker(self._space, self._first + first)
         if not mean:
             points = points_of_nodes(self._space, self._first + nodes)
@@ -118,7 +125,7 @@ class _Finder:
             raise ValueError(f"{own.label} follows points that aren't nodes of the solid, which isn't read")
         if not own.turning and rigid:
             raise ValueError(f"{own.label} doesn't turn its point, on which {rigid[0].label} hangs")
-        if own.facets and not self._is_shell:
+        if own.facets and not len(self._turning(np.concatenate([each.ravel() for each in own.facets]))):
             return face_marker(self._space, list(own.facets))
         weights = self._areas(own) if own.facets else own.weights
         marker = weighted_marker(self._first + own.points[1:], self._x[own.points[1:]], weights)
@@ -128,12 +135,9 @@ class _Finder:
 
     def _pinned(self, first: int, rigid: list[RigidConnection]) -> IntArray:
         """Return the points of a shell's nodes that a group moves but doesn't turn."""
-        if not self._is_shell:
-            return np.zeros(0, dtype=np.int64)
         turning = np.concatenate([np.array([first]), *(each.points for each in rigid if each.turning)])
         others = np.concatenate([np.zeros(0, dtype=np.int64), *(each.points for each in rigid)])
-        pinned = np.setdiff1d(others, turning)
-        return np.asarray(self._first + pinned[pinned < self._n])
+        return self._first + self._turning(np.setdiff1d(others, turning))
 
     def _areas(self, own: MeanConnection) -> Array:
         """Return the area around each of the points that an average link follows on a shell."""

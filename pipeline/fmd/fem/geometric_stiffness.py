@@ -20,8 +20,10 @@ import scipy.sparse as sp
 
 from fmd.core.arrays import Array
 from fmd.core.limits.memory import STRESSED_AT_ONCE
-from fmd.fem.material import batches
+from fmd.fem.joined import AnySpace
+from fmd.fem.material import AnyMaterial, batches
 from fmd.fem.model import FEModel
+from fmd.fem.space import Discretisation
 from fmd.fem.strain import DOUBLED, TENSOR, VOIGT, stresses
 
 
@@ -38,10 +40,16 @@ def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
     list of sparse array, shape (n_nodes, n_nodes)
         Scalar matrices [N/m] in the pattern of ``fe.m``, each for all three components of a displacement.
     """
-    space = fe.discretisation
+    each = [_element_sums(own.space, own.material(fe.material), own.of_shapes(u)) for own in fe.discretisation.members]
+    n = len(fe.discretisation.x)
+    return [_on_all(fe.discretisation, [found[k] for found in each], n) for k in range(u.shape[2])]
+
+
+def _element_sums(space: Discretisation, material: AnyMaterial, u: Array) -> list[sp.csr_array]:
+    """Return `geometric_stiffness` of the elements of one kind, at their own points."""
     n_elements, n_local = space.element_nodes.shape
     entries = np.empty((n_elements, n_local, n_local, u.shape[2]))
-    for own, part in batches(fe.material, n_elements, STRESSED_AT_ONCE):
+    for own, part in batches(material, n_elements, STRESSED_AT_ONCE):
         X, w = space.kind.quadrature(space.kind.stiffness_order)
         g, det = space.gradients(X, part)
         stress = stresses(space, own.summed, u, X, part)[:, :, TENSOR] * (det * w)[..., None, None, None]
@@ -51,6 +59,18 @@ def geometric_stiffness(fe: FEModel, u: Array) -> list[sp.csr_array]:
             entries[part, ..., k] = pulled @ flat.swapaxes(1, 2)
     pairs = space.structure.sums(entries)
     return [space.structure.scalar_matrix(pairs[:, k].copy()) for k in range(u.shape[2])]
+
+
+def _on_all(space: AnySpace, matrices: Sequence[sp.csr_array], n: int) -> sp.csr_array:
+    """Return the matrix (n, n) of all points by those of the members' own."""
+    if len(matrices) == 1 and matrices[0].shape[0] == n:
+        return matrices[0]
+    whole = sp.csr_array((n, n))
+    for own, matrix in zip(space.members, matrices, strict=True):
+        entries = sp.coo_array(matrix)
+        row, column = entries.coords
+        whole = whole + sp.csr_array((entries.data, (own.first + row, own.first + column)), shape=(n, n))
+    return sp.csr_array(whole)
 
 
 @singledispatch
@@ -96,23 +116,24 @@ def quadratic_strain_load(fe: FEModel, u: Array) -> tuple[Array, float]:
     energy : float
         ``½ ∫ E : C E`` [J].
     """
-    space = fe.discretisation
-    n, f, energy = len(space.x), np.zeros_like(u), 0.0
+    n, f, energy = len(fe.discretisation.x), np.zeros_like(u), 0.0
     f[:n] = geometric_stiffness(fe, u[:, :, None])[0] @ u[:n]
-    for material, part in batches(fe.material, len(space.element_nodes), STRESSED_AT_ONCE):
-        own = material.summed
-        X, w = space.kind.quadrature(space.kind.mass_order)
-        g, det = space.gradients(X, part)
-        nodes = space.element_nodes[part]
-        slopes = np.einsum("eqia,eib->eqab", g, u[nodes], optimize=True)  # ∂_a u_b
-        E = 0.5 * slopes @ slopes.swapaxes(2, 3)
-        if space.kind.stressed is not None:  # directors don't stretch: their second-order motion takes it up
-            E = space.kind.stressed(E, space.jacobians(X, part), own, part)
-        strain = E.reshape(*E.shape[:2], 9)[..., VOIGT] * DOUBLED
-        stress = own.stress(space, X, part, strain[..., None])[:, :, TENSOR, 0]
-        volume = np.abs(det) * w
-        energy += 0.5 * float(np.einsum("eqab,eqab,eq->", stress, E, volume, optimize=True))
-        np.add.at(f, nodes, np.einsum("eqia,eqab,eq->eib", g, stress, volume, optimize=True))
+    for member in fe.discretisation.members:
+        space, own_u, own_f = member.space, member.of_shapes(u), member.of_shapes(f)
+        for material, part in batches(member.material(fe.material), len(space.element_nodes), STRESSED_AT_ONCE):
+            own = material.summed
+            X, w = space.kind.quadrature(space.kind.mass_order)
+            g, det = space.gradients(X, part)
+            nodes = space.element_nodes[part]
+            slopes = np.einsum("eqia,eib->eqab", g, own_u[nodes], optimize=True)  # ∂_a u_b
+            E = 0.5 * slopes @ slopes.swapaxes(2, 3)
+            if space.kind.stressed is not None:  # directors don't stretch: their second-order motion takes it up
+                E = space.kind.stressed(E, space.jacobians(X, part), own, part)
+            strain = E.reshape(*E.shape[:2], 9)[..., VOIGT] * DOUBLED
+            stress = own.stress(space, X, part, strain[..., None])[:, :, TENSOR, 0]
+            volume = np.abs(det) * w
+            energy += 0.5 * float(np.einsum("eqab,eqab,eq->", stress, E, volume, optimize=True))
+            np.add.at(own_f, nodes, np.einsum("eqia,eqab,eq->eib", g, stress, volume, optimize=True))
     return f, energy
 
 

@@ -16,9 +16,10 @@ from fmd.core.arrays import EPSILON, Array, IntArray
 from fmd.core.limits.mesh import OUTSIDE, STRAIGHT_EDGE
 from fmd.core.limits.round_off import SOLVED
 from fmd.fem.elements import shape_functions
+from fmd.fem.joined import AnySpace
 from fmd.fem.markers import Marker, weighted_marker
 from fmd.fem.selection import locate_points, points_of_nodes
-from fmd.fem.space import Discretisation
+from fmd.fem.space import Discretisation, Member
 
 _POINTS = 4  # of Gauss's rule along an edge: exact for products of quadratic functions on a curved edge
 
@@ -31,7 +32,7 @@ class _Motion(NamedTuple):
     rotation: Array  # (3, n, 3) [1/m]
 
 
-def point_marker(space: Discretisation, point: Array) -> Marker:
+def point_marker(space: AnySpace, point: Array) -> Marker:
     """Attach a marker to a point (3,) [m] in or on a body, by interpolation in the element that holds it.
 
     Raises
@@ -39,32 +40,43 @@ def point_marker(space: Discretisation, point: Array) -> Marker:
     ValueError
         The point lies outside the body; the message gives the nearest place.
     """
+    extent, markers = float(np.ptp(space.x, axis=0).max()), [_nearest_marker(own, point) for own in space.members]
+    found = min(markers, key=lambda marker: float(np.linalg.norm(marker.position - point).round(12)))
+    if np.linalg.norm(found.position - point) > OUTSIDE * extent:
+        place = ", ".join(f"{x:.6g} m" for x in space.x[np.linalg.norm(space.x - point, axis=1).argmin()])
+        raise ValueError(f"lies outside the body; the node nearest to it is at [{place}]")
+    return found
+
+
+def _nearest_marker(member: Member, point: Array) -> Marker:
+    """Return the marker in the elements of one kind that is nearest to a point (3,) [m]."""
+    space = member.space
     elements, X = locate_points(space, point[None])
     N, _ = shape_functions(space.kind.geometry, X[0][:, None])
     found = N[:, 0] @ space.corner_coordinates[elements[0]]
-    away, extent = float(np.linalg.norm(found - point)), float(np.ptp(space.x, axis=0).max())
-    if away > OUTSIDE * extent:
-        place = ", ".join(f"{x:.6g} m" for x in space.x[np.linalg.norm(space.x - point, axis=1).argmin()])
-        raise ValueError(f"lies outside the body; the node nearest to it is at [{place}]")
     motion = _collect(space, elements, X[:, None], np.ones((1, 1)))
-    return Marker(found, motion.nodes, motion.translation, motion.rotation)
+    return Marker(found, member.first + motion.nodes, motion.translation, motion.rotation)
 
 
-def single_node_marker(space: Discretisation, node: int) -> Marker:
+def single_node_marker(space: AnySpace, node: int) -> Marker:
     """Attach a marker to a node; it turns as the elements around it do in the mean, by their volumes.
 
     A node of a shell's midsurface is between the points at both faces, and is numbered behind them.
     """
-    own = points_of_nodes(space, np.array([node]))
-    if space.mesh.midsurface is not None and space.mesh.midsurface.has_sections:
-        return weighted_marker(own, space.x[own], np.ones(len(own)))
-    elements, local = np.nonzero(np.isin(space.element_nodes, own))
-    X = space.kind.element.doflocs[local][:, None]
-    if space.mesh.midsurface is not None:
+    points = points_of_nodes(space, np.array([node]))
+    member = next(own for own in reversed(space.members) if node >= own.first)
+    mine = member.space
+    if mine.mesh.midsurface is not None and mine.mesh.midsurface.has_sections:
+        return weighted_marker(points, space.x[points], np.ones(len(points)))
+    own = points - member.first
+    elements, local = np.nonzero(np.isin(mine.element_nodes, own))
+    X = mine.kind.element.doflocs[local][:, None]
+    if mine.mesh.midsurface is not None:
         X = np.concatenate([X[..., :2], np.full_like(X[..., 2:], 0.5)], axis=2)
-    volumes = space.volumes[elements]
-    motion = _collect(space, elements, X, (volumes / volumes.sum())[:, None])
-    return Marker(space.x[own].mean(axis=0), motion.nodes, np.isin(motion.nodes, own) / len(own), motion.rotation)
+    volumes = mine.volumes[elements]
+    motion = _collect(mine, elements, X, (volumes / volumes.sum())[:, None])
+    nodes = member.first + motion.nodes
+    return Marker(mine.x[own].mean(axis=0), nodes, np.isin(motion.nodes, own) / len(own), motion.rotation)
 
 
 def edge_marker(space: Discretisation, nodes: IntArray) -> Marker:

@@ -15,6 +15,7 @@ from fmd.core.limits.mesh import ON_A_LINE
 from fmd.core.limits.rank import WORST_RESULTANTS
 from fmd.core.limits.round_off import SUMMED
 from fmd.fem.elements import shape_functions
+from fmd.fem.joined import AnySpace
 from fmd.fem.mesh import rows_among, three_corners
 from fmd.fem.space import Discretisation
 
@@ -65,7 +66,7 @@ class Marker:
 
 
 def face_marker(
-    space: Discretisation, face: IntArray | Sequence[IntArray], rigid: bool = False, centre: Array | None = None
+    space: AnySpace, face: IntArray | Sequence[IntArray], rigid: bool = False, centre: Array | None = None
 ) -> Marker:
     """Attach a marker to a face of the body, or to several together.
 
@@ -84,14 +85,26 @@ def face_marker(
         No boundary facet lies on the face.
     """
     faces = [face] if isinstance(face, np.ndarray) else face
-    chosen = np.unique(np.concatenate([facets_on_face(space, one) for one in faces]))
-    elements, local = (numbers[chosen] for numbers in space.boundary_facets)
-    if elements.size == 0 and space.mesh.midsurface is not None and space.mesh.midsurface.has_sections:
-        own = np.unique(np.concatenate([one.ravel() for one in faces]))  # a section between the ends
-        return weighted_marker(own, space.x[own], np.ones(len(own)), rigid)
-    if elements.size == 0:
+    on_facets, sections = list[tuple[IntArray, sp.csr_array]](), list[IntArray]()
+    for own in space.members:
+        mine = [own.own_points(one) for one in faces]
+        chosen = np.unique(np.concatenate([facets_on_face(own.space, one) for one in mine]))
+        elements, local = (numbers[chosen] for numbers in own.space.boundary_facets)
+        if elements.size:
+            nodes, A = _integrate_products(own.space, elements, local)
+            on_facets.append((own.first + nodes, A))
+        elif own.space.mesh.midsurface is not None and own.space.mesh.midsurface.has_sections:
+            held = [own.first + np.unique(one) for one in mine if one.size]  # a section between the ends
+            sections += held
+    if sections and not on_facets:
+        own_points = np.unique(np.concatenate(sections))
+        return weighted_marker(own_points, space.x[own_points], np.ones(len(own_points)), rigid)
+    if not on_facets:
         raise ValueError("no boundary facet of the mesh lies on the face")
-    nodes, A = _integrate_products(space, elements, local)
+    if sections:
+        raise ValueError("it has sections of beams beside facets of other elements; name a set of each")
+    nodes = np.concatenate([nodes for nodes, _ in on_facets])
+    A = sp.csr_array(sp.block_diag([A for _, A in on_facets], format="csr"))
     x = space.x[nodes]
     w = A @ np.ones(len(nodes))
     area = w.sum()

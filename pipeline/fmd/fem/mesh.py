@@ -15,7 +15,7 @@ from fmd.fem.cells.cell import SolidCell
 from fmd.fem.cells.table import solid_cell
 from fmd.fem.connections import Connections
 from fmd.fem.elements import jacobians, match_nodes
-from fmd.fem.midsurface import Midsurface
+from fmd.fem.midsurface import Layup, Midsurface
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,21 @@ class SolidMesh:
     def order(self) -> int:
         """Order of the cells' own nodes: 2 if they have mid-edge nodes."""
         return self.cell.order
+
+    @property
+    def members(self) -> tuple[SolidMesh, ...]:
+        """The mesh as the only one of a body."""
+        return (self,)
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return len(self.cells)
+
+    @property
+    def layup(self) -> Layup | None:
+        """Layers of a shell's elements by its deck."""
+        return None if self.midsurface is None else self.midsurface.layup
 
     @cached_property
     def quality(self) -> Array:

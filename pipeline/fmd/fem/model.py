@@ -11,15 +11,15 @@ import scipy.sparse as sp
 from fmd.core.arrays import Array, short_repr
 from fmd.core.rotations import rigid_motions
 from fmd.fem.arms import Arms
+from fmd.fem.joined import AnySpace
 from fmd.fem.material import AnyMaterial
-from fmd.fem.space import Discretisation
 
 
 @dataclass(frozen=True)
 class FEModel:
     """Stiffness and mass matrices of a body on its discretisation."""
 
-    discretisation: Discretisation
+    discretisation: AnySpace
     material: AnyMaterial
     K: sp.csr_array  # (3 n_nodes, 3 n_nodes): stiffness [N/m]; unknown ``3 i + a`` is node i along axis a
     m: sp.csr_array  # (n_nodes, n_nodes): consistent scalar mass matrix [kg]; the full mass matrix is ``m ⊗ 1₃``
@@ -50,7 +50,7 @@ class FEModel:
     @property
     def local_pairs(self) -> int:
         """Pairs of nodes of an element, for which a stress has entries before they are summed."""
-        return int(self.discretisation.element_nodes.shape[1]) ** 2
+        return max(int(own.space.element_nodes.shape[1]) ** 2 for own in self.discretisation.members)
 
     @property
     def mass(self) -> float:

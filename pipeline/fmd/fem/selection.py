@@ -10,10 +10,11 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from fmd.core.arrays import Array, IntArray
+from fmd.core.arrays import Array, BoolArray, IntArray
 from fmd.core.limits.mesh import FACE_IN_PLANE, NEAREST_ELEMENTS, NODES_ON_EDGE, SHARP_ANGLE
 from fmd.core.limits.newton import LOCATING_CORRECTIONS
 from fmd.fem.elements import shape_functions
+from fmd.fem.joined import AnySpace
 from fmd.fem.markers import face_marker
 from fmd.fem.mesh import rows_among, three_corners
 from fmd.fem.space import Discretisation
@@ -21,18 +22,21 @@ from fmd.fem.space import Discretisation
 _SHARP = np.cos(np.deg2rad(SHARP_ANGLE))
 
 
-def facets_in_plane(space: Discretisation, axis: int, place: float) -> IntArray:
+def facets_in_plane(space: AnySpace, axis: int, place: float) -> IntArray:
     """Return the corners (n_facets, 3) of the boundary facets in the plane across an axis at ``place`` [m].
 
     A facet of four corners is identified by three of them.
     """
     near = FACE_IN_PLANE * float(np.ptp(space.x, axis=0).max())
-    corners = _corners(space)
-    off = np.abs(space.x[corners][..., axis] - place).max(axis=1)
-    return _keys(corners[off <= near])
+    found = []
+    for own in space.members:
+        corners = _corners(own.space)
+        off = np.abs(own.space.x[corners][..., axis] - place).max(axis=1)
+        found.append(own.first + _keys(corners[off <= near]))
+    return np.concatenate(found)
 
 
-def facets_near(space: Discretisation, point: Array, faces: Sequence[IntArray] = ()) -> IntArray:
+def facets_near(space: AnySpace, point: Array, faces: Sequence[IntArray] = ()) -> IntArray:
     """Return the corners (n_facets, 3), as `facets_in_plane` does, of the face nearest to a point (3,) [m].
 
     Parameters
@@ -41,18 +45,24 @@ def facets_near(space: Discretisation, point: Array, faces: Sequence[IntArray] =
         Known faces of the body. If none of them holds the nearest facet, the face ends at edges sharper than 40°, which
         takes a mesh fine enough, or curved elements.
     """
-    corners = _corners(space)
-    x = space.x[corners]
-    nearest = int(np.minimum(*(_distance(x[:, half], point) for half in ((0, 1, 2), (0, 2, 3)))).argmin())
+    away = [_facet_distances(own.space, point) for own in space.members]
+    member, each = min(zip(space.members, away, strict=True), key=lambda pair: float(pair[1].min()))
+    corners, nearest = _corners(member.space), int(each.argmin())
     keys = _keys(corners)
     for face in faces:
         if rows_among(keys[nearest : nearest + 1], face)[0]:
             return face
-    smooth = _label_smooth_faces(space, corners)
-    return np.asarray(keys[smooth == smooth[nearest]])
+    smooth = _label_smooth_faces(member.space, corners)
+    return np.asarray(member.first + keys[smooth == smooth[nearest]])
 
 
-def nodes_on_faces(space: Discretisation, faces: Sequence[IntArray]) -> IntArray:
+def _facet_distances(space: Discretisation, point: Array) -> Array:
+    """Return the distance of a point (3,) [m] from each boundary facet, shape (n_facets,)."""
+    x = space.x[_corners(space)]
+    return np.asarray(np.minimum(*(_distance(x[:, half], point) for half in ((0, 1, 2), (0, 2, 3)))))
+
+
+def nodes_on_faces(space: AnySpace, faces: Sequence[IntArray]) -> IntArray:
     """Return the nodes that all faces share: of one face, of the edge of two, of the corner of three.
 
     Parameters
@@ -71,7 +81,7 @@ def nodes_on_faces(space: Discretisation, faces: Sequence[IntArray]) -> IntArray
     return nodes
 
 
-def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
+def nodes_on_edge(space: AnySpace, ends: Array) -> IntArray:
     """Return the nodes on the straight line between two points, ``ends`` (2, 3) [m]; a shell's are in its midsurface.
 
     Raises
@@ -80,7 +90,7 @@ def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
         No node lies there; the message gives the distance of the nearest.
     """
     along = ends[1] - ends[0]
-    x, first = body_nodes(space)
+    x, rows, _ = body_nodes(space)
     r = x - ends[0]
     share = np.clip(r @ along / (along @ along), 0.0, 1.0)
     away = np.linalg.norm(r - share[:, None] * along, axis=1)
@@ -88,26 +98,45 @@ def nodes_on_edge(space: Discretisation, ends: Array) -> IntArray:
     nodes = np.flatnonzero(away < NODES_ON_EDGE * extent)
     if not len(nodes):
         raise ValueError(f"no node of the mesh lies there; the nearest is {away.min():.4g} m away")
-    return first + nodes
+    return rows[nodes]
 
 
-def node_at(space: Discretisation, point: Array) -> IntArray:
+def node_at(space: AnySpace, point: Array) -> IntArray:
     """Return the node nearest to a point (3,) [m], of a shell that of its midsurface, shape (1,)."""
-    x, first = body_nodes(space)
-    return np.array([first + np.linalg.norm(x - point, axis=1).argmin()])
+    x, rows, _ = body_nodes(space)
+    return rows[[np.linalg.norm(x - point, axis=1).argmin()]]
 
 
-def points_of_nodes(space: Discretisation, nodes: IntArray) -> IntArray:
+def points_of_nodes(space: AnySpace, nodes: IntArray) -> IntArray:
     """Return the mesh's points that move with nodes: the nodes themselves, of a shell the points at both faces."""
-    if space.mesh.midsurface is None:
-        return nodes
-    return np.flatnonzero(np.isin(space.mesh.midsurface.owner, nodes - len(space.x)))
+    found = []
+    for own in space.members:
+        local = nodes[nodes >= own.first] - own.first
+        midsurface, n = own.space.mesh.midsurface, len(own.space.x)
+        held = local[local < n] if midsurface is None else np.flatnonzero(np.isin(midsurface.owner, local - n))
+        found.append(own.first + held)
+    return np.concatenate(found)
 
 
-def body_nodes(space: Discretisation) -> tuple[Array, int]:
-    """Return positions of a body's nodes (n_nodes, 3), of a shell in its midsurface, and the number of the first."""
-    midsurface = space.mesh.midsurface
-    return (space.x, 0) if midsurface is None else (midsurface.nodes, len(space.x))
+def body_nodes(space: AnySpace) -> tuple[Array, IntArray, BoolArray]:
+    """Return a body's nodes, of a shell those of its midsurface.
+
+    Returns
+    -------
+    x : ndarray, shape (n, 3)
+        Positions [m].
+    rows : ndarray, shape (n,)
+        Their rows among all points.
+    turning : ndarray, shape (n,)
+        True for those with rotations.
+    """
+    x, rows, turning = [], [], []
+    for own in reversed(space.members):  # of nodes at one place those with rotations come first
+        midsurface, n = own.space.mesh.midsurface, len(own.space.x)
+        x.append(own.space.x if midsurface is None else midsurface.nodes)
+        rows.append(own.first + (0 if midsurface is None else n) + np.arange(len(x[-1])))
+        turning.append(np.full(len(x[-1]), midsurface is not None))
+    return np.concatenate(x), np.concatenate(rows), np.concatenate(turning)
 
 
 def locate_points(space: Discretisation, points: Array) -> tuple[IntArray, Array]:

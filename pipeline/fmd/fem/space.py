@@ -14,6 +14,7 @@ from skfem.io.meshio import from_meshio
 
 from fmd.core.arrays import Array, IntArray, read_only
 from fmd.fem.elements import ElementKind, Formulation, inverse_and_determinant, jacobians, match_nodes, shape_functions
+from fmd.fem.material import AnyMaterial
 from fmd.fem.mesh import SolidMesh, three_corners
 
 
@@ -65,6 +66,38 @@ class BlockStructure:
 
 
 @dataclass(frozen=True)
+class Member:
+    """Elements of one kind of a body, and where their points, nodes and numbers are among those of all."""
+
+    space: Discretisation
+    first: int = 0  # row of its first point
+    first_element: int = 0  # number of its first element
+    first_facet: int = 0  # number of its first boundary facet
+    is_whole: bool = True  # false if the body has others beside it
+
+    def of_shapes(self, shapes: Array) -> Array:
+        """Return the rows of its points in a field of all points of the body."""
+        return shapes[self.first : self.first + len(self.space.x)]
+
+    def own(self, numbers: IntArray) -> IntArray:
+        """Return which of some elements are its own, by their places."""
+        return np.flatnonzero(
+            (numbers >= self.first_element) & (numbers < self.first_element + len(self.space.mesh.cells))
+        )
+
+    def own_points(self, face: IntArray) -> IntArray:
+        """Return the points (k,), or corners of facets (k, n), of a face that are its own, by its own numbers."""
+        inside = (face >= self.first) & (face < self.first + len(self.space.x))
+        return np.asarray(face[inside if face.ndim == 1 else inside.all(axis=1)] - self.first)
+
+    def material(self, whole: AnyMaterial) -> AnyMaterial:
+        """Return the material of its elements, given that of the body's."""
+        if self.is_whole:
+            return whole
+        return whole.of_elements(self.first_element + np.arange(len(self.space.mesh.cells)))
+
+
+@dataclass(frozen=True)
 class Discretisation:
     """Nodes and connectivity of a displacement field on a mesh."""
 
@@ -72,6 +105,11 @@ class Discretisation:
     order: int  # order of the displacement, 1 or 2
     # ``enhanced`` or ``plain`` strain of linear hexahedra; of no effect on other elements.
     formulation: Formulation = "enhanced"
+
+    @property
+    def members(self) -> tuple[Member, ...]:
+        """Its elements as the only ones of a body."""
+        return (Member(self),)
 
     @cached_property
     def kind(self) -> ElementKind:

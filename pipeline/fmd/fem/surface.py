@@ -12,6 +12,7 @@ from fmd.core.arrays import Array, IntArray, short_repr
 from fmd.core.limits.mesh import REENTRANT_ANGLE
 
 if TYPE_CHECKING:
+    from fmd.fem.joined import AnySpace
     from fmd.fem.space import Discretisation
 
 
@@ -26,9 +27,10 @@ class SurfaceTopology:
     __repr__ = short_repr
 
 
-def surface_topology(space: Discretisation) -> SurfaceTopology:
+def surface_topology(space: AnySpace) -> SurfaceTopology:
     """Find the outer surface of a discretisation."""
-    return polygon_surface(space.x, [around for _, around in boundary_polygons(space)])
+    polygons = [own.first + around for own in space.members for _, around in boundary_polygons(own.space)]
+    return polygon_surface(space.x, polygons)
 
 
 def polygon_surface(x: Array, polygons_by_size: Sequence[IntArray]) -> SurfaceTopology:
@@ -102,14 +104,21 @@ def reentrant_angles(x: Array, surface: SurfaceTopology) -> Array:
     return angles
 
 
-def surface_facets(space: Discretisation) -> IntArray:
+def surface_facets(space: AnySpace) -> IntArray:
     """Return the boundary facet of each triangle of `surface_topology`, shape (n_triangles,)."""
-    return np.concatenate([np.repeat(facets, around.shape[1] - 2) for facets, around in boundary_polygons(space)])
+    return np.concatenate(
+        [
+            own.first_facet + np.repeat(facets, around.shape[1] - 2)
+            for own in space.members
+            for facets, around in boundary_polygons(own.space)
+        ]
+    )
 
 
-def surface_elements(space: Discretisation) -> IntArray:
+def surface_elements(space: AnySpace) -> IntArray:
     """Return the element of each triangle of `surface_topology`, shape (n_triangles,)."""
-    return np.asarray(space.boundary_facets[0][surface_facets(space)])
+    elements = np.concatenate([own.first_element + own.space.boundary_facets[0] for own in space.members])
+    return np.asarray(elements[surface_facets(space)])
 
 
 def boundary_polygons(space: Discretisation) -> list[tuple[IntArray, IntArray]]:

@@ -106,13 +106,19 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
 
 
 def _midsurface_warnings(name: str, part: FlexiblePart) -> list[dict[str, str]]:
-    """Warn of a midsurface whose volume isn't the solid's."""
+    """Warn of a midsurface whose volume isn't the solid's, and of shells and beams that are hinged to solids."""
     if not part.mesh_notes:
         return []
+    from fmd.fem.joined import HINGE_MEND
     from fmd.stages.meshing.cad_files import UNLIKE_SOLID
 
-    unlike = [note for note in part.mesh_notes if note.endswith(UNLIKE_SOLID)]
-    return [{"code": "midsurface-volume", "body": name, "text": f"{name}: {note}"} for note in unlike]
+    codes = {UNLIKE_SOLID: "midsurface-volume", HINGE_MEND: "hinge"}
+    return [
+        {"code": code, "body": name, "text": f"{name}: {note}"}
+        for end, code in codes.items()
+        for note in part.mesh_notes
+        if note.endswith(end)
+    ]
 
 
 def interface_warnings(run: Pipeline) -> list[dict[str, str]]:

@@ -79,7 +79,7 @@ def draw_mesh(run: Pipeline, output: MeshPicture, folder: Path, draw: Drawer = d
 
     part = run.wholes[output.body]
     names = [f"{name} ({len(cells):,} elements)".replace(",", " ") for name, cells in part.mesh.parts.items()]
-    title = output.title or f"{_name(output)}: {len(part.mesh.cells):,} elements".replace(",", " ")
+    title = output.title or f"{_name(output)}: {part.mesh.n_cells:,} elements".replace(",", " ")
     triangles = part_numbers(part.mesh)[part.surface_elements] - 1
     surface, camera = body_surface(run, output.body), camera_of(run, output)
     draw("pictures.draw_mesh", surface, triangles, names, folder / output.file, title=title, camera=camera)

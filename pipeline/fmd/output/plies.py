@@ -20,7 +20,9 @@ from fmd.render.calls import Drawer, draw_here
 from fmd.render.colours import stress_limits
 
 if TYPE_CHECKING:
+    from fmd.fem.space import Member
     from fmd.scene.stress_outputs import Plies
+    from fmd.stages.part import FlexiblePart
     from fmd.stages.pipeline import Pipeline
 
 _COLUMNS = {
@@ -58,7 +60,8 @@ def draw_plies(run: Pipeline, output: Plies, folder: Path, draw: Drawer = draw_h
     nodal = np.zeros(len(part.space.x))
     for found in find_plies(run, output.body):
         own = _require_indices(run, output, found).max(axis=(1, 2))
-        np.maximum.at(nodal, part.space.element_nodes[found.elements], own[:, None])
+        shells = _shells(part)
+        np.maximum.at(nodal, shells.first + shells.space.element_nodes[found.elements], own[:, None])
     values = nodal[part.surface.nodes]
     worst = summarise_plies(run, output)["plies"][output.body][output.index]
     ply = f"ply {worst['ply']} ({worst['material']}, {worst['angle_deg']:.3g}°), {worst['face']} face"
@@ -96,16 +99,20 @@ def find_plies(run: Pipeline, body: str) -> list[PlyExtremes]:
             mend = "is touched, and what contacts deform isn't in the stress of plies"
         if mend is not None:
             raise InputError(run.scene.file, f"body.{body}", None, mend)
-        everything = np.arange(len(part.space.element_nodes))
+        shells = _shells(part)
+        everything, shapes = np.arange(len(shells.space.element_nodes)), shells.of_shapes(part.body.shapes)
         run.results[key] = [
-            ply_extremes(
-                part.space, own, everything[mine], part.body.shapes, motion.modal(body), _strengths(part.shape, own)
-            )
-            for own, mine in part.material.over(slice(None))
+            ply_extremes(shells.space, own, everything[mine], shapes, motion.modal(body), _strengths(part.shape, own))
+            for own, mine in shells.material(part.material).over(slice(None))
             if isinstance(own, Layered)
         ]
     found: list[PlyExtremes] = run.results[key]
     return found
+
+
+def _shells(part: FlexiblePart) -> Member:
+    """Return the shells of a body, which alone have layers."""
+    return next(own for own in part.space.members if own.space.kind.from_middle is not None)
 
 
 def _strengths(shape: Any, material: Layered) -> list[Array]:
@@ -126,7 +133,7 @@ def _require_indices(run: Pipeline, output: Plies, found: PlyExtremes) -> Array:
 
 def _place(run: Pipeline, body: str, found: PlyExtremes, element: int) -> Array:
     """Return the middle of an element in the part's own coordinates, shape (3,) [m]."""
-    space = run.wholes[body].space
+    space = _shells(run.wholes[body]).space
     return np.asarray(space.x[space.element_nodes[found.elements[element]]].mean(axis=0))
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray
 
     from fmd.dynamics.compiled_system.system import CompiledSystem
-    from fmd.fem.mesh import SolidMesh
+    from fmd.fem.joined import AnyMesh
     from fmd.fem.model import FEModel
     from fmd.fem.surface import SurfaceTopology
     from fmd.recovery.motion import Motion
@@ -60,7 +60,7 @@ class Result(SolvedScene):
         return {name: BodyMatrices(part) for name, part in self.run.wholes.items()}
 
     @property
-    def mesh(self) -> SolidMesh:
+    def mesh(self) -> AnyMesh:
         """Mesh of the first flexible body."""
         return self.run.mesh
 

@@ -19,6 +19,7 @@ from fmd.core.limits.memory import DEFORMED_AT_ONCE, STRAINED_AT_ONCE
 from fmd.core.limits.round_off import SOLVED
 
 if TYPE_CHECKING:
+    from fmd.fem.joined import AnySpace
     from fmd.fem.space import Discretisation
     from fmd.reduction.body import FlexibleBody
 
@@ -51,7 +52,7 @@ class Deformation:
         return limits.OF_SQUARED_ROTATION * self.rotation**2 + limits.OF_LARGEST_STRAIN * self.strain
 
 
-def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: bool) -> DeformationShapes:
+def deformation_shapes(space: AnySpace, body: FlexibleBody, supported: bool) -> DeformationShapes:
     """Evaluate rotation and strain of a body's shapes where each of them is largest, and evenly over the body.
 
     Parameters
@@ -59,15 +60,9 @@ def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: boo
     supported : bool
         True if supports hold the body in its frame, so that no section at the joint turns against it.
     """
-    X = space.kind.corners.T
-    n_elements = len(space.element_nodes)
-    looked_at = np.linspace(0, n_elements - 1, min(limits.MOST_PLACES, n_elements)).astype(int)
-    parts = [
-        _rotation_and_strain(space, body.shapes, X, looked_at[start : start + STRAINED_AT_ONCE])
-        for start in range(0, len(looked_at), STRAINED_AT_ONCE)
-    ]
     rotation, strain = (
-        np.concatenate(field).reshape(-1, field[0].shape[2], len(body.omega)) for field in zip(*parts, strict=True)
+        np.concatenate(each)
+        for each in zip(*(_fields(own.space, own.of_shapes(body.shapes)) for own in space.members), strict=True)
     )
     largest = [
         np.argsort(-np.linalg.norm(field, axis=1), axis=0)[: limits.TOP_POINTS].ravel() for field in (rotation, strain)
@@ -76,6 +71,21 @@ def deformation_shapes(space: Discretisation, body: FlexibleBody, supported: boo
     chosen = np.unique(np.concatenate([*largest, even]))
     rotation, strain = rotation[chosen], strain[chosen]
     return DeformationShapes(rotation, strain, _rotation_on_lines(space, body, supported))
+
+
+def _fields(space: Discretisation, shapes: Array) -> tuple[Array, Array]:
+    """Return rotation (n, 3, n_modes) and strain (n, 6, n_modes) of shapes at corners of elements of one kind."""
+    X = space.kind.corners.T
+    n_elements = len(space.element_nodes)
+    looked_at = np.linspace(0, n_elements - 1, min(limits.MOST_PLACES, n_elements)).astype(int)
+    parts = [
+        _rotation_and_strain(space, shapes, X, looked_at[start : start + STRAINED_AT_ONCE])
+        for start in range(0, len(looked_at), STRAINED_AT_ONCE)
+    ]
+    rotation, strain = (
+        np.concatenate(field).reshape(-1, field[0].shape[2], shapes.shape[2]) for field in zip(*parts, strict=True)
+    )
+    return rotation, strain
 
 
 def node_deformation_shapes(body: FlexibleBody, supported: bool, of_matter: bool) -> DeformationShapes:
@@ -165,12 +175,11 @@ def _largest(field: Array, q: Array) -> float:
     return largest
 
 
-def _rotation_on_lines(space: Discretisation, body: FlexibleBody, supported: bool) -> dict[str, Array]:
+def _rotation_on_lines(space: AnySpace, body: FlexibleBody, supported: bool) -> dict[str, Array]:
     """Return the rotation of the shapes across the line from the joint to each marker, at the nearest elements."""
     from scipy.spatial import cKDTree
 
-    middle = space.kind.corners.mean(axis=0)[:, None]
-    centres = body.x[space.element_nodes].mean(axis=1)
+    centres = np.concatenate([own.space.x[own.space.element_nodes].mean(axis=1) for own in space.members])
     tree, joint = cKDTree(centres), body.markers[body.joint]
     lines = {}
     for name, marker in body.markers.items():
@@ -180,7 +189,13 @@ def _rotation_on_lines(space: Discretisation, body: FlexibleBody, supported: boo
         places = joint.position + np.outer((np.arange(limits.POINTS_ON_LINE) + 0.5) / limits.POINTS_ON_LINE, way)
         elements = tree.query(places)[1]
         needed, back = np.unique(elements, return_inverse=True)
-        rotation = _rotation_and_strain(space, body.shapes, middle, needed)[0][back, 0]
+        rotation = np.empty((len(needed), 3, len(body.omega)))
+        for own in space.members:
+            if not len(mine := own.own(needed)):
+                continue
+            middle, shapes = own.space.kind.corners.mean(axis=0)[:, None], own.of_shapes(body.shapes)
+            rotation[mine] = _rotation_and_strain(own.space, shapes, middle, needed[mine] - own.first_element)[0][:, 0]
+        rotation = rotation[back]
         if not supported:
             rotation = rotation - joint.rotation
         along = way / length

@@ -21,11 +21,12 @@ from fmd.fem.strain import DOUBLED, HALVED, TENSOR, VOIGT, strains, stresses
 from fmd.recovery.stress import average_at_nodes
 
 if TYPE_CHECKING:
+    from fmd.fem.joined import AnySpace
     from fmd.fem.material import AnyElastic, AnyMaterial
     from fmd.fem.space import Discretisation
 
 
-def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, node: int) -> Array:
+def patch_stress(space: AnySpace, material: AnyMaterial, shapes: Array, node: int) -> Array:
     """Stress of each shape at a node by a fit to the elements around it.
 
     Parameters
@@ -40,6 +41,9 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     ndarray, shape (6, n)
         xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
     """
+    member = next(own for own in reversed(space.members) if node >= own.first)
+    space, material, shapes = member.space, member.material(material), member.of_shapes(shapes)
+    node -= member.first
     X = space.kind.stress_points
     patch = np.flatnonzero((space.element_nodes == node).any(axis=1))
     n_terms = 4 if space.order == 1 else 10
@@ -56,7 +60,7 @@ def patch_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     return np.asarray(fitted[0].reshape(6, -1))  # the other terms vanish at the node
 
 
-def element_stresses(space: Discretisation, material: AnyMaterial, shapes: Array, node: int) -> Array:
+def element_stresses(space: AnySpace, material: AnyMaterial, shapes: Array, node: int) -> Array:
     """Stress of each shape at a node in each element around it, whose mean is the averaged stress.
 
     Parameters
@@ -69,6 +73,9 @@ def element_stresses(space: Discretisation, material: AnyMaterial, shapes: Array
     ndarray, shape (n_elements, 6, n)
         xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
     """
+    member = next(own for own in reversed(space.members) if node >= own.first)
+    space, material, shapes = member.space, member.material(material), member.of_shapes(shapes)
+    node -= member.first
     elements, places = np.nonzero(space.element_nodes == node)
     at_points = stresses(space, material, shapes, space.kind.stress_points, elements)
     each = at_points.reshape(*at_points.shape[:2], 6, -1)
@@ -91,7 +98,7 @@ def _terms(order: int, x: Array) -> Array:
     return np.stack(terms, axis=1)
 
 
-def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
+def energy_errors(space: AnySpace, material: AnyMaterial, shapes: Array) -> Array:
     """Energy products of the errors of shapes, shape (n, n) [J per unit of two shapes].
 
     The strain of the elements jumps between them; averaged at the nodes and interpolated, it is more accurate, and the
@@ -104,6 +111,14 @@ def energy_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -
     shapes : ndarray, shape (n_nodes, 3, n)
         Displacement fields.
     """
+    return sum(
+        (_member_errors(own.space, own.material(material), own.of_shapes(shapes)) for own in space.members),
+        np.zeros((shapes.shape[2],) * 2),
+    )
+
+
+def _member_errors(space: Discretisation, material: AnyMaterial, shapes: Array) -> Array:
+    """Return `energy_errors` of elements of one kind."""
     nodes, everything = np.arange(len(space.x)), np.arange(len(space.element_nodes))
     total = np.zeros((shapes.shape[2],) * 2)
     for own_material, mine in material.over(slice(None)):

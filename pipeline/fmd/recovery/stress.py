@@ -18,16 +18,18 @@ import numpy as np
 from fmd.core.arrays import Array, BoolArray, IntArray, require_shape, short_repr
 from fmd.core.limits.memory import CACHED_NUMBERS, STRAINED_AT_ONCE, STRESSED_FRAMES
 from fmd.core.limits.recovery import IN_A_ROW
+from fmd.core.limits.round_off import SOLVED
 
 if TYPE_CHECKING:
+    from fmd.fem.joined import AnySpace
     from fmd.fem.material import AnyMaterial
-    from fmd.fem.space import Discretisation
+    from fmd.fem.space import Discretisation, Member
 
 STRESS_TENSOR = ("xx", "yy", "zz", "yz", "xz", "xy")
 STRESS_COMPONENTS = ("von Mises", *STRESS_TENSOR, "principal 1", "principal 2", "principal 3")
 
 
-def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
+def modal_stress(space: AnySpace, material: AnyMaterial, shapes: Array, nodes: IntArray) -> Array:
     """Stress of each shape at chosen nodes, averaged over the elements around them.
 
     Parameters
@@ -49,7 +51,12 @@ def modal_stress(space: Discretisation, material: AnyMaterial, shapes: Array, no
     """
     from fmd.fem.strain import stresses
 
-    return average_at_nodes(space, shapes, nodes, partial(stresses, space, material))
+    found = np.zeros((len(nodes), 6, shapes.shape[2]))
+    for own in space.members:
+        mine = np.flatnonzero((nodes >= own.first) & (nodes < own.first + len(own.space.x)))
+        evaluate = partial(stresses, own.space, own.material(material))
+        found[mine] = average_at_nodes(own.space, own.of_shapes(shapes), nodes[mine] - own.first, evaluate)
+    return found
 
 
 def average_at_nodes(
@@ -88,7 +95,7 @@ def average_at_nodes(
 
 
 def element_stress(
-    space: Discretisation, material: AnyMaterial, shapes: Array, elements: IntArray, upper: Sequence[bool] = ()
+    space: AnySpace, material: AnyMaterial, shapes: Array, elements: IntArray, upper: Sequence[bool] = ()
 ) -> Array:
     """Stress of each shape in the middle of chosen elements, shape (n_chosen, 6, n) [Pa per unit of the shape].
 
@@ -100,6 +107,21 @@ def element_stress(
     upper : sequence of bool
         Of shells, whose middle has no stress by bending: True for the upper face of an element, False for the lower.
     """
+    found = np.zeros((len(elements), 6, shapes.shape[2]))
+    for own in space.members:
+        if not len(mine := own.own(elements)):
+            continue
+        is_shell = own.space.mesh.midsurface is not None and len(upper) > 0
+        sides = np.asarray(upper, dtype=int)[mine] if is_shell else np.zeros(0, dtype=int)
+        numbers = elements[mine] - own.first_element
+        found[mine] = _middle_stress(own.space, own.material(material), own.of_shapes(shapes), numbers, sides)
+    return found
+
+
+def _middle_stress(
+    space: Discretisation, material: AnyMaterial, shapes: Array, elements: IntArray, upper: IntArray
+) -> Array:
+    """Return `element_stress` of elements of one kind."""
     from fmd.fem.strain import stresses
 
     middle = space.kind.corners.mean(axis=0)[:, None]
@@ -108,16 +130,21 @@ def element_stress(
         return np.asarray(np.einsum("q,eqsn->esn", space.kind.stress_weights(middle)[0], at_points))
     lower, higher = (np.vstack([middle[:2], [[end]]]) for end in (0.0, 1.0))
     both = stresses(space, material, shapes, np.concatenate([lower, higher], axis=1), elements)
-    return np.asarray(both[np.arange(len(elements)), np.asarray(upper, dtype=int)])
+    return np.asarray(both[np.arange(len(elements)), upper])
 
 
-def excess_in_middle(space: Discretisation, material: AnyMaterial, shapes: Array, element: int) -> Array:
+def excess_in_middle(space: AnySpace, material: AnyMaterial, shapes: Array, element: int) -> Array:
     """Stress by which that in the middle of a solid element is beyond the true one, shape (6, n) [Pa per unit].
 
     The middle has the mean of the element's length, as nodes are hardly displaced wrongly along a bar. The mean of a
     parabola is beyond its value in the middle by a 24th of the second difference of three means. These are taken along
     each row of three elements, which are found behind opposite faces; elsewhere nothing is known.
     """
+    member = next(own for own in space.members if len(own.own(np.array([element]))))
+    space, material, shapes = member.space, member.material(material), member.of_shapes(shapes)
+    element -= member.first_element
+    if space.kind.strain_matrix is not None:  # shells and beams have their strain along them
+        return np.zeros((6, shapes.shape[2]))
     corners = space.element_nodes[:, : len(space.kind.corners)]
     n_shared = np.isin(corners, corners[element]).sum(axis=1)
     around = np.flatnonzero(n_shared == len(space.kind.facet_corners[0]))
@@ -128,7 +155,7 @@ def excess_in_middle(space: Discretisation, material: AnyMaterial, shapes: Array
     return np.asarray((stress[1 + one] + stress[1 + other] - 2 * stress[:1]).sum(axis=0) / 24)
 
 
-def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
+def point_stress(space: AnySpace, material: AnyMaterial, shapes: Array, points: Array) -> Array:
     """Stress of each shape in the elements at points (n, 3) [m], shape (n, 6, n_shapes) [Pa per unit of the shape].
 
     Of solids it is carried there from the elements' most accurate points; shells and beams say how it varies across.
@@ -136,20 +163,43 @@ def point_stress(space: Discretisation, material: AnyMaterial, shapes: Array, po
     from fmd.fem.selection import locate_points
     from fmd.fem.strain import stresses
 
-    elements, X = locate_points(space, points)
-    if space.kind.strain_matrix is not None:
-        each = zip(elements, X, strict=True)
-        return np.stack([stresses(space, material, shapes, x[:, None], np.array([e]))[0, 0] for e, x in each])
-    at_points = stresses(space, material, shapes, space.kind.stress_points, elements)
-    return np.asarray(np.einsum("eq,eqsn->esn", space.kind.stress_weights(np.transpose(X)), at_points))
+    found = np.zeros((len(points), 6, shapes.shape[2]))
+    for own, mine in nearest_members(space, points):
+        elements, X = locate_points(own.space, points[mine])
+        evaluate = partial(stresses, own.space, own.material(material), own.of_shapes(shapes))
+        if own.space.kind.strain_matrix is not None:
+            each = zip(elements, X, strict=True)
+            found[mine] = np.stack([evaluate(x[:, None], np.array([e]))[0, 0] for e, x in each])
+            continue
+        at_points = evaluate(own.space.kind.stress_points, elements)
+        found[mine] = np.einsum("eq,eqsn->esn", own.space.kind.stress_weights(np.transpose(X)), at_points)
+    return found
 
 
-def smooth_stress(space: Discretisation, material: AnyMaterial, shapes: Array, points: Array) -> Array:
+def smooth_stress(space: AnySpace, material: AnyMaterial, shapes: Array, points: Array) -> Array:
     """Stress of each shape at points (n, 3) [m] between the averages at nodes, shape (n, 6, n_shapes) [Pa per unit]."""
     from fmd.fem.selection import interpolate_points
 
-    each = zip(*interpolate_points(space, points), strict=True)
-    return np.stack([np.tensordot(weights, modal_stress(space, material, shapes, nodes), 1) for nodes, weights in each])
+    found = np.zeros((len(points), 6, shapes.shape[2]))
+    for own, mine in nearest_members(space, points):
+        for k, nodes, weights in zip(mine, *interpolate_points(own.space, points[mine]), strict=True):
+            found[k] = np.tensordot(weights, modal_stress(space, material, shapes, own.first + nodes), 1)
+    return found
+
+
+def nearest_members(space: AnySpace, points: Array) -> list[tuple[Member, IntArray]]:
+    """Return the elements of each kind with the places of the points (n, 3) [m] that are nearest to them."""
+    from fmd.fem.selection import interpolate_points
+
+    if len(space.members) == 1:
+        return [(space.members[0], np.arange(len(points)))]
+    away = []
+    for own in space.members:
+        nodes, weights = interpolate_points(own.space, points)
+        away.append(np.linalg.norm(np.einsum("pn,pna->pa", weights, own.space.x[nodes]) - points, axis=1))
+    extent = float(np.ptp(space.x, axis=0).max())
+    nearest = np.argmin(np.round(np.array(away) / (SOLVED * extent)), axis=0)
+    return [(own, mine) for k, own in enumerate(space.members) if len(mine := np.flatnonzero(nearest == k))]
 
 
 def von_mises(stress: Array) -> Array:

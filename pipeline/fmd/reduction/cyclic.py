@@ -27,6 +27,7 @@ from fmd.core.limits.modes import SPARE_MODES
 from fmd.fem.assembly import assemble
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
+from fmd.fem.space import Discretisation
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.factor.factor import Factor, factorise
 from fmd.reduction.modes import EigenPairs
@@ -93,6 +94,7 @@ def cut_first_sector(fe: FEModel, sectors: int) -> Sector:
     """
     if sectors < 3:
         raise ValueError(f"a cyclic body needs at least 3 sectors, not {sectors}")
+    assert isinstance(fe.discretisation, Discretisation)  # others aren't of sectors
     mesh, x = fe.discretisation.mesh, fe.x
     n_cells = len(mesh.cells) // sectors
     points, corners = np.unique(mesh.cells[:n_cells], return_inverse=True)

@@ -47,11 +47,12 @@ class MeshFile(DividedMesh, SectorMesh):
         The file's units of mass and of force, if it has lumped masses or springs; kg and N in a file in metres.
     shell : float or str, optional
         Thickness [m]: the file's triangles and quadrilaterals are shells. ``"deck"`` takes it from the deck's sections,
-        ``"layers"`` from the body's ``layers``.
+        ``"layers"`` from the body's ``layers``. Solids and beams of the file are parts of the body beside them.
     beam : str, optional
         ``"deck"``: the lines of a deck of Nastran, Abaqus or Ansys are beams, with the deck's sections.
     tie : tuple of TiedFace
-        Faces of solid parts that stay together without common nodes.
+        Faces of solid parts that stay together without common nodes, and nodes of shells and beams that follow a face
+        of solids.
 
     Examples
     --------
@@ -73,12 +74,8 @@ class MeshFile(DividedMesh, SectorMesh):
     tie: tuple[TiedFace, ...] = ()
 
     def _check(self) -> None:
-        if self.shell is not None and self.beam is not None:
-            raise FaultError("can't stand beside shell: a body is of one kind of elements", "beam")
         if (self.shell is not None or self.beam is not None) and self.order == 2:
             raise FaultError("is of solids: shells have three or four nodes, beams two", "order")
-        if (self.shell is not None or self.beam is not None) and self.tie:
-            raise FaultError("is of solids; link joins shells and beams", "tie")
         if (self.shell is not None or self.beam is not None) and self.cyclic is not None:
             raise FaultError("is of solids, not of shells or beams", "cyclic")
 

@@ -48,7 +48,7 @@ def _find_triangles(part: FlexiblePart) -> dict[str, IntArray]:
     """Return the nodes at the corners of the triangles of each face that may touch another body."""
     if not part.paired_faces:
         return {}
-    surface, of_facet = surface_topology(part.space), surface_facets(part.space)
+    surface, of_facet = surface_topology(part.plain_space), surface_facets(part.plain_space)
     on_faces = find_marker_facets(part.shape, part.space, part.file, part.name)
     found = {}
     for name in part.paired_faces:

@@ -77,7 +77,7 @@ def _compute(part: FlexiblePart, cut: CutPart, loaded: Sequence[str]) -> tuple[t
     for k in middle_first:  # loads are far from there
         own = found[k]
         if own is not None:
-            found[k] = like = _like_a_known(own, known, part.space.x)
+            found[k] = like = _like_a_known(own, known, part.plain_space.x)
             known += [like] if like is own else []
     pairs = zip(cut.cuts, found, strict=True)
     if part.shape.sections == "tractions":  # type: ignore[union-attr]
@@ -90,10 +90,10 @@ class _Responses:
 
     def __init__(self, part: FlexiblePart, cut: CutPart, loaded: Sequence[str]) -> None:
         self._part, self._cut = part, cut
-        self._labels = np.empty(len(part.space.element_nodes), dtype=np.int64)
+        self._labels = np.empty(len(part.plain_space.element_nodes), dtype=np.int64)
         for k, piece in enumerate(cut.pieces):
             self._labels[piece.cells] = k
-        self._facets = interior_facets(part.space)
+        self._facets = interior_facets(part.plain_space)
         floating = {part.joint.marker} if part.joint.floating else set()
         self._ports = {name: cut.holds(name) for name in loaded if name not in floating}
         self._origin = part.fe.m.sum(axis=0) @ part.fe.x / part.fe.mass
@@ -102,7 +102,7 @@ class _Responses:
 
     def section(self, cut: Cut) -> Marker | None:
         """Return the marker of a cut; ``None`` where there is none."""
-        space, labels = self._part.space, self._labels
+        space, labels = self._part.plain_space, self._labels
         at = np.unique(self._facets[0][cut.facets])
         first, second = (space.element_nodes[at[labels[at] == number]] for number in (cut.first, cut.second))
         nodes = np.intersect1d(first, second)
@@ -123,7 +123,7 @@ class _Responses:
 
     def warping(self, cut: Cut, section: Marker) -> list[Marker]:
         """Return the marker with the motions on which tractions of the lowest modes do work; none if they depend."""
-        space, nodes = self._part.space, section.nodes
+        space, nodes = self._part.plain_space, section.nodes
         touching = np.isin(space.element_nodes, nodes).any(axis=1)
         forces = self._nodal_forces(np.flatnonzero(touching & (self._labels == cut.second)), nodes, self._modes)
         forces = (forces * self._share(cut, nodes)[:, None, None]).transpose(2, 0, 1)
@@ -155,7 +155,7 @@ class _Responses:
 
     def _areas_at_nodes(self, cut: Cut) -> Array:
         """Sum of the areas of a cut's facets around each node of the part [m²], shape (n_nodes,)."""
-        space, (elements, local) = self._part.space, self._facets
+        space, (elements, local) = self._part.plain_space, self._facets
         pairs = space.element_nodes[elements[cut.facets]]
         shared = (pairs[:, 0, :, None] == pairs[:, 1, None]).any(axis=2)
         areas = facet_areas(space, elements[cut.facets, 0], local[cut.facets, 0])
@@ -164,7 +164,7 @@ class _Responses:
 
     def _middle(self, cut: Cut) -> Array:
         """Middle of a cut's facets [m], shape (3,)."""
-        space, (elements, local) = self._part.space, self._facets
+        space, (elements, local) = self._part.plain_space, self._facets
         elements, local = elements[cut.facets, 0], local[cut.facets, 0]
         areas = facet_areas(space, elements, local)
         corners = space.kind.facet_corners
@@ -197,7 +197,7 @@ class _Responses:
         fe = self._part.fe
         if not ports:  # inertia in six motions
             inside = np.zeros(len(fe.x))
-            inside[self._part.space.element_nodes[np.isin(self._labels, list(side))]] = 1.0
+            inside[self._part.plain_space.element_nodes[np.isin(self._labels, list(side))]] = 1.0
             inside[nodes] = 0.0
             R = rigid_motions(fe.x - self._origin)
             f = inside[:, None, None] * (fe.m @ (R * inside[:, None, None]).reshape(len(R), -1)).reshape(R.shape)
@@ -210,14 +210,14 @@ class _Responses:
 
     def _nodal_forces(self, elements: IntArray, nodes: IntArray, u: Array) -> Array:
         """Return the nodal forces that deform elements, at some of their nodes, shape (n, 3, k)."""
-        part, mesh = self._part, self._part.mesh
+        part, mesh = self._part, self._part.plain_mesh
         used, cells = np.unique(mesh.cells[elements], return_inverse=True)
         midsurface = mesh.midsurface and mesh.midsurface.of_points(used)
         own = SolidMesh(
             mesh.points[used], cells.reshape(-1, mesh.cells.shape[1]), mesh.cell_type, {}, {}, midsurface=midsurface
         )
         fe = assemble(own, part.order, part.material.of_elements(elements), part.formulation)
-        place = cKDTree(part.space.x).query(fe.discretisation.x)[1]
+        place = cKDTree(part.plain_space.x).query(fe.discretisation.x)[1]
         n = 3 * len(place)
         forces = (fe.K[:n, :n] @ u[place].reshape(n, -1)).reshape(len(place), 3, -1)
         order = np.argsort(place)
@@ -276,7 +276,7 @@ def mark_pieces(part: FlexiblePart, cut: CutPart, loaded: Collection[str]) -> Cu
             for again, marker in enumerate(found):
                 cut, weld = cut.weld_again(each) if again else (cut, each)
                 given[weld.first][weld.of_first] = given[weld.second][weld.of_second] = marker
-    tree, extent = cKDTree(part.space.x), float(np.ptp(part.mesh.points, axis=0).max())
+    tree, extent = cKDTree(part.plain_space.x), float(np.ptp(part.plain_mesh.points, axis=0).max())
     pieces = []
     for piece, markers in zip(cut.pieces, given, strict=True):
         if not markers:

@@ -15,6 +15,7 @@ from fmd.core.limits.mesh import BROAD_CLAMP
 from fmd.fem.deck_links import find_deck_links
 from fmd.fem.formats.matrices import node_marker, nodes_in_plane
 from fmd.fem.formats.matrix_model import MatrixModel
+from fmd.fem.joined import AnySpace, JoinedSpace
 from fmd.fem.links import Linked, LinkedFace, LinkedModel, LumpedMass, link_points
 from fmd.fem.local_markers import edge_marker, point_marker, single_node_marker
 from fmd.fem.markers import Marker, face_marker, facets_on_face
@@ -38,7 +39,7 @@ T = TypeVar("T")
 
 
 def place_markers(
-    shape: Flexible, space: Discretisation, file: str, body: str, given: Mapping[str, Marker] | None = None
+    shape: Flexible, space: AnySpace, file: str, body: str, given: Mapping[str, Marker] | None = None
 ) -> dict[str, Marker]:
     """Place a body's markers on the surface of its mesh, but for those that are given, as those of links are.
 
@@ -60,18 +61,19 @@ def place_markers(
             nodes = nodes_on_edge(space, np.array(marker.edge))
             if space.mesh.midsurface is not None:
                 return face_marker(space, points_of_nodes(space, nodes))
-            return edge_marker(space, nodes)
+            return edge_marker(_alone(space, "an edge"), nodes)
         if marker.edge_faces:
             key = f"body.{body}.marker.{name}.edge"
             names = [find_name(space.mesh.faces, face, file, key) for face in marker.edge_faces]
-            return edge_marker(space, nodes_on_faces(space, [space.mesh.faces[face] for face in names]))
+            nodes = nodes_on_faces(space, [space.mesh.faces[face] for face in names])
+            return edge_marker(_alone(space, "an edge"), nodes)
         faces = _faces(shape, space, marker, file, f"body.{body}.marker.{name}")
         return face_marker(space, faces, rigid, _centre_by_geometry(space, faces))
 
     return _placed(shape, place, file, body)
 
 
-def clamp_broad(marker: Marker, space: Discretisation, others: Mapping[str, Marker]) -> Marker:
+def clamp_broad(marker: Marker, space: AnySpace, others: Mapping[str, Marker]) -> Marker:
     """Return the marker of a clamped face, rigid if the face is broad beside the body's reach from it.
 
     Averaged, a broad face warps and bends, which no clamp allows. Where nodes of another rigid face are on it, it stays
@@ -128,7 +130,8 @@ def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
     deck = space.mesh.connections
     if not shape.link and deck is None:
         return fe
-    if deck is not None and len(deck.all) > len(deck.ties) and space.order != space.mesh.order:
+    with_nodes = isinstance(space, JoinedSpace) or (deck is not None and len(deck.all) > len(deck.ties))
+    if with_nodes and space.order != space.mesh.order:
         raise InputError(file, f"body.{body}.mesh.order", space.order, "adds nodes that the deck's links don't have")
     with as_input_error(file, f"body.{body}.mesh.file"):
         linked = Linked() if deck is None else find_deck_links(deck, space)
@@ -149,12 +152,13 @@ def add_links(shape: Flexible, fe: FEModel, file: str, body: str) -> FEModel:
         return link_points(fe, replace(linked, links=links, masses=masses))
 
 
-def find_marker_facets(shape: Flexible, space: Discretisation, file: str, body: str) -> dict[str, IntArray]:
+def find_marker_facets(shape: Flexible, space: AnySpace, file: str, body: str) -> dict[str, IntArray]:
     """Find the boundary facets of each marker of a body that is on a face; raises as `place_markers`."""
 
     def find(name: str, marker: MarkerPlace) -> IntArray:
         faces = _faces(shape, space, marker, file, f"body.{body}.marker.{name}")
-        facets = np.unique(np.concatenate([facets_on_face(space, face) for face in faces]))
+        alone = _alone(space, "contact and pieces")
+        facets = np.unique(np.concatenate([facets_on_face(alone, face) for face in faces]))
         if not facets.size:
             raise ValueError("no boundary facet of the mesh lies on the face")
         return facets
@@ -163,9 +167,7 @@ def find_marker_facets(shape: Flexible, space: Discretisation, file: str, body: 
     return _placed(shape.model_copy(update={"marker": on_faces}), find, file, body)
 
 
-def _faces(
-    shape: Flexible, space: Discretisation, place: MarkerPlace | FaceLink, file: str, key: str
-) -> list[IntArray]:
+def _faces(shape: Flexible, space: AnySpace, place: MarkerPlace | FaceLink, file: str, key: str) -> list[IntArray]:
     """Return the faces that a marker or a link is on, as `face_marker` takes them."""
     if place.plane is not None:
         return [facets_in_plane(space, *place.plane)]
@@ -174,7 +176,7 @@ def _faces(
     return [space.mesh.faces[find_name(space.mesh.faces, face, file, f"{key}.face")] for face in place.faces]
 
 
-def _centre_by_geometry(space: Discretisation, faces: Sequence[IntArray]) -> Array | None:
+def _centre_by_geometry(space: AnySpace, faces: Sequence[IntArray]) -> Array | None:
     """Return the centre (3,) [m] of faces together by the geometry that CAD has of each; ``None`` without."""
     names = [name for face in faces for name, corners in space.mesh.faces.items() if corners is face]
     if len(names) < len(faces) or not {*names} <= space.mesh.centres.keys():
@@ -195,7 +197,7 @@ def place_node_markers(shape: Flexible, model: MatrixModel, file: str, body: str
     return _placed(shape, place, file, body)
 
 
-def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str) -> IntArray:
+def fixed_unknowns(shape: Flexible, space: AnySpace, file: str, body: str) -> IntArray:
     """Return the unknowns that a body's supports fix, shape (n_fixed,).
 
     Raises
@@ -218,12 +220,13 @@ def fixed_unknowns(shape: Flexible, space: Discretisation, file: str, body: str)
     return np.unique(np.concatenate(fixed))
 
 
-def _supported_nodes(space: Discretisation, faces: Sequence[IntArray]) -> IntArray:
+def _supported_nodes(space: AnySpace, faces: Sequence[IntArray]) -> IntArray:
     """Return the nodes of a support; a set of nodes holds all of its own, on facets or not, as a deck means it."""
     one = faces[0]
     if len(faces) > 1 or one.ndim == 2 or space.mesh.midsurface is not None:
         return nodes_on_faces(space, faces)
-    return np.union1d(nodes_on_faces(space, faces), one) if len(facets_on_face(space, one)) else one
+    on_facets = any(len(facets_on_face(own.space, own.own_points(one))) for own in space.members)
+    return np.union1d(nodes_on_faces(space, faces), one) if on_facets else one
 
 
 def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], T], file: str, body: str) -> dict[str, T]:
@@ -238,7 +241,14 @@ def _placed(shape: Flexible, place: Callable[[str, MarkerPlace], T], file: str, 
     return markers
 
 
-def _cad_faces(shape: Flexible, space: Discretisation) -> list[IntArray]:
+def _alone(space: AnySpace, what: str) -> Discretisation:
+    """Return a space of elements of one kind; refuses ``what`` for solids beside shells or beams."""
+    if isinstance(space, JoinedSpace):
+        raise ValueError(f"{what} of solids beside shells or beams isn't there yet; name a face, or a node")
+    return space
+
+
+def _cad_faces(shape: Flexible, space: AnySpace) -> list[IntArray]:
     """Return the faces that CAD itself keeps apart; fillets, which have no sharp edges, are among them."""
     if shape.shape != "cad":
         return []

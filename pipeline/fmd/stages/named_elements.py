@@ -12,11 +12,12 @@ from fmd.stages.meshing.bodies import find_name
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from fmd.fem.joined import AnyMesh
     from fmd.fem.mesh import SolidMesh
     from fmd.scene.places import NamedElement
 
 
-def number_elements(named: Mapping[str, NamedElement], mesh: SolidMesh, file: str, body: str) -> dict[str, int]:
+def number_elements(named: Mapping[str, NamedElement], mesh: AnyMesh, file: str, body: str) -> dict[str, int]:
     """Return the number of each named element, the one whose middle is nearest to its point.
 
     Raises
@@ -24,7 +25,7 @@ def number_elements(named: Mapping[str, NamedElement], mesh: SolidMesh, file: st
     InputError
         The mesh has no part of a name that is given.
     """
-    x = mesh.points[mesh.cells].mean(axis=1)
+    x = np.concatenate([own.points[own.cells].mean(axis=1) for own in mesh.members])
     numbers = {}
     for name, element in named.items():
         chosen = np.arange(len(x))
@@ -34,21 +35,34 @@ def number_elements(named: Mapping[str, NamedElement], mesh: SolidMesh, file: st
     return numbers
 
 
-def find_sides(named: Mapping[str, NamedElement], mesh: SolidMesh, numbers: Mapping[str, int]) -> tuple[bool, ...]:
+def find_sides(named: Mapping[str, NamedElement], mesh: AnyMesh, numbers: Mapping[str, int]) -> tuple[bool, ...]:
     """Return True for each element of a shell whose point is nearer to its upper face; nothing for solids."""
-    if mesh.midsurface is None:
+    if all(own.midsurface is None for own in mesh.members):
         return ()
     sides = []
     for name, number in numbers.items():
-        lower, upper = mesh.points[mesh.cells[number]].reshape(2, -1, 3).mean(axis=1)
+        own, k = _mesh_of(mesh, number)
+        lower, upper = own.points[own.cells[k]].reshape(2, -1, 3).mean(axis=1) if own.midsurface else np.zeros((2, 3))
         sides.append(bool((np.array(named[name].at) - (lower + upper) / 2) @ (upper - lower) >= 0.0))
     return tuple(sides)
 
 
-def stress_places(mesh: SolidMesh, numbers: Mapping[str, int], sides: tuple[bool, ...]) -> Array:
+def stress_places(mesh: AnyMesh, numbers: Mapping[str, int], sides: tuple[bool, ...]) -> Array:
     """Return the middles of elements, of shells on one face, shape (n_elements, 3) [m]."""
-    cells = mesh.cells[list(numbers.values())]
-    if sides:
-        lower, upper = np.split(cells, 2, axis=1)
-        cells = np.where(np.array(sides)[:, None], upper, lower)
-    return np.asarray(mesh.points[cells].mean(axis=1)).reshape(-1, 3)
+    places = []
+    for i, number in enumerate(numbers.values()):
+        own, k = _mesh_of(mesh, number)
+        cell = own.cells[k]
+        if own.midsurface is not None:
+            cell = np.split(cell, 2)[int(sides[i])]
+        places.append(own.points[cell].mean(axis=0))
+    return np.asarray(places).reshape(-1, 3)
+
+
+def _mesh_of(mesh: AnyMesh, number: int) -> tuple[SolidMesh, int]:
+    """Return the mesh of an element's kind, and the element's number in it."""
+    for own in mesh.members:
+        if number < own.n_cells:
+            return own, number
+        number -= own.n_cells
+    raise ValueError("no such element")

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from fmd.contact.gear_pair import ToothFlexibility
     from fmd.contact.touching_body import ContactPoints
     from fmd.fem.formats.matrix_model import MatrixModel
+    from fmd.fem.joined import AnyMesh, AnySpace
     from fmd.fem.markers import Marker
     from fmd.fem.material import AnyMaterial
     from fmd.fem.mesh import SolidMesh
@@ -82,7 +83,7 @@ class FlexiblePart(KeyedPart):
     """
 
     # The table of stages, in their order.
-    mesh: Stage[SolidMesh] = Stage(
+    mesh: Stage[AnyMesh] = Stage(
         "mesh",
         "part_results:compute_mesh",
         (),
@@ -227,11 +228,34 @@ class FlexiblePart(KeyedPart):
         return self.mesh.notes if self.shape.shape in ("mesh", "cad") else ()
 
     @cached_property
-    def space(self) -> Discretisation:
+    def space(self) -> AnySpace:
         """Nodes and elements, without matrices."""
+        from fmd.fem.joined import JoinedMesh, JoinedSpace
         from fmd.fem.space import Discretisation
 
+        if isinstance(self.mesh, JoinedMesh):
+            if self.order != self.mesh.order:
+                problem = "adds nodes to solids, which shells or beams beside them don't have"
+                raise InputError(self.file, f"body.{self.name}.mesh.order", self.order, problem)
+            return JoinedSpace(self.mesh, self.order, self.formulation)
         return Discretisation(self.mesh, self.order, self.formulation)
+
+    @property
+    def plain_space(self) -> Discretisation:
+        """Nodes and elements of one kind, as pieces and contacts take them; refuses others."""
+        from fmd.fem.joined import JoinedSpace
+
+        if isinstance(self.space, JoinedSpace):
+            problem = (
+                "has solids beside shells or beams: it has no pieces and no contacts; make them bodies of their own"
+            )
+            raise InputError(self.file, f"body.{self.name}.mesh", None, problem)
+        return self.space
+
+    @property
+    def plain_mesh(self) -> SolidMesh:
+        """Mesh of cells of one kind; refuses others as `plain_space` does."""
+        return self.plain_space.mesh
 
     @property
     def material(self) -> AnyMaterial:

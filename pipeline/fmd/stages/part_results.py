@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmd.core.errors import InputError, as_input_error
+from fmd.core.errors import AccuracyError, InputError, as_input_error
+from fmd.fem.joined import HINGE_MEND
+from fmd.fem.joined_model import SeamError
 from fmd.fem.layered import DirectionError
 from fmd.fem.surface import surface_topology
 from fmd.recovery.deformation import deformation_shapes, node_deformation_shapes
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from fmd.core.arrays import Array
-    from fmd.fem.mesh import SolidMesh
+    from fmd.fem.joined import AnyMesh
     from fmd.fem.model import FEModel
     from fmd.fem.surface import SurfaceTopology
     from fmd.recovery.deformation import DeformationShapes
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from fmd.stages.part import FlexiblePart
 
 
-def compute_mesh(part: FlexiblePart) -> SolidMesh:
+def compute_mesh(part: FlexiblePart) -> AnyMesh:
     """Mesh a part, or read its mesh; refuses a part without elements."""
     if not part.has_mesh:
         key, what = ("body", "file") if part.is_reduced else ("matrices", "matrices")
@@ -46,10 +48,15 @@ def assemble(part: FlexiblePart) -> FEModel:
         return read_reduced_body(part.shape, part.source, part.file, part.name)
     if not part.has_mesh:
         return read_body_matrices(part.shape, part.source)
-    if part.formulation == "plain" and not part.space.kind.can_be_enhanced:
-        problem = f"belongs to linear hexahedra; the elements here are {part.space.kind.name}"
+    kinds = [own.space.kind for own in part.space.members]
+    if part.formulation == "plain" and not any(kind.can_be_enhanced for kind in kinds):
+        problem = f"belongs to linear hexahedra; the elements here are {kinds[0].name}"
         raise InputError(part.file, f"body.{part.name}.mesh.formulation", "plain", problem)
-    with as_input_error(part.file, f"body.{part.name}.layer_direction", of=DirectionError):
+    key = f"body.{part.name}"
+    with (
+        as_input_error(part.file, f"{key}.layer_direction", of=DirectionError),
+        as_input_error(part.file, f"{key}.mesh.tie", of=SeamError),
+    ):
         solid = assemble(part.mesh, part.order, part.material, part.formulation)
     if not part.shape.link and part.mesh.connections is None:
         return solid
@@ -64,7 +71,12 @@ def compute_modes(part: FlexiblePart) -> Modes:
 
     if part.is_reduced:
         return modes_of_file(part.fe)
-    return compute_modes(part.model, part.shape.modes)
+    try:
+        return compute_modes(part.model, part.shape.modes)
+    except AccuracyError as error:
+        if hinges := [note for note in part.mesh_notes if note.endswith(HINGE_MEND)]:
+            raise InputError(part.file, f"body.{part.name}.mesh", None, f"{error}; {'; '.join(hinges)}") from error
+        raise
 
 
 def reduce(part: FlexiblePart) -> FlexibleBody:

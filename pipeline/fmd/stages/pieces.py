@@ -38,10 +38,10 @@ def cut_part(part: FlexiblePart, count: int) -> CutPart:
         The mesh is too coarse for so many pieces, a marker's face or the supports extend over several pieces, or the
         body hangs on no joint.
     """
-    key, space = f"body.{part.name}", part.space
+    key, space = f"body.{part.name}", part.plain_space
     if not part.joint.marker:
         raise InputError(part.file, f"{key}.pieces", count, "the body hangs on no joint: it has modes, but no motion")
-    if part.mesh.connections is not None:
+    if part.plain_mesh.connections is not None:
         raise InputError(
             part.file, f"{key}.pieces", count, "is of a body without links: its deck's aren't cut with it yet"
         )
@@ -72,7 +72,7 @@ def _elements_among(space: Discretisation, nodes: IntArray) -> IntArray:
 
 def _keep_markers_whole(part: FlexiblePart, labels: IntArray, markers: Mapping[str, IntArray], count: int) -> IntArray:
     """Move the elements of each marker into the piece that most of them are in, and loose ones after them."""
-    pairs, volumes = interior_facets(part.space)[0], part.space.volumes
+    pairs, volumes = interior_facets(part.plain_space)[0], part.plain_space.volumes
     for _ in range(MOVES):
         moved = labels.copy()
         for name, elements in markers.items():
@@ -112,12 +112,12 @@ def _require_common_points(space: Discretisation, labels: IntArray, elements: In
 def _require_supports_on_first(part: FlexiblePart, labels: IntArray) -> None:
     if not part.shape.support:
         return
-    fixed = np.unique(fixed_unknowns(part.shape, part.space, part.file, part.name) // 3)
-    if (midsurface := part.mesh.midsurface) is not None:  # nodes are numbered behind points
+    fixed = np.unique(fixed_unknowns(part.shape, part.plain_space, part.file, part.name) // 3)
+    if (midsurface := part.plain_mesh.midsurface) is not None:  # nodes are numbered behind points
         n = len(midsurface.owner)
         fixed = np.union1d(fixed[fixed < n], np.flatnonzero(np.isin(midsurface.owner, fixed[fixed >= n] - n)))
-    touched = np.isin(part.space.element_nodes[labels == 0], fixed)
-    if np.isin(fixed, part.space.element_nodes[labels == 0][touched]).all():
+    touched = np.isin(part.plain_space.element_nodes[labels == 0], fixed)
+    if np.isin(fixed, part.plain_space.element_nodes[labels == 0][touched]).all():
         return
     problem = (
         "a support fixes nodes of several pieces; in a body with pieces it must be on the piece at the joint, whose "
@@ -137,7 +137,7 @@ def _piece(
     local: IntArray,
 ) -> PieceMesh:
     """Make the mesh of one piece, with a face for each of its markers."""
-    space, mesh = part.space, part.mesh
+    space, mesh = part.plain_space, part.plain_mesh
     mine = np.flatnonzero(labels == k)
     corners = space.kind.facet_corners
     own, found = [], dict[str, tuple[IntArray, IntArray]]()

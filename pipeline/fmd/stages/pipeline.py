@@ -32,7 +32,7 @@ from fmd.stages.store import Log, StageStore
 if TYPE_CHECKING:
     from fmd.dynamics.compiled_system.system import CompiledSystem
     from fmd.dynamics.mechanism import Mechanism
-    from fmd.fem.mesh import SolidMesh
+    from fmd.fem.joined import AnyMesh
     from fmd.fem.model import FEModel
     from fmd.fem.surface import SurfaceTopology
     from fmd.integrators.protocol import Trajectory
@@ -270,7 +270,7 @@ class Pipeline:
         raise InputError(self.scene.file, "body", sorted(self.scene.body), "no flexible body: nothing to mesh")
 
     @property
-    def mesh(self) -> SolidMesh:
+    def mesh(self) -> AnyMesh:
         """Mesh of the first flexible body."""
         return self.part.mesh
 

@@ -46,8 +46,9 @@ def limitless_nodes(scene: Scene, part: FlexiblePart) -> BoolArray:
     for name in names:
         marker = part.markers[name]
         seeds = marker.nodes[marker.translation_weights != 0.0]
-        touched = np.isin(part.space.element_nodes, seeds).any(axis=1)
-        around[part.space.element_nodes[touched]] = True
+        for own in part.space.members:
+            nodes_of = own.first + own.space.element_nodes
+            around[nodes_of[np.isin(nodes_of, seeds).any(axis=1)]] = True
         distance = np.linalg.norm(part.space.x[:, None] - part.space.x[seeds], axis=2).min(axis=1)
         around |= distance < radius
     return np.zeros(len(nodes), dtype=bool) if around[nodes].all() else around[nodes]

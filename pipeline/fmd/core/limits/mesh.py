@@ -82,5 +82,7 @@ FAMILIES = 4  # times as many of the part, of which one family has some
 # Number of pieces.
 FEWEST_PIECES, MOST_PIECES_TRIED = 2, 128  # pieces of a part that are proposed
 
+SEAM_PLACES = 6  # of Gauss's rule across a shell's thickness, and each way across a beam's section, that follow solids
+
 # Warnings.
 PIECES_FREQUENCIES, PIECES_DEFLECTIONS = 0.05, 0.01  # relative errors of a part in pieces that are warned of

@@ -15,12 +15,13 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.core.files import refusing, whole_file
 from fmd.fem.cells.table import complete_dimensions
+from fmd.fem.joined import AnyMesh
 from fmd.fem.mesh import SolidMesh
 
 complete_dimensions(_mesh.topological_dimension)
 
 
-def write_mesh(mesh: SolidMesh, path: Path) -> None:
+def write_mesh(mesh: AnyMesh, path: Path) -> None:
     """Write a mesh in the format of the file's suffix; points keep their order, cells theirs within a part.
 
     In ``.msh`` (Gmsh 4.1) each part is a physical group, in ``.vtu`` its number is the cell data ``part`` and its name
@@ -37,13 +38,13 @@ def write_mesh(mesh: SolidMesh, path: Path) -> None:
     try:
         with refusing("--out", path), whole_file(path) as part:
             match path.suffix:
-                case ".msh" if mesh.parts:
+                case ".msh" if mesh.parts and isinstance(mesh, SolidMesh):
                     _to_gmsh(mesh).write(part, file_format="gmsh")
                 case ".vtu" if mesh.parts:
-                    _to_meshio(mesh, {"part": [part_numbers(mesh)]}).write(part)
+                    _to_meshio(mesh, part_numbers(mesh)).write(part)
                     _add_part_names(mesh, part)
                 case _:
-                    _to_meshio(mesh, {}).write(part)
+                    _to_meshio(mesh).write(part)
             if meshio.extension_to_filetypes[path.suffix] == [
                 "nastran"
             ]:  # meshio calls elements of second order CHEXA_
@@ -68,20 +69,24 @@ def write_surface(points: Array, triangles: IntArray, fields: Mapping[str, Array
         meshio.Mesh(points, [("triangle", triangles)], point_data=dict(fields)).write(part)
 
 
-def part_numbers(mesh: SolidMesh) -> IntArray:
+def part_numbers(mesh: AnyMesh) -> IntArray:
     """Return the number of each cell's part in ``mesh.parts``, from 1, shape (n_cells,); 0 without a part.
 
     A cell of several parts, which sets in files may overlap to, belongs to the smallest.
     """
-    numbers = np.zeros(len(mesh.cells), dtype=np.int64)
+    numbers = np.zeros(mesh.n_cells, dtype=np.int64)
     for number, cells in sorted(enumerate(mesh.parts.values(), start=1), key=lambda part: -len(part[1])):
         numbers[cells] = number
     return numbers
 
 
-def _to_meshio(mesh: SolidMesh, cell_data: dict[str, list[IntArray]]) -> meshio.Mesh:
-    """Convert a mesh with cell data, an array for its one block of cells each."""
-    return meshio.Mesh(mesh.points, [(mesh.cell_type, mesh.cells)], cell_data=cell_data)
+def _to_meshio(mesh: AnyMesh, numbers: IntArray | None = None) -> meshio.Mesh:
+    """Convert a mesh, with numbers of its cells' parts as their data if they are given."""
+    firsts = np.cumsum([0, *(len(own.points) for own in mesh.members)])
+    blocks = [(own.cell_type, first + own.cells) for first, own in zip(firsts, mesh.members, strict=False)]
+    starts = np.cumsum([len(cells) for _, cells in blocks])[:-1]
+    data = {} if numbers is None else {"part": np.split(numbers, starts)}
+    return meshio.Mesh(np.concatenate([own.points for own in mesh.members]), blocks, cell_data=data)
 
 
 def _to_gmsh(mesh: SolidMesh) -> meshio.Mesh:
@@ -105,7 +110,7 @@ def _to_gmsh(mesh: SolidMesh) -> meshio.Mesh:
     )
 
 
-def _add_part_names(mesh: SolidMesh, path: Path) -> None:
+def _add_part_names(mesh: AnyMesh, path: Path) -> None:
     """Insert the parts' numbers by name into a ``.vtu`` file as field data, which meshio reads but doesn't write."""
     arrays = "".join(
         f'<DataArray type="Int64" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{number}</DataArray>'

@@ -34,10 +34,16 @@ def read_beams(path: Path, scale: float, mass_unit: float | None = None, force_u
     InputError
         The file can't be read, or its beams can't be used; the message says what is wrong.
     """
-    return read_linked(path, lambda raw: _beams(raw, scale), extrude, scale, mass_unit, force_unit)
+
+    def take(raw: RawMesh) -> tuple[Beams, IntArray]:
+        found = take_beams(raw, scale)
+        require_one_piece(raw, np.concatenate([cells for kind, cells in raw.blocks if kind == "line"]), "beams")
+        return found
+
+    return read_linked(path, take, extrude, scale, mass_unit, force_unit)
 
 
-def _beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
+def take_beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
     """Take the beams of a raw mesh; return the number that each point of the file has, too, -1 of no beam."""
     if not raw.beams.elements or not raw.count_elements().keys() <= {"line", "vertex"}:
         raise MeshFileError(f"mesh.beam is of beams of two nodes alone; the elements: {raw.list_elements()}")
@@ -46,7 +52,6 @@ def _beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:
         raise MeshFileError(f"beams that aren't read: {raw.beams.faults[0]}{more}")
     blocks = [(b, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind == "line" and len(cells)]
     cells = np.concatenate([cells for _, cells in blocks])
-    require_one_piece(raw, cells, "beams")
     used, place = number_used(cells, len(raw.points))
     names = list(dict.fromkeys(element.section for element in raw.beams.elements))
     missing = next((element for element in raw.beams.elements if element.section not in raw.beams.sections), None)

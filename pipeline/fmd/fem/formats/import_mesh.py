@@ -151,11 +151,34 @@ def solid_mesh(
     MeshFileError
         The mesh can't be used; the message counts its faults.
     """
+    mesh, place = place_solids(raw, scale, repair, raw.connections.point_groups)
+    connections = connections_in_si(raw.connections, raw.points * scale, place, scale, mass_unit, force_unit)
+    notes = list(mesh.notes)
+    lone = len(raw.points) - len(
+        np.unique(np.concatenate([raw.connections.points, *(b.ravel() for _, b in raw.blocks)]))
+    )
+    if lone:
+        notes.append(f"{lone} nodes that belong to no element are left out")
+    return replace(mesh, notes=(*notes, *connection_notes(connections)), connections=connections)
+
+
+def place_solids(raw: RawMesh, scale: float, repair: bool, joined: Sequence[IntArray]) -> tuple[SolidMesh, IntArray]:
+    """Return the mesh of the solids, and the number of each point of the file in it, -1 of none.
+
+    Parameters
+    ----------
+    joined : sequence of ndarray
+        Points of each thing that joins pieces of the mesh.
+
+    Raises
+    ------
+    MeshFileError
+        The mesh can't be used; the message counts its faults.
+    """
     require_sound(raw)
     findings = _Findings(list(raw.notes))
     cell_type, cells = _solid_cells(raw)
     points = raw.points * scale
-    joined = raw.connections.point_groups
     cells, first = _merge_coincident(points, cells, cell_type, joined, findings)
     kept = _find_sound_cells(cells, findings)
     cells = cells[kept]
@@ -165,20 +188,15 @@ def solid_mesh(
     if findings.fatal or (findings.mendable and not repair):
         raise MeshFileError(_complaint(findings))
     used, place = number_used(cells, len(points))
-    lone = len(points) - len(np.unique(np.concatenate([raw.connections.points, *(b.ravel() for _, b in raw.blocks)])))
-    if lone:
-        findings.notes.append(f"{lone} nodes that belong to no element are left out")
-    connections = connections_in_si(raw.connections, points, place[first], scale, mass_unit, force_unit)
-    findings.notes += connection_notes(connections)
-    return SolidMesh(
+    mesh = SolidMesh(
         points[used],
         place[cells],
         cell_type,
         find_parts(raw, kept),
         find_faces(raw, place[first]),
         notes=(*findings.notes, *(f"mended: {what}" for what in findings.mendable)),
-        connections=connections,
     )
+    return mesh, place[first]
 
 
 def connection_notes(found: Connections | None) -> tuple[str, ...]:
@@ -190,7 +208,13 @@ def connection_notes(found: Connections | None) -> tuple[str, ...]:
 
 
 def connections_in_si(
-    found: Connections, points: Array, place: IntArray, scale: float, mass_unit: float | None, force_unit: float | None
+    found: Connections,
+    points: Array,
+    place: IntArray,
+    scale: float,
+    mass_unit: float | None,
+    force_unit: float | None,
+    n_nodes: int | None = None,
 ) -> Connections | None:
     """Return a file's connections in SI units, between the mesh's nodes and further points; ``None`` if it has none."""
     if not found.all:
@@ -203,7 +227,7 @@ def connections_in_si(
         if some and unit is None and not in_metres:
             raise MeshFileError(f"has {some[0].label}; say the file's unit, mesh.{key} = {example}")
     free = found.points[place[found.points] < 0]
-    n = int(place.max()) + 1
+    n = int(place.max()) + 1 if n_nodes is None else n_nodes
     number = {int(point): int(place[point]) for point in found.points if place[point] >= 0}
     number |= {int(point): n + k for k, point in enumerate(free)}
     number |= {

@@ -15,7 +15,7 @@ from fmd.fem.mesh import SolidMesh
 from fmd.fem.midsurface import Layup
 from fmd.fem.thicken import Sheet, thicken
 
-_SHELLS = {"triangle": 3, "quad": 4}
+SHELLS = {"triangle": 3, "quad": 4}
 _NONE = np.empty(0, dtype=np.int64)
 
 
@@ -51,12 +51,16 @@ def read_shell(
     gmsh = path.suffix.lower() == ".msh"  # whose named lines are curves; those of decks are beams
 
     def take(raw: RawMesh) -> tuple[Sheet, IntArray]:
-        return _sheet(raw, scale, (thickness, offset), _rims(raw) if gmsh else {})
+        found = take_shells(raw, scale, (thickness, offset), _rims(raw) if gmsh else {})
+        require_one_piece(
+            raw, np.concatenate([cells[:, [0, 1, 2, -1]] for _, cells in raw.blocks if cells.shape[1] > 2]), "shells"
+        )
+        return found
 
     return read_linked(path, take, thicken, scale, mass_unit, force_unit)
 
 
-def _sheet(
+def take_shells(
     raw: RawMesh, scale: float, section: tuple[float | None, float], rims: dict[str, IntArray]
 ) -> tuple[Sheet, IntArray]:
     """Take the shells of a raw mesh; return their sheet, and the number that each point of the file has there.
@@ -67,10 +71,10 @@ def _sheet(
     count, listed = raw.count_elements(), raw.list_elements()
     if any(map(is_solid, count)):
         raise MeshFileError(f"mesh.shell is of shells alone, and the file has solid elements: {listed}")
-    given = [(b, kind, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind in _SHELLS and len(cells)]
+    given = [(b, kind, cells) for b, (kind, cells) in enumerate(raw.blocks) if kind in SHELLS and len(cells)]
     if not given:
         raise MeshFileError(f"there are no shells of three or four nodes; the elements: {listed}")
-    known = (*_SHELLS, "vertex", "line") if rims else (*_SHELLS, "vertex")
+    known = (*SHELLS, "vertex", "line") if rims else (*SHELLS, "vertex")
     lost = {kind: n for kind, n in count.items() if kind not in known}
     if lost:
         names = ", ".join(f"{n} {kind}" for kind, n in lost.items())
@@ -91,7 +95,6 @@ def _sheet(
         raise MeshFileError(
             f"{repeated} shells have a node more than once, as collapsed ones do; write them as triangles"
         )
-    require_one_piece(raw, cells, "shells")
     used, place = number_used(cells, len(raw.points))
     t, offset, layup = _sections(raw, of, cells, scale, section[0])
     sets = {name: _members(chosen, of) for name, chosen in raw.cell_sets.items()}

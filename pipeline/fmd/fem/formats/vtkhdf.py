@@ -18,13 +18,14 @@ from fmd.core.arrays import Array, IntArray, require_shape
 from fmd.core.files import whole_file
 from fmd.fem.elements import match_nodes
 from fmd.fem.formats.export import part_numbers
+from fmd.fem.joined import AnySpace
 from fmd.fem.space import Discretisation
 
 _TENSOR = [0, 1, 2, 5, 3, 4]  # from xx, yy, zz, yz, xz, xy to VTK's order, which ends xy, yz, xz
 
 
 def write_series(
-    space: Discretisation,
+    space: AnySpace,
     times: Array,
     fields: Iterable[Mapping[str, NDArray[Any]]],
     path: Path,
@@ -34,7 +35,7 @@ def write_series(
 
     Parameters
     ----------
-    space : Discretisation
+    space : AnySpace
         The body's nodes and elements; the cell data ``part`` is the number of each element's part, from 1.
     times : ndarray, shape (n_times,)
         Instants [s], ascending.
@@ -88,16 +89,17 @@ def _local_order(space: Discretisation, mirrored: bool) -> IntArray:
     return match_nodes(nodes, space.kind.element.doflocs)
 
 
-def _write_mesh(root: Any, space: Discretisation) -> None:
+def _write_mesh(root: Any, space: AnySpace) -> None:
     """Write points, cells and parts, which don't change over time."""
-    cells = vtk_cells(space)
-    n_cells, n_local = cells.shape
-    for name, number in (("Points", len(space.x)), ("Cells", n_cells), ("ConnectivityIds", cells.size)):
+    cells = [own.first + vtk_cells(own.space) for own in space.members]
+    sizes = np.repeat([own.shape[1] for own in cells], [len(own) for own in cells])
+    for name, number in (("Points", len(space.x)), ("Cells", len(sizes)), ("ConnectivityIds", sizes.sum())):
         root[f"NumberOf{name}"] = np.array([number])
     root["Points"] = space.x
-    root["Connectivity"] = cells.ravel()
-    root["Offsets"] = np.arange(0, cells.size + 1, n_local)
-    root["Types"] = np.full(n_cells, space.kind.vtk_type, dtype=np.uint8)
+    root["Connectivity"] = np.concatenate([own.ravel() for own in cells])
+    root["Offsets"] = np.cumsum([0, *sizes])
+    types = [own.space.kind.vtk_type for own in space.members]
+    root["Types"] = np.repeat(types, [len(own) for own in cells]).astype(np.uint8)
     root["CellData/part"] = part_numbers(space.mesh)
     root["CellData/part"].attrs["names"] = list(space.mesh.parts)
 

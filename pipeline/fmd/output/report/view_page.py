@@ -103,7 +103,8 @@ def _named_faces(run: Pipeline, body: str) -> dict[str, Any]:
     if part is None or not part.has_mesh or not part.mesh.faces:
         return {}
     names = [*part.mesh.faces, ""]
-    labels = np.full(len(part.space.boundary_facets[0]), len(names) - 1)
+    labels = np.full(sum(len(own.space.boundary_facets[0]) for own in part.space.members), len(names) - 1)
     for number, face in enumerate(part.mesh.faces.values()):
-        labels[facets_on_face(part.space, face)] = number
+        for own in part.space.members:
+            labels[own.first_facet + facets_on_face(own.space, own.own_points(face))] = number
     return {"faces": {"names": names, "of": encode(labels[surface_facets(part.space)], "<u2")}}

@@ -11,6 +11,7 @@ import numpy as np
 from fmd.core.arrays import IntArray
 from fmd.core.errors import InputError, as_input_error
 from fmd.core.units import unit_ratio
+from fmd.fem.joined import AnyMesh
 from fmd.fem.laminate import Lamina, Laminate, Ply
 from fmd.fem.layered import Layered
 from fmd.fem.material import AnyMaterial, Material, MaterialOfElements
@@ -34,22 +35,20 @@ if TYPE_CHECKING:
     from fmd.scene.any_body import Flexible
 
 
-def make_mesh(shape: Flexible, source: SourceFiles | None) -> SolidMesh:
+def make_mesh(shape: Flexible, source: SourceFiles | None) -> AnyMesh:
     """Mesh a body, or read its mesh from the file that it comes from."""
     if shape.shape == "mesh":
-        from fmd.fem.formats.import_beam import read_beams
+        from fmd.fem.formats.import_joined import read_structure
         from fmd.fem.formats.import_mesh import read_mesh
-        from fmd.fem.formats.import_shell import read_shell
 
         assert source is not None
         given, unit = shape.mesh, unit_ratio(shape.mesh.unit, "m")
         mass = None if given.mass_unit is None else unit_ratio(given.mass_unit, "kg")
         force = None if given.force_unit is None else unit_ratio(given.force_unit, "N")
-        if given.beam is not None:
-            return read_beams(source.path, unit, mass, force)
-        if given.shell is not None:
-            return read_shell(source.path, unit, shape.shell_thickness, mass, force, shape.offset)
         ties = [(tie.face, tie.onto, tie.within) for tie in given.tie]
+        if given.beam is not None or given.shell is not None:
+            shell = None if given.shell is None else (shape.shell_thickness, shape.offset)
+            return read_structure(source.path, unit, shell, given.beam is not None, given.repair, (mass, force), ties)
         return _complete(read_mesh(source.path, unit, given.repair, mass, force, ties), given, source)
     if shape.shape == "cad":
         assert source is not None
@@ -113,7 +112,7 @@ def read_body_matrices(shape: Flexible, source: SourceFiles | None) -> FEModel:
     return model
 
 
-def find_material(shape: Flexible, mesh: SolidMesh, file: str, body: str) -> AnyMaterial:
+def find_material(shape: Flexible, mesh: AnyMesh, file: str, body: str) -> AnyMaterial:
     """Return a body's material: of the whole, or of each part of its mesh that has one of its own.
 
     Raises
@@ -124,14 +123,14 @@ def find_material(shape: Flexible, mesh: SolidMesh, file: str, body: str) -> Any
     assert not isinstance(shape, MatrixPart | ReducedPart)
     if isinstance(shape, Layerable) and shape.layers:
         plies = ((layer.material, layer.thickness, layer.angle) for layer in shape.layers)
-        return Layered(_laminate(shape, plies), np.tile(shape.layer_direction, (len(mesh.cells), 1)))
-    layup = mesh.midsurface.layup if mesh.midsurface else None
+        return Layered(_laminate(shape, plies), np.tile(shape.layer_direction, (mesh.n_cells, 1)))
+    layup = mesh.layup
     if layup is not None or (isinstance(shape, MeshedPart) and shape.mesh.shell == "deck" and shape.lamina):
         return _material_of_deck(shape, layup, file, body)
     whole = _whole(shape, file, body)
     if not isinstance(shape, MeshedPart | CadPart) or not shape.material:
         return whole
-    numbers = np.zeros(len(mesh.cells), dtype=np.int64)
+    numbers = np.zeros(mesh.n_cells, dtype=np.int64)
     names = [find_name(mesh.parts, name, file, f"body.{body}.material.{name}.part") for name in shape.material]
     cells = {k: mesh.parts[name] for k, name in enumerate(names, start=1)}
     for k in sorted(cells, key=lambda k: -len(cells[k])):  # of parts within parts the smallest counts

@@ -1,0 +1,263 @@
+"""Solids beside shells and beams in one body, from a deck to modes, motion and stress."""
+
+from itertools import count, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import spsolve
+
+import fmd
+from fmd.core.arrays import Array
+from fmd.core.errors import InputError
+from fmd.fem.geometric_stiffness import reduced_geometric_stiffness
+from fmd.fem.joined import JoinedSpace
+from fmd.fem.model import FEModel
+from fmd.stages.part import FlexiblePart
+
+METAL = {"E": "70 GPa", "nu": 0.33, "rho": "2700 kg/m^3"}
+RING = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+
+
+class Deck:
+    """A deck of Abaqus, made piece by piece."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Array] = []
+        self.elements: dict[str, list[list[int]]] = {}
+        self.sets: dict[str, list[int]] = {}
+        self.more: list[str] = []
+        self.towards = [0.0, 1.0, 0.0]  # in the plane of the first axis of the beams' section
+
+    def node(self, *x: float) -> int:
+        """Add a node, or find the one there."""
+        self.nodes.append(np.array(x))
+        return len(self.nodes)
+
+    def block(self, *ways: Array) -> dict[tuple[int, int, int], int]:
+        """Add hexahedra between the places along three axes."""
+        number = {
+            (i, j, k): self.node(x, y, z)
+            for i, x in enumerate(ways[0])
+            for j, y in enumerate(ways[1])
+            for k, z in enumerate(ways[2])
+        }
+        self.elements.setdefault("C3D8I, ELSET=BLOCK", []).extend(
+            [number[i + a, j + b, k + c] for a, b, c in RING]
+            for i in range(len(ways[0]) - 1)
+            for j in range(len(ways[1]) - 1)
+            for k in range(len(ways[2]) - 1)
+        )
+        return number
+
+    def write(self, path: Path, turned: Array | None = None) -> None:
+        """Write it, turned as a whole if a rotation is given."""
+        R, number = np.eye(3) if turned is None else turned, count(1)
+        lines = ["*NODE"]
+        lines += [f"{k}, " + ", ".join(repr(float(c)) for c in R @ x) for k, x in enumerate(self.nodes, start=1)]
+        for kind, cells in self.elements.items():
+            lines += [f"*ELEMENT, TYPE={kind}"]
+            lines += [f"{next(number)}, " + ", ".join(map(str, cell)) for cell in cells]
+        for name, nodes in self.sets.items():
+            lines += [f"*NSET, NSET={name}", ",\n".join(map(str, nodes))]
+        lines += ["*SHELL SECTION, ELSET=FIN, MATERIAL=M", "0.004", "*SOLID SECTION, ELSET=BLOCK, MATERIAL=M"]
+        if "B31, ELSET=BAR" in self.elements:
+            towards = ", ".join(repr(float(c)) for c in R @ self.towards)
+            lines += ["*BEAM SECTION, ELSET=BAR, MATERIAL=M, SECTION=RECT", "0.01, 0.02", towards]
+        path.write_text("\n".join([*lines, "*MATERIAL, NAME=M", "*ELASTIC", "70e9, 0.33", *self.more]) + "\n")
+
+
+def finned(across: Array, own_nodes: bool) -> Deck:
+    """A block of 20 × 40 × 20 mm with a fin of 4 mm, 60 mm high, in the middle of its top."""
+    deck, n = Deck(), len(across) // 2
+    x, z = np.linspace(0, 0.02, 5), np.linspace(-0.02, 0, 9)
+    block = deck.block(x, across, z)
+    top = [node for (_, _, k), node in block.items() if k == len(z) - 1]
+    root = [deck.node(each, 0, 0) if own_nodes else block[i, n, len(z) - 1] for i, each in enumerate(x)]
+    rows = [root] + [[deck.node(each, 0, height) for each in x] for height in np.linspace(0, 0.06, 25)[1:]]
+    deck.elements["S4, ELSET=FIN"] = [
+        [a[i], a[i + 1], b[i + 1], b[i]] for a, b in pairwise(rows) for i in range(len(x) - 1)
+    ]
+    deck.sets = {
+        "ROOT": root,
+        "TOP": top,
+        "TIP": rows[-1],
+        "BASE": [node for (i, _, _), node in block.items() if not i],
+    }
+    return deck
+
+
+def barred(own_node: bool = True, joint: str = "") -> Deck:
+    """A cube of 40 mm with a bar of 20 × 10 mm, 300 mm long, on its face."""
+    deck = Deck()
+    y = np.linspace(-0.02, 0.02, 5)
+    block = deck.block(np.linspace(-0.04, 0, 5), y, y)
+    face = [node for (i, _, _), node in block.items() if i == 4]
+    root = deck.node(0, 0, 0) if own_node else block[4, 2, 2]
+    line = [root] + [deck.node(each, 0, 0) for each in np.linspace(0, 0.3, 7)[1:]]
+    deck.elements["B31, ELSET=BAR"] = [list(ends) for ends in pairwise(line)]
+    deck.sets = {"FACE": face, "ROOT": [root], "TIP": line[-1:], "BACK": [n for (i, _, _), n in block.items() if not i]}
+    deck.more = [f"*RIGID BODY, NSET=FACE, REF NODE={root}"] if joint == "rigid" else []
+    return deck
+
+
+def body(file: Path, **mesh: Any) -> dict[str, Any]:
+    """A body of a deck."""
+    return {"mesh": {"file": str(file), "unit": "m", **mesh}, **METAL, "modes": {"count": 5}}
+
+
+def part_of(table: dict[str, Any]) -> FlexiblePart:
+    return fmd.load({"title": "Structure", "body": {"b": table}}).run.parts["b"]
+
+
+TIE = [{"face": "ROOT", "onto": "TOP"}]
+
+
+@pytest.mark.parametrize("own_nodes", [True, False])
+def test_a_fin_of_shells_on_a_block_has_the_frequencies_of_solids(tmp_path: Path, own_nodes: bool) -> None:
+    finned(np.linspace(-0.02, 0.02, 41), own_nodes).write(tmp_path / "fin.inp")
+    solid = Deck()  # nodes at the fin's sides, and the fin of two elements through its thickness
+    y = 1e-3 * np.array([-20, -8, -4, -2, 0, 2, 4, 8, 20])
+    x, z = np.linspace(0, 0.02, 3), 1e-3 * np.array([-20, -8, -3, -1, 0, 1, 3, 7, 13, 20, 30, 40, 50, 60])
+    solid.block(x, y, z)
+    cells = solid.elements["C3D8I, ELSET=BLOCK"]
+    middles = np.array([np.mean([solid.nodes[k - 1] for k in cell], axis=0) for cell in cells])
+    kept = (middles[:, 2] < 0) | (np.abs(middles[:, 1]) < 0.002)
+    solid.elements = {"C3D8, ELSET=BLOCK": [cell for cell, mine in zip(cells, kept, strict=True) if mine]}
+    solid.write(tmp_path / "solid.inp")
+    fin = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE))
+    whole = part_of(body(tmp_path / "solid.inp", order=2))
+    assert fin.modes.omega == pytest.approx(whole.modes.omega, rel=1e-2)
+    assert fin.mass == pytest.approx(whole.mass)
+
+
+def test_a_fin_whose_nodes_are_solids_alone_hangs_on_a_hinge_and_says_what_clamps_it(tmp_path: Path) -> None:
+    finned(np.linspace(-0.02, 0.02, 5), own_nodes=False).write(tmp_path / "fin.inp")
+    part = part_of(body(tmp_path / "fin.inp", shell="deck"))
+    with pytest.raises(InputError, match=r"found 7 rigid-body modes.*5 nodes of shells.*mesh\.tie"):
+        _ = part.modes
+
+
+def clamped(model: FEModel, held: Array) -> Array:
+    """Unknowns that move none of the held points."""
+    rows = model.T[(3 * held[:, None] + np.arange(3)).ravel()]
+    return np.flatnonzero(np.asarray(abs(rows).sum(axis=0)) == 0)
+
+
+def test_a_bar_on_a_rigid_face_of_a_block_bends_as_both_one_after_the_other(tmp_path: Path) -> None:
+    barred(joint="rigid").write(tmp_path / "bar.inp")
+    part = part_of(body(tmp_path / "bar.inp", beam="deck"))
+    fe = part.fe
+    free = clamped(fe, part.mesh.faces["BACK"])
+    K = (fe.T.T @ fe.K @ fe.T)[free][:, free]
+
+    def moved(at: str, force: Array) -> Array:
+        """Displacement and rotation of a section by a force on the tip."""
+        nodes, end = part.mesh.faces[at], part.mesh.faces["TIP"]
+        f = np.zeros((len(fe.x), 3))
+        f[end] = force / len(end)
+        y = spsolve(K.tocsc(), (fe.T.T @ f.ravel())[free])
+        u = (fe.T[:, free] @ y).reshape(-1, 3)
+        arms = fe.x[nodes] - fe.x[nodes].mean(axis=0)
+        turn = np.linalg.lstsq(np.vstack([_cross(r) for r in arms]), (u[nodes] - u[nodes].mean(axis=0)).ravel())[0]
+        return np.concatenate([u[nodes].mean(axis=0), turn])
+
+    E, nu, L, A = 70e9, 0.33, 0.3, 2e-4
+    push = np.array([0.0, 1.0, 1.0])
+    tip, root = (moved(at, push) for at in ("TIP", "ROOT"))
+    carried = root[:3] + np.cross(root[3:], [L, 0, 0])
+    shear = L / (5 / 6 * E / (2 * (1 + nu)) * A)
+    bent = [L**3 / (3 * E * b * h**3 / 12) + shear for b, h in ((0.02, 0.01), (0.01, 0.02))]
+    assert sorted((tip[:3] - carried)[1:]) == pytest.approx(sorted(bent), rel=1e-6)
+    assert np.linalg.norm(root[3:]) * L > 1e-3 * np.linalg.norm(tip[:3])  # the block does yield
+
+
+def _cross(r: Array) -> Array:
+    """Matrix of ``θ × r``."""
+    return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
+
+
+def framed(rng: np.random.Generator) -> Deck:
+    """A finned block, whose fin has a bar along its rim and a strut across it, all turned at random."""
+    deck = finned(np.linspace(-0.02, 0.02, 5), own_nodes=bool(rng.integers(2)))
+    rim = deck.sets["TIP"]
+    foot = deck.nodes[rim[2] - 1]
+    strut = [deck.node(*(foot + np.array([0, each, 0]))) for each in np.linspace(0, 0.05, 4)[1:] + 0.01 * rng.random()]
+    deck.elements["B31, ELSET=BAR"] = [list(ends) for ends in [*pairwise(rim), *pairwise([rim[2], *strut])]]
+    deck.towards = [0.3, 0.4, 1.0]
+    return deck
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_structures_have_six_rigid_motions_and_the_mass_of_their_elements(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turned = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turned *= np.sign(np.linalg.det(turned))
+    deck = framed(rng)
+    deck.write(tmp_path / "frame.inp", turned)
+    part = part_of(body(tmp_path / "frame.inp", shell="deck", beam="deck", tie=TIE))
+    fe = part.fe
+    rigid = fe.rigid_modes
+    y = np.linalg.lstsq(fe.T.toarray(), rigid)[0]
+    assert np.abs(fe.T @ y - rigid).max() < 1e-10  # each rigid motion is one of the unknowns'
+    assert np.abs(fe.K @ rigid).max() < 1e-9 * abs(fe.K).max()
+    assert part.modes.n_rigid == 6
+    volume = sum(own.space.volumes.sum() for own in part.space.members)
+    assert fe.mass == pytest.approx(2700 * volume)
+    strut = np.linalg.norm(deck.nodes[-1] - deck.nodes[deck.sets["TIP"][2] - 1])
+    drawn = 0.02 * 0.04 * 0.02 + 0.02 * 0.06 * 0.004 + 0.01 * 0.02 * (0.02 + strut)
+    assert volume == pytest.approx(drawn)
+    # the stress of a motion stiffens each kind of elements by itself
+    assert isinstance(part.space, JoinedSpace)
+    q = rng.normal(size=(fe.T.shape[1], 2)) * 1e-6
+    u = (fe.T @ q).reshape(-1, 3, 2)
+    found = reduced_geometric_stiffness(fe, u, u)
+    alone = [FEModel(own.space, own.material(part.material), fe.K, fe.m) for own in part.space.members]
+    moved = [own.of_shapes(u) for own in part.space.members]
+    each = [reduced_geometric_stiffness(own, mine, mine) for own, mine in zip(alone, moved, strict=True)]
+    assert found == pytest.approx(sum(each), rel=1e-9)
+    assert np.abs(found).max() > 0
+
+
+def test_a_structure_moves_with_stress_of_solids_and_of_both_faces_of_shells(tmp_path: Path) -> None:
+    deck = finned(np.linspace(-0.02, 0.02, 5), own_nodes=True)
+    deck.write(tmp_path / "fin.inp")
+    table = body(tmp_path / "fin.inp", shell="deck", tie=TIE) | {
+        "marker": {"base": {"face": "BASE"}, "tip": {"face": "TIP"}},
+        "element": {
+            side: {"at": [0.0125, y, 0.03125], "part": "FIN"} for side, y in (("left", 0.002), ("right", -0.002))
+        },
+    }
+    push = {"type": "point force", "marker": "b.tip", "force": "10 N", "direction": [0, 1, 0]}
+    scene = {
+        "title": "Fin",
+        "body": {"b": table | {"modes": {"count": 4, "boundary": "joint", "damping": 0.5}}},
+        "joint": {"hub": {"type": "fixed", "parent": "ground", "child": "b.base"}},
+        "drive": {"push": push},
+        "simulation": {
+            "duration": "10 ms",
+            "output_step": "1 ms",
+            "stiffening": "on",
+            "tip": "b.tip",
+            "run": [{"integrator": "runge-kutta", "tolerance": 1e-6}],
+        },
+    }
+    run = fmd.load(scene).run
+    left, right = (next(iter(run.element_stress(f"b.{side}", "zz").values()))[-1] for side in ("left", "right"))
+    bending = 6 * 10 * 0.02875 / (0.02 * 0.004**2)  # 6 F (h - z) / b t², pressed on the side that it moves to
+    assert (right - left) / 2 == pytest.approx(bending, rel=2e-2)
+    assert abs(right + left) < 2e-2 * bending
+    assert len(run.parts["b"].surface.nodes) == run.stress_of("b").modal.shape[0]
+
+
+def test_what_structures_lack_is_refused_by_name(tmp_path: Path) -> None:
+    deck = finned(np.linspace(-0.02, 0.02, 5), own_nodes=True)
+    deck.write(tmp_path / "fin.inp")
+    table = body(tmp_path / "fin.inp", shell="deck")
+    with pytest.raises(InputError, match="2 unconnected pieces; join them at common nodes"):
+        _ = part_of(table).mesh
+    with pytest.raises(InputError, match=r"mesh\.tie.*the node at .* m is 0\.0.* m off the face"):
+        _ = part_of(body(tmp_path / "fin.inp", shell="deck", tie=[{"face": "TIP", "onto": "TOP"}])).fe
+    with pytest.raises(InputError, match="no pieces and no contacts"):
+        _ = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE)).plain_space
