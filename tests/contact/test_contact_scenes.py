@@ -312,9 +312,20 @@ def test_a_block_on_a_slope_starts_with_its_foot_sheared() -> None:
     assert np.abs(run.motion.trajectory.v).max() < 1e-3 * 4.9 * 5e-3
 
 
-def test_a_block_that_turns_as_it_is_set_down_comes_to_lie_flat_unless_friction_holds_it() -> None:
+def test_a_block_that_turns_as_it_is_set_down_comes_to_lie_flat_and_friction_holds_it_there() -> None:
     tilted = ['simulation.start="equilibrium"', 'joint.free.rotate=["0 deg", "0 deg", "2 deg"]']
     smooth = block(*tilted, "contact.floor.friction=0.0")
     assert smooth.start[0][[3, 5]] == pytest.approx(0.0, abs=1e-6)  # of its quaternion: turned about the normal at most
+    rough = block(*tilted, "contact.floor.friction=0.4", "simulation.duration=5 ms")
+    assert rough.start[0][3:6] == pytest.approx(smooth.start[0][3:6], abs=1e-6)
+    own, weight = rough.motion.contacts["floor"], 9.81 * rough.motion.mechanism.mass
+    np.testing.assert_allclose(own.force[:, 1], weight, rtol=1e-4)
+    assert np.abs(rough.motion.trajectory.v).max() < 1e-4 * 9.81 * 5e-3
+
+
+@pytest.mark.long
+def test_a_block_that_would_slide_without_friction_has_to_begin_on_its_feet() -> None:
+    slope = ['simulation.gravity=["4.905 m/s^2", "-8.4957 m/s^2", "0 m/s^2"]', "contact.floor.friction=0.8"]
+    tilted = ['simulation.start="equilibrium"', 'joint.free.rotate=["0 deg", "0 deg", "2 deg"]']
     with pytest.raises(AccuracyError, match="has to begin on its feet, or without friction"):
-        _ = block(*tilted, "contact.floor.friction=0.4").start
+        _ = block(*tilted, *slope).start

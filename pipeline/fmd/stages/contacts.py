@@ -9,12 +9,16 @@ import numpy as np
 
 from fmd.contact.flexibility import contact_points, find_residual_fields
 from fmd.contact.touching_body import ContactPair, ContactPoints, TouchingBody
-from fmd.core.errors import InputError, as_input_error
+from fmd.core.errors import AccuracyError, InputError, as_input_error
+from fmd.dynamics.compiled_system.shared import share_system
+from fmd.dynamics.kinematics import Kinematics
 from fmd.dynamics.mechanism import Mechanism
 from fmd.fem.surface import surface_facets, surface_topology
+from fmd.stages.assembly import given_joints
 from fmd.stages.contact_deformation import ContactDeformation
 from fmd.stages.contact_grids import StartPose, refine_near_field
 from fmd.stages.contact_steps import require_steps_of_modes
+from fmd.stages.equilibrium import find_equilibrium, rest_without_friction
 from fmd.stages.markers import find_marker_facets
 from fmd.stages.rigid_contacts import add_rigid_contact, first_points, plane_of, rigid_surface
 
@@ -91,7 +95,28 @@ def add_contacts(run: Pipeline, mechanism: Mechanism) -> Mechanism:
             bodies[body] = replace(bodies[body], pairs=(*bodies[body].pairs, pair))
     if run.scene.simulation.start == "equilibrium":
         bodies = {name: replace(own, anchor=start.frame(name)) for name, own in bodies.items()}
+        if any(contact.friction for contact in run.scene.contact.values()):
+            bodies = _hold_where_they_lie(run, replace(mechanism, contacts=list(bodies.values())), bodies)
     return replace(mechanism, contacts=list(bodies.values()))
+
+
+def _hold_where_they_lie(
+    run: Pipeline, mechanism: Mechanism, bodies: Mapping[str, TouchingBody]
+) -> dict[str, TouchingBody]:
+    """Return bodies whose slip counts from where they lie, if they have to turn for that as they are set down."""
+    q, v = given_joints(run.divided_scene, mechanism)
+    system = share_system(mechanism)
+    try:
+        find_equilibrium(system, q)
+    except AccuracyError:
+        turned = rest_without_friction(system, q)
+        if turned is not None:
+            frames = Kinematics(mechanism, np.zeros(1), turned[None], v[None]).frames
+            lie = {name: frames[mechanism.number_of(name)] for name in bodies}
+            return {
+                name: replace(own, anchor=(lie[name].origin[0], lie[name].rotation[0])) for name, own in bodies.items()
+            }
+    return dict(bodies)
 
 
 def find_deformations(run: Pipeline) -> dict[str, dict[str, ContactDeformation]]:

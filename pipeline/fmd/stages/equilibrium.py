@@ -15,6 +15,7 @@ from fmd.core.limits import newton as limits
 from fmd.core.limits.round_off import EXACT
 from fmd.core.newton import Tolerance, Trial, largest, solve
 from fmd.dynamics.compiled_system.positive_mass import TOO_LIGHT
+from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.system import CompiledSystem
 from fmd.dynamics.mechanism import Mechanism
 from fmd.integrators.protocol import evaluate, evaluate_projection, move_positions
@@ -66,6 +67,27 @@ def find_equilibrium(system: CompiledSystem, q: Array) -> Array:
         f"no equilibrium after {_RESTING.corrections} corrections; something falls, turns or slides without end "
         f"under the loads of the start, or is about to buckle{held}"
     )
+
+
+def rest_without_friction(system: CompiledSystem, q: Array) -> Array | None:
+    """Return positions of equilibrium without friction, None without friction or where there are none.
+
+    A body that begins aslant turns there as it is set down, until it lies; friction can hold it from then on.
+    """
+    contacts = system.mechanism.contacts
+    if not any(own.friction for body in contacts for own in body.contacts):
+        return None
+    smooth = [
+        replace(
+            body,
+            planes=tuple(replace(own, friction=0.0) for own in body.planes),
+            pairs=tuple(replace(own, friction=0.0) for own in body.pairs),
+        )
+        for body in contacts
+    ]
+    with suppress(AccuracyError):
+        return find_equilibrium(share_system(replace(system.mechanism, contacts=smooth)), q)
+    return None
 
 
 @dataclass(frozen=True)

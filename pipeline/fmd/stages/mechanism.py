@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmd.core.arrays import Array
-from fmd.core.errors import as_input_error
+from fmd.core.errors import AccuracyError, as_input_error
 from fmd.dynamics.closures import Closure, Constraint, Coupler, Place, close_joint, fixed_place
 from fmd.dynamics.compiled_system.shared import share_system
 from fmd.dynamics.compiled_system.steady import find_steady_state
@@ -27,7 +27,7 @@ from fmd.scene.modes import damping_ratios
 from fmd.stages.assembly import assemble, close_start, following_joints, given_joints, start_controllers
 from fmd.stages.controllers import add_controllers
 from fmd.stages.division import part_of
-from fmd.stages.equilibrium import find_closed_steady_state, find_equilibrium
+from fmd.stages.equilibrium import find_closed_steady_state, find_equilibrium, rest_without_friction
 from fmd.stages.force_elements import add_elements, joint_laws
 from fmd.stages.parent_joint import ground_place, joint_axes, place_axes, read_parent_joint
 from fmd.stages.signals import require_sound_drives, signal_of
@@ -118,7 +118,13 @@ def find_start(scene: Scene, system: CompiledSystem) -> tuple[Array, Array]:
     """
     q0, v0 = place_joints(scene, system.mechanism)
     if scene.simulation.start == "equilibrium":
-        q0, v0 = find_equilibrium(system, q0), np.zeros(system.n)
+        v0 = np.zeros(system.n)
+        try:
+            q0 = find_equilibrium(system, q0)
+        except AccuracyError:
+            if (turned := rest_without_friction(system, q0)) is None:
+                raise
+            q0 = find_equilibrium(system, turned)
         return (q0, close_start(scene, system, q0, v0)[1]) if system.mechanism.closures else (q0, v0)
     if scene.simulation.start == "periodic":
         periodic: Any = import_module("fmd.stages.periodic")
