@@ -25,7 +25,7 @@ from fmd.integrators.adjoint import pull_back
 from fmd.integrators.central_difference import CentralDifference
 
 TABLE = HERE / "derivatives.csv"
-SCENES = ("beam", "arm", "robot", "four-bar")
+SCENES = ("beam", "arm", "robot", "four-bar", "propeller")
 STEPS, TURNS, LANES, LINKS = 4000, 15, 8, 17
 
 
@@ -54,7 +54,7 @@ def measure(name: str) -> Row:
     """Time the ways of a scene."""
     run = fmd.load(name, *few_modes(name)).run
     system, (q0, v0) = run.system, run.start
-    method = CentralDifference(0.5 * system.largest_step)
+    method = CentralDifference(0.1 * system.largest_step)
     times = np.linspace(0.0, STEPS * method.step, 5)
     still = [], np.zeros(system.n_positions), np.zeros(system.n)
     ones = np.ones(system.n_positions), np.ones(system.n)
