@@ -204,3 +204,19 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
         read_mesh(tmp_path / "no.inp", 1.0)
     with pytest.raises(InputError, match="is a folder"):
         read_mesh(tmp_path, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.stp", "is CAD, no mesh; give it as mesh = { cad = …, size = … }"),
+        ("a.rst", r"is of results, no mesh; give the deck \(.inp, .bdf, .cdb\)"),
+        ("a.full", r"is of matrices, no mesh; give the deck \(.inp, .bdf, .cdb\) or `matrices`"),
+        ("a.SUB", "is a superelement of Ansys, which isn't read; give the deck"),
+        ("a.mail", "is a mesh of Code_Aster as text; write it as .med"),
+    ],
+)
+def test_files_that_hold_no_mesh_are_refused_with_what_to_give(tmp_path: Path, name: str, message: str) -> None:
+    (tmp_path / name).write_text("x")
+    with pytest.raises(InputError, match=message):
+        read_mesh(tmp_path / name, 1.0)

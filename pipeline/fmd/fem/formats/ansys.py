@@ -57,15 +57,17 @@ def read_ansys(text: str) -> RawMesh:
     """
     lines = enumerate(text.splitlines(), start=1)
     reader = _Reader(lines)
-    for number, raw in lines:
+    for reader.line, raw in lines:
         line = raw.partition("!")[0].strip()
         fields = [item.strip() for item in line.split(",")]
         try:
             reader.take(fields)
         except MeshFileError as error:
-            raise MeshFileError(f"line {number}: {error}") from None
+            raise MeshFileError(f"line {reader.line}: {error}") from None
         except (ValueError, IndexError, StopIteration):
-            raise MeshFileError(f"line {number}: {fields[0]} is cut off or has fields that aren't numbers") from None
+            raise MeshFileError(
+                f"line {reader.line}: {fields[0]} is cut off or has fields that aren't numbers"
+            ) from None
     return _mesh(reader.deck)
 
 
@@ -74,7 +76,7 @@ class _Reader:
 
     def __init__(self, lines: Iterator[tuple[int, str]]) -> None:
         self.deck = _Deck()
-        self._lines = lines
+        self.line, self._lines = 0, lines
         self._real, self._section = 0, 0
         self._take: dict[str, Callable[[list[str]], None]] = {
             "NBLOCK": self._nodes,
@@ -104,7 +106,8 @@ class _Reader:
             raise MeshFileError(f"{command} isn't read; {_WRITE}, whose NBLOCK and EBLOCK are")
 
     def _next(self) -> str:
-        return next(self._lines)[1]
+        self.line, text = next(self._lines)
+        return text
 
     def _widths(self) -> list[int]:
         """Return the widths of a line's fields by the Fortran format in the next line, the whole numbers' negative."""

@@ -27,6 +27,18 @@ _TEXT_READERS = {
     **dict.fromkeys(ansys.SUFFIXES, ansys.read_ansys),
     **dict.fromkeys(nastran.SUFFIXES, nastran.read_nastran),
 }
+_DECK = "give the deck (.inp, .bdf, .cdb)"
+_NO_MESH = {
+    **dict.fromkeys(
+        (".step", ".stp", ".iges", ".igs", ".brep"), "is CAD, no mesh; give it as mesh = { cad = …, size = … }"
+    ),
+    **dict.fromkeys((".rst", ".op2", ".f06", ".odb", ".frd", ".db"), f"is of results, no mesh; {_DECK}"),
+    **dict.fromkeys(
+        (".full", ".op4", ".pch", ".mtx", ".sti", ".mas"), f"is of matrices, no mesh; {_DECK} or `matrices`"
+    ),
+    ".sub": f"is a superelement of Ansys, which isn't read; {_DECK}",
+    ".mail": "is a mesh of Code_Aster as text; write it as .med",
+}
 T = TypeVar("T")
 
 
@@ -84,8 +96,8 @@ def read_raw(path: Path) -> RawMesh:
             raise MeshFileError("is a folder; give the mesh file in it" if path.is_dir() else "no such file")
         if path.stat().st_size > MOST_MESH_BYTES:
             raise MeshFileError(f"is over {MOST_MESH_BYTES / 1e9:g} GB")
-        if path.suffix.lower() in (".step", ".stp", ".iges", ".igs", ".brep"):
-            raise MeshFileError("is CAD, no mesh; give it as mesh = { cad = …, size = … }")
+        if path.suffix.lower() in _NO_MESH:
+            raise MeshFileError(_NO_MESH[path.suffix.lower()])
         if reader is None:
             return read_by_meshio(path)
         return reader(path.read_text(encoding="utf-8", errors="replace"))
