@@ -2,9 +2,10 @@
 
 Run from the project's root: ``python benchmarks/truth.py``. Scenes are those of `truth_scenes`, by their seeds; each is
 loaded from its file, integrated by ``auto`` with all defaults and an error budget within its time limit, and compared
-with a reference of `truth_references` or `truth_finer`. Rows that the table holds already aren't made again, so that a
-run can be interrupted; ``--again`` makes them anew. ``--scenes 40`` takes the first forty seeds, ``--seed 7`` one, and
-``--mixed 40`` the first forty scenes with features of `truth_features`, whose pairs are counted.
+with a reference: `truth_references`, `truth_beams`, `truth_space` or `truth_finer`. Rows that the table holds already
+aren't made again, so that a run can be interrupted; ``--again`` makes them anew. ``--scenes 40`` takes the first forty
+seeds, ``--seed 7`` one, and ``--mixed 40`` the first forty scenes with features of `truth_features`, whose pairs are
+counted.
 
 A quantity is *covered* if its true error is below the stated one, *wrong* if it is more than three times as large, and
 *overstated* if it is less than a twentieth. What is known of the reference's own error is taken off first; where that
@@ -37,6 +38,7 @@ from truth_features import pairwise_coverage
 from truth_finer import finer_run
 from truth_references import elastica_reference
 from truth_scenes import MIXED, Case, random_case
+from truth_space import space_reference
 
 from fmd import Pipeline, load_scene, solve
 from fmd.accuracy import time_limit
@@ -50,7 +52,13 @@ from fmd.output.write import write_results
 
 TABLE = Path(__file__).parent / "truth.csv"
 SCENES = 300
-APART = {"planar": elastica_reference, "arm": beams_reference}  # kinds whose reference has no model of ours
+# Kinds whose reference has no model of ours.
+APART = {
+    "planar": elastica_reference,
+    "arm": beams_reference,
+    "arm in space": space_reference,
+    "tree": space_reference,
+}
 WRONG = 3.0  # times the stated error
 OVERSTATED = 20.0  # times the true error
 PATIENCE = 400.0  # processor seconds of a run, and of its reference

@@ -4,8 +4,8 @@ Five kinds. *Planar* scenes are one or two slender bars in the plane of x and y,
 with or without a mass at the end: what an elastica is a reference of. *Trees* are one to four bodies in
 space, some of them bars, on joints of every type. *Rigid* scenes are trees without a bar.
 *Mixed* scenes, from seed `MIXED` on, are trees or a four-bar linkage with some of the features of `truth_features`.
-*Arms*, from seed `ARMS` on, are double pendulums of two bars in the plane that swing far, which geometrically exact
-beams are a reference of.
+*Arms*, from seed `ARMS` on, are double pendulums of two bars in the plane that swing far, from `SPACE` on in space;
+geometrically exact beams are a reference of both, and of trees.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from truth_trees import tree_scene, tree_with_bars
 
 KINDS = {"planar": 0.45, "tree": 0.35, "rigid": 0.2}  # with their shares
 MIXED = 1000  # seed from which on scenes are mixed
-ARMS = 2000  # seed from which on they are arms
+ARMS, SPACE = 2000, 3000  # seeds from which on they are arms, in the plane and in space
 ROLLED = 30.0  # times as stiff as the other: what an arm's stiffer bar may count, lest a load rolls the other up
 LOOPS = 0.25  # share of them with a loop
 
@@ -43,7 +43,7 @@ class Case:
     Attributes
     ----------
     kind : str
-        One of `KINDS`, ``"mixed"`` or ``"arm"``.
+        One of `KINDS`, ``"mixed"``, ``"arm"`` or ``"arm in space"``.
     table : dict
         The scene, as TOML describes it.
     bars : tuple of str
@@ -80,6 +80,8 @@ def write_value(value: Any) -> str:
 
 def random_case(seed: int) -> Case:
     """Return the scene of a seed."""
+    if seed >= SPACE:
+        return Case(seed, "arm in space", space_scene(np.random.default_rng([seed, 19]), seed), ("bar0", "bar1"))
     if seed >= ARMS:
         return Case(seed, "arm", arm_scene(np.random.default_rng([seed, 18]), seed), ("bar0", "bar1"))
     if seed >= MIXED:
@@ -226,3 +228,17 @@ def arm_scene(rng: np.random.Generator, seed: int) -> Table:
         "drive": drive,
         "simulation": simulation(duration, "bar1.tip", [0.0, 0.0, 0.0]),
     }
+
+
+def space_scene(rng: np.random.Generator, seed: int) -> Table:
+    """Return an arm whose axes and forces point anywhere, so that its bars twist and bend two ways."""
+    table = arm_scene(rng, seed)
+    for joint in (table["joint"]["hub"], table["joint"]["elbow"]):
+        joint["axis"] = [float(x) for x in rng.normal(size=3).round(2)]
+    elbow = table["joint"]["elbow"]
+    if "bend" not in table["drive"] and "spring" not in elbow and rng.random() < 0.5:
+        del elbow["axis"]
+        elbow["type"] = "spherical"
+    if "push" in table["drive"]:
+        table["drive"]["push"]["direction"] = [float(x) for x in rng.normal(size=3).round(2)]
+    return table

@@ -183,3 +183,73 @@ def test_the_elastica_keeps_its_energy_where_nothing_drives_it(module: Any) -> N
         M, _ = references.equations(line.arrays, line.numbers, c, v, np.zeros(references.INPUTS))
         energies.append(0.5 * (v @ M @ v + c @ line.stiffness @ c))
     np.testing.assert_allclose(energies, energies[0], rtol=1e-5)
+
+
+def _settled(bodies: Any, n_loads: int) -> Any:
+    """Return the places of nodes at rest under loads that grow to those at 1 s, by Newton's method with differences."""
+    x, R, free = bodies.x, bodies.R, bodies.free
+    still, steps = np.zeros_like(bodies.v), 1e-6 * np.eye(6 * len(bodies.x))[free]
+
+    def left(by: Any, t: float) -> Any:
+        return bodies.residual(*bodies.moved(x, R, by.reshape(-1, 6)), still, still, t)[0][free]
+
+    for t in np.arange(1, n_loads + 1) / n_loads:
+        for _ in range(30):
+            slopes = np.stack([(left(each, t) - left(-each, t)) / 2e-6 for each in steps], axis=1)
+            by = np.zeros(still.size)
+            by[free] = -np.linalg.solve(slopes, left(by, t))
+            x, R = bodies.moved(x, R, min(1.0, 0.5 / np.abs(by.reshape(-1, 6)[:, 3:]).max()) * by.reshape(-1, 6))
+            if np.abs(by).max() < 1e-8:
+                break
+    return x
+
+
+@pytest.mark.long
+def test_beams_in_space_bend_a_curved_cantilever_as_published(module: Any) -> None:
+    """Bathe & Bolourchi's bend of 45°, whose tip goes to (15.79, 47.23, 53.37) by Simo & Vu-Quoc (1986)."""
+    spatial, n = module("truth_spatial"), 4
+    a = np.linspace(0, np.pi / 4, n + 1)
+    tangent = np.stack([np.sin(a), np.cos(a), 0 * a], axis=1)
+    up = np.tile([0.0, 0.0, 1.0], (n + 1, 1))
+    turned = np.concatenate([np.eye(3)[None], np.stack([tangent, np.cross(up, tangent), up], axis=2)])
+    x = np.concatenate([np.zeros((1, 3)), 100 * np.stack([1 - np.cos(a), np.sin(a), 0 * a], axis=1)])
+    stiffness = np.tile([1e7, 5e6, 5e6, 5e6 * 0.1406, 1e7 / 12, 1e7 / 12], (n, 1))
+    ends = np.stack([np.arange(1, n + 1), np.arange(2, n + 2)], axis=1)
+    push = (n + 1, np.zeros(3), lambda t: np.array([0.0, 0.0, 600 * t]), False)
+    nothing = np.zeros((n + 2, 6))
+    bend = spatial.Bodies(
+        x, nothing[:, 0], np.zeros((n + 2, 3, 3)), ends, stiffness, [], [push], np.zeros(3), nothing, (0, 1), turned
+    )
+    assert np.abs(_settled(bend, 3)[-1] - [15.79, 47.23, 53.37]).max() < 0.004 * 100
+
+
+def test_a_beam_in_flight_keeps_its_momenta_and_its_energy(module: Any) -> None:
+    """Simo & Vu-Quoc's flying spaghetti (1988): a load and a couple for 5 s, then free."""
+    spatial, n, over = module("truth_spatial"), 6, 2.5
+    x = np.concatenate([np.zeros((1, 3)), np.linspace([6.0, 0.0, 0.0], [0.0, 8.0, 0.0], n + 1)])
+    along = (x[-1] - x[1]) / 10
+    R = np.tile(np.stack([along, np.cross([0, 0, 1.0], along), [0, 0, 1.0]], axis=1), (n + 2, 1, 1))
+    share = np.r_[0.0, 0.5, np.ones(n - 1), 0.5]
+    size = lambda t: max(0.0, 1 - abs(t / over - 1))  # noqa: E731
+    pushes = [
+        (1, np.zeros(3), lambda t: size(t) * np.array([20.0, 0.0, 5.0]), False),
+        (n + 1, np.zeros(3), lambda t: size(t) * np.array([0.0, -8.0, 10.0]), False),
+    ]
+    stiffness = np.tile([1e4, 1e4, 1e4, 500.0, 500.0, 500.0], (n, 1))
+    ends = np.stack([np.arange(1, n + 1), np.arange(2, n + 2)], axis=1)
+    inertia = 10 * share[:, None, None] * np.eye(3)
+    flying = spatial.Bodies(x, share, inertia, ends, stiffness, [], pushes, np.zeros(3), np.zeros((n + 2, 6)), R=R)
+    rows = []
+
+    def look(x: Any, R: Any, v: Any, a: Any, t: float) -> None:
+        inner, _ = flying.wrenches(x, R)
+        spin = (inertia @ v[:, 3:, None])[:, :, 0]
+        turning = np.cross(x, share[:, None] * v[:, :3]) + (R @ spin[:, :, None])[:, :, 0]
+        kinetic = 0.5 * (share @ (v[:, :3] ** 2).sum(axis=1) + (spin * v[:, 3:]).sum())
+        energy = kinetic + 0.5 * (flying.lengths[:, None] * inner**2 / stiffness).sum()
+        rows.append(np.r_[share @ v[:, :3], turning.sum(axis=0), energy])
+
+    flying.march(0.1, 100, 10, look)
+    free = np.array(rows)[6:]
+    assert free[:, :3] == pytest.approx(np.tile([50.0, -20.0, 37.5], (len(free), 1)), rel=1e-3)
+    assert np.abs(free[:, 3:] / free[0, 3:] - 1).max() < 0.01
