@@ -14,6 +14,7 @@ from fmd.contact.triangle_field import points_of_triangles, surface_flexibility
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.output.contacts import contact_figures
+from tests.contact.test_contact_points import BLOCK
 from tests.contact.test_rigid_contacts import MASS, NU, RADIUS, SPEED, STEEL, STIFF, E, free, scene
 
 SHEAR = E / (2.0 * (1.0 + NU))
@@ -152,3 +153,21 @@ def test_surfaces_of_triangles_that_cant_be_followed_are_refused(
     joints = {"one": free("one.centre", [0, 0, 0], [0, 0, 0]), "two": free("two.centre", [0, 0, 0.03], [0, 0, 0])}
     with pytest.raises(InputError, match=fault):
         _ = Pipeline(load_scene(scene(bodies, joints, {"hit": contact}, 1e-4))).mechanism
+
+
+def test_a_flexible_block_falls_on_stiff_triangles_as_on_the_ground(tmp_path: Path) -> None:
+    flat, triangles = grid(0.15, 4)
+    write_stl(tmp_path / "floor.stl", np.pad(flat, ((0, 0), (0, 1))), triangles)
+    surface = {"type": "file", "file": str(tmp_path / "floor.stl"), "E": "1e18 Pa", "nu": 0.3}
+    floor = {"shape": "rigid", "mass": 1.0, "inertia": [1.0] * 3, "marker": {"middle": {"at": [0, 0, 0]}}}
+    floor |= {"surface": {"top": surface | {"rotation": ["-90 deg", "0 deg", "0 deg"]}}}
+    held = {"type": "fixed", "parent": "ground", "child": "floor.middle"}
+    joints = {"free": BLOCK["joint"]["free"] | {"position": ["0 m", "50.1 mm", "0 m"]}}
+    short = {"simulation": BLOCK["simulation"] | {"duration": "6 ms", "output_step": "0.2 ms"}}
+    table = BLOCK | {"body": BLOCK["body"] | {"floor": floor}, "joint": joints | {"held": held}} | short
+    on_plane = Pipeline(load_scene(BLOCK | short | {"joint": joints})).motion.contacts["floor"]
+    between = {"floor": {"between": ["floor.top", "block.bottom"]}}
+    on_triangles = Pipeline(load_scene(table | {"contact": between})).motion.contacts["floor"]
+    assert on_plane.impulse[-1, 1] > 0.0
+    assert on_triangles.impulse[-1, 1] == pytest.approx(on_plane.impulse[-1, 1], rel=0.01)
+    assert on_triangles.largest[0] == pytest.approx(on_plane.largest[0], rel=0.05)

@@ -80,8 +80,9 @@ class SceneTables(SceneTable):
         return {f"{body}.{name}" for body, own in surfaces.items() for name in own if own[name].type == "file"}
 
     def faces_in_contact(self, body: str, with_bodies: bool) -> tuple[str, ...]:
-        """Return the markers on the faces of a body that may touch something, or other flexible bodies alone."""
+        """Return the markers on the faces of a body that may touch something, or faces of other bodies alone."""
         pairs = {name for name, *_ in self.touching_faces if [at[0] for at in self.touching_faces].count(name) == 2}
+        pairs |= {name for name, own in self.contact.items() if not self.of_triangles.isdisjoint(own.between)}
         faces = (at for at in self.touching_faces if at[0] in pairs or not with_bodies)
         return tuple(dict.fromkeys(face for _, own, face in faces if own == body))
 
