@@ -254,3 +254,6 @@ def test_a_part_or_a_robot_in_place_of_a_scene_is_told_how_to_write_one(tmp_path
     (tmp_path / "bracket.step").write_text("ISO-10303-21;")
     with pytest.raises(InputError, match=r"fmd new bracket\.toml --from .*bracket\.step writes a scene"):
         load_scene(tmp_path / "bracket.step")
+    (tmp_path / "bracket.igs").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match=r"isn't text in UTF-8; .*fmd new bracket\.toml --from .*bracket\.igs"):
+        load_scene(tmp_path / "bracket.igs")

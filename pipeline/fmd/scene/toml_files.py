@@ -76,7 +76,7 @@ def _read(file: str, source: Traversable) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(file, "", None, "isn't text in UTF-8; a scene file is TOML") from None
+        raise InputError(file, "", None, f"isn't text in UTF-8; a scene file is TOML{_write_one(file)}") from None
 
 
 def copy_tables(node: Any) -> Any:
@@ -84,6 +84,13 @@ def copy_tables(node: Any) -> Any:
     if isinstance(node, dict):
         return {key: copy_tables(value) for key, value in node.items()}
     return [copy_tables(value) for value in node] if isinstance(node, list) else node
+
+
+def _write_one(file: str) -> str:
+    """Return how a scene is made of a file that isn't named as one; it may be a part's or a robot's."""
+    if file.lower().endswith(".toml"):
+        return ""
+    return f"; fmd new {Path(file).stem}.toml --from {file} writes a scene of a CAD part or a robot"
 
 
 @lru_cache(maxsize=SCENES_KEPT)
@@ -95,8 +102,7 @@ def _parse(file: str, text: str) -> dict[str, Any]:
         end = f"at line {len(lines)}, column {len(lines[-1]) + 1}"
         said = str(error).replace("at end of document", end)
         remedy = next((f"; {mend}" for cause, mend in _MENDS.items() if cause in said), "")
-        if not file.lower().endswith(".toml"):
-            remedy += f"; fmd new {Path(file).stem}.toml --from {file} writes a scene of a CAD part or a robot"
+        remedy += _write_one(file)
         line = re.search(r"at line (\d+)", said)
         raise InputError(file, "", None, f"isn't valid TOML: {said}{remedy}", line and int(line[1])) from None
 
