@@ -110,3 +110,8 @@ def test_the_recommended_step_and_ratio_keep_phase_and_growth_below_the_error() 
 def test_no_ratio_is_recommended_where_all_coordinates_are_on_one_side(n_slow: int) -> None:
     M, K = np.eye(2), np.diag([SLOW**2, FAST**2])
     assert recommend_step(M, K, n_slow, 1e-2, 4.0) == (longest_step(M, K, 1e-2, 4.0), 1)
+
+
+def test_a_mechanism_without_freedom_has_the_longest_step_of_its_duration() -> None:
+    nothing = np.zeros((0, 0))
+    assert longest_step(nothing, nothing, 1e-2, 4.0) == pytest.approx(4.0 / 200)

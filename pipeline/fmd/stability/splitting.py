@@ -119,7 +119,7 @@ def recommend_step(M: Array, K: Array, n_slow: int, error: float, duration: floa
 
 def _lowest(omega: Array) -> float:
     """Return the lowest of ascending frequencies that isn't 0 [rad/s]; never 0, for errors are divided by it."""
-    moving = omega[omega > NO_RESTORING * omega[-1]]
+    moving = omega[omega > NO_RESTORING * omega.max(initial=0.0)]
     return float(moving[0]) if moving.size else 1e-150
 
 
