@@ -328,3 +328,29 @@ def test_a_deep_simply_supported_beam_has_the_frequencies_of_nafems_fv5() -> Non
     assert hertz[[0, 1, 3, 4, 5]] == pytest.approx([42.649, 42.649, 125.0, 148.31, 148.31], rel=1.5e-3)
     assert hertz[[7, 8]] == pytest.approx([284.55, 284.55], rel=1e-2)
     assert hertz[2] == pytest.approx(torsion, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        round_section(0.03),
+        round_section(0.03, 0.026),
+        rectangular_section(0.02, 0.05),
+        box_section(0.04, 0.06, 0.003),
+        i_section(0.05, 0.08, 0.004, 0.006),
+    ],
+)
+def test_shear_strain_has_the_resultant_and_the_energy_of_the_shear_area(section: Section) -> None:
+    s, w = np.polynomial.legendre.leggauss(6)
+    s, total = 0.5 + 0.5 * s, np.zeros((2, 2))
+    for a, wa in zip(s, w / 2, strict=True):
+        for b, wb in zip(s, w / 2, strict=True):
+            x = section.points[section.quads]
+            N = np.array([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
+            p, q = np.array([b - 1, 1 - b, b, -b]) @ x, np.array([a - 1, -a, a, 1 - a]) @ x
+            weight = wa * wb * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+            shapes = section.shear_shapes(N @ x, 0.3)
+            total += weight @ shapes, weight @ shapes**2
+    share = section.shear_areas(0.3) * section.area
+    assert total[1] == pytest.approx(share, rel=1e-9)
+    assert total[0] == pytest.approx(share, rel=1e-9)  # even strain of that energy had 1/√κ of it
