@@ -13,7 +13,7 @@ from fmd.fem.markers import face_marker
 from fmd.fem.material import Material
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.model import FEModel
-from fmd.fem.sections import Section, box_section, i_section, rectangular_section, round_section
+from fmd.fem.sections import RoundSection, Section, box_section, i_section, rectangular_section, round_section
 from fmd.recovery.stress import modal_stress, point_stress
 from fmd.reduction.body import supported_body
 from fmd.reduction.eigen import FreeBodySolver
@@ -340,9 +340,9 @@ def test_a_deep_simply_supported_beam_has_the_frequencies_of_nafems_fv5() -> Non
         i_section(0.05, 0.08, 0.004, 0.006),
     ],
 )
-def test_shear_strain_has_the_resultant_and_the_energy_of_the_shear_area(section: Section) -> None:
+def test_strain_of_shear_and_twist_has_the_resultant_and_the_energy_of_the_section(section: Section) -> None:
     s, w = np.polynomial.legendre.leggauss(6)
-    s, total = 0.5 + 0.5 * s, np.zeros((2, 2))
+    s, total, turned = 0.5 + 0.5 * s, np.zeros((2, 2)), np.zeros(2)
     for a, wa in zip(s, w / 2, strict=True):
         for b, wb in zip(s, w / 2, strict=True):
             x = section.points[section.quads]
@@ -351,6 +351,9 @@ def test_shear_strain_has_the_resultant_and_the_energy_of_the_shear_area(section
             weight = wa * wb * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
             shapes = section.shear_shapes(N @ x, 0.3)
             total += weight @ shapes, weight @ shapes**2
+            twist, square = section.twisting(N @ x)[:, 0], weight * ((N @ x) ** 2).sum(axis=1)
+            turned += square @ twist, square @ twist**2
     share = section.shear_areas(0.3) * section.area
     assert total[1] == pytest.approx(share, rel=1e-9)
     assert total[0] == pytest.approx(share, rel=1e-9)  # even strain of that energy had 1/√κ of it
+    assert turned[0] == pytest.approx(section.torsion, rel=1e-9 if not isinstance(section, RoundSection) else 3e-3)

@@ -33,17 +33,26 @@ class Section:
     @property
     def moments(self) -> Array:
         """Moments of inertia ∫ z² dA, of bending about y, and ∫ y² dA, shape (2,) [m⁴]."""
-        return self._drawn()[1:]
+        return np.asarray(self._drawn()[1:])
 
     @property
     def bending(self) -> Array:
         """Factors of the curvatures about y and z that make up for the drawing, shape (2,)."""
         return np.ones(2)
 
-    @property
-    def twisting(self) -> float:
-        """Factor of the strain of a twist without warping whose energy is that of the torsion constant."""
-        return float(np.sqrt(self.torsion / self._drawn()[1:].sum()))
+    def twisting(self, yz: Array) -> Array:
+        """Return factors (…, 1), at places (…, 2), of the strain of a twist without warping.
+
+        They fall with the square of the radius, so that its moment and its energy are those of the torsion constant.
+        """
+        points, weight = self._places
+        square = (points**2).sum(axis=0)
+        weight = weight * square / (weight @ square)
+        share, mean = self.torsion / self._drawn()[1:].sum(), weight @ square
+        if share >= 1.0:  # a circle, drawn as a polygon
+            return np.full((*yz.shape[:-1], 1), np.sqrt(share))
+        steep = np.sqrt((1 / share - 1) / (weight @ square**2 - mean**2))
+        return np.asarray(share * (1 + steep * (mean - (yz**2).sum(axis=-1, keepdims=True))))
 
     def shear_areas(self, nu: float) -> Array:
         """Return the shares of the area that resist shear along y and z, shape (2,)."""
@@ -61,7 +70,7 @@ class Section:
     def _drawn(self) -> Array:
         """Return area, ∫ z² and ∫ y² of the drawing, shape (3,)."""
         (y, z), weight = self._places
-        return np.stack([weight, weight * z**2, weight * y**2]).sum(axis=1)
+        return np.asarray(np.stack([weight, weight * z**2, weight * y**2]).sum(axis=1))
 
     @property
     def _fourth(self) -> Array:

@@ -69,7 +69,7 @@ def _local_strain(
     about_y = slope[:, None, 4] + bent[:, 1, None, None] * gamma[:, None, 1] * xi
     about_z = slope[:, None, 5] - bent[:, 0, None, None] * gamma[:, None, 0] * xi
     gamma = gamma * (1 - bent * L / 6)[..., None]
-    shapes, twist = section.shear_shapes(yz, nu), section.twisting * slope[:, None, 3]
+    shapes, twist = section.shear_shapes(yz, nu), section.twisting(yz) * slope[:, None, 3]
     y, z = yz[..., :1], yz[..., 1:]
     by, bz = section.bending
     return np.stack(
