@@ -20,7 +20,7 @@ _LEAST_SHARE = 0.1  # of an element's volume at each of its nodes that a change 
 _EDGES = np.array([(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)])
 
 
-class Outline:
+class Topology:
     """Entities of a model of Gmsh and how they join, by which two models are alike.
 
     Parameters
@@ -34,7 +34,7 @@ class Outline:
         self.joined = {entity: [list(x) for x in gmsh.model.getAdjacencies(*entity)] for entity in self.kinds}
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Outline) and (self.kinds, self.joined) == (other.kinds, other.joined)
+        return isinstance(other, Topology) and (self.kinds, self.joined) == (other.kinds, other.joined)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -72,11 +72,11 @@ def carry_nodes(gmsh: Any, first: str, changed: str, points: Floats, cells: Numb
     Löhner & Yang, Improved ALE mesh velocities for moving bodies, Communications in Numerical Methods in
     Engineering 12, 1996.
     """
-    outlines = []
+    topologies = []
     for name in (first, changed):
         gmsh.model.setCurrent(name)
-        outlines.append(Outline(gmsh))
-    before, after = outlines
+        topologies.append(Topology(gmsh))
+    before, after = topologies
     if before != after:
         raise CadError(
             f"nodes of the mesh made at first can't be carried to other dimensions: the part had {before}, and has "

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from fmd.core.arrays import Array
 from fmd.core.limits.errors import HARDLY_MIXED, MOST_OF_EIGENVALUE
@@ -32,6 +31,8 @@ def soften_body(body: FlexibleBody, excess: Array) -> tuple[FlexibleBody, Array]
     ndarray, shape (n, n)
         Matrix from these coordinates to the given body's that have the same forces.
     """
+    from scipy.optimize import linear_sum_assignment  # many runs soften nothing
+
     parts, directions = np.linalg.eigh(np.eye(len(excess)) - 0.5 * (excess + excess.T))
     kept = (directions * np.clip(parts, 1 - MOST_OF_EIGENVALUE, 1 + MOST_OF_EIGENVALUE)) @ directions.T
     omega2, turn = np.linalg.eigh(body.omega[:, None] * kept * body.omega)
