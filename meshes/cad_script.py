@@ -11,10 +11,27 @@ from typing import Any
 from fmd.meshes.cad_child import CadError
 
 SUFFIX = ".geo"
-# Commands that run programs, write files, or read others, whose contents no key of a kept result has.
-_REFUSED = (
-    "SystemCall|NonBlockingSystemCall|OnelabRun|Include|Merge|MergeWithBoundingBox|ShapeFromFile|Save|Print|Printf|"
-    "CreateDir|Plugin|PostView|View|SetName|OnelabMerge|ReadTable|Sleep|Exit|Abort"
+# Words of Gmsh that a script may use: what makes geometry, computes or chooses. Others may run programs, read and write
+# files, whose contents no key of a kept result has, or make a mesh, which is the scene's to say.
+_GEOMETRY = frozenset(
+    re.findall(
+        r"\w+",
+        """
+    Abs Acos Affine Append ArcCos ArcSin ArcTan ArcTan2 Asin Atan Atan2 Ceil CombinedBoundary Boundary PointsOf Cos Cosh
+    Exp Fabs Floor Fmod Hypot Log Log10 LinSpace LogSpace Max Min Modulo Pi Round Sin Sinh Sqrt Tan Tanh Unique
+    For EndFor If Else ElseIf EndIf In Macro Function Return Call Sprintf Str StrCat StrCmp StrChoice
+    SetFactory DefineConstant Name Label Help Units ReadOnly Visible Step SetMaxTag
+    BSpline Bezier Spline Nurbs Knots Order Circle Ellipse Line Curve Point Loop Wire Plane Ruled Surface Using Volume
+    Box Block Cone Cylinder Disk Rectangle Sphere Torus Wedge Extrude ThruSections ThickSolid Fillet Chamfer
+    BooleanCoherence BooleanCommon BooleanCut BooleanDifference BooleanFragments BooleanFuse BooleanIntersection
+    BooleanSection BooleanUnion Coherence Delete Recursive Variables Dilate Duplicata Rotate Symmetry Translate
+    HealShapes Sewing Physical BoundingBox CenterOfMass Mass Parent MeshSize Characteristic Length
+    """,
+    )
+)
+# Texts, words, numbers and other signs. Gmsh ends a text that is long, and reads on in it.
+_PIECES = re.compile(
+    r"""("[^"\0-\x1f]{0,200}"|'[^'\0-\x1f]{0,200}')|([A-Za-z_]\w*)|[\d.]+(?:[eE][-+]?\d+)?|\S""", re.ASCII
 )
 
 
@@ -29,8 +46,11 @@ def run_script(gmsh: Any, path: Path, values: Mapping[str, float]) -> None:
     text = re.sub(
         r"//[^\n]*|/\*.*?\*/", _keep_lines, path.read_text(encoding="utf-8", errors="replace"), flags=re.DOTALL
     )
-    if found := re.search(rf"\b({_REFUSED})\b", text):
-        raise CadError(f"{found[0]} is refused: a script for a part holds its geometry alone")
+    if word := _find_refused(text):
+        raise CadError(
+            f"{word} is refused: a script for a part holds its geometry alone, by Gmsh's commands for that; names of "
+            "lists of its own begin with a small letter"
+        )
     if not re.search(r'SetFactory\s*\(\s*"OpenCASCADE"\s*\)', text):
         raise CadError('must begin with SetFactory("OpenCASCADE"); other geometry of Gmsh is not read')
     defined = {name for each in re.findall(r"\bDefineConstant\s*\[([^\]]*)\]", text) for name in _names(each)}
@@ -52,6 +72,28 @@ def run_script(gmsh: Any, path: Path, values: Mapping[str, float]) -> None:
         if list(gmsh.parser.getNumber(name)) != [value]:
             raise CadError(f"sets the parameter {name!r} to another value itself")
     gmsh.model.mesh.clear()
+
+
+def _find_refused(text: str) -> str | None:
+    """Return the first word, if any, that is neither of geometry nor a name of the script's own, without comments.
+
+    Gmsh's words begin with a capital, and a command that it doesn't know by its grammar is followed by its argument, or
+    stands alone. A name that is followed by an operator is a number of the script's own.
+    """
+    before = ";"
+    pieces = [*_PIECES.finditer(text)]
+    for piece, following in zip(pieces, [*pieces[1:], None], strict=True):
+        word, after = piece[2], following[0] if following else ";"
+        is_named = before in ("For", "Macro", "Function", "Call")
+        is_alone = after == ";" and before in (";", "}")
+        before = piece[0]
+        if before in ("'", '"'):
+            return "a text without an end, or of more than 200 letters,"
+        if not word or is_named or word in _GEOMETRY or (word == "Geometry" and after == "."):
+            continue
+        if is_alone or re.match(r"[\w.\"']", after) or (word[0].isupper() and after in "([{"):
+            return word
+    return None
 
 
 def _keep_lines(comment: re.Match[str]) -> str:

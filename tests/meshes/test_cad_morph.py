@@ -87,8 +87,29 @@ def test_a_change_of_faces_and_a_mesh_that_would_turn_are_refused(bracket: Path,
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("// mm", 'SystemCall "touch ran";', "SystemCall is refused"),
-        ("// mm", 'Include "more.geo";', "Include is refused"),
+        *(
+            ("// mm", text, rf"^{word} is refused: a script for a part holds its geometry alone")
+            for text, word in (
+                ('SystemCall "touch ran";', "SystemCall"),
+                ('System "touch ran";', "System"),
+                ("a = 1System 'touch ran';", "System"),
+                ('word = "touch ran"; System word;', "System"),
+                ('System Str("touch ran");', "System"),
+                ('Include "more.geo";', "Include"),
+                ('Printf("text") > "ran";', "Printf"),
+                ('x() = ListFromFile("/etc/hosts");', "ListFromFile"),
+                ('Field[1] = ExternalProcess; Field[1].CommandLine = "touch ran";', "Field"),
+                ('General.ErrorFileName = "ran";', "General"),
+                ('word = GetEnv("HOME");', "GetEnv"),
+                ("Mesh 3;", "Mesh"),
+                ("Recombine Surface {1};", "Recombine"),
+                ("Exit;", "Exit"),
+                (
+                    f"a = \"{1023 * 'a'} System 'touch ran'; //\";",
+                    "a text without an end, or of more than 200 letters,",
+                ),
+            )
+        ),
         ('SetFactory("OpenCASCADE");', "", "must begin with SetFactory"),
         ("hole = 16, ", "", "has no parameter 'hole', .* it has: fillet"),
         ("// mm", "hole = 12;", "sets the parameter 'hole' to another value itself"),
@@ -104,7 +125,9 @@ def test_a_script_that_is_no_geometry_with_these_parameters_is_refused(
     assert not (bracket.parent / "ran").exists()
 
 
-def test_comments_may_hold_any_word(bracket: Path, tmp_path: Path) -> None:
-    bracket.write_text(BRACKET.replace("// mm", "// Save, Print /* Include"))
+def test_comments_may_hold_any_word_and_numbers_any_name(bracket: Path, tmp_path: Path) -> None:
+    bracket.write_text(
+        BRACKET.replace("// mm", "// Save, Print /* Include\nR1 = 2; For i In {0:1}\n Wide = R1 * i;\nEndFor")
+    )
     given = '{"size": 0.02, "order": 1, "script": [1e-3, {"hole": 16}, {"hole": 15}]}'
     assert main([str(bracket), str(tmp_path / "mesh.npz"), "20", "0.01", given]) is None
