@@ -80,6 +80,7 @@ def test_a_pin_that_turns_in_a_bore_loses_by_load_and_circumference() -> None:
     figures = contact_figures(run)["contacts"]["fit"]
     assert figures["wear_volume_m3"] == pytest.approx(1e-14 * load * rate * radius * duration, rel=2e-3)
     assert "wear_depths_m" not in figures  # rigid bodies have no field
+    assert "largest_wear_depth_m" not in figures  # and round ones no areas of points
 
 
 def test_both_faces_of_a_pair_lose_the_volume_that_force_and_slip_say() -> None:

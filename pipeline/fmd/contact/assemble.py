@@ -279,8 +279,9 @@ def _results(bodies: Sequence[TouchingBody], links: Sequence[int], n_links: int,
             carrier.append(links[on])
     sums = np.zeros((len(carrier), N_VALUES))
     sums[:, [BEGIN, END]] = np.nan
-    unworn = np.array([own.wear == 0.0 for body in bodies for own in body.contacts])
-    sums[unworn, WORN] = sums[unworn, MOST_WORN] = np.nan
+    contacts = [own for body in bodies for own in body.contacts]
+    sums[[own.wear == 0.0 for own in contacts], WORN] = np.nan
+    sums[[own.wear == 0.0 or own.law is not None for own in contacts], MOST_WORN] = np.nan
     return {
         "push": np.zeros((n_links, 6)),
         "modal": np.zeros(n),

@@ -17,7 +17,7 @@ MOST_FORCE, MOST_AREA, MOST_PRESSURE = 18, 19, 20
 SLIP, MEAN_SLIP = 21, 22
 """Places of the longest way that a point has slipped, and of the mean by areas of those that have."""
 WORN, MOST_WORN = 23, 24
-"""Places of the volume that each of both faces has lost by wear, and of the largest depth of that; NaN without wear."""
+"""Places of the volume that each of both faces has lost by wear and of its largest depth; NaN without wear or areas."""
 N_VALUES = 25
 
 
@@ -38,7 +38,7 @@ class ContactHistory(NamedTuple):
     span: tuple[float | None, float | None]  # first and last time of contact [s]; None without
     beyond_grid: bool  # it has reached the border of its near field's grid
     wear_volume: Array  # (n_times,): lost by each of both faces since the start [m³]; NaN without wear
-    wear_depth: Array  # (n_times,): largest depth of that at the points [m]; NaN without, 0 of rigid bodies
+    wear_depth: Array  # (n_times,): largest depth of that at points that have areas [m]; NaN without these
     largest: tuple[float, float, float]  # force [N], area [m²] and pressure [Pa] at any step
 
     def lost_part(self, kinetic: Array) -> float:
@@ -61,7 +61,7 @@ class ContactHistory(NamedTuple):
         """Figures for a summary: first and last time of contact, sums, and largest values at any step."""
         begin, end = self.span
         force, area, pressure = self.largest
-        worn = {"wear_volume_m3": float(self.wear_volume[-1]), "largest_wear_depth_m": float(self.wear_depth[-1])}
+        worn = {"wear_volume_m3": self.wear_volume[-1], "largest_wear_depth_m": self.wear_depth[-1]}
         return {
             "begin_s": begin,
             "end_s": end,
@@ -74,7 +74,7 @@ class ContactHistory(NamedTuple):
             "friction_work_j": float(self.friction_work[-1]),
             "damping_work_j": float(self.damping_work[-1]),
             "energy_error_j": float(self.energy_error[-1]),
-            **(worn if self.wears else {}),
+            **{key: float(own) for key, own in worn.items() if not np.isnan(own)},
         }
 
 

@@ -221,6 +221,7 @@ def _contact_variables(motion: Motion) -> Iterator[Variable]:
         yield Variable(f"{name}.mean_slip", own.mean_slip, (), "m", text)
         if own.wears:
             yield Variable(f"{name}.wear_volume", own.wear_volume, (), "m^3", f"volume that {name} wears off each face")
+        if not np.isnan(own.wear_depth[-1]):
             text = f"largest depth that contact {name} has worn at points of its face"
             yield Variable(f"{name}.wear_depth", own.wear_depth, (), "m", text)
         yield Variable(f"{name}.energy", own.energy, (), "J", f"energy of deflection beside the modes, contact {name}")
