@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fmd import Pipeline, load_scene
-from fmd.accuracy import time_limit
+from fmd.accuracy import comparison, time_limit
 from fmd.accuracy.comparison import Comparison
 from fmd.accuracy.error_budget import ERROR_BUDGET, allowed_seconds, state_errors
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL
@@ -100,6 +101,23 @@ def test_a_richer_basis_whose_short_steps_will_not_end_in_time_is_marched_by_lon
     monkeypatch.setattr(estimates, "march", march)
     assert all(isinstance(error, float) for error in estimates._truncation().values())
     assert marched == ["generalized-alpha"] * 2
+
+
+@pytest.mark.parametrize(
+    ("pulse", "name"), [("smooth=true", "generalized-alpha"), ("smooth=false", "central-difference")]
+)
+def test_a_run_that_rings_is_not_compared_by_steps_that_damp_what_rings(
+    monkeypatch: pytest.MonkeyPatch, pulse: str, name: str
+) -> None:
+    """They would miss how errors of frequencies add up: of 6 s of it stress was stated to 1.5 % for 13 %."""
+    monkeypatch.setattr(comparison, "MARCH_OF_LIMIT", 0.0)
+    monkeypatch.setattr(comparison, "WORTH_OTHER_METHOD", np.inf)
+    run = [f"drive.spin_up.{pulse}", "simulation.duration=0.3 s", "simulation.run=[{integrator='central-difference'}]"]
+    run += ["drive.spin_up.duration=4 ms"] * (name == "central-difference")
+    estimates = Estimates(Pipeline(load_scene("beam", [*BEAM[:2], *run]), Cache(None)), TimeLimit(1000.0))
+    plan, quantities = estimates.beside
+    assert plan.integrator.name == name
+    assert (quantities is estimates.quantities) == (name == "central-difference")
 
 
 def test_the_work_of_a_richer_basis_whose_vibrations_are_followed_is_forecast() -> None:
