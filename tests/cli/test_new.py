@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 import tomllib
 from pathlib import Path
@@ -30,6 +31,16 @@ def test_the_scene_to_start_from_runs_as_it_is_written(fmd, tmp_path, capsys):
     assert summary["final"]["joint_angle_rad"] == pytest.approx(10 * (0.2 - 0.05 / 2), rel=0.02)
     comments = [line for line in path.read_text().splitlines() if "#" in line]
     assert len(comments) > 30
+
+
+def test_the_contact_of_the_scene_to_start_from_is_sound_once_it_is_no_comment(fmd, tmp_path):
+    path = tmp_path / "part.toml"
+    assert fmd("new", path) == 0
+    head, comments = path.read_text().split("# [ground.stop]")
+    stop, tail = comments.split("\n\n", 1)
+    text = head + re.sub("(?m)^# ", "", f"# [ground.stop]{stop}") + "\n\n" + tail.replace("# step", "step")
+    path.write_text(text.replace('integrator = "auto"', 'integrator = "generalized-alpha"'))
+    assert load_scene(path).contact["stop"].between == ("ground.stop", "part.side")
 
 
 def test_a_ready_scene_can_be_the_start(fmd, tmp_path):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -72,10 +70,3 @@ def test_a_step_that_does_not_converge_is_halved_where_it_is_left_open_and_named
     steps.clear()
     with pytest.raises(ConvergenceError, match=r"simulation\.step: Newton's iteration did not converge"):
         _ = block(IMPLICIT, "simulation.step=1 us").motion
-
-
-def test_the_scene_of_the_page_is_sound() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "contact.md").read_text(encoding="utf-8")
-    text = page.split("## A part that is dropped")[1].split("```toml\n")[1].split("```")[0]
-    scene = load_scene(tomllib.loads(text))
-    assert [run.integrator for run in scene.simulation.run] == ["generalized-alpha"]
