@@ -178,4 +178,5 @@ class _Finder:
                 f"{each.label} resists rigid motions, by {worst:.2g} of its coefficients: it holds the body to the "
                 "ground. Springs are between points at one place; to hold a body in its frame there is support"
             )
-        return Relation(each.label, nodes, links, each.stiffness if isinstance(each, SpringBetween) else 0.0)
+        stiffness = each.stiffness if isinstance(each, SpringBetween) else 0.0
+        return Relation(each.label, nodes, links, stiffness, int(each.points[0]) in self._above)

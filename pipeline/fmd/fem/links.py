@@ -54,6 +54,7 @@ class Relation:
     nodes: Mapping[int, Array]  # (3,): coefficients of each node's displacement
     links: Mapping[str, Array]  # (6,): coefficients of each reference's displacement and rotation
     stiffness: float = 0.0  # of a spring that resists the sum [N/m, or N m/rad]
+    of_link: bool = False  # the first of its terms is of a reference, which follows the others
 
 
 @dataclass(frozen=True)
@@ -219,7 +220,7 @@ def _rows(nodes: IntArray) -> IntArray:
 
 
 def _apply(equation: Relation, constraints: Constraints, links: Mapping[str, int], own_T: sp.csr_array) -> None:
-    """Give one of the unknowns of an equation by the others: the first in its order that isn't given yet."""
+    """Give one of the unknowns of an equation by the others: of its first term, or the first that isn't given yet."""
     rows = sp.csr_array(own_T[_rows(np.array(list(equation.nodes), dtype=np.int64))])
     values = np.repeat(np.concatenate([np.zeros(0), *equation.nodes.values()]), np.diff(rows.indptr)) * rows.data
     grids = [constraints.grid(links[name]) for name in equation.links]
@@ -229,6 +230,8 @@ def _apply(equation: Relation, constraints: Constraints, links: Mapping[str, int
     unknowns, coefficients = unknowns[order], np.bincount(place, all_terms[1])[order]
     unknowns, coefficients = unknowns[coefficients != 0], coefficients[coefficients != 0]
     free = np.flatnonzero(~constraints.are_given(unknowns))
+    if equation.of_link:
+        free = free[np.argsort(unknowns[free] < constraints.n_unknowns, kind="stable")]
     if not free.size:
         raise ValueError(f"{equation.label}: all of its displacements are moved by links or other equations")
     others = np.delete(np.arange(len(unknowns)), free[0])

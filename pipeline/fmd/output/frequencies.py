@@ -11,6 +11,7 @@ from fmd.core.limits.scene import LUMPING_COUNTS, POOR_QUALITY
 from fmd.reduction.rotating import rotating_modes
 from fmd.scene.imported_bodies import MatrixPart
 from fmd.scene.magnitudes import UNUSUAL, find_unusual
+from fmd.stages.file_sizes import unusual_sizes
 from fmd.stages.part import FlexiblePart
 from fmd.stages.pipeline import Pipeline
 
@@ -95,6 +96,7 @@ def mode_warnings(run: Pipeline) -> list[dict[str, str]]:
                 f"{100 * cost:.2g} %; finer elements, or a lumped mass matrix of the other program, leave less"
             )
             found.append({"code": "masses-lumped", "body": name, "text": text})
+        found += [{"code": "unusual-size", "body": name, "text": text} for text in unusual_sizes(part)]
         count, more = part.shape.modes.count, part.modes.n_completing
         if more:
             text = (

@@ -15,6 +15,7 @@ from fmd.recovery.deformation import deformation_shapes, node_deformation_shapes
 from fmd.recovery.stress import element_stress, modal_stress
 from fmd.reduction.body import SecondOrder
 from fmd.reduction.inertia import normal_blocks
+from fmd.stages.file_sizes import require_possible_sizes
 from fmd.stages.meshing.bodies import make_mesh, read_body_matrices
 from fmd.stages.part import NO_MESH
 from fmd.stages.reduced_files import modes_of_file, read_reduced_body, reduce_file_body
@@ -72,11 +73,13 @@ def compute_modes(part: FlexiblePart) -> Modes:
     if part.is_reduced:
         return modes_of_file(part.fe)
     try:
-        return compute_modes(part.model, part.shape.modes)
+        modes = compute_modes(part.model, part.shape.modes)
     except AccuracyError as error:
         if hinges := [note for note in part.mesh_notes if note.endswith(HINGE_MEND)]:
             raise InputError(part.file, f"body.{part.name}.mesh", None, f"{error}; {'; '.join(hinges)}") from error
         raise
+    require_possible_sizes(part, modes)
+    return modes
 
 
 def reduce(part: FlexiblePart) -> FlexibleBody:

@@ -15,9 +15,11 @@ from fmd.fem.formats.import_beam import read_beams
 from fmd.fem.formats.import_mesh import read_mesh
 from fmd.fem.formats.import_shell import read_shell
 from fmd.fem.formats.raw_mesh import MeshFileError
+from fmd.fem.links import mean_motion
+from fmd.fem.markers import weighted_marker
 from fmd.fem.material import Material
 from fmd.reduction.eigen import FreeBodySolver
-from tests.reduction.test_deck_links import BRACKET, CALCULIX_HZ, clamped_hz, linked, on_face
+from tests.reduction.test_deck_links import BRACKET, CALCULIX_HZ, MYSTRAN_HZ, clamped_hz, linked, on_face
 
 CUBE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1.0]])
 BAR = np.array([[0, 0, 0.0], [0.5, 0, 0], [0.8, 0.4, 0.1], [0.8, 0.4, 0.5]])
@@ -78,6 +80,21 @@ def test_cerig_with_a_mass_has_the_frequencies_of_calculix(tmp_path: Path, twice
     assert mesh.connections is not None
     assert mesh.connections.count().keys() == {"CERIG", "MASS21"} | ({"MPC184"} if twice else set())
     assert np.round(clamped_hz(linked(mesh, mass_order=2), on_face(mesh, "FOOT")), 3).tolist() == CALCULIX_HZ
+
+
+def test_sums_of_rbe3_with_a_mass_have_the_frequencies_of_mystran(tmp_path: Path) -> None:
+    """Sums whose first term is the reference's, as RBE3 makes them, here by the mean motion of the bore's nodes."""
+    bracket = read_mesh(BRACKET, 1.0)
+    x, at = bracket.points, np.array([0.042, 0.0, 0.03])
+    bore, names = on_face(bracket, "BORE"), ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
+    rows = mean_motion(weighted_marker(bore, x[bore], np.ones(len(bore))), at).reshape(6, -1, 3)
+    deck = ["ET,1,187", "ET,2,21", "KEYOP,2,3,2", *nodes(x), *nodes(at[None], 9001)]
+    deck += [*elements(bracket.cells + 1, 1), *elements([[9001]], 2, 90001), "R,1,0.4"]
+    for d, row in enumerate(rows):
+        terms = [(node + 1, names[k], float(w[k])) for node, w in zip(bore, row, strict=True) for k in range(3) if w[k]]
+        deck += equation(d + 1, [(9001, names[d], -1.0), *terms])
+    hz = clamped_hz(linked(read_mesh(read(tmp_path, *deck), 1.0), mass_order=2), on_face(bracket, "FOOT"))
+    assert [float(f"{f:.7g}") for f in hz] == MYSTRAN_HZ
 
 
 def test_the_readers_samples_have_the_frequencies_of_ansys() -> None:

@@ -69,6 +69,12 @@ USUAL_OF_BODIES = {
 }
 """Usual values of keys of bodies: least, greatest, unit and examples."""
 
+USUAL_OF_FILES = (
+    ("the diagonal of its box", 1e-5, 1e3, "m", "a wind turbine's blade has 100"),
+    ("its lowest frequency", 1e-2, 1e9, "Hz", "a wind turbine's blade has 0.5, a cantilever of a microscope 1e5"),
+)
+"""Usual sizes of bodies from files: what, least, greatest, unit and examples."""
+
 USUAL_OF_MOTION = {
     "angular rate": (2e4, "rad/s", "a turbocharger has 2e4, about 190 000 rpm"),
     "speed": (3e3, "m/s", "a rifle's bullet has 1e3"),
