@@ -18,6 +18,23 @@ from tests.fitting.test_sensitivities import BAR, by_key
 from tests.meshes.test_cad_morph import BRACKET, volume_of
 
 TETRAHEDRA = BAR.replace("divisions = [10, 2, 2]", 'element = "tetrahedron", size = "40 mm"')
+SHAFT = """
+title = "Shaft"
+
+[body.rotor]
+shape = "shaft"
+segment = [
+    { length = "200 mm", diameter = "30 mm" },
+    { length = "100 mm", diameter = "50 mm", bore = "20 mm" },
+]
+station = { disc = "250 mm" }
+E = "210 GPa"
+nu = 0.3
+rho = "7850 kg/m^3"
+mesh = { size = "50 mm" }
+modes = { count = 4 }
+marker = { end = { face = "x-" } }
+"""
 PLATE = """SetFactory("OpenCASCADE");
 DefineConstant[ scale = 1, bore = 6 ];
 Box(1) = {0, 0, 0, 40 * scale, 20 * scale, 10 * scale};
@@ -81,6 +98,18 @@ def test_dimensions_of_a_bar_of_tetrahedra_add_up_to_the_law_of_scale(tmp_path: 
     assert [each.relative for each in by_key(found, "mass").values()] == pytest.approx([1.0, 1.0, 1.0], rel=1e-9)
 
 
+def test_dimensions_of_a_shaft_add_up_to_the_law_of_scale(tmp_path: Path) -> None:
+    """Lengths of segments and the station's place are whole multiples of the beams' size."""
+    path = tmp_path / "shaft.toml"
+    path.write_text(SHAFT)
+    names = ("segment.0.length", "segment.1.length", "station.disc")
+    keys = [f"body.rotor.{name}" for name in (*names, "segment.0.diameter", "segment.1.diameter", "segment.1.bore")]
+    found = by_key(package.jacobian(package.load(path), ["rotor.frequency.1"], keys), "rotor.frequency.1")
+    # A massless station changes nothing but where beams end, which is an error of the mesh.
+    assert abs(found["body.rotor.station.disc"].relative) < 1e-2
+    assert sum(each.relative for each in found.values()) == pytest.approx(-1.0, abs=1e-6)
+
+
 def test_a_mesh_whose_elements_change_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "bar.toml"
     path.write_text(TETRAHEDRA)
@@ -90,12 +119,12 @@ def test_a_mesh_whose_elements_change_is_refused(tmp_path: Path) -> None:
         package.jacobian(package.load(path), ["bar.frequency.70"], ["body.bar.E"])
 
 
-@pytest.mark.parametrize("of", ["bar", "part"])
+@pytest.mark.parametrize("of", ["bar", "part", "rotor"])
 def test_a_changed_scene_keeps_the_elements(of: str, tmp_path: Path) -> None:
-    path = write(tmp_path, PLATE, ON_PLATE if of == "part" else TETRAHEDRA)
+    path = write(tmp_path, PLATE, {"part": ON_PLATE, "bar": TETRAHEDRA, "rotor": SHAFT}[of])
     scene = package.load_scene(path)
-    key = {"part": "body.part.mesh.parameter.bore", "bar": "body.bar.depth"}[of]
-    parameter = find_parameter(scene, key)
+    keys = {"part": "body.part.mesh.parameter.bore", "bar": "body.bar.depth", "rotor": "body.rotor.segment.0.length"}
+    parameter = find_parameter(scene, keys[of])
     write_changed_scene(scene, {parameter: 1.1 * parameter.value}, tmp_path / "new.toml", str(path), [])
     first, new = (package.load(each).run.wholes[of] for each in (path, tmp_path / "new.toml"))
     assert np.array_equal(new.mesh.cells, first.mesh.cells)

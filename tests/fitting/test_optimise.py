@@ -17,9 +17,9 @@ import fmd as package
 from benchmarks.design_grid import ROD, search_grid
 from fmd.core import progress
 from fmd.core.errors import AccuracyError, InputError
-from fmd.fitting import optimise
+from fmd.fitting import optimise, pareto
 from fmd.fitting.designs import DesignSpace
-from fmd.fitting.optimise import Optimum, optimise_scene, read_limits
+from fmd.fitting.optimise import NoDesignError, Optimum, optimise_scene, read_limits
 from fmd.fitting.pareto import find_front
 from fmd.fitting.varied import read_varied
 from fmd.output.channels import find_channels, follow_mode
@@ -198,6 +198,26 @@ def test_no_end_of_a_front_has_more_of_the_other_aim_than_it_needs(aims: Any) ->
     assert not any(each["code"] == "not-stationary" for one in front for each in one.warnings())
 
 
+def test_a_front_is_found_from_its_other_end_where_a_search_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Searches towards deeper bars fail here, as past a resonance."""
+
+    def search(space: Any, limits: Any, sign: int, start: Any) -> Optimum:
+        found = optimise.search(space, limits, sign, start)
+        if found.shares[0] > start[0] + 0.01:
+            raise NoDesignError("stuck")
+        return found
+
+    run = package.load(BAR, "body.bar.mesh.divisions=[4,1,1]").run
+    aims, varied = (("mass", 1), ("frequency.1", -1)), read_varied(run, ["body.bar.depth=15..30 mm"])
+    monkeypatch.setattr(pareto, "search", search)
+    front = find_front(run, aims, (), varied, 3)
+    frequencies = np.array([each.design.results[-1] for each in front])
+    np.testing.assert_allclose(frequencies, np.geomspace(*frequencies[[0, -1]], 3), rtol=1e-3)
+    assert [numbers_of(each)["body.bar.depth"] for each in front][:: len(front) - 1] == pytest.approx(
+        [0.015, 0.03], rel=2e-4
+    )
+
+
 @pytest.mark.parametrize(("low", "high", "depth"), [(0.4, 0.8, 16.0), (0.7, 1.5, 10.0)])
 def test_a_frequency_is_kept_out_of_a_band_on_its_better_side(low: float, high: float, depth: float) -> None:
     """It goes with the depth, 20 mm at the start: no bar is below the first band, the lightest is below the second."""
@@ -318,6 +338,34 @@ marker = { end = { face = "x-" } }
     assert "one result, or two for their front" in capsys.readouterr().err
     assert fmd("optimise", path, "--minimise", "mass", "--points", "5", *given) == 2
     assert "belongs to two aims" in capsys.readouterr().err
+
+
+def test_a_profile_is_designed_with_the_beams_of_its_first_mesh(tmp_path: Path) -> None:
+    """A rectangle's bending frequency is in proportion to its height over the square of the length, but for shear."""
+    path = tmp_path / "rail.toml"
+    path.write_text(
+        """
+title = "Rail"
+
+[body.rail]
+shape = "profile"
+length = "600 mm"
+section = { type = "rectangle", width = "24 mm", height = "12 mm" }
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+mesh = { size = "150 mm" }
+modes = { count = 3 }
+"""
+    )
+    run = package.load(path).run
+    first = float(run.wholes["rail"].modes.frequencies_hz[0])
+    longer = read_varied(run, ["body.rail.length=500..900 mm"])
+    found = optimise_scene(run, "mass", read_limits(run, [f"frequency.1 >= {0.81 * first!r} Hz"]), longer, -1)
+    (length,) = numbers_of(found).values()
+    assert length == pytest.approx(0.6 / 0.9, rel=1e-3)
+    assert found.design.run.wholes["rail"].shape.divisions == (4,)
+    assert found.multipliers[0] == pytest.approx(0.5, rel=1e-2)
 
 
 def test_no_connecting_rod_of_a_grid_as_light_as_the_best_is_within_its_limits() -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from fmd import Pipeline, load_scene
+from fmd.core.errors import InputError
 
 L, B, H, E = 0.3, 0.01, 0.02, 70e9
 BAR: dict[str, Any] = {
@@ -64,3 +65,12 @@ def test_free_modes_on_joints_with_others_stand_alone_unless_the_scene_says_othe
     assert [part.shape.modes.enrich for part in parts.values()] == ["none", "none"]
     for choice in ("boundary=joint", "enrich=inertia"):
         assert Pipeline(load_scene(scene, [f"body.bar.modes.{choice}"])).parts["bar"].shape.modes.enrich == "inertia"
+
+
+def test_static_responses_of_a_body_in_space_belong_to_no_family() -> None:
+    """They would bring torsion and bending across the plane back; without them all shapes stay in it."""
+    family = ("joint.clamp.type=free", "body.bar.modes.family=in-plane bending", "body.bar.mesh.divisions=[12,2,2]")
+    with pytest.raises(InputError, match=r'takes enrich = "none": static responses'):
+        Pipeline(load_scene(BAR, family)).bodies["bar"]
+    shapes = Pipeline(load_scene(BAR, (*family, "body.bar.modes.enrich=none"))).bodies["bar"].shapes
+    assert abs(shapes[:, 2]).max() < 1e-6 * abs(shapes).max()

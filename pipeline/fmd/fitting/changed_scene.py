@@ -12,6 +12,7 @@ from fmd.core.files import write_text
 from fmd.core.limits.round_off import SOLVED
 from fmd.fitting.parameters import Parameter, change_parameters, find_parameter, list_settings
 from fmd.scene.bar import Bar
+from fmd.scene.beams import MeshedBeam
 from fmd.scene.imported_bodies import CadPart
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.toml_files import list_ready_scenes
@@ -60,6 +61,9 @@ def _list_kept_elements(scene: Scene, changed: Scene) -> list[str]:
     """Return what sets at which dimensions bodies were meshed, of those that keep the elements of another scene."""
     found = []
     for name, body in changed.body.items():
+        if isinstance(body, MeshedBeam) and body != scene.body[name]:
+            found.append(f"body.{name}.mesh={{ divisions = {[*body.divisions]} }}")
+            continue
         if body == scene.body[name] or not isinstance(body, Bar | CadPart) or not body.mesh.made_at:
             continue
         first = body.mesh.made_at

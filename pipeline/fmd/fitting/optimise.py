@@ -304,7 +304,7 @@ def _search(space: DesignSpace, limits: tuple[Limit, ...], sign: int, start: Arr
             place = ", ".join(f"{parameter.key} = {x:.6g}" for parameter, x in design.values.items())
             raise NoDesignError(
                 f"no design was found with {limit.name} {limit.sense} {limit.bound:.6g}: the search ended at {place}, "
-                f"where it is {value:.6g}; widen the bounds, or ask for less"
+                f"where it is {value:.6g}; widen the bounds, ask for less, or start from numbers with which it is met"
             )
     return optimum
 

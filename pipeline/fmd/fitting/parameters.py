@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from fmd.core.errors import InputError
 from fmd.core.units import QuantityReader, si_unit
 from fmd.scene.bar import Bar
+from fmd.scene.beams import MeshedBeam
 from fmd.scene.curves import FormulaOrTable
 from fmd.scene.imported_bodies import CadPart
 from fmd.scene.reading import suggest_name
@@ -93,7 +94,7 @@ def change_parameters(scene: Scene, values: Mapping[Parameter, float]) -> Scene:
 
 
 def _keep_elements(body: Any, first: Any) -> Any:
-    return body.with_elements_of(first) if isinstance(body, Bar | CadPart) else body
+    return body.with_elements_of(first) if isinstance(body, Bar | CadPart | MeshedBeam) else body
 
 
 def list_settings(scene: Scene, parameter: Parameter, value: float) -> list[str]:

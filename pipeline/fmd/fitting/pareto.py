@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.limits.fitting import MET, SAME_AIM
-from fmd.fitting.optimise import ExcludedBand, Limit, Optimum, optimise_scene, search
+from fmd.fitting.designs import DesignSpace
+from fmd.fitting.optimise import ExcludedBand, Limit, NoDesignError, Optimum, optimise_scene, search
 from fmd.fitting.varied import VariedNumber
 from fmd.stages.pipeline import Pipeline
 
@@ -24,7 +26,8 @@ def find_front(
 
     Each end is as good in one aim as any design, but for `MET`, and of such designs the best in the other. Between both
     the values have equal ratios, and each search starts from the design before it (ε-constraint method; Haimes, Lasdon
-    & Wismer, *IEEE Trans Syst Man Cybern* 1, 1971).
+    & Wismer, *IEEE Trans Syst Man Cybern* 1, 1971). Where one fails, on the wrong side of a resonance for instance, the
+    rest is searched from the other end.
 
     Parameters
     ----------
@@ -55,11 +58,33 @@ def find_front(
     worst, least = float(begin.design.results[0]), _as_good(last)
     if abs(np.log(worst / least)) < SAME_AIM:
         raise InputError("--minimise", second, None, f"has no front with {first}: one design is the best in both")
-    found, shares = list[Optimum](), begin.shares
-    for bound in np.geomspace(worst, least, count):
-        found.append(search(best.space, (*limits, replace(loose, bound=float(bound))), sign, shares))
+    bounds = np.geomspace(worst, least, count)
+    found, missed = _walk(best.space, limits, loose, sign, begin.shares, bounds)
+    if missed is None:
+        return found
+    others, missed = _walk(best.space, limits, loose, sign, last.shares, bounds[len(found) :][::-1])
+    if missed is not None:
+        raise missed
+    return [*found, *others[::-1]]
+
+
+def _walk(
+    space: DesignSpace,
+    limits: tuple[Limit | ExcludedBand, ...],
+    loose: Limit,
+    sign: int,
+    shares: Array,
+    bounds: Array,
+) -> tuple[list[Optimum], NoDesignError | None]:
+    """Return the best designs for bounds of a limit, each search from the last, up to the first that fails."""
+    found = list[Optimum]()
+    for bound in bounds:
+        try:
+            found.append(search(space, (*limits, replace(loose, bound=float(bound))), sign, shares))
+        except NoDesignError as error:
+            return found, error
         shares = found[-1].shares
-    return found
+    return found, None
 
 
 def _as_good(best: Optimum) -> float:

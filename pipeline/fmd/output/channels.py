@@ -185,7 +185,7 @@ def follow_mode(channel: ResultChannel, run: Pipeline, other: Pipeline) -> Resul
     if not channel.part or run.wholes[channel.part].key("modes") == other.wholes[channel.part].key("modes"):
         return channel
     mine, theirs = run.wholes[channel.part], other.wholes[channel.part]
-    places, modes = theirs.space.x, theirs.modes
+    places, modes = theirs.fe.x, theirs.modes
     numbers, alike = find_counterparts(places, mine.modes.shapes, places, theirs.fe.m, modes.shapes, modes.omega)
     if alike[channel.mode] < SAME_MODE:
         raise AccuracyError(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import Field
 
+from fmd.core.arrays import Array
+from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.core.units import PositiveLength
-from fmd.scene.bodies import Solid
+from fmd.scene.bodies import Solid, scale_count
 from fmd.scene.kinds import KindBy
 from fmd.scene.reading import FaultError, SceneTable
-from fmd.scene.values import Name
+from fmd.scene.values import Count, Name
 
 _ENDS = ("x-", "x+")
 
@@ -20,8 +23,11 @@ class BeamMesh(SceneTable):
 
     Parameters
     ----------
-    size : float
+    size : float, optional
         Largest length of a beam [m].
+    divisions : tuple of int, optional
+        In place of ``size``: number of beams between each two neighbours among the ends, the ends of segments and the
+        stations.
 
     Examples
     --------
@@ -33,7 +39,14 @@ class BeamMesh(SceneTable):
 
     order: ClassVar[int] = 1
 
-    size: PositiveLength
+    size: PositiveLength | None = None
+    divisions: Annotated[tuple[Count, ...], Field(min_length=1)] | None = None
+
+    def _check(self) -> None:
+        if self.size is None and self.divisions is None:
+            raise FaultError("is missing: largest length of a beam, e.g. '20 mm'", "size")
+        if self.size is not None and self.divisions is not None:
+            raise FaultError("stands in place of size; give one of both", "divisions")
 
 
 class MeshedBeam(Solid):
@@ -51,9 +64,39 @@ class MeshedBeam(Solid):
     station: dict[Name, PositiveLength] = Field(default_factory=dict)
 
     @property
+    def section_tables(self) -> tuple[SceneTable, ...]:
+        """Tables of the sections, from the start on."""
+        raise NotImplementedError
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """Lengths of the pieces of one section [m]."""
+        raise NotImplementedError
+
+    @property
     def whole_length(self) -> float:
         """Length of all beams [m]."""
-        raise NotImplementedError
+        return sum(self.lengths)
+
+    @property
+    def fixed_sections(self) -> Array:
+        """Distances from the start [m] at which beams end however they are divided, rising."""
+        fixed = np.sort([0.0, *np.cumsum(self.lengths), *self.station.values()])
+        return np.asarray(fixed[np.append(True, np.diff(fixed) > FACE_IN_PLANE * self.whole_length)])
+
+    @property
+    def divisions(self) -> tuple[int, ...]:
+        """Numbers of beams between neighbours among `fixed_sections`."""
+        if self.mesh.divisions is not None:
+            return self.mesh.divisions
+        assert self.mesh.size is not None
+        return tuple(int(n) for n in np.ceil(np.diff(self.fixed_sections) / self.mesh.size - 1e-9))
+
+    def with_elements_of(self, first: Self) -> Self:
+        """Return the body with the elements of another one, which differs in its dimensions."""
+        if len(self.fixed_sections) != len(first.fixed_sections) or self.divisions == first.divisions:
+            return self
+        return self.model_copy(update={"mesh": BeamMesh(divisions=first.divisions)})
 
     @property
     def is_beam(self) -> bool:
@@ -67,7 +110,9 @@ class MeshedBeam(Solid):
 
     def resized(self, factor: float) -> dict[str, Any]:
         """Return the changes for a mesh with about ``factor`` times the elements."""
-        return {"mesh": self.mesh.model_copy(update={"size": self.mesh.size / factor})}
+        if self.mesh.size is not None:
+            return {"mesh": BeamMesh(size=self.mesh.size / factor)}
+        return {"mesh": BeamMesh(divisions=tuple(scale_count(count, factor) for count in self.divisions))}
 
     @property
     def divided_directions(self) -> int:
@@ -80,6 +125,12 @@ class MeshedBeam(Solid):
                 raise FaultError("is the name of an end; give the station another", "station", name)
             if not at < self.whole_length:
                 raise FaultError(f"must be below the length, {self.whole_length:.6g} m", "station", name)
+        spans = len(self.fixed_sections) - 1
+        if len(self.divisions) != spans:
+            mend = (
+                f"has {len(self.divisions)} numbers for the {spans} lengths between ends, ends of segments and stations"
+            )
+            raise FaultError(mend, "mesh", "divisions")
 
 
 class ShaftSegment(SceneTable):
@@ -148,9 +199,14 @@ class Shaft(MeshedBeam):
     segment: Annotated[tuple[ShaftSegment, ...], Field(min_length=1, max_length=1000)]
 
     @property
-    def whole_length(self) -> float:
-        """Length of all segments [m]."""
-        return sum(segment.length for segment in self.segment)
+    def section_tables(self) -> tuple[ShaftSegment, ...]:
+        """Tables of the sections, from the start on."""
+        return self.segment
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """Lengths of the segments [m]."""
+        return tuple(segment.length for segment in self.segment)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -287,9 +343,14 @@ class Profile(MeshedBeam):
     section: Annotated[Rectangle | Box | ISection, KindBy("type")]
 
     @property
-    def whole_length(self) -> float:
+    def section_tables(self) -> tuple[Rectangle | Box | ISection]:
+        """Table of the one section."""
+        return (self.section,)
+
+    @property
+    def lengths(self) -> tuple[float]:
         """Extent along x [m]."""
-        return self.length
+        return (self.length,)
 
     @property
     def parts(self) -> tuple[str, ...]:

@@ -6,22 +6,17 @@ from functools import singledispatch
 
 import numpy as np
 
-from fmd.core.limits.mesh import FACE_IN_PLANE
 from fmd.fem.beams import Beams, extrude
 from fmd.fem.mesh import SolidMesh
 from fmd.fem.sections import Section, box_section, i_section, rectangular_section, round_section
-from fmd.scene.beams import Box, ISection, MeshedBeam, Profile, Rectangle, Shaft, ShaftSegment
+from fmd.scene.beams import Box, ISection, MeshedBeam, Rectangle, ShaftSegment
 
 
 def mesh_beams(shape: MeshedBeam) -> SolidMesh:
     """Divide a body of beams in a line along x."""
-    lengths, sections = _spans(shape)
-    steps = np.cumsum([0.0, *lengths])
-    near = FACE_IN_PLANE * steps[-1]
-    fixed = np.sort(np.concatenate([steps, list(shape.station.values())]))
-    fixed = fixed[np.append(True, np.diff(fixed) > near)]
-    counts = np.ceil(np.diff(fixed) / shape.mesh.size - 1e-9).astype(int)
-    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(fixed[:-1], fixed[1:], counts, strict=True)]
+    steps, fixed = np.cumsum([0.0, *shape.lengths]), shape.fixed_sections
+    spans = zip(fixed[:-1], fixed[1:], shape.divisions, strict=True)
+    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in spans]
     place = np.concatenate([*pieces, fixed[-1:]])
     n = len(place) - 1
     of = np.searchsorted(steps, 0.5 * (place[:-1] + place[1:])) - 1
@@ -33,28 +28,12 @@ def mesh_beams(shape: MeshedBeam) -> SolidMesh:
             x,
             np.stack([np.arange(n), np.arange(1, n + 1)], axis=1),
             np.tile(np.eye(3), (n, 1, 1)),
-            sections,
+            tuple(_section(table) for table in shape.section_tables),
             of,
             {name: np.flatnonzero(of == k) for k, name in enumerate(shape.parts or ())},
             {name: np.array([np.abs(place - distance).argmin()]) for name, distance in at.items()},
         )
     )
-
-
-@singledispatch
-def _spans(shape: object) -> tuple[tuple[float, ...], tuple[Section, ...]]:
-    """Return the lengths [m] and sections of a body's spans."""
-    raise TypeError(f"{type(shape).__name__} is no body of beams")
-
-
-@_spans.register
-def _(shape: Shaft) -> tuple[tuple[float, ...], tuple[Section, ...]]:
-    return tuple(each.length for each in shape.segment), tuple(_section(each) for each in shape.segment)
-
-
-@_spans.register
-def _(shape: Profile) -> tuple[tuple[float, ...], tuple[Section, ...]]:
-    return (shape.length,), (_section(shape.section),)
 
 
 @singledispatch
