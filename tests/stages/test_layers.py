@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 import fmd
+from fmd.accuracy.error_budget import state_errors
+from fmd.accuracy.ply_stress import ply_quantities
+from fmd.accuracy.requested_stress import request_key
 from fmd.core.errors import InputError
 from fmd.fem.layered import Layered
 from fmd.output.plies import draw_plies, find_plies, summarise_plies, write_plies
@@ -91,6 +94,41 @@ def test_a_table_and_a_picture_have_the_worst_ply(swung: Result, tmp_path: Path)
     assert (worst["material"], worst["position_m"][0]) == ("carbon", pytest.approx(0.05))
     with pytest.raises(InputError, match=r"strength: is missing: failure indices take Xt, Xc, Yt, Yc and S"):
         draw_plies(run, Plies(file="plies.png", body="panel"), tmp_path)
+
+
+def test_errors_of_plies_are_stated_but_for_shear_across(swung: Result, tmp_path: Path) -> None:
+    """Without a budget the table says what makes one; shear across has none at all."""
+    write_plies(swung.run, Plies(file="plies.csv", body="panel"), tmp_path)
+    rows = (tmp_path / "plies-errors.csv").read_text().splitlines()[1:]
+    why = {row.split(",")[0]: row for row in rows}
+    assert "no error budget was made" in why["stress_11_max_pa"]
+    assert "no error budget was made" in why["tsai_hill_index"]
+    assert "a layer along edges as wide as the shell is thick" in why["stress_13_min_pa"]
+
+
+def test_budgets_of_indices_depend_on_strengths() -> None:
+    asked = {"output": [{"type": "plies", "file": "plies.csv", "body": "panel"}]}
+    weaker = {"carbon": CARBON | {"strength": STRENGTH | {"S": "60 MPa"}}, "foam": FOAM}
+    one, same, other = (fmd.load(panel(**more) | asked).run.scene for more in ({}, {}, {"lamina": weaker}))
+    assert request_key(one) == request_key(same)
+    assert request_key(one) != request_key(other)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("layers", [LAYERS, [LAYERS[0] | {"angle": f"{a} deg"} for a in (0, 45, -45, 90)]])
+def test_stated_errors_of_plies_hold_a_finer_run(layers: list[dict[str, Any]]) -> None:
+    """A mesh of six times as many elements along with twice the modes; the model is the same, and its part left out."""
+    asked = {"output": [{"type": "plies", "file": "plies.csv", "body": "panel"}]}
+    fine = fmd.load(
+        panel(layers=layers, mesh={"divisions": [72, 24]}, modes={"count": 6, "boundary": "joint"}) | asked
+    ).run
+    run = fmd.load(panel(layers=layers, mesh={"divisions": [12, 6]}) | asked).run
+    own, true = (ply_quantities(each.part, each.motion.modal("panel")) for each in (run, fine))
+    rows = {row.name: row for row in state_errors(run).details if row.name in own}
+    assert set(rows) == set(own)
+    for name, row in rows.items():
+        error = own[name].error(true[name])
+        assert error < row.numerical < 5 * error, name
 
 
 def test_a_sandwich_has_the_mass_and_the_density_of_its_layers(swung: Result) -> None:

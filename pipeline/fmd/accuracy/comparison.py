@@ -53,6 +53,8 @@ class Comparison:
         The scene's first run, by the method that an automatic choice ended with.
     of_mesh, of_motion, quantities : dict of str to Quantity
         Quantities that don't depend on the motion, that do, and all.
+    requested : RequestedStress
+        Stress that files of the run hold.
     details : dict of str to Quantity
         Those of single joints and markers, which are among the motion's.
     corrections : dict of str to float
@@ -77,8 +79,8 @@ class Comparison:
         if run.parts:
             self._choose_stress_samples()
             self.of_motion |= stress_quantities(run, self.motion, self.frames)
-        self._requested = RequestedStress(run)
-        requested = self._requested.quantities(run, self.motion, self.frames)
+        self.requested = RequestedStress(run)
+        requested = self.requested.quantities(run, self.motion, self.frames)
         self.details = leave_out_nothing(detail_quantities(run.scene, self.motion) | requested)
         self.of_motion |= self.details
         self.quantities = self.of_mesh | self.of_motion
@@ -149,7 +151,7 @@ class Comparison:
         if run.parts:
             quantities |= stress_quantities(run, motion, self.frames, nodes, places, as_if)
         details = detail_quantities(run.scene, motion)
-        details |= self._requested.quantities(run, motion, self.frames, as_if)
+        details |= self.requested.quantities(run, motion, self.frames, as_if)
         return quantities | {name: details[name] for name in self.details}
 
     def at_outputs(self, fine: Trajectory) -> Trajectory:

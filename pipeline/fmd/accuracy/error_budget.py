@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from fmd.accuracy.error_estimates import MORE_OF_MESH, MORE_OF_MODEL, NO_LIMIT, NO_PART, SOURCES, Row
+from fmd.accuracy.ply_stress import PLY_ROWS, ply_row
 from fmd.accuracy.requested_stress import EXTREMES, request_key
 from fmd.accuracy.time_limit import TimeLimit
 from fmd.core.limits.errors import LEAST_PART_OF_RUN, LEAST_SECONDS, SAFETY, TIMES_RUN, WHOLE_SECONDS
@@ -97,6 +98,8 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
         f"{corner.body}, {what}": f"not estimated: {corner.text}"
         for corner in estimates.corners
         for what in EXTREMES.values()
+    } | {
+        ply_row(corner.body, name): f"not estimated: {corner.text}" for corner in estimates.corners for name in PLY_ROWS
     }
     rows: list[Row] = []
     details: list[Row] = []

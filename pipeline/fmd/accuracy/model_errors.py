@@ -1,8 +1,8 @@
 """Errors of a run's model: what it leaves out, each estimated by a run that has it.
 
-Large deflection, whose squares are left out; stretching; geometric stiffening, where it is off; the
-attachment of a clamped root, averaged or rigid. Damping that a scene doesn't give is reported beside them, and isn't
-counted: the scene's own.
+Large deflection, whose squares are left out; stretching; geometric stiffening, where it is off; the attachment of a
+clamped root, averaged or rigid; sections of layers that stay plane. Damping that a scene doesn't give is reported
+beside them, and isn't counted: the scene's own.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from fmd.accuracy.quantities import find_counterparts
 from fmd.accuracy.time_limit import FAULTS, LeftOutError
 from fmd.core.arrays import Array
 from fmd.core.limits import errors as limits
+from fmd.recovery.ply_warping import warped_ply_stress
 from fmd.scene.variants import attach_roots_rigidly, damp_bodies
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
@@ -41,8 +42,8 @@ if TYPE_CHECKING:
 class ModelError:
     """Error of a run's results by one thing that its model leaves out."""
 
-    # ``large deflection``, ``shifted vibrations``, ``stiffening left off``, ``stretching``, ``attachment`` or ``no
-    # damping``.
+    # ``large deflection``, ``shifted vibrations``, ``stiffening left off``, ``stretching``, ``attachment``, ``plane
+    # sections`` or ``no damping``.
     cause: str
     error: float  # largest relative error of any quantity of the motion
     quantity: str  # the quantity; empty if there is no estimate
@@ -106,6 +107,12 @@ class ModelErrors:
                 True,
             ),
             (
+                "plane sections",
+                self._plane_sections,
+                "sections of layers stay plane; solid elements in each ply take their warping in",
+                True,
+            ),
+            (
                 "no damping",
                 self._damping,
                 f"a body has no damping, and its vibrations never die; with {100 * limits.BARE_METAL:g} % of critical, "
@@ -129,7 +136,7 @@ class ModelErrors:
                 self.missing |= dict.fromkeys(self._comparison.of_motion, missing)
 
     def _add(self, cause: str, errors: dict[str, float], text: str, counted: bool = True) -> None:
-        named = [name for name in errors if name not in self._comparison.details]
+        named = [name for name in errors if name not in self._comparison.details] or [*errors]
         quantity = max(named, key=lambda name: errors[name], default="")
         if errors.get(quantity, 0.0) > limits.WORTH_NAMING:
             self.causes.append(ModelError(cause, errors[quantity], quantity, text, counted))
@@ -256,6 +263,22 @@ class ModelErrors:
             for k, gain in enumerate(of_modes if fixed else ()):
                 errors[f"{name}, frequency {k + 1}"] = abs(float(np.sqrt(max(1 + gain, 0.0)) - 1))
         return errors | self._softened(excess)
+
+    def _plane_sections(self) -> dict[str, float]:
+        """Return the error of the stress of plies by the warping of sections, which makes it better, too.
+
+        What this lacks, as stress through the thickness, is of the order of the largest change of any component.
+        """
+        comparison, motion = self._comparison, self._comparison.motion
+        q = {name: motion.modal(name) for name in self._run.parts}
+        warped = comparison.requested.of_plies(self._run, q, comparison.frames, warped_ply_stress)
+        warped = {name: quantity for name, quantity in warped.items() if name in comparison.details}
+        comparison.correct_by(warped, 1.0)
+        changes, largest = comparison.changes(warped), dict[str, float]()
+        for name, change in changes.items():
+            body = name.rpartition(".")[0]
+            largest[body] = max(largest.get(body, 0.0), change)
+        return {name: math.hypot(change, largest[name.rpartition(".")[0]]) for name, change in changes.items()}
 
     def _damping(self) -> dict[str, float] | None:
         """Return the change of the motion with a little damping, if a body has none."""

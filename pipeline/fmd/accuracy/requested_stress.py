@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmd.accuracy.error_estimates import Quantity
+from fmd.accuracy.ply_stress import has_plies, plied_bodies, ply_quantities
 from fmd.core.arrays import Array, IntArray
 from fmd.core.errors import InputError
 from fmd.recovery.envelope import stress_envelope
+from fmd.recovery.plies import StressOfPlies, modal_ply_stress
 from fmd.recovery.stress import StressHistory, modal_stress, point_stress, smooth_stress, stress_measure
 from fmd.scene import histories
 from fmd.scene.outputs import Chart
@@ -103,6 +105,7 @@ class RequestedStress:
             places = stress_at_nodes(run, names) if at_node else stress_at_elements(run, names)
             self._places |= {(name, each): place for name, place in places.items() for each in components}
         self._bodies = [name for name in enveloped_bodies(run.scene) if name in run.parts]
+        self._plied = [name for name in plied_bodies(run.scene) if name in run.parts and has_plies(run.parts[name])]
 
     def quantities(
         self, run: Pipeline, motion: Motion, frames: IntArray, as_if: Mapping[str, Array] | None = None
@@ -138,6 +141,15 @@ class RequestedStress:
                 worst = values.max() if component == "principal 1" else values.min()
                 label = f"{name}, {EXTREMES[component]}"
                 found[label] = Quantity(label, "Pa", np.array([worst]), largest=True, kind="stress")
+        return found | self.of_plies(run, q, frames)
+
+    def of_plies(
+        self, run: Pipeline, q: Mapping[str, Array], frames: IntArray, stress: StressOfPlies = modal_ply_stress
+    ) -> Quantities:
+        """Compute the stress of plies by each body's modal coordinates (n_times, n) at some output times."""
+        found: Quantities = {}
+        for name in self._plied:
+            found |= ply_quantities(run.parts[name], q[name][frames], stress)
         return found
 
 
@@ -145,6 +157,9 @@ def request_key(scene: Scene) -> dict[str, list[str]]:
     """Return what a budget depends on beside the scene's results: the stress that files hold; empty without any."""
     asked = [f"{[*names]} {[*components]} {at_node}" for names, components, at_node in _requests(scene)]
     asked += enveloped_bodies(scene)
+    for body in plied_bodies(scene):
+        lamina = getattr(scene.flexible[body], "lamina", {})
+        asked.append(f"plies of {body} {[(name, own.strength) for name, own in lamina.items()]}")
     return {"stress in files": asked} if asked else {}
 
 

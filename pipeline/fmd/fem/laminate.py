@@ -154,6 +154,36 @@ class Laminate:
         G = self.stiffnesses[self.ply_at(zeta)][:, _ACROSS[:, None], _ACROSS]
         return np.asarray(np.linalg.solve(G, self._shear_stress(zeta)) @ self.shear)
 
+    def warping_strain(self, zeta: Array) -> Array:
+        """Return strains xx, yy, 2xy that keep no section plane, over slopes of mean transverse shear, (n, 3, 4) [m].
+
+        Slopes are those of xz and yz along the laminate's direction, and of both across it. The points of a section
+        move along it by the integral of shear over z; strain of plane sections is added so that forces and moments
+        are none.
+        """
+        (A, B, D), (points, weights) = self.plane, self._points
+        L, h = self._slopes_of_sections(points), self.thickness
+        Q = (h * weights)[:, None, None] * self.stiffnesses[self.ply_at(points)][:, _IN_PLANE[:, None], _IN_PLANE]
+        sums = np.concatenate([np.einsum("q,qab,qbs->as", (h * (points - 0.5)) ** k, Q, L) for k in (0, 1)])
+        stretch, bend = np.split(np.linalg.solve(np.block([[A, B], [B, D]]), sums), 2)
+        return np.asarray(self._slopes_of_sections(zeta) - stretch - (h * (zeta - 0.5))[:, None, None] * bend)
+
+    def _slopes_of_sections(self, zeta: Array) -> Array:
+        """Return strains xx, yy, 2xy over slopes of mean shear by the integral of shear from the lower face."""
+        start, size = self.ends[:-1], np.diff(self.ends)
+        below = np.concatenate([np.zeros((1, 2, 2)), np.cumsum(self._integrated_shear(start, size), axis=0)])
+        ply = self.ply_at(zeta)
+        W = below[ply] + self._integrated_shear(start[ply], zeta - start[ply])
+        L = np.zeros((len(zeta), 3, 4))
+        L[:, 0, :2] = L[:, 2, 2:] = W[:, 0]
+        L[:, 1, 2:] = L[:, 2, :2] = W[:, 1]
+        return L
+
+    def _integrated_shear(self, start: Array, size: Array) -> Array:
+        """Return the integral over z of transverse shear over its mean within single plies, (n, 2, 2) [m]."""
+        two = (start + size * at for at in 0.5 + np.array([-0.5, 0.5]) / 3**0.5)  # exact for parabolas
+        return np.asarray((self.thickness * size / 2)[:, None, None] * sum(self.shear_strain(at) for at in two))
+
     def _shear_stress(self, zeta: Array) -> Array:
         """Return the matrices T at places across the laminate, shape (n, 2, 2) [1/m]."""
         A, B, D = self.plane

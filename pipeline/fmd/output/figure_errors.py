@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fmd.accuracy.contact_errors import CONTACT_ERRORS, ContactError
+from fmd.accuracy.ply_stress import ply_row
 from fmd.accuracy.requested_stress import EXTREMES
 from fmd.output.error_table import NOT_STATED
 from fmd.output.variable_errors import VariableErrors
@@ -72,6 +73,9 @@ def _quantities(run: Pipeline, summary: Mapping[str, Any]) -> Iterator[tuple[str
     for body, own in summary.get("envelope", {}).items():
         for measure in own:
             yield f"envelope.{body}.{measure}.value_pa", f"{body}, {EXTREMES[measure]}"
+    for body, own in summary.get("plies", {}).items():
+        for index in own:
+            yield f"plies.{body}.{index}.value", ply_row(body, index)
     for contact, figures in summary.get("contacts", {}).items():
         for figure in (key for key in figures if key != "near_field"):
             yield f"contacts.{contact}.{figure}", f"{contact}.{figure}"

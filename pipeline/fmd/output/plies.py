@@ -7,22 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmd.accuracy.ply_stress import ACROSS, has_plies, ply_row
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
 from fmd.core.files import number_texts, write_table
-from fmd.fem.layered import Layered
 from fmd.output.error_table import NOT_STATED, write_errors
 from fmd.output.mechanism_view import body_surface
 from fmd.output.output_kinds import OutputKind, read_body
 from fmd.output.pictures import camera_of
-from fmd.recovery.plies import FAILURE_INDICES, PLY_STRESSES, PlyExtremes, ply_extremes
+from fmd.output.variable_errors import VariableErrors
+from fmd.recovery.plies import FAILURE_INDICES, PLY_STRESSES, PlyExtremes, extremes_of_laminates, shells_of
 from fmd.render.calls import Drawer, draw_here
 from fmd.render.colours import stress_limits
 
 if TYPE_CHECKING:
-    from fmd.fem.space import Member
     from fmd.scene.stress_outputs import Plies
-    from fmd.stages.part import FlexiblePart
     from fmd.stages.pipeline import Pipeline
 
 _COLUMNS = {
@@ -30,7 +29,6 @@ _COLUMNS = {
     "maximum_stress_index": "maximum stress",
     "tsai_hill_index": "Tsai-Hill",
 }
-_KEYS = ("Xt", "Xc", "Yt", "Yc", "S")
 
 
 def write_plies(run: Pipeline, output: Plies, folder: Path) -> list[str]:
@@ -49,9 +47,13 @@ def write_plies(run: Pipeline, output: Plies, folder: Path) -> list[str]:
                 rows.append([str(number), str(k + 1), face, ply.name, *figures, str(found.elements[worst])])
     header = ["laminate", "ply", "face", "material", "angle_deg", *_COLUMNS, "at_s", "x_m", "y_m", "z_m", "element"]
     write_table(folder / output.file, header, rows)
-    why = f"{NOT_STATED}stress of plies isn't compared"
-    units = {column: "Pa" if column.endswith("_pa") else "1" for column in _COLUMNS}
-    return [output.file, write_errors([(column, unit, why) for column, unit in units.items()], folder / output.file)]
+    stated = VariableErrors(run)
+    errors: list[tuple[str, str, float | str]] = []
+    for column, name in _COLUMNS.items():
+        across = name.startswith(("23", "13"))
+        error = NOT_STATED + ACROSS if across else stated.of_quantity(ply_row(output.body, name))
+        errors.append((column, "Pa" if column.endswith("_pa") else "1", error))
+    return [output.file, write_errors(errors, folder / output.file)]
 
 
 def draw_plies(run: Pipeline, output: Plies, folder: Path, draw: Drawer = draw_here) -> None:
@@ -60,7 +62,7 @@ def draw_plies(run: Pipeline, output: Plies, folder: Path, draw: Drawer = draw_h
     nodal = np.zeros(len(part.space.x))
     for found in find_plies(run, output.body):
         own = _require_indices(run, output, found).max(axis=(1, 2))
-        shells = _shells(part)
+        shells = shells_of(part.space)
         np.maximum.at(nodal, shells.first + shells.space.element_nodes[found.elements], own[:, None])
     values = nodal[part.surface.nodes]
     worst = summarise_plies(run, output)["plies"][output.body][output.index]
@@ -93,32 +95,17 @@ def find_plies(run: Pipeline, body: str) -> list[PlyExtremes]:
         mend = None
         if body not in run.parts:
             mend = "is in pieces, and the stress of plies is that of bodies in one piece; pieces = 1"
-        elif not part.has_mesh or not any(isinstance(own, Layered) for own, _ in part.material.over(slice(None))):
+        elif not has_plies(part):
             mend = "has no layers, whose plies have stress of their own; type = 'envelope' is of every body"
         elif run.contact_deformation(body, motion) is not None:
             mend = "is touched, and what contacts deform isn't in the stress of plies"
         if mend is not None:
             raise InputError(run.scene.file, f"body.{body}", None, mend)
-        shells = _shells(part)
-        everything, shapes = np.arange(len(shells.space.element_nodes)), shells.of_shapes(part.body.shapes)
-        run.results[key] = [
-            ply_extremes(shells.space, own, everything[mine], shapes, motion.modal(body), _strengths(part.shape, own))
-            for own, mine in shells.material(part.material).over(slice(None))
-            if isinstance(own, Layered)
-        ]
+        run.results[key] = extremes_of_laminates(
+            part.space, part.material, part.body.shapes, motion.modal(body), part.shape
+        )
     found: list[PlyExtremes] = run.results[key]
     return found
-
-
-def _shells(part: FlexiblePart) -> Member:
-    """Return the shells of a body, which alone have layers."""
-    return next(own for own in part.space.members if own.space.kind.from_middle is not None)
-
-
-def _strengths(shape: Any, material: Layered) -> list[Array]:
-    """Return the strengths of each ply, NaN where the scene has none [Pa]."""
-    given = [shape.lamina[ply.name].strength for ply in material.laminate.plies]
-    return [np.array([getattr(own, key) if own else np.nan for key in _KEYS]) for own in given]
 
 
 def _require_indices(run: Pipeline, output: Plies, found: PlyExtremes) -> Array:
@@ -133,7 +120,7 @@ def _require_indices(run: Pipeline, output: Plies, found: PlyExtremes) -> Array:
 
 def _place(run: Pipeline, body: str, found: PlyExtremes, element: int) -> Array:
     """Return the middle of an element in the part's own coordinates, shape (3,) [m]."""
-    space = _shells(run.wholes[body]).space
+    space = shells_of(run.wholes[body].space).space
     return np.asarray(space.x[space.element_nodes[found.elements[element]]].mean(axis=0))
 
 

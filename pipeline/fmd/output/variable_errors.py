@@ -5,6 +5,7 @@ from __future__ import annotations
 from fmd.accuracy.details import NO_MEANING, row_name
 from fmd.accuracy.error_budget import ERROR_BUDGET, Budget
 from fmd.accuracy.error_estimates import Row
+from fmd.accuracy.ply_stress import PLY_ROWS
 from fmd.output.error_table import NO_BUDGET, NOT_COMPARED, NOT_STATED
 from fmd.recovery.motion_file import OF_FORMULA, Variable
 from fmd.recovery.stress import STRESS_COMPONENTS
@@ -13,7 +14,7 @@ from fmd.stages.pipeline import Pipeline
 _CONTACT = "after a contact two runs part, whatever their error; figures of contacts have theirs"
 _OF_MESH = "contact has no part in it; the budget of the scene without its contacts states it"
 _OF_JOINTS = ("force", "moment", "position", "rate", "orientation", "angular_velocity", "displacement", "velocity")
-_COMPARED = (*_OF_JOINTS, "origin", "deflection", "acceleration", *STRESS_COMPONENTS)
+_COMPARED = (*_OF_JOINTS, "origin", "deflection", "acceleration", *STRESS_COMPONENTS, *PLY_ROWS)
 _WHOLE = ("centre_of_mass", "momentum", "angular_momentum", "kinetic_energy", "potential_energy")
 
 

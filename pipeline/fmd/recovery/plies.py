@@ -7,24 +7,29 @@ it bears twice the load.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import PLIES_AT_ONCE
 from fmd.core.limits.recovery import INSIDE_PLY
+from fmd.fem.layered import Layered
 from fmd.fem.strain import strains
 
 if TYPE_CHECKING:
+    from fmd.fem.joined import AnySpace
     from fmd.fem.laminate import Laminate
-    from fmd.fem.layered import Layered
-    from fmd.fem.space import Discretisation
+    from fmd.fem.material import AnyMaterial
+    from fmd.fem.space import Discretisation, Member
 
 PLY_STRESSES = ("11", "22", "23", "13", "12")
 FAILURE_INDICES = ("maximum stress", "Tsai-Hill")
+_KEYS = ("Xt", "Xc", "Yt", "Yc", "S")
+StressOfPlies = Callable[["Discretisation", "Layered", Array, IntArray], Array]
+"""Gives the stress of shapes in the middle of elements as `modal_ply_stress` does."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +52,7 @@ def modal_ply_stress(space: Discretisation, material: Layered, shapes: Array, el
     ndarray, shape (n_elements, n_plies, 2, 5, n)
         11, 22, 23, 13, 12 [Pa per unit of the shape].
     """
-    ends = material.laminate.ends
-    inside = INSIDE_PLY * np.diff(ends)
-    zeta = np.stack([ends[:-1] + inside, ends[1:] - inside], axis=1).ravel()
+    zeta = places_of_plies(material.laminate)
     middle = space.kind.corners.mean(axis=0)[:2]
     X = np.stack([*(np.full_like(zeta, each) for each in middle), zeta])
     strain = strains(space, material, shapes[: len(space.x)], X, elements)
@@ -57,8 +60,55 @@ def modal_ply_stress(space: Discretisation, material: Layered, shapes: Array, el
     return stress.reshape(len(elements), len(material.laminate.plies), 2, *stress.shape[2:])
 
 
+def places_of_plies(laminate: Laminate) -> Array:
+    """Return the places of the lower and the upper face of each ply, just within it, from 0 to 1, (2 n_plies,)."""
+    inside = INSIDE_PLY * np.diff(laminate.ends)
+    return np.stack([laminate.ends[:-1] + inside, laminate.ends[1:] - inside], axis=1).ravel()
+
+
+def extremes_of_laminates(
+    space: AnySpace,
+    material: AnyMaterial,
+    shapes: Array,
+    q: Array,
+    body: Any,
+    stress: StressOfPlies = modal_ply_stress,
+) -> list[PlyExtremes]:
+    """Return the extremes of each laminate of a body over a motion.
+
+    Parameters
+    ----------
+    body : Layerable
+        Table of the body in the scene, whose ``lamina`` have strengths.
+    """
+    own = shells_of(space)
+    everything = np.arange(len(own.space.element_nodes))
+    return [
+        ply_extremes(own.space, laid, everything[mine], own.of_shapes(shapes), q, _strengths(body, laid), stress)
+        for laid, mine in own.material(material).over(slice(None))
+        if isinstance(laid, Layered)
+    ]
+
+
+def shells_of(space: AnySpace) -> Member:
+    """Return the shells of a body, which alone have layers."""
+    return next(own for own in space.members if own.space.kind.from_middle is not None)
+
+
+def _strengths(body: Any, material: Layered) -> list[Array]:
+    """Return Xt, Xc, Yt, Yc and S of each ply, NaN where the scene has none [Pa]."""
+    given = [body.lamina[ply.name].strength for ply in material.laminate.plies]
+    return [np.array([getattr(own, key) if own else np.nan for key in _KEYS]) for own in given]
+
+
 def ply_extremes(
-    space: Discretisation, material: Layered, elements: IntArray, shapes: Array, q: Array, strengths: Sequence[Array]
+    space: Discretisation,
+    material: Layered,
+    elements: IntArray,
+    shapes: Array,
+    q: Array,
+    strengths: Sequence[Array],
+    stress: StressOfPlies = modal_ply_stress,
 ) -> PlyExtremes:
     """Return the extremes of elements of one laminate over a motion.
 
@@ -74,7 +124,7 @@ def ply_extremes(
     found = [
         [_over_time(measure) for measure in _measures(modal @ q.T, strength)]
         for part in np.array_split(elements, batches)
-        for modal in [modal_ply_stress(space, material, shapes, part)]
+        for modal in [stress(space, material, shapes, part)]
     ]
     names = [f"{c} {end}" for c in PLY_STRESSES for end in ("max", "min")] + [*FAILURE_INDICES]
     joined = [[np.concatenate(each) for each in zip(*own, strict=True)] for own in zip(*found, strict=True)]

@@ -34,3 +34,4 @@ UNRESOLVED_STRESS = 0.1  # of it: more than this is hidden by vibrations that ha
 
 # Plies.
 INSIDE_PLY = 1e-9  # of a ply's thickness: how far its faces are within, where two plies meet
+INDEPENDENT_WAY = 1e-9  # of the largest square of a way to elements around one: with less across none is known
