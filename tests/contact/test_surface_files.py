@@ -86,6 +86,21 @@ def body(file: Path, turn: float = 0.0) -> dict[str, Any]:
     return own | {"marker": {"centre": {"at": [0, 0, 0]}}, "surface": {"skin": surface}}
 
 
+def test_triangles_that_do_not_turn_around_the_outside_are_refused() -> None:
+    """Bodies would pass through them from outside; a sheet may face either way."""
+    x = np.vstack([np.zeros(3), 1e-3 * np.eye(3)])
+    around = np.array([[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]])
+    for fine in (around, around[:3], around[:3, ::-1]):
+        assert points_of_triangles("skin", x, fine, E, NU).areas["skin"].min() > 0.0
+    with pytest.raises(ValueError, match="is inside out"):
+        points_of_triangles("skin", x, around[:, ::-1], E, NU)
+    for lost in range(4):
+        mixed = around.copy()
+        mixed[lost] = mixed[lost, ::-1]
+        with pytest.raises(ValueError, match="neighbouring triangles that turn unlike ways"):
+            points_of_triangles("skin", x, mixed, E, NU)
+
+
 def test_two_balls_of_triangles_strike_as_hertz_says(tmp_path: Path) -> None:
     """Approach of two balls ``(15 m* v²/(16 E* √R*))^0.4`` with ``m* = m/2``, ``R* = R/2``; both give way."""
     cap(tmp_path / "fine.stl", 2e-4, 7)

@@ -22,6 +22,7 @@ from fmd.output.pressure import draw_pressure
 from fmd.recovery.wear import worn_faces
 from fmd.scene.stress_outputs import ContactPressure
 from tests.contact.test_rigid_contacts import scene
+from tests.contact.test_surface_files import grid, write_stl
 from tests.contact.touching_mechanisms import soft_footed_block
 
 RATE, MASS, AREA = 1e-12, 2.0, 0.4
@@ -100,13 +101,18 @@ def test_both_faces_of_a_pair_lose_the_volume_that_force_and_slip_say() -> None:
 
 def sliding_blocks(*overrides: str) -> Pipeline:
     """A block pressed by its weight that slides along a longer one, which is held by stiff springs of its own mesh."""
+    return Pipeline(load_scene(blocks(), overrides))
+
+
+def blocks() -> dict[str, Any]:
+    """Tables of `sliding_blocks`."""
     material = {"E": "2 GPa", "nu": 0.3, "rho": "2000 kg/m^3", "shape": "bar"}
     modes = {"count": 2, "enrich": "none"}
     small = material | {"length": "20 mm", "depth": "20 mm", "width": "10 mm", "modes": modes}
     small |= {"mesh": {"divisions": [2, 2, 1], "order": 1}}
     large = material | {"length": "60 mm", "depth": "20 mm", "width": "20 mm", "modes": modes}
     large |= {"mesh": {"divisions": [4, 1, 1], "order": 1}}
-    table = {
+    return {
         "title": "Sliding blocks",
         "body": {
             "small": small | {"marker": {"middle": {"at": ["10 mm", "0 mm", "0 mm"]}, "bottom": {"face": "y-"}}},
@@ -132,7 +138,30 @@ def sliding_blocks(*overrides: str) -> Pipeline:
             "run": [{"integrator": "central-difference"}],
         },
     }
-    return Pipeline(load_scene(table, overrides))
+
+
+def test_a_block_that_slides_over_finer_triangles_is_drawn_with_its_wear(tmp_path: Path) -> None:
+    """Pressure is found at the triangles' corners, which aren't drawn; volumes are spread over the block's face."""
+    flat, triangles = grid(0.02, 9)
+    write_stl(tmp_path / "top.stl", np.pad(flat, ((0, 0), (0, 1))), triangles)
+    table = blocks()
+    surface = {"type": "file", "file": str(tmp_path / "top.stl"), "E": 2e9, "nu": 0.3, "rotation": [-np.pi / 2, 0, 0]}
+    large = {"shape": "rigid", "mass": 1, "inertia": [1, 1, 1], "marker": {"base": {"at": [0, 0, 0]}}}
+    table["body"]["large"] = large | {"surface": {"top": surface}}
+    table["joint"]["slide"]["position"] = ["-15 mm", "10 mm", "0 mm"]
+    run = Pipeline(load_scene(table, ["simulation.duration=1 ms"]))
+    output = {"type": "pressure", "file": "wear.png", "contact": "rub"}
+    drawn: dict[str, Any] = {}
+
+    def keep(_name: str, _surface: Any, values: Any, _path: Path, **_words: Any) -> None:
+        drawn.update(values=values)
+
+    draw_pressure(run, ContactPressure.model_validate(output | {"quantity": "wear"}), tmp_path, keep)
+    depths = contact_figures(run)["contacts"]["rub"]["wear_depths_m"]
+    assert list(depths) == ["large.top", "small.bottom"]
+    assert drawn["values"].max() == pytest.approx(1e6 * depths["small.bottom"], rel=1e-12)
+    with pytest.raises(InputError, match="is of points of a rigid body"):
+        draw_pressure(run, ContactPressure.model_validate(output), tmp_path, keep)
 
 
 def test_pictures_of_wear_show_the_depth_of_either_face(tmp_path: Path) -> None:

@@ -146,7 +146,7 @@ def _at_least(errors: Mapping[str, float | str], own: ContactHistory) -> dict[st
 
 def _areas_of_points(run: Pipeline) -> dict[str, float]:
     """Return the area of a point of each contact of a flexible face, of which it presses whole ones [m²]."""
-    bodies = [body for body in run.motion.mechanism.contacts if not body.points.is_rigid]
+    bodies = [body for body in run.motion.mechanism.contacts if not body.points.has_primitives]
     return {name: float(body.points.areas[body.face_of(name)].mean()) for body in bodies for name in body.names}
 
 

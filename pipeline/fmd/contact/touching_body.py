@@ -78,8 +78,8 @@ class ContactPoints:
         return forces if self.weights is None else np.einsum("np,tna->tpa", self.weights, forces)
 
     @property
-    def is_rigid(self) -> bool:
-        """True of a rigid body."""
+    def has_primitives(self) -> bool:
+        """True of a rigid body's balls, boxes, pins and bores; false of its triangles, which touch as meshes do."""
         return bool((self.radii > 0.0).any() or self.primitives)
 
     @property

@@ -17,13 +17,14 @@ def points_of_triangles(face: str, x: Array, triangles: IntArray, E: float, nu: 
     Raises
     ------
     ValueError
-        There are more points than forces are found on.
+        There are more points than forces are found on, or triangles don't turn around the outside.
     """
     if (n := len(x)) > MOST_POINTS:
         raise ValueError(
             f"has {n} corners of triangles, of which contacts take {MOST_POINTS}; a file of the part of "
             "the surface that touches, or of larger triangles, works"
         )
+    _require_outside(x, triangles)
     across, normals = triangle_normals(x, triangles), np.zeros((n, 3))
     for k in range(3):
         np.add.at(normals, triangles[:, k], across)
@@ -47,6 +48,20 @@ def points_of_triangles(face: str, x: Array, triangles: IntArray, E: float, nu: 
         surfaces={face: triangles},
         elastic=(E, nu),
     )
+
+
+def _require_outside(x: Array, triangles: IntArray) -> None:
+    """Refuse neighbours that turn unlike ways, and a closed surface that is inside out: bodies would pass through."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    ends, number = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
+    turns = np.bincount(number.ravel(), np.sign(edges[:, 1] - edges[:, 0]), len(ends))
+    if (np.abs(turns) > 1.0).any():
+        raise ValueError(
+            "has neighbouring triangles that turn unlike ways; corners go counter-clockwise seen from outside"
+        )
+    volume = np.linalg.det(x[triangles] - x.mean(axis=0)).sum() / 6.0
+    if not turns.any() and volume < 0.0:
+        raise ValueError("is inside out; corners of triangles go counter-clockwise seen from outside")
 
 
 def _areas(n: int, triangles: IntArray, across: Array) -> Array:

@@ -25,7 +25,7 @@ def contact_figures(run: Pipeline) -> dict[str, Any]:
         for name in body.names:
             if histories[name].wears and (faces := worn_faces(run.motion, name)):
                 figures[name]["wear_depths_m"] = {f"{at.body}.{at.face}": float(at.depths[-1].max()) for at in faces}
-        for name in () if body.points.is_rigid else body.names:
+        for name in () if body.points.has_primitives else body.names:
             spacing = float(np.sqrt(body.points.areas[body.face_of(name)].mean()))
             radius = float(np.sqrt(histories[name].largest[1] / np.pi))
             figures[name]["radius_over_spacing"] = radius / spacing
@@ -115,7 +115,7 @@ def _wear_faults(motion: Motion) -> Iterator[str]:
     for name, own in motion.contacts.items():
         force = np.linalg.norm(own.force, axis=1)
         deep = float(np.divide(2.0 * own.energy, force, out=np.zeros(len(force)), where=force > 0.0).max())
-        if own.wears and own.wear_depth[-1] > deep:
+        if 0.0 < deep < own.wear_depth[-1]:
             yield (
                 f"contact.{name}: wear goes {own.wear_depth[-1]:.3g} m deep, more than the {deep:.3g} m that its "
                 "surface gives way, and pressures are those of the shape as drawn; volume and mean depth hold, the "
@@ -126,7 +126,7 @@ def _wear_faults(motion: Motion) -> Iterator[str]:
 def _coarse_faults(motion: Motion) -> Iterator[str]:
     """Yield which contacts of curved faces press few points of the mesh, so that their force isn't sure."""
     for body in motion.mechanism.contacts:
-        for name in () if body.points.is_rigid else body.names:
+        for name in () if body.points.has_primitives else body.names:
             own = body.points.faces[body.face_of(name)]
             gridded = body.face_of(name) in body.points.grids
             pressed = int((motion.contact_pressures[body.body][:, own] > 0.0).sum(axis=1).max())

@@ -20,7 +20,6 @@ from fmd.render.calls import Drawer, draw_here
 
 if TYPE_CHECKING:
     from fmd.contact.touching_body import TouchingBody
-    from fmd.recovery.motion import Motion
     from fmd.render.surface import Surface
     from fmd.scene.stress_outputs import ContactPressure
     from fmd.stages.pipeline import Pipeline
@@ -32,12 +31,8 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
     A near field's grid is smaller than elements: nodes beside it have its pressure, and the label the area it is on.
     """
     (touching,) = (own for own in run.motion.mechanism.contacts if output.contact in own.names)
-    if touching.body not in run.parts:
-        number = run.scene.output.index(output) if output in run.scene.output else 0
-        message = "is of rigid bodies, which have no mesh to draw it on; a chart of contact_pressure shows it over time"
-        raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
     quantity, unit, scale = output.quantity, *(("MPa", 1e-6) if output.quantity == "pressure" else ("µm", 1e6))
-    body, face, own, found = _find_field(run.motion, touching, output)
+    body, face, own, found = _find_field(run, touching, output)
     (points,) = (each.points for each in run.motion.mechanism.contacts if each.body == body)
     found = scale * found
     frame = int(found.max(axis=1).argmax())
@@ -69,11 +64,17 @@ def draw_pressure(run: Pipeline, output: ContactPressure, folder: Path, draw: Dr
     )
 
 
-def _find_field(motion: Motion, touching: TouchingBody, output: ContactPressure) -> tuple[str, str, IntArray, Array]:
+def _find_field(run: Pipeline, touching: TouchingBody, output: ContactPressure) -> tuple[str, str, IntArray, Array]:
     """Return body, face and points of what is drawn, and its values at these (n_times, n_points) [Pa or m]."""
+    motion = run.motion
     if output.quantity == "wear":
-        faces = worn_faces(motion, output.contact)
-        return next(own for own in faces if output.body in (None, own.body))
+        for worn in worn_faces(motion, output.contact):
+            if worn.body in run.parts and output.body in (None, worn.body):
+                return worn
+    if touching.body not in run.parts:
+        number = run.scene.output.index(output) if output in run.scene.output else 0
+        message = "is of points of a rigid body, which has no mesh to draw it on; motion.nc has it over time"
+        raise InputError(run.scene.file, f"output.{number}.contact", output.contact, message)
     fields = motion.contact_pressures if output.quantity == "pressure" else motion.contact_slips
     face = touching.face_of(output.contact)
     own = touching.points.faces[face]

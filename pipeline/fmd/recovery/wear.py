@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class WornFace(NamedTuple):
-    """A face of a flexible body and the depth that it has lost since the start."""
+    """A face of a flexible body, or of triangles of a rigid one, and the depth that it has lost since the start."""
 
     body: str
     face: str  # name of its marker
@@ -30,7 +30,7 @@ def worn_faces(motion: Motion, contact: str) -> list[WornFace]:
     (touching,) = (own for own in motion.mechanism.contacts if contact in own.names)
     points, found = {own.body: own.points for own in motion.mechanism.contacts}, []
     for body, face in touching.faces_of(contact):
-        if not points[body].is_rigid:
+        if not points[body].has_primitives:
             numbers, areas = _areas(points[body], face, has_points=body == touching.body)
             found.append(WornFace(body, face, numbers, motion.contact_wear[body][:, numbers] / areas))
     return found

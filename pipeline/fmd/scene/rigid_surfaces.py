@@ -154,7 +154,7 @@ class BoreSurface(AxialSurface):
 
 
 class FileSurface(ElasticSurface):
-    """Triangles of an STL, OBJ or CAD file, whose corners touch: 1,000 at most.
+    """Triangles of an STL, OBJ or CAD file, counter-clockwise seen from outside, whose corners touch: 1,000 at most.
 
     Parameters
     ----------
