@@ -259,5 +259,8 @@ def test_what_structures_lack_is_refused_by_name(tmp_path: Path) -> None:
         _ = part_of(table).mesh
     with pytest.raises(InputError, match=r"mesh\.tie.*the node at .* m is 0\.0.* m off the face"):
         _ = part_of(body(tmp_path / "fin.inp", shell="deck", tie=[{"face": "TIP", "onto": "TOP"}])).fe
+    framed(np.random.default_rng(0)).write(tmp_path / "frame.inp")
+    with pytest.raises(InputError, match=r"solids, shells and beams: 96 quad; mesh\.shell takes triangles and quadri"):
+        _ = part_of(body(tmp_path / "frame.inp", beam="deck")).mesh
     with pytest.raises(InputError, match="no pieces and no contacts"):
         _ = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE)).plain_space

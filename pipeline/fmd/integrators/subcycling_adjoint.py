@@ -140,9 +140,8 @@ def _take_cycles_back(p: CompiledParameters, s: StepsBack, c: _Cycles, first: in
             for i in range(c.n_slow, s.dv.size):
                 s.dv[i] += s.h * s.dq[i + offset]
                 s.da[i] += s.h * s.dv[i]
-                c.da[i] += s.da[
-                    i
-                ]  # accelerations of a fast step are those of the cycle's begin and what they change by
+                # accelerations of a fast step are those of the cycle's begin and what they change by
+                c.da[i] += s.da[i]
             if j > 0:
                 _react_back(p, s, c, k, j, ((first + k) * m + j) * s.h)
             for i in range(c.n_slow, s.dv.size):

@@ -155,6 +155,7 @@ class _Joining:
         if lost and not self._repair:
             listed = ", ".join(f"{n} {kind}" for kind, n in lost.items())
             mend = "; mesh.beam = 'deck' takes lines as beams" if _LINES in lost else ""
+            mend += "; mesh.shell takes triangles and quadrilaterals" if lost.keys() & SHELLS.keys() else ""
             raise MeshFileError(f"elements that aren't read beside its solids, shells and beams: {listed}{mend}")
         if lost:
             listed = ", ".join(f"{n} {kind}" for kind, n in lost.items())

@@ -375,7 +375,11 @@ def _note_loose_elements(raw: RawMesh, cells: IntArray, cell_type: str, first: I
         findings.notes.append(f"{on_solid} surface elements on the solid's facets count as its faces, not as shells")
     if loose:
         listed = ", ".join(f"{n} {kind}" for kind, n in loose.items())
-        findings.mendable.append(f"elements that aren't solid ({listed}): left out")
+        keys = [
+            key for key, kinds in (("shell", PLANE), ("beam", ("line",))) if any(k.startswith(kinds) for k in loose)
+        ]
+        taken = "".join(f"; mesh.{key} takes them as {key}s" for key in keys)
+        findings.mendable.append(f"elements that aren't solid ({listed}): left out{taken}")
 
 
 def _complaint(findings: _Findings) -> str:
