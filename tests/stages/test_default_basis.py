@@ -67,7 +67,7 @@ def test_free_modes_on_joints_with_others_stand_alone_unless_the_scene_says_othe
         assert Pipeline(load_scene(scene, [f"body.bar.modes.{choice}"])).parts["bar"].shape.modes.enrich == "inertia"
 
 
-def test_static_responses_of_a_body_in_space_belong_to_no_family() -> None:
+def test_static_responses_of_a_body_on_a_free_joint_belong_to_no_family() -> None:
     """They would bring torsion and bending across the plane back; without them all shapes stay in it."""
     family = ("joint.clamp.type=free", "body.bar.modes.family=in-plane bending", "body.bar.mesh.divisions=[12,2,2]")
     with pytest.raises(InputError, match=r'takes enrich = "none": static responses'):

@@ -99,8 +99,8 @@ class ModeSettings(SceneTable):
         Number of modes, above those of rigid motion. If the highest is one of a pair of equal frequency, the other is
         taken, too.
     family : str
-        Kind of motion that the modes are chosen from; the lowest ``count`` of that kind are taken. Of a
-        body that may leave its plane it takes ``enrich = "none"``, since static responses are of every kind.
+        Kind of motion that the modes are chosen from; the lowest ``count`` of that kind are taken. On a
+        free joint it takes ``enrich = "none"``, since static responses are of every kind.
     boundary : str
         How the body is held while it vibrates: only by its supports (``"free"``), also at the marker of the joint that
         carries it (``"joint"``), or at its interface, whose static deflections are then added to the modes

@@ -177,8 +177,8 @@ def _stiffen(
 def _enriched_shapes(model: ConstrainedModel, modes: Modes, settings: AnyModes) -> tuple[Array, Array]:
     """Frequencies and shapes of the modes with static responses to inertia loads and joint forces beside them."""
     fe, markers, joint = model.fe, model.markers, model.joint
-    if settings.family != "any" and joint.plane is None:
-        mend = 'takes enrich = "none": static responses of a body that may leave its plane are of every kind'
+    if settings.family != "any" and joint.floating:
+        mend = 'takes enrich = "none": static responses of a body on a free joint are of every kind'
         raise InputError(model.file, f"body.{model.name}.modes.family", settings.family, mend)
     outboard = [(markers[at], joint.plane if flat else None) for at, flat in joint.loaded if at != joint.marker]
     loads = motion_loads(fe, markers[joint.marker], joint.plane, outboard)
