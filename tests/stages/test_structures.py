@@ -4,6 +4,7 @@ from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
@@ -11,10 +12,17 @@ from scipy.sparse.linalg import spsolve
 import fmd
 from fmd.core.arrays import Array
 from fmd.core.errors import InputError
+from fmd.fem.formats.export import write_mesh
 from fmd.fem.geometric_stiffness import reduced_geometric_stiffness
 from fmd.fem.joined import JoinedSpace
 from fmd.fem.model import FEModel
+from fmd.output.formats import write_format
+from fmd.reduction.body import supported_body
+from fmd.reduction.eigen import FreeBodySolver
+from fmd.reduction.rotating import rotating_modes
+from fmd.reduction.stiffening import stiffen_body
 from fmd.stages.part import FlexiblePart
+from tests.reduction.test_links import rotor_frequencies
 
 METAL = {"E": "70 GPa", "nu": 0.33, "rho": "2700 kg/m^3"}
 RING = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
@@ -98,7 +106,14 @@ def barred(own_node: bool = True, joint: str = "") -> Deck:
     line = [root] + [deck.node(each, 0, 0) for each in np.linspace(0, 0.3, 7)[1:]]
     deck.elements["B31, ELSET=BAR"] = [list(ends) for ends in pairwise(line)]
     deck.sets = {"FACE": face, "ROOT": [root], "TIP": line[-1:], "BACK": [n for (i, _, _), n in block.items() if not i]}
-    deck.more = [f"*RIGID BODY, NSET=FACE, REF NODE={root}"] if joint == "rigid" else []
+    coupling = f"*SURFACE, NAME=S, TYPE=NODE\nFACE\n*COUPLING, REF NODE={root}, SURFACE=S, CONSTRAINT NAME=C"
+    joints = {
+        "": [],
+        "rigid": [f"*RIGID BODY, NSET=FACE, REF NODE={root}"],
+        "kinematic": [coupling, "*KINEMATIC", "1, 6"],
+        "mean": [coupling, "*DISTRIBUTING", "1, 6"],
+    }
+    deck.more = joints[joint]
     return deck
 
 
@@ -145,9 +160,17 @@ def clamped(model: FEModel, held: Array) -> Array:
     return np.flatnonzero(np.asarray(abs(rows).sum(axis=0)) == 0)
 
 
-def test_a_bar_on_a_rigid_face_of_a_block_bends_as_both_one_after_the_other(tmp_path: Path) -> None:
-    barred(joint="rigid").write(tmp_path / "bar.inp")
+@pytest.mark.parametrize("own_node", [True, False])
+@pytest.mark.parametrize("joint", ["rigid", "kinematic", "mean"])
+def test_a_bar_on_a_face_of_a_block_bends_as_both_one_after_the_other(
+    tmp_path: Path, joint: str, own_node: bool
+) -> None:
+    deck = barred(own_node, joint)
+    if joint == "mean":  # of the others
+        deck.sets["FACE"] = [node for node in deck.sets["FACE"] if own_node or node != deck.sets["ROOT"][0]]
+    deck.write(tmp_path / "bar.inp")
     part = part_of(body(tmp_path / "bar.inp", beam="deck"))
+    assert "hinges" not in str(part.mesh.notes)
     fe = part.fe
     free = clamped(fe, part.mesh.faces["BACK"])
     K = (fe.T.T @ fe.K @ fe.T)[free][:, free]
@@ -171,6 +194,35 @@ def test_a_bar_on_a_rigid_face_of_a_block_bends_as_both_one_after_the_other(tmp_
     bent = [L**3 / (3 * E * b * h**3 / 12) + shear for b, h in ((0.02, 0.01), (0.01, 0.02))]
     assert sorted((tip[:3] - carried)[1:]) == pytest.approx(sorted(bent), rel=1e-6)
     assert np.linalg.norm(root[3:]) * L > 1e-3 * np.linalg.norm(tip[:3])  # the block does yield
+    assert moved("FACE", push) == pytest.approx(root, rel=1e-6, abs=1e-6 * np.abs(root).max())
+
+
+@pytest.mark.parametrize("joint", ["rigid", "mean"])
+def test_a_disc_on_a_bar_on_a_block_whirls_as_in_the_textbook(tmp_path: Path, joint: str) -> None:
+    """A disc on a light bar, whose flexibility is that of the static answers; in axes that turn ω − Ω.
+
+    Without the second-order motion of the bar's nodes on the face, and of the disc's arms, it would be another rotor.
+    """
+    mass, J, Jp, rate = 5.0, 0.02, 0.04, 600.0
+    deck = barred(joint=joint)
+    (tip,) = deck.sets["TIP"]
+    deck.elements |= {"MASS, ELSET=DISC": [[tip]], "ROTARYI, ELSET=DISCS": [[tip]]}
+    deck.more += [f"*MASS, ELSET=DISC\n{mass}", f"*ROTARY INERTIA, ELSET=DISCS\n{Jp}, {J}, {J}, 0, 0, 0"]
+    deck.write(tmp_path / "bar.inp")
+    text = (tmp_path / "bar.inp").read_text().replace("0.01, 0.02", "0.018, 0.018")
+    (tmp_path / "bar.inp").write_text(text)
+    table = body(tmp_path / "bar.inp", beam="deck", mass_unit="kg", force_unit="N") | {"rho": "1e-4 kg/m^3"}
+    part = part_of(table | {"marker": {"foot": {"face": "BACK"}, "disc": {"link": "TIP"}}})
+    fe, markers = part.fe, part.model.markers
+    solver = FreeBodySolver(fe, fixed=(3 * part.mesh.faces["BACK"].ravel()[:, None] + np.arange(3)).ravel())
+    loads = markers["disc"].columns(len(fe.x), np.eye(3))[:, :, [1, 5]]
+    flexibility = np.einsum("iak,ial->kl", loads, solver.static_response(loads))
+    pairs = solver.modes(6)
+    whole = supported_body(fe, pairs.omega, pairs.shapes, markers, "foot", np.zeros((0, 3)))
+    found = rotating_modes(stiffen_body(whole, fe, solver, None, moving=markers, elements=False), np.eye(3)[0], rate)
+    exact = np.abs(rotor_frequencies(flexibility, mass, J, Jp, rate) - rate)
+    assert all(np.abs(2 * np.pi * found.frequencies_hz - omega).min() < 1e-4 * omega for omega in exact)
+    assert found.growth.max() < 1e-5
 
 
 def _cross(r: Array) -> Array:
@@ -251,6 +303,16 @@ def test_a_structure_moves_with_stress_of_solids_and_of_both_faces_of_shells(tmp
     assert len(run.parts["b"].surface.nodes) == run.stress_of("b").modal.shape[0]
 
 
+def test_a_structure_is_a_mesh_of_other_programs(tmp_path: Path) -> None:
+    finned(np.linspace(-0.02, 0.02, 5), own_nodes=True).write(tmp_path / "fin.inp")
+    mesh = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE)).mesh
+    for suffix in (".med", ".vtu", ".msh", ".bdf"):
+        write_mesh(mesh, tmp_path / f"mesh{suffix}")
+        back = meshio.read(tmp_path / f"mesh{suffix}")
+        assert sum(len(own.data) for own in back.cells) == mesh.n_cells
+        assert back.points == pytest.approx(np.concatenate([own.points for own in mesh.members]), abs=1e-12)
+
+
 def test_what_structures_lack_is_refused_by_name(tmp_path: Path) -> None:
     deck = finned(np.linspace(-0.02, 0.02, 5), own_nodes=True)
     deck.write(tmp_path / "fin.inp")
@@ -264,3 +326,6 @@ def test_what_structures_lack_is_refused_by_name(tmp_path: Path) -> None:
         _ = part_of(body(tmp_path / "frame.inp", beam="deck")).mesh
     with pytest.raises(InputError, match="no pieces and no contacts"):
         _ = part_of(body(tmp_path / "fin.inp", shell="deck", tie=TIE)).plain_space
+    scene = fmd.load({"title": "Structure", "body": {"b": body(tmp_path / "fin.inp", shell="deck", tie=TIE)}})
+    with pytest.raises(InputError, match=r"body\.b\.shape: has shells or beams, whose full matrices aren't written"):
+        write_format(scene.run, "full", "b", tmp_path / "fin.mtx")

@@ -59,8 +59,10 @@ class _Finder:
         for first in dict.fromkeys(self._root(point) for point in list(self._above)):
             rigid = [each for each in deck.rigid if self._root(int(each.points[0])) == first]
             mean = [each for each in deck.mean if self._root(int(each.points[0])) == first]
-            marker = self._marker(first, rigid, mean)
-            links[self._names[first]] = LinkedFace(marker, self._x[first], self._pinned(first, rigid))
+            marker, onto = self._piece(first, rigid, mean), self._followed(first, rigid, mean)
+            if onto is not None and not len(marker.nodes):
+                marker, onto = onto, None
+            links[self._names[first]] = LinkedFace(marker, self._x[first], self._pinned(first, rigid), onto)
         at = {point: self._names[self._root(point)] for point in self._above}
         node_masses = np.zeros(self._first + self._n)
         for mass in deck.masses:
@@ -106,25 +108,28 @@ class _Finder:
             if point >= self._n or (each.turning and point in references):
                 self._above[self._root(point)] = self._root(first)
 
-    def _marker(self, first: int, rigid: list[RigidConnection], mean: list[MeanConnection]) -> Marker:
-        """Return the marker of a group's nodes, of a shell those that turn with it."""
+    def _piece(self, first: int, rigid: list[RigidConnection], mean: list[MeanConnection]) -> Marker:
+        """Return the marker of the nodes that move as one, of a shell those that turn with it."""
         tied = np.concatenate([np.array([first]), *(each.points for each in rigid)])
         tied = np.setdiff1d(tied, self._pinned(first, rigid) - self._first)
         nodes = np.unique(tied[tied < self._n])
-        if not mean and not rigid and len(self._turning(nodes)):
+        if not rigid and not mean and len(self._turning(nodes)):
             return single_node_marker(self._space, self._first + first)
+        points = points_of_nodes(self._space, self._first + nodes)
+        return weighted_marker(points, self._space.x[points], np.ones(len(points)), rigid=True)
+
+    def _followed(self, first: int, rigid: list[RigidConnection], mean: list[MeanConnection]) -> Marker | None:
+        """Return the marker of the face that the reference of a group follows in the mean."""
         if not mean:
-            points = points_of_nodes(self._space, self._first + nodes)
-            x = self._space.x[points]
-            return weighted_marker(points, x, np.ones(len(points)), rigid=True)
-        if len(mean) > 1 or len(nodes):
-            names = " and ".join(each.label for each in (*mean, *rigid)[:3])
-            raise ValueError(f"{names} move the same point; an average link to the solid must be the only one")
+            return None
+        if len(mean) > 1:
+            raise ValueError(f"{' and '.join(each.label for each in mean[:3])} move the same point; leave one")
         (own,) = mean
         if (own.points[1:] >= self._n).any():
-            raise ValueError(f"{own.label} follows points that aren't nodes of the solid, which isn't read")
-        if not own.turning and rigid:
-            raise ValueError(f"{own.label} doesn't turn its point, on which {rigid[0].label} hangs")
+            raise ValueError(f"{own.label} follows points that aren't nodes of the body, which isn't read")
+        if not own.turning and (rigid or len(self._turning(own.points[:1]))):
+            hung = rigid[0].label if rigid else "a node with rotations"
+            raise ValueError(f"{own.label} doesn't turn its point, on which {hung} hangs; write 123456")
         if own.facets and not len(self._turning(np.concatenate([each.ravel() for each in own.facets]))):
             return face_marker(self._space, list(own.facets))
         weights = self._areas(own) if own.facets else own.weights

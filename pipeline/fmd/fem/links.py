@@ -8,7 +8,7 @@ inertia is that of points on rigid arms, exact for every length of the arms.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,6 +34,12 @@ class LinkedFace:
     at: Array  # (3,): the reference point [m]
     # (n,): further points of a rigid link, which it moves but doesn't turn, as nodes of a shell
     pinned: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    onto: Marker | None = None  # a face that the reference of a rigid link follows in the mean, as a bar's end does
+
+    @property
+    def followed(self) -> Marker | None:
+        """The face whose mean motion the reference has, if it has no motion of its own."""
+        return self.onto if self.marker.rigid else self.marker
 
 
 @dataclass(frozen=True)
@@ -157,9 +163,9 @@ def link_points(fe: FEModel, linked: Linked) -> LinkedModel:
             if len(nodes):
                 unknowns, values = rigid_unknowns(own_T, fe.x, nodes, link.at)
                 constraints.give(unknowns, grid, values)
-                carried[k].append(carried_points(own_T, unknowns, values))
-        if not marker.rigid:
-            mean = sp.csr_array(mean_motion(marker, link.at)) @ own_T[_rows(marker.nodes)]
+                carried[k].append(carried_points(own_T, unknowns, values, _second_of(link, fe.x)))
+        if (followed := link.followed) is not None:
+            mean = sp.csr_array(mean_motion(followed, link.at)) @ own_T[_rows(followed.nodes)]
             unknowns = np.unique(mean.indices)
             constraints.give(grid, unknowns, mean[:, unknowns])
         arms = fe.x[marker.nodes] - marker.position
@@ -263,6 +269,14 @@ def mean_motion(marker: Marker, at: Array) -> Array:
     return np.concatenate([move + np.cross(turn, at - marker.position, axis=0), turn])
 
 
+def _second_of(link: LinkedFace, x: Array) -> Callable[[Array], Array]:
+    """Return the function of arms r (k, 3) from a link's reference [m] that gives their ``second`` of `Arms`."""
+    if (followed := link.followed) is None:
+        return second_of_rigid
+    places = x[followed.nodes] - followed.position
+    return lambda r: second_of_mean(link.at + r - followed.position, places, followed.rotation_weights)
+
+
 def _arms(
     x: Array, links: Sequence[LinkedFace], starts: IntArray, carried: Sequence[Sequence[CarriedPoints]]
 ) -> Arms | None:
@@ -271,16 +285,10 @@ def _arms(
         return None
     points, number, second, turns = [], [], [], []
     for k, (link, moved) in enumerate(zip(links, carried, strict=True)):
-        marker, own = link.marker, np.arange(starts[k], starts[k + 1])
-        if marker.rigid:
-            second += [*(second_of_rigid(each.arms) for each in moved), *(each.second for each in moved)]
-            second.append(second_of_rigid(x[own] - link.at))
-            own = np.concatenate([*(each.points for each in moved), *(each.beside for each in moved), own])
-        else:
-            places = x[marker.nodes] - marker.position
-            second.append(second_of_mean(x[own] - marker.position, places, marker.rotation_weights))
-        points.append(own)
-        number.append(np.full(len(own), k))
+        own = np.arange(starts[k], starts[k + 1])
+        second += [*(each.second for each in moved), _second_of(link, x)(x[own] - link.at)]
+        points += [*(places for each in moved for places in (each.points, each.beside)), own]
+        number.append(np.full(len(own) + sum(len(each.second) for each in moved), k))
         shown = starts[k] + np.arange(7)
         rotation = arms_marker(shown, x[shown]).rotation_weights.reshape(3, -1)
         place = (np.repeat(np.arange(3), 21), np.tile(_rows(shown), 3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,6 @@ from scipy.sparse.linalg import splu
 
 from fmd.core.arrays import Array, IntArray
 from fmd.core.rotations import rigid_motions
-from fmd.fem.arms import second_of_rigid
 
 
 def rigid_unknowns(T: sp.csr_array, x: Array, nodes: IntArray, at: Array) -> tuple[IntArray, Array]:
@@ -61,13 +61,16 @@ class CarriedPoints:
     points: IntArray  # (k,)
     arms: Array  # (k, 3): arm by which each turns with the piece [m]
     beside: IntArray  # (l,): points that it moves together with other unknowns, as those inside of beams
-    second: Array  # (l, 3, 3, 3): their displacement of second order as the piece turns, as `Arms` has it [m]
+    second: Array  # (k + l, 3, 3, 3): displacement of second order of all as the piece turns, as `Arms` has it [m]
 
 
-def carried_points(T: sp.csr_array, unknowns: IntArray, values: Array) -> CarriedPoints:
+def carried_points(
+    T: sp.csr_array, unknowns: IntArray, values: Array, second_of: Callable[[Array], Array]
+) -> CarriedPoints:
     """Return the points that a rigid piece moves by its unknowns, given their values by its motions.
 
-    A shell's node whose displacement alone belongs to the piece carries its points on its own arm.
+    A shell's node whose displacement alone belongs to the piece carries its points on its own arm. ``second_of`` arms
+    from the piece's reference, (k, 3) [m], is their ``second`` of `Arms`.
     """
     points, part = moved_points(T, unknowns)
     turned = (part @ values[:, 3:]).reshape(-1, 3, 3)  # θ × r, a column for each axis
@@ -75,8 +78,10 @@ def carried_points(T: sp.csr_array, unknowns: IntArray, values: Array) -> Carrie
     arms = np.stack([skew[:, 1, 2], skew[:, 2, 0], skew[:, 0, 1]], axis=1)
     of_unknowns = np.zeros((len(unknowns), 9))
     own = np.flatnonzero((np.diff(part.indptr) == 1) & (abs(part).max(axis=1).toarray().ravel() == 1.0))
-    of_unknowns[part[own].indices] = second_of_rigid(arms).reshape(-1, 9)[own]
+    second = second_of(arms)
+    of_unknowns[part[own].indices] = second.reshape(-1, 9)[own]
     all_moved = np.unique(sp.csc_array(T[:, unknowns]).indices // 3)
     beside = np.setdiff1d(all_moved, points)
     rows = sp.csr_array(T[(3 * beside[:, None] + np.arange(3)).ravel()])[:, unknowns]
-    return CarriedPoints(points, arms, beside, np.asarray(rows @ of_unknowns).reshape(-1, 3, 3, 3))
+    inside = np.asarray(rows @ of_unknowns).reshape(-1, 3, 3, 3)
+    return CarriedPoints(points, arms, beside, np.concatenate([second, inside]))

@@ -67,9 +67,9 @@ class PipelineBody(ExportedBody):
         """Return the full matrices and modes; a body reduced already has none, and T isn't written."""
         if self._part.is_reduced:
             raise self.fault("body", "is a reduced body, and has no full matrices")
-        if self._part.has_mesh and self._part.mesh.midsurface is not None:
+        if self._part.has_mesh and any(own.midsurface is not None for own in self._part.mesh.members):
             raise self.fault(
-                "shape", "is a shell or a beam, whose full matrices aren't written; reduced bodies are, e.g. --to sid"
+                "shape", "has shells or beams, whose full matrices aren't written; reduced bodies are, e.g. --to sid"
             )
         if self._part.fe.T is not None:
             raise self.fault("link", "is in no file of full matrices; reduced bodies have it, e.g. --to sid or nastran")

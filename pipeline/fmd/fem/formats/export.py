@@ -43,12 +43,13 @@ def write_mesh(mesh: AnyMesh, path: Path) -> None:
                 case ".vtu" if mesh.parts:
                     _to_meshio(mesh, part_numbers(mesh)).write(part)
                     _add_part_names(mesh, part)
+                case ".bdf" | ".fem" | ".nas":  # meshio's fields have no room for more digits, and it writes CHEXA_
+                    found = _to_meshio(mesh)
+                    found.points = np.vectorize(lambda x: float(f"{x:.9e}"))(found.points)
+                    found.write(part)
+                    part.write_text(re.sub(r"^(C[A-Z]+)_", r"\1 ", part.read_text(), flags=re.MULTILINE))
                 case _:
                     _to_meshio(mesh).write(part)
-            if meshio.extension_to_filetypes[path.suffix] == [
-                "nastran"
-            ]:  # meshio calls elements of second order CHEXA_
-                part.write_text(re.sub(r"^(C[A-Z]+)_", r"\1 ", part.read_text(), flags=re.MULTILINE))
     except KeyError as error:
         raise InputError("--out", "", str(path), f"the format has no cells of type {mesh.cell_type}") from error
 
@@ -83,9 +84,14 @@ def part_numbers(mesh: AnyMesh) -> IntArray:
 def _to_meshio(mesh: AnyMesh, numbers: IntArray | None = None) -> meshio.Mesh:
     """Convert a mesh, with numbers of its cells' parts as their data if they are given."""
     firsts = np.cumsum([0, *(len(own.points) for own in mesh.members)])
-    blocks = [(own.cell_type, first + own.cells) for first, own in zip(firsts, mesh.members, strict=False)]
-    starts = np.cumsum([len(cells) for _, cells in blocks])[:-1]
-    data = {} if numbers is None else {"part": np.split(numbers, starts)}
+    kinds = [own.cell_type for own in mesh.members]
+    cells = [first + own.cells for first, own in zip(firsts, mesh.members, strict=False)]
+    alike = {kind: [k for k, other in enumerate(kinds) if other == kind] for kind in kinds}  # one block of each type
+    blocks = [(kind, np.concatenate([cells[k] for k in chosen])) for kind, chosen in alike.items()]
+    data = {}
+    if numbers is not None:
+        each = np.split(numbers, np.cumsum([len(own) for own in cells])[:-1])
+        data = {"part": [np.concatenate([each[k] for k in chosen]) for chosen in alike.values()]}
     return meshio.Mesh(np.concatenate([own.points for own in mesh.members]), blocks, cell_data=data)
 
 

@@ -235,6 +235,8 @@ class _Joining:
         linked = np.zeros(len(on_solid), dtype=bool)
         for each in self._raw.connections.rigid:
             linked[each.points] = each.turning
+        for average in self._raw.connections.mean:
+            linked[average.points[0]] = average.turning
         for what, kinds, own in zip(("shells", "beams"), self._kinds[1:], _by_kind(self._meshes, rows), strict=True):
             if own is None:
                 continue
