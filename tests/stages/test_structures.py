@@ -17,6 +17,7 @@ from fmd.fem.geometric_stiffness import reduced_geometric_stiffness
 from fmd.fem.joined import JoinedSpace
 from fmd.fem.model import FEModel
 from fmd.output.formats import write_format
+from fmd.output.frequencies import mode_warnings
 from fmd.reduction.body import supported_body
 from fmd.reduction.eigen import FreeBodySolver
 from fmd.reduction.rotating import rotating_modes
@@ -152,6 +153,20 @@ def test_a_fin_whose_nodes_are_solids_alone_hangs_on_a_hinge_and_says_what_clamp
     part = part_of(body(tmp_path / "fin.inp", shell="deck"))
     with pytest.raises(InputError, match=r"found 7 rigid-body modes.*5 nodes of shells.*mesh\.tie"):
         _ = part.modes
+
+
+def test_a_tripod_whose_feet_are_hinges_holds_and_warns(tmp_path: Path) -> None:
+    deck, way = Deck(), np.linspace(0, 0.04, 3)
+    block = deck.block(way, way, way)
+    apex = deck.node(0.02, 0.02, 0.1)
+    deck.elements["B31, ELSET=BAR"] = [[block[foot], apex] for foot in ((0, 0, 2), (2, 0, 2), (1, 2, 2))]
+    deck.towards = [0.3, 0.4, 1.0]
+    deck.write(tmp_path / "tripod.inp")
+    run = fmd.load({"title": "Tripod", "body": {"b": body(tmp_path / "tripod.inp", beam="deck")}}).run
+    assert run.parts["b"].modes.n_rigid == 6
+    (text,) = (each["text"] for each in mode_warnings(run) if each["code"] == "hinge")
+    assert text.startswith("b: 3 nodes of beams are solids' too")
+    assert "by mesh.tie" in text
 
 
 def clamped(model: FEModel, held: Array) -> Array:
