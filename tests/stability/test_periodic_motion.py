@@ -131,6 +131,14 @@ def test_an_upside_down_pendulum_repeats_and_is_called_unstable() -> None:
     assert warning["text"].startswith("the periodic motion is unstable")
 
 
+def test_a_small_correction_does_not_stand_for_a_small_gap() -> None:
+    """Upside down, disturbances grow by exp(10) within this period: a correction of 1e-5 leaves a gap of 0.27."""
+    torque = {"type": "torque", "joint": "hinge", "torque": {"formula": "0.02*sin(2*t)", "unit": "N m"}}
+    scene = PENDULUM | {"simulation": PENDULUM["simulation"] | {"error": 1e-2}}
+    with pytest.raises(AccuracyError, match="positions or rates still differ by"):
+        _ = pipeline_of(scene, np.pi, hinge={"angle": np.pi / 2}, drive={"motor": torque}).periodic
+
+
 def test_a_crank_with_a_flexible_rod_repeats_as_after_a_long_march() -> None:
     """A loop whose rod goes round against the crank; what a march settles at is the same orbit."""
     few = ["body.rod.modes.count=2", "body.rod.modes.enrich=none", "body.rod.modes.damping=0.05"]

@@ -62,7 +62,7 @@ def find_periodic_motion(
     period : float
         [s]
     closes : float
-        Last correction, beside the largest value of each kind of coordinate.
+        Gap and last correction, beside the largest value of each kind of coordinate.
 
     Raises
     ------
@@ -79,10 +79,12 @@ def find_periodic_motion(
         search.correct,
         search.move,
         tolerance,
+        # Where disturbances grow much within a period a small correction leaves a large gap: both count.
+        size=lambda change: max(newton.largest(change), search.before),
         scale=lambda orbit: 1.0,
         accepts=search.accepts,
     )
-    if not found.converged:
+    if not found.converged or found.residual > closes:
         raise AccuracyError(
             f"no motion of period {period:.6g} s near the start: after {found.corrections} corrections positions or "
             f"rates still differ by {found.residual:.2g} of their largest after a period; a start with rates near "

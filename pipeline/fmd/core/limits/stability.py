@@ -47,7 +47,7 @@ COARSE_EXCHANGE = 0.1  # change of an FMU's output in a sample time over its lar
 
 # Motions that repeat.
 SEARCH_TOLERANCE = 1e-8  # of the steps of the search, over the wanted error
-CLOSES = 1e-3  # last correction, over the wanted error, beside the largest value of each kind of coordinate
+CLOSES = 1e-3  # gap and last correction, over the wanted error, beside the largest value of each kind of coordinate
 CORRECTIONS = 40  # of Newton's method
 ADDED_UP = 1e3  # tolerances: what the steps of a period may be off by together
 FOLLOWED = 0.03  # part of a gap that may be left of it by the directions in which disturbances are followed
