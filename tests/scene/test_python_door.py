@@ -170,6 +170,13 @@ def test_all_faults_of_a_table_come_at_once_with_the_callers_line() -> None:
     assert all(re.match(place, line) for line in lines)
 
 
+def test_a_class_of_another_table_and_a_key_of_another_force_element_are_told_what_is_meant() -> None:
+    with refused("Rod.marker.end: must be a table or a PointMarker, not a MarkerPlace"):
+        Rod(mass=1.0, length=1.0, marker={"end": MarkerPlace(at=[0, 0, 0])})
+    with refused("Revolute.stiffness = '4 N m/rad': no such key; did you mean 'spring'?"):
+        Revolute(parent="ground", child="rod.a", axis=[0, 0, 1], stiffness="4 N m/rad")
+
+
 def test_all_faults_of_a_scene_come_at_once_in_python_too() -> None:
     faulty = ROD | {
         "output": [{"type": "chart", "file": "a.png", "quantity": "joint_rate", "joint": "hing"}],

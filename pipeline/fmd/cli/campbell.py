@@ -84,7 +84,7 @@ def _print_diagram(diagram: CampbellDiagram) -> None:
     from fmd.output.campbell import whirl_word
 
     n_modes = min(diagram.frequencies_hz.shape[1], CAMPBELL_MODES)
-    columns = {diagram.unit: "{:.4g}", **{f"mode {k + 1}": "{}" for k in range(n_modes)}}
+    columns = {diagram.unit: "{:.6g}", **{f"mode {k + 1}": "{}" for k in range(n_modes)}}
     rows = [
         (
             diagram.in_unit(diagram.rates[k]),

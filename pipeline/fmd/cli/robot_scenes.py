@@ -272,7 +272,7 @@ class _Writer:
             self.notes.append(
                 f"{link.name}: no body has moments of inertia of {moments} kg m²: the least possible are taken"
             )
-        return {"mass": f"{mass:.15g} kg", "inertia": [f"{x:.15g} kg m^2" for x in possible]}
+        return {"mass": f"{mass:.15g} kg", "inertia": [f"{x:.12g} kg m^2" for x in possible]}
 
     def _place_on_bar(self, name: str, marker: str, pose: Pose, size: Sequence[float]) -> dict[str, Any]:
         """Return a marker of a bar: an end face where the place is near one, else the nearest point of the bar."""

@@ -45,6 +45,7 @@ SYNONYMS = {
     "rho": "density",
     "damper": "damping dashpot viscous",
     "stiffness": "k springconstant springrate",
+    "spring": "stiffness k springconstant springrate",
     "duration": "tend endtime stoptime finaltime totaltime",
     "step": "dt timestep h stepsize",
     "output_step": "dtout outputinterval sampletime",
@@ -329,7 +330,9 @@ def _write_mend(error: ErrorDetails) -> str:
             near = _near_kind(error)
             return f"must be one of {error['ctx']['expected_tags']}" + (f"; did you mean {near!r}?" if near else "")
         case "model_type" | "model_attributes_type" | "dict_type":
-            return "must be a table"
+            given, meant = error["input"], error.get("ctx", {}).get("class_name")
+            wrong = f" or a {meant}, not a {type(given).__name__}" if isinstance(given, BaseModel) and meant else ""
+            return f"must be a table{wrong}"
         case "tuple_type":
             return "must be a list"
         case _:
