@@ -109,6 +109,8 @@ def _estimate(run: Pipeline, seconds: float = math.inf) -> Budget:
             parts[MORE_OF_MODEL] = estimates.model.missing[name]
         if estimates.mesh_left_out and quantity.kind != "geometry":
             parts[MORE_OF_MESH] = estimates.mesh_left_out
+        if isinstance(estimates.pair, str) and name.rpartition(".")[2] in PLY_ROWS:  # no patch of elements tells it
+            parts[MORE_OF_MESH] = estimates.pair
         if name in limitless:
             parts[NO_LIMIT] = limitless[name]
         over_time = not (quantity.largest or name in estimates.of_mesh)
