@@ -117,10 +117,13 @@ class _Support:
     ) -> None:
         self._fe, self._solver, self._shapes = fe, solver, body.shapes
         R = solver.rigid_modes
+        self._held = np.zeros((0, *2 * [body.shapes.shape[2]]))
         if R.size:
             B = np.zeros((len(R), 0)) if constraints is None else constraints.reshape(len(R), -1)
             moves = R @ np.linalg.svd(B.T @ R)[2][np.linalg.matrix_rank(B.T @ R) if B.shape[1] else 0 :].T
             self._tests, self._balance = R, np.concatenate([B, fe.M @ moves], axis=1)
+            if constraints is not None and moves.size:
+                self._held = _turned_face(body.markers[body.joint], body.x, constraints)
         else:  # supports answer to any load, and the frame floats about the joint
             self._tests = np.cross(free, body.x[:, None]).swapaxes(1, 2).reshape(fe.M.shape[0], -1)
             self._balance = fe.M @ self._tests
@@ -129,7 +132,8 @@ class _Support:
         """Return the geometric stiffness of the body's shapes under nodal loads (n_nodes, 3, k), shape (k, n, n)."""
         flat = loads.reshape(-1, loads.shape[-1])
         T, P = self._tests, self._balance
-        rest = flat - P @ np.linalg.lstsq(T.T @ P, T.T @ flat, rcond=None)[0] if P.size else flat
+        reactions = np.linalg.lstsq(T.T @ P, T.T @ flat, rcond=None)[0] if P.size else np.zeros((0, flat.shape[1]))
+        rest = flat - P @ reactions
         felt = np.flatnonzero(np.abs(rest).max(axis=0) > SOLVED * np.abs(flat).max(axis=0))
         u = self._solver.static_response(
             rest[:, felt].reshape(*loads.shape[:2], -1), lambda done: advance(SOLVING * done)
@@ -147,22 +151,24 @@ class _Support:
         if arms := [one for one in both if one is not None]:
             left = rest[:, felt] - by_elements
             out[felt] += sum(one.stiffness(left.reshape(u.shape), self._shapes) for one in arms)
+        if elements:  # the joint holds its face's rotation of second order, not the face's linear mean rotation
+            out -= np.tensordot(reactions[: len(self._held)].T, self._held, axes=1)
         return out
 
 
-def _with_displacement2(x: Array, shapes: MarkerShapes, marker: Marker, K_G: Array) -> MarkerShapes:
-    """Add its displacement and rotation of second order to a marker, from K_G of unit forces and torques there.
+def _turned_face(marker: MarkerShapes, x: Array, loads: Array) -> Array:
+    """Return the second moments of loads (n_nodes, 3, k) on a face that turns with its marker, shape (k, n, n).
 
     Forces f at places r of a face that turns by θ do the work ``½ f·θ̃²r`` beside that of its rotation of second order.
     """
+    A = np.einsum("ia,ibk->kab", x - marker.position, loads)
+    own = 0.5 * (A + A.swapaxes(1, 2)) - np.trace(A, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return np.asarray(marker.rotation.T @ own @ marker.rotation)
+
+
+def _with_displacement2(x: Array, shapes: MarkerShapes, marker: Marker, K_G: Array) -> MarkerShapes:
+    """Add its displacement and rotation of second order to a marker, from K_G of unit forces and torques there."""
     if not K_G.any():  # fixed by the joint
         return shapes
-    displacement2, r = -K_G, x[marker.nodes] - shapes.position
-    weights = [marker.rotation_weights]  # those of one number for each node have no moment about the middle
-    if marker.translation_weights.ndim == 3:
-        weights.insert(0, marker.translation_weights)
-    first = 6 - 3 * len(weights)
-    for k, A in enumerate(np.einsum("ia,kib->kab", r, np.concatenate(weights))):
-        own = 0.5 * (A + A.T) - np.trace(A) * np.eye(3)
-        displacement2[first + k] -= shapes.rotation.T @ own @ shapes.rotation
+    displacement2 = -K_G - _turned_face(shapes, x, marker.columns(len(x), np.eye(3)))
     return replace(shapes, displacement2=read_only(displacement2))
