@@ -140,7 +140,7 @@ def by_round(*totals: float):
             error = totals[number - 1]
             parts = dict.fromkeys(SOURCES, NO_PART) | {"time": error / 2}  # which the factor of safety doubles
             self.results[ERROR_BUDGET.name] = Budget((Row("rate", "", 1.0, False, parts),))
-            too_many = type("Part", (), {"has_mesh": True, "mesh": type("Mesh", (), {"cells": range(30_000)})})
+            too_many = type("Part", (), {"has_mesh": True, "mesh": type("Mesh", (), {"n_cells": 30_000})})
             self.parts = {"beam": too_many} if number == len(totals) else {}
 
         def variant(self, scene, monitor):

@@ -56,6 +56,10 @@ class Midsurface:
         held, owner = np.unique(self.owner[points], return_inverse=True)
         return Midsurface(self.nodes[held], owner)
 
+    def evenly_strained(self) -> Midsurface:
+        """Return it with strains that interpolation between its points keeps; a shell's are so."""
+        return self
+
     def cell(self, name: str) -> SolidCell:
         """Return the type of the layer's cells by meshio's name."""
         return shell_cell(name)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -90,6 +91,24 @@ class Section:
                 weights.append(ws * wt * (by_s[:, 0] * by_t[:, 1] - by_s[:, 1] * by_t[:, 0]))
                 found.append((N @ x).T)
         return np.concatenate(found, axis=1), np.concatenate(weights)
+
+
+@dataclass(frozen=True)
+class EvenSection:
+    """A section whose strains of shear and twist are even over it, with its own energies: interpolation keeps those."""
+
+    of: Section | EvenSection
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.of, name)
+
+    def shear_shapes(self, yz: Array, nu: float) -> Array:
+        """Return shear strain along y and z at places (…, 2) over the mean."""
+        return np.broadcast_to(np.sqrt(self.of.shear_areas(nu)), yz.shape)
+
+    def twisting(self, yz: Array) -> Array:
+        """Return factors (…, 1), at places (…, 2), of the strain of a twist without warping."""
+        return np.full((*yz.shape[:-1], 1), np.sqrt(self.torsion / self._drawn()[1:].sum()))
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from fmd.contact.gear_pair import ToothFlexibility
     from fmd.contact.touching_body import ContactPoints
     from fmd.fem.formats.matrix_model import MatrixModel
-    from fmd.fem.joined import AnyMesh, AnySpace
+    from fmd.fem.joined import AnySpace, JoinedMesh
     from fmd.fem.markers import Marker
     from fmd.fem.material import AnyMaterial
     from fmd.fem.mesh import SolidMesh
@@ -83,7 +83,7 @@ class FlexiblePart(KeyedPart):
     """
 
     # The table of stages, in their order.
-    mesh: Stage[AnyMesh] = Stage(
+    mesh: Stage[SolidMesh | JoinedMesh] = Stage(
         "mesh",
         "part_results:compute_mesh",
         (),

@@ -146,6 +146,7 @@ def _draw_charts(run: Pipeline) -> Iterator[dict[str, str]]:
 
 def _frequencies(summary: dict[str, Any], name: str) -> dict[str, Any]:
     """Frequencies of a body, beside those of the scene's reference if it has one."""
+    held = f", {summary['bodies'][name]['boundary']}" if "bodies" in summary else ""  # a part alone is free
     known = zip(summary["reference_hz"], summary["relative_error"], strict=True)
     beside = [(f"{hertz:.1f}", f"{100 * error:+.2f} %") for hertz, error in known]
     return {
@@ -154,7 +155,7 @@ def _frequencies(summary: dict[str, Any], name: str) -> dict[str, Any]:
             (k + 1, f"{hertz:.2f}", *(beside[k] if k < len(beside) else ("", "") if beside else ()))
             for k, hertz in enumerate(summary["frequencies_hz"])
         ],
-        "note": f"{name}, {summary['bodies'][name]['boundary']}; {summary['dofs']} unknowns, "
+        "note": f"{name}{held}; {summary['dofs']} unknowns, "
         f"{summary['rigid_modes']} rigid-body modes, "
         f"residual {summary['residual']:.0e}",
     }
