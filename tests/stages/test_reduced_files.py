@@ -80,7 +80,8 @@ def test_a_body_that_comes_back_has_the_same_equations(joint: str, to: str, stif
     for form in ("displacement2", "rotation2"):  # a scene has those of the motions that it makes, a file has all
         given, found = getattr(ours.integrals, form), getattr(theirs.integrals, form)
         for axis in np.flatnonzero(np.abs(given).max(axis=(1, 2), initial=0.0)):
-            assert np.abs(found[axis] * np.outer(turn, turn) - given[axis]).max() < 1e-8 * np.abs(given).max()
+            allowed = max(1e-8 * np.abs(given).max(), 1e-20)  # on a ball there is none but by round-off
+            assert np.abs(found[axis] * np.outer(turn, turn) - given[axis]).max() < allowed
 
 
 @pytest.mark.slow

@@ -17,7 +17,6 @@ from fmd.core.arrays import Array, IntArray
 from fmd.core.limits.memory import PLIES_AT_ONCE
 from fmd.core.limits.recovery import INSIDE_PLY
 from fmd.fem.layered import Layered
-from fmd.fem.strain import strains
 
 if TYPE_CHECKING:
     from fmd.fem.joined import AnySpace
@@ -52,6 +51,8 @@ def modal_ply_stress(space: Discretisation, material: Layered, shapes: Array, el
     ndarray, shape (n_elements, n_plies, 2, 5, n)
         11, 22, 23, 13, 12 [Pa per unit of the shape].
     """
+    from fmd.fem.strain import strains  # with scikit-fem, which names of plies don't need
+
     zeta = places_of_plies(material.laminate)
     middle = space.kind.corners.mean(axis=0)[:2]
     X = np.stack([*(np.full_like(zeta, each) for each in middle), zeta])
