@@ -29,7 +29,6 @@ from fmd.accuracy.quantities import find_counterparts
 from fmd.accuracy.time_limit import FAULTS, LeftOutError
 from fmd.core.arrays import Array
 from fmd.core.limits import errors as limits
-from fmd.recovery.ply_warping import warped_ply_stress
 from fmd.scene.variants import attach_roots_rigidly, damp_bodies
 from fmd.stages.division import part_of
 from fmd.stages.pipeline import Pipeline
@@ -269,6 +268,8 @@ class ModelErrors:
 
         What this lacks, as stress through the thickness, is of the order of the largest change of any component.
         """
+        from fmd.recovery.ply_warping import warped_ply_stress  # with scikit-fem
+
         comparison, motion = self._comparison, self._comparison.motion
         q = {name: motion.modal(name) for name in self._run.parts}
         warped = comparison.requested.of_plies(self._run, q, comparison.frames, warped_ply_stress)
