@@ -108,7 +108,7 @@ class Discretisation:
 
     @property
     def members(self) -> tuple[Member, ...]:
-        """Its elements as the only ones of a body."""
+        """Elements of a body by kind, here of one."""
         return (Member(self),)
 
     @cached_property

@@ -11,9 +11,7 @@ from fmd.core.errors import AccuracyError
 from fmd.core.files import write_text
 from fmd.core.limits.round_off import SOLVED
 from fmd.fitting.parameters import Parameter, change_parameters, find_parameter, list_settings
-from fmd.scene.bar import Bar
-from fmd.scene.beams import MeshedBeam
-from fmd.scene.imported_bodies import CadPart
+from fmd.scene.bodies import Deformable
 from fmd.scene.scene import Scene, load_scene
 from fmd.scene.toml_files import list_ready_scenes
 
@@ -59,17 +57,6 @@ def write_changed_scene(
 
 def _list_kept_elements(scene: Scene, changed: Scene) -> list[str]:
     """Return what sets at which dimensions bodies were meshed, of those that keep the elements of another scene."""
-    found = []
-    for name, body in changed.body.items():
-        if isinstance(body, MeshedBeam) and body != scene.body[name]:
-            found.append(f"body.{name}.mesh={{ divisions = {[*body.divisions]} }}")
-            continue
-        if body == scene.body[name] or not isinstance(body, Bar | CadPart) or not body.mesh.made_at:
-            continue
-        first = body.mesh.made_at
-        if isinstance(first, dict):
-            text = ", ".join(f"{key} = {json.dumps(f'{x!r} m')}" for key, x in first.items())
-            found.append(f"body.{name}.mesh.made_at={{ {text} }}")
-        else:
-            found.append(f"body.{name}.mesh.made_at={json.dumps([f'{x!r} m' for x in first])}")
-    return found
+    bodies = {name: body for name, body in changed.body.items() if isinstance(body, Deformable)}
+    kept = {name: body.kept_elements for name, body in bodies.items() if body != scene.body[name]}
+    return [f"body.{name}.{text}" for name, text in kept.items() if text]

@@ -10,10 +10,8 @@ from pydantic import BaseModel
 
 from fmd.core.errors import InputError
 from fmd.core.units import QuantityReader, si_unit
-from fmd.scene.bar import Bar
-from fmd.scene.beams import MeshedBeam
+from fmd.scene.bodies import Deformable
 from fmd.scene.curves import FormulaOrTable
-from fmd.scene.imported_bodies import CadPart
 from fmd.scene.reading import suggest_name
 from fmd.scene.scene import Scene
 
@@ -89,12 +87,9 @@ def change_parameters(scene: Scene, values: Mapping[Parameter, float]) -> Scene:
         if parameter.clock:
             continue
         scene = _replace(scene, parameter.key.split("."), value)
-    kept = {name: _keep_elements(body, first.body[name]) for name, body in scene.body.items()}
-    return scene.model_copy(update={"body": kept})
-
-
-def _keep_elements(body: Any, first: Any) -> Any:
-    return body.with_elements_of(first) if isinstance(body, Bar | CadPart | MeshedBeam) else body
+    bodies = {name: body for name, body in scene.body.items() if isinstance(body, Deformable)}
+    kept = {name: body.with_elements_of(first.body[name]) for name, body in bodies.items()}  # type: ignore[arg-type]
+    return scene.model_copy(update={"body": {**scene.body, **kept}})
 
 
 def list_settings(scene: Scene, parameter: Parameter, value: float) -> list[str]:

@@ -42,9 +42,7 @@ def patch_stress(space: AnySpace, material: AnyMaterial, shapes: Array, node: in
     ndarray, shape (6, n)
         xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
     """
-    member = next(own for own in reversed(space.members) if node >= own.first)
-    space, material, shapes = member.space, member.material(material), member.of_shapes(shapes)
-    node -= member.first
+    space, material, shapes, node = _around(space, material, shapes, node)
     X = space.kind.stress_points
     patch = np.flatnonzero((space.element_nodes == node).any(axis=1))
     n_terms = 4 if space.order == 1 else 10
@@ -74,9 +72,7 @@ def element_stresses(space: AnySpace, material: AnyMaterial, shapes: Array, node
     ndarray, shape (n_elements, 6, n)
         xx, yy, zz, yz, xz, xy [Pa per unit of the shape].
     """
-    member = next(own for own in reversed(space.members) if node >= own.first)
-    space, material, shapes = member.space, member.material(material), member.of_shapes(shapes)
-    node -= member.first
+    space, material, shapes, node = _around(space, material, shapes, node)
     elements, places = np.nonzero(space.element_nodes == node)
     at_points = stresses(space, material, shapes, space.kind.stress_points, elements)
     each = at_points.reshape(*at_points.shape[:2], 6, -1)
@@ -97,6 +93,14 @@ def _terms(order: int, x: Array) -> Array:
                 if np.linalg.norm(rest) > INDEPENDENT_TERM * np.linalg.norm(term):
                     terms.append(term)
     return np.stack(terms, axis=1)
+
+
+def _around(
+    space: AnySpace, material: AnyMaterial, shapes: Array, node: int
+) -> tuple[Discretisation, AnyMaterial, Array, int]:
+    """Return what `element_stresses` takes, of the elements of the one kind that has the node."""
+    member = next(own for own in reversed(space.members) if node >= own.first)
+    return member.space, member.material(material), member.of_shapes(shapes), node - member.first
 
 
 def energy_errors(space: AnySpace, material: AnyMaterial, shapes: Array) -> Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+import json
+from typing import Any, Literal, Self
 
 from fmd.core.units import PositiveLength
 from fmd.scene.bodies import DividedMesh, Solid, scale_count
@@ -110,12 +111,17 @@ class Bar(Solid):
         """Length, depth and width [m]."""
         return self.length, self.depth, self.width
 
-    def with_elements_of(self, first: Bar) -> Bar:
+    def with_elements_of(self, first: Self) -> Self:
         """Return the bar with the elements of another one, which differs in its dimensions."""
         if self.mesh.divisions is not None or self.extents == first.extents:
             return self
         made_at = first.mesh.made_at or first.extents
         return self.model_copy(update={"mesh": self.mesh.model_copy(update={"made_at": made_at})})
+
+    @property
+    def kept_elements(self) -> str:
+        """Key and value, ``mesh.made_at=...``, that keep its elements at other dimensions; empty if none has to."""
+        return f"mesh.made_at={json.dumps([f'{x!r} m' for x in self.mesh.made_at])}" if self.mesh.made_at else ""
 
     def of_order(self, order: int) -> dict[str, Any]:
         """Return the changes for elements of another order."""

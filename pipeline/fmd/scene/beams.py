@@ -99,6 +99,11 @@ class MeshedBeam(Solid):
         return self.model_copy(update={"mesh": BeamMesh(divisions=first.divisions)})
 
     @property
+    def kept_elements(self) -> str:
+        """Key and value, ``mesh={ divisions = ... }``, that keep its elements at other dimensions."""
+        return f"mesh={{ divisions = {[*self.divisions]} }}"
+
+    @property
     def is_beam(self) -> bool:
         """A line of beams."""
         return True

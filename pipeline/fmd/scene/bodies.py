@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field
 
@@ -51,6 +51,15 @@ class Deformable(SceneTable):
     def divided_more(self) -> dict[str, Any]:
         """Return the changes for more elements where there are so few from side to side that fewer tell nothing."""
         return {}
+
+    def with_elements_of(self, first: Self) -> Self:
+        """Return the body with the elements of another one, which differs in its dimensions."""
+        return self
+
+    @property
+    def kept_elements(self) -> str:
+        """Key and value, ``mesh.made_at=...``, that keep its elements at other dimensions; empty if none has to."""
+        return ""
 
     @property
     def divided_directions(self) -> int:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -287,11 +288,17 @@ class CadPart(Imported):
     shape: Literal["cad"]
     mesh: CadFile
 
-    def with_elements_of(self, first: CadPart) -> CadPart:
+    def with_elements_of(self, first: Self) -> Self:
         """Return the part with the elements of another one, which differs in its dimensions."""
         if self.mesh.parameter == first.mesh.parameter:
             return self
         return self.model_copy(update={"mesh": self.mesh.model_copy(update={"made_at": first.mesh.first})})
+
+    @property
+    def kept_elements(self) -> str:
+        """Key and value, ``mesh.made_at=...``, that keep its elements at other dimensions; empty if none has to."""
+        first = ", ".join(f"{key} = {json.dumps(f'{x!r} m')}" for key, x in self.mesh.made_at.items())
+        return f"mesh.made_at={{ {first} }}" if first else ""
 
     def of_order(self, order: int) -> dict[str, Any]:
         """Return the changes for elements of another order."""

@@ -33,7 +33,7 @@ _COLLAPSED: tuple[tuple[str, tuple[tuple[int, int], ...], tuple[int, ...], tuple
 
 @dataclass
 class _Deck:
-    """What stands in a deck, by the numbers there."""
+    """Nodes, elements, sets, sections and equations of an Ansys deck, by its numbers."""
 
     nodes: dict[int, tuple[float, ...]] = field(default_factory=dict)
     turned: set[int] = field(default_factory=set)  # nodes with coordinate systems of their own

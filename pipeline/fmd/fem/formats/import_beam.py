@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import as_input_error
 from fmd.core.limits.mesh import ON_A_LINE
 from fmd.fem.beams import Beams, extrude
 from fmd.fem.formats.beam_sections import BeamElement, DrawnSection
-from fmd.fem.formats.import_mesh import number_used, read_linked, require_one_piece
+from fmd.fem.formats.import_mesh import UNUSABLE, link_taken, number_used, read_sound, require_one_piece
 from fmd.fem.formats.named_sets import faces_of_points
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
@@ -34,13 +35,15 @@ def read_beams(path: Path, scale: float, mass_unit: float | None = None, force_u
     InputError
         The file can't be read, or its beams can't be used; the message says what is wrong.
     """
+    with as_input_error(str(path), of=UNUSABLE):
+        return mesh_beams(read_sound(path), scale, (mass_unit, force_unit))
 
-    def take(raw: RawMesh) -> tuple[Beams, IntArray]:
-        found = take_beams(raw, scale)
-        require_one_piece(raw, np.concatenate([cells for kind, cells in raw.blocks if kind == "line"]), "beams")
-        return found
 
-    return read_linked(path, take, extrude, scale, mass_unit, force_unit)
+def mesh_beams(raw: RawMesh, scale: float, units: tuple[float | None, float | None]) -> SolidMesh:
+    """Return the mesh of a deck that holds beams alone, its units of length, mass and force given."""
+    found = take_beams(raw, scale)
+    require_one_piece(raw, np.concatenate([cells for kind, cells in raw.blocks if kind == "line"]), "beams")
+    return link_taken(raw, found, extrude, scale, units)
 
 
 def take_beams(raw: RawMesh, scale: float) -> tuple[Beams, IntArray]:

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import BoolArray, IntArray
-from fmd.core.errors import AccuracyError, as_input_error
+from fmd.core.errors import as_input_error
 from fmd.fem.beams import extrude
 from fmd.fem.cells.table import CELLS, is_solid
 from fmd.fem.connections import Connections, TiedFaces
 from fmd.fem.formats import repair as repairs
-from fmd.fem.formats.import_beam import read_beams, take_beams
-from fmd.fem.formats.import_mesh import connection_notes, connections_in_si, place_solids, read_raw, require_sound
-from fmd.fem.formats.import_shell import SHELLS, read_shell, take_shells
+from fmd.fem.formats.import_beam import mesh_beams, take_beams
+from fmd.fem.formats.import_mesh import UNUSABLE, connection_notes, connections_in_si, place_solids, read_sound
+from fmd.fem.formats.import_shell import SHELLS, mesh_shells, take_shells
 from fmd.fem.formats.mixed import split_mixed
 from fmd.fem.formats.named_sets import PLANE, corners_of, tie_by_names
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh
@@ -54,17 +54,14 @@ def read_structure(
     InputError
         The file can't be read, or its elements can't be used; the message says what is wrong.
     """
-    with as_input_error(str(path), of=(MeshFileError, ValueError, AccuracyError)):
-        raw = read_raw(path)
-        require_sound(raw)
+    with as_input_error(str(path), of=UNUSABLE):
+        raw = read_sound(path)
         kinds = _kinds(raw, shell, beams)
         if sum(any(own.any() for own in each) for each in kinds) > 1:
             return _Joining(raw, scale, kinds, repair, units).joined(shell, ties)
         if ties:
             raise MeshFileError("mesh.tie is of solids, or joins shells and beams to solids; link joins others")
-    if shell is not None:
-        return read_shell(path, scale, shell[0], *units, shell[1])
-    return read_beams(path, scale, *units)
+        return mesh_beams(raw, scale, units) if shell is None else mesh_shells(raw, path, scale, shell, units)
 
 
 def _kinds(raw: RawMesh, shell: tuple[float | None, float] | None, beams: bool) -> tuple[list[BoolArray], ...]:
@@ -73,14 +70,7 @@ def _kinds(raw: RawMesh, shell: tuple[float | None, float] | None, beams: bool) 
     Triangles and quadrilaterals on facets of solids are shells if the deck has a section for them, and faces if not.
     """
     solids = [np.full(len(cells), is_solid(kind)) for kind, cells in raw.blocks]
-    facets = [
-        three_corners(cells[:, list(face)])
-        for kind, cells in raw.blocks
-        if kind in CELLS
-        for face in CELLS[kind].shape.faces
-    ]
-    on_solids = np.concatenate([np.zeros((0, 3), dtype=np.int64), *facets])
-    shells = []
+    shells, on_solids = [], _facets(raw)
     for b, (kind, cells) in enumerate(raw.blocks):
         if shell is None or kind not in SHELLS:
             shells.append(np.zeros(len(cells), dtype=bool))
@@ -90,6 +80,17 @@ def _kinds(raw: RawMesh, shell: tuple[float | None, float] | None, beams: bool) 
         shells.append(~on | np.isfinite(raw.shells[b].thickness).all(axis=1) if by_deck else ~on)
     lines = [np.full(len(cells), beams and kind == _LINES) for kind, cells in raw.blocks]
     return solids, shells, lines
+
+
+def _facets(raw: RawMesh) -> IntArray:
+    """Return three corners of each facet of the solids."""
+    facets = [
+        three_corners(cells[:, list(face)])
+        for kind, cells in raw.blocks
+        if kind in CELLS
+        for face in CELLS[kind].shape.faces
+    ]
+    return np.concatenate([np.zeros((0, 3), dtype=np.int64), *facets])
 
 
 class _Joining:
@@ -169,13 +170,7 @@ class _Joining:
 
     def _off_solids(self, kind: str, cells: IntArray) -> int:
         """Count the surface elements that are on no facet of a solid."""
-        facets = [
-            three_corners(block[:, list(face)])
-            for name, block in self._raw.blocks
-            if name in CELLS
-            for face in CELLS[name].shape.faces
-        ]
-        on = rows_among(three_corners(cells[:, : corners_of(kind)]), np.concatenate(facets)) if facets else np.zeros(1)
+        on = rows_among(three_corners(cells[:, : corners_of(kind)]), _facets(self._raw))
         return len(cells) - int(on.sum())
 
     def _pieces(self, *kinds: list[BoolArray]) -> list[IntArray]:
@@ -217,20 +212,18 @@ class _Joining:
 
     def _shared(self, rows: list[IntArray], seams: Sequence[Seam]) -> IntArray:
         """Return pairs of rows that are one node, but of those that a seam moves."""
-        sewn = np.concatenate([np.zeros(0, dtype=np.int64), *(each.nodes for each in seams)])
         pairs = [np.zeros((0, 2), dtype=np.int64)]
         for k in range(len(rows) - 1, 0, -1):
             for other in range(k - 1, -1, -1):
                 both = np.flatnonzero((rows[k] >= 0) & (rows[other] >= 0))
                 pairs.append(np.column_stack([rows[other][both], rows[k][both]]))
         found = np.concatenate(pairs)
-        return np.asarray(found[~np.isin(found[:, 1], sewn)])
+        return np.asarray(found[~np.isin(found[:, 1], _sewn(seams))])
 
     def _warn_of_hinges(self, rows: list[IntArray], seams: Sequence[Seam]) -> None:
         """Note nodes of shells and beams that share a solid's without one of their elements lying on it."""
         if self._meshes[0].midsurface is not None:
             return
-        sewn = np.concatenate([np.zeros(0, dtype=np.int64), *(each.nodes for each in seams)])
         on_solid = rows[0] >= 0
         linked = np.zeros(len(on_solid), dtype=bool)
         for each in self._raw.connections.rigid:
@@ -243,7 +236,7 @@ class _Joining:
             held = linked.copy()
             for (_, cells), chosen in zip(self._raw.blocks, kinds, strict=True):
                 held[cells[chosen][on_solid[cells[chosen]].all(axis=1)]] = True
-            free = np.flatnonzero(on_solid & (own >= 0) & ~held & ~np.isin(own, sewn))
+            free = np.flatnonzero(on_solid & (own >= 0) & ~held & ~np.isin(own, _sewn(seams)))
             if len(free):
                 self._notes.append(
                     f"{len(free)} nodes of {what} are solids' too, which have no rotations, so they turn freely there, "
@@ -264,6 +257,11 @@ class _Joining:
             return found
         si = Connections(ties=ties).in_si(self._scale, 1.0, 1.0).ties
         return Connections(ties=si) if found is None else replace(found, ties=si)
+
+
+def _sewn(seams: Sequence[Seam]) -> IntArray:
+    """Return the nodes that seams move."""
+    return np.concatenate([np.zeros(0, dtype=np.int64), *(each.nodes for each in seams)])
 
 
 def _by_kind(meshes: Sequence[SolidMesh], rows: Sequence[IntArray]) -> tuple[IntArray | None, IntArray | None]:

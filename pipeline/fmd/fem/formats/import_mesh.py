@@ -51,6 +51,10 @@ class _Findings:
     fatal: list[str] = field(default_factory=list)
 
 
+UNUSABLE = MeshFileError, ValueError, AccuracyError
+"""What readers of shells and beams raise for files that can't be used."""
+
+
 def read_mesh(
     path: Path,
     scale: float,
@@ -82,9 +86,7 @@ def read_mesh(
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
     with as_input_error(str(path), of=MeshFileError):
-        raw = read_raw(path)
-        require_sound(raw)
-        raw = split_mixed(raw)
+        raw = split_mixed(read_sound(path))
         return solid_mesh(tie_by_names(raw, scale, ties) if ties else raw, scale, repair, mass_unit, force_unit)
 
 
@@ -105,37 +107,35 @@ def read_raw(path: Path) -> RawMesh:
         raise MeshFileError(f"can't be read: {error.strerror or error}") from error
 
 
-def read_linked(
-    path: Path,
-    take: Callable[[RawMesh], tuple[T, IntArray]],
+def read_sound(path: Path) -> RawMesh:
+    """Read a file by the reader of its suffix; refuses nodes that aren't there or aren't numbers."""
+    raw = read_raw(path)
+    require_sound(raw)
+    return raw
+
+
+def link_taken(
+    raw: RawMesh,
+    taken: tuple[T, IntArray],
     finish: Callable[[T], SolidMesh],
     scale: float,
-    mass_unit: float | None,
-    force_unit: float | None,
+    units: tuple[float | None, float | None],
 ) -> SolidMesh:
-    """Read what isn't solid from a file, with the file's links between its nodes.
+    """Return the mesh of what was taken of a file, with the file's links between its nodes.
 
     Parameters
     ----------
-    path, scale, mass_unit, force_unit
-        As for `read_mesh`.
-    take : callable
-        Takes the file's elements, and gives the number that each of its points has among them, too, -1 of no element.
+    taken : tuple
+        What isn't solid, and the number that each of the file's points has in it, -1 of no element.
     finish : callable
-        Makes the mesh of them.
-
-    Raises
-    ------
-    InputError
-        The file can't be read, or its elements can't be used; the message says what is wrong.
+        Makes the mesh of it.
+    scale, units
+        The file's unit of length [m], and those of mass [kg] and force [N].
     """
-    with as_input_error(str(path), of=(MeshFileError, ValueError, AccuracyError)):
-        raw = read_raw(path)
-        require_sound(raw)
-        taken, place = take(raw)
-        links = connections_in_si(raw.connections, raw.points * scale, place, scale, mass_unit, force_unit)
-        mesh = finish(taken)
-        return replace(mesh, connections=links, notes=mesh.notes + connection_notes(links))
+    own, place = taken
+    links = connections_in_si(raw.connections, raw.points * scale, place, scale, *units)
+    mesh = finish(own)
+    return replace(mesh, connections=links, notes=mesh.notes + connection_notes(links))
 
 
 def number_used(cells: IntArray, n_points: int) -> tuple[IntArray, IntArray]:

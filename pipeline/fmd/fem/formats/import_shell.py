@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from fmd.core.arrays import Array, IntArray
+from fmd.core.errors import as_input_error
 from fmd.fem.cells.table import is_solid
-from fmd.fem.formats.import_mesh import number_used, read_linked, require_one_piece
+from fmd.fem.formats.import_mesh import UNUSABLE, link_taken, number_used, read_sound, require_one_piece
 from fmd.fem.formats.named_sets import faces_of_points
 from fmd.fem.formats.raw_mesh import MeshFileError, RawMesh
 from fmd.fem.mesh import SolidMesh
@@ -48,16 +49,24 @@ def read_shell(
     InputError
         The file can't be read, or its mesh can't be used; the message counts what is wrong.
     """
+    with as_input_error(str(path), of=UNUSABLE):
+        return mesh_shells(read_sound(path), path, scale, (thickness, offset), (mass_unit, force_unit))
+
+
+def mesh_shells(
+    raw: RawMesh,
+    path: Path,
+    scale: float,
+    section: tuple[float | None, float],
+    units: tuple[float | None, float | None],
+) -> SolidMesh:
+    """Return the mesh of a file that holds shells alone; ``section`` as for `take_shells`, units of mass and force."""
     gmsh = path.suffix.lower() == ".msh"  # whose named lines are curves; those of decks are beams
-
-    def take(raw: RawMesh) -> tuple[Sheet, IntArray]:
-        found = take_shells(raw, scale, (thickness, offset), _rims(raw) if gmsh else {})
-        require_one_piece(
-            raw, np.concatenate([cells[:, [0, 1, 2, -1]] for _, cells in raw.blocks if cells.shape[1] > 2]), "shells"
-        )
-        return found
-
-    return read_linked(path, take, thicken, scale, mass_unit, force_unit)
+    found = take_shells(raw, scale, section, _rims(raw) if gmsh else {})
+    require_one_piece(
+        raw, np.concatenate([cells[:, [0, 1, 2, -1]] for _, cells in raw.blocks if cells.shape[1] > 2]), "shells"
+    )
+    return link_taken(raw, found, thicken, scale, units)
 
 
 def take_shells(
