@@ -52,7 +52,7 @@ class JoinedMesh:
     @property
     def firsts(self) -> IntArray:
         """Row of the first point of each member, and the number of all rows, shape (n_members + 1,)."""
-        return np.cumsum([0, *(len(own.points) + _n_nodes(own) for own in self.members)])
+        return np.cumsum([0, *(len(own.points) + count_nodes(own) for own in self.members)])
 
     @property
     def first_cells(self) -> IntArray:
@@ -134,7 +134,7 @@ class JoinedMesh:
         return None
 
 
-def _n_nodes(mesh: SolidMesh) -> int:
+def count_nodes(mesh: SolidMesh) -> int:
     """Return the number of a shell's or beams' nodes; solids have none beside their points."""
     return 0 if mesh.midsurface is None else len(mesh.midsurface.nodes)
 
@@ -174,7 +174,7 @@ class JoinedSpace:
     def turning(self) -> BoolArray:
         """True for each row that is a node with rotations, shape (n_rows,)."""
         return np.concatenate(
-            [np.arange(len(own.points) + _n_nodes(own)) >= len(own.points) for own in self.mesh.members]
+            [np.arange(len(own.points) + count_nodes(own)) >= len(own.points) for own in self.mesh.members]
         )
 
 

@@ -17,7 +17,7 @@ from fmd.fem.markers import facets_on_face, weighted_marker
 from fmd.fem.model import FEModel
 from fmd.fem.selection import interpolate_points
 from fmd.fem.shell_model import ShellModel
-from fmd.fem.space import Member
+from fmd.fem.space import Member, member_of
 
 
 class SeamError(ValueError):
@@ -109,7 +109,7 @@ class _Shared:
             constraints.give(moved, by, np.eye(3))
         if not self._space.turning[first]:
             return
-        follower = self._member(second)
+        follower = member_of(self._space.members, second)
         rotations = np.setdiff1d(_columns(self._T, self._points(second, follower)), moved)
         if constraints.are_given(rotations).any():
             return
@@ -124,7 +124,7 @@ class _Shared:
 
         About its director a node turns as the nodes of the elements around it do in the mean.
         """
-        member = self._member(node)
+        member = member_of(self._space.members, node)
         k = [other.first for other in self._space.members].index(member.first)
         own, local = self._directors[k], node - member.first - len(member.space.x)
         assert own is not None
@@ -149,10 +149,6 @@ class _Shared:
         cells = midsurface.owner[member.space.mesh.cells]
         nodes = np.unique(cells[(cells == node - first).any(axis=1)])
         return np.asarray(first + nodes[nodes != node - first])
-
-    def _member(self, node: int) -> Member:
-        """Return the member that a node is of."""
-        return next(own for own in reversed(self._space.members) if node >= own.first)
 
     def _points(self, node: int, member: Member) -> IntArray:
         """Return the points that turn with a node."""
@@ -208,7 +204,7 @@ def _sew(seam: Seam, space: JoinedSpace, T: sp.csr_array, constraints: Constrain
 
 def _across(space: JoinedSpace, node: int) -> tuple[IntArray, Array, Array]:
     """Return the points of a node, and places (n, 3) with weights (n,) across its thickness or its section."""
-    member = next(own for own in reversed(space.members) if node >= own.first)
+    member = member_of(space.members, node)
     mesh = member.space.mesh
     assert mesh.midsurface is not None
     points = np.flatnonzero(mesh.midsurface.owner == node - member.first - len(mesh.points))

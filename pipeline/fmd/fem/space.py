@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -95,6 +96,11 @@ class Member:
         if self.is_whole:
             return whole
         return whole.of_elements(self.first_element + np.arange(len(self.space.mesh.cells)))
+
+
+def member_of(members: Sequence[Member], row: int) -> Member:
+    """Return the elements of one kind that a row of a body's points and nodes is of."""
+    return next(own for own in reversed(members) if row >= own.first)
 
 
 @dataclass(frozen=True)

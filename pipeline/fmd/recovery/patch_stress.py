@@ -18,6 +18,7 @@ from fmd.core.limits.memory import STRAINED_AT_ONCE
 from fmd.core.limits.recovery import EFFECTIVITY, INDEPENDENT_TERM, SAMPLES_PER_TERM
 from fmd.fem.elements import determinants, shape_functions
 from fmd.fem.material import batches
+from fmd.fem.space import member_of
 from fmd.fem.strain import DOUBLED, HALVED, TENSOR, VOIGT, strains, stresses
 from fmd.recovery.stress import average_at_nodes
 
@@ -99,7 +100,7 @@ def _around(
     space: AnySpace, material: AnyMaterial, shapes: Array, node: int
 ) -> tuple[Discretisation, AnyMaterial, Array, int]:
     """Return what `element_stresses` takes, of the elements of the one kind that has the node."""
-    member = next(own for own in reversed(space.members) if node >= own.first)
+    member = member_of(space.members, node)
     return member.space, member.material(material), member.of_shapes(shapes), node - member.first
 
 

@@ -20,7 +20,7 @@ from fmd.fem.formats.import_shell import SHELLS, mesh_shells, take_shells
 from fmd.fem.formats.mixed import split_mixed
 from fmd.fem.formats.named_sets import PLANE, corners_of, tie_by_names
 from fmd.fem.formats.raw_mesh import BlockShells, MeshFileError, RawMesh
-from fmd.fem.joined import HINGE_MEND, AnyMesh, JoinedMesh, Seam
+from fmd.fem.joined import HINGE_MEND, AnyMesh, JoinedMesh, Seam, count_nodes
 from fmd.fem.mesh import SolidMesh, rows_among, three_corners
 from fmd.fem.thicken import thicken
 
@@ -129,7 +129,7 @@ class _Joining:
         if any(own.any() for own in lines):
             whole, place = take_beams(_only(raw, lines), self._scale)
             self._add(extrude(whole), place)
-        firsts = np.cumsum([0, *(len(own.points) + _nodes(own) for own in self._meshes)])
+        firsts = np.cumsum([0, *(len(own.points) + count_nodes(own) for own in self._meshes)])
         rows = [self._rows(k, firsts) for k in range(len(self._meshes))]
         tied, seams = self._seams(rows)
         shared = self._shared(rows, seams)
@@ -251,7 +251,7 @@ class _Joining:
         for own in (solids, *reversed(_by_kind(self._meshes, rows))):  # a shell's node leads a beam's
             row = row if own is None else np.where(own >= 0, own, row)
         loose = replace(raw.connections, ties=())
-        n = int(sum(len(own.points) + _nodes(own) for own in self._meshes))
+        n = int(sum(len(own.points) + count_nodes(own) for own in self._meshes))
         found = connections_in_si(loose, raw.points * self._scale, row, self._scale, *self._units, n)
         if not ties:
             return found
@@ -273,11 +273,6 @@ def _by_kind(meshes: Sequence[SolidMesh], rows: Sequence[IntArray]) -> tuple[Int
         elif mesh.midsurface is not None:
             shells = own
     return shells, beams
-
-
-def _nodes(mesh: SolidMesh) -> int:
-    """Return the number of nodes beside the points."""
-    return 0 if mesh.midsurface is None else len(mesh.midsurface.nodes)
 
 
 def _chosen(block: BlockShells, own: BoolArray) -> BlockShells:
