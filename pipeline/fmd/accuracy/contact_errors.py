@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 CONTACT_ERRORS = "contact errors"
 _OF_ITSELF = {"energy_error_j": "it is an error itself"}
 _HISTORIES: Mapping[str, Callable[[ContactHistory], Array]] = {
-    "largest_force_n": lambda own: own.force,
-    "largest_pressure_pa": lambda own: own.peak_pressure,
-    "largest_area_m2": lambda own: own.area,
+    "largest_force_n": lambda own: own.tops[:, 0],
+    "largest_pressure_pa": lambda own: own.tops[:, 2],
+    "largest_area_m2": lambda own: own.tops[:, 1],
 }
 """What figures are the largest of: two marches may have the same by chance, and peaks near it tell them apart."""
 _HEATS: Mapping[str, Callable[[ContactHistory], Array]] = {

@@ -13,7 +13,7 @@ FORCE, IMPULSE, MOMENT, AREA, PRESSURE = 0, 3, 6, 9, 10
 ENERGY, FRICTION, DAMPED, ERROR, BEGIN, END, BORDER = 11, 12, 13, 14, 15, 16, 17
 """Places of those of energies and times, and of a mark that the border of a grid has been pressed."""
 MOST_FORCE, MOST_AREA, MOST_PRESSURE = 18, 19, 20
-"""Places of the largest values at any step."""
+"""Places of the largest values at any step since the output time before."""
 SLIP, MEAN_SLIP = 21, 22
 """Places of the longest way that a point has slipped, and of the mean by areas of those that have."""
 WORN, MOST_WORN = 23, 24
@@ -39,7 +39,7 @@ class ContactHistory(NamedTuple):
     beyond_grid: bool  # it has reached the border of its near field's grid
     wear_volume: Array  # (n_times,): lost by each of both faces since the start [m³]; NaN without wear
     wear_depth: Array  # (n_times,): largest depth of that at points that have areas [m]; NaN without these
-    largest: tuple[float, float, float]  # force [N], area [m²] and pressure [Pa] at any step
+    tops: Array  # (n_times, 3): largest force [N], area [m²], pressure [Pa] of all steps since the output time before
 
     def lost_part(self, kinetic: Array) -> float:
         """Return the largest energy that steps made or lost, over the largest that they had to do with.
@@ -50,6 +50,12 @@ class ContactHistory(NamedTuple):
         energies = kinetic, self.energy, self.friction_work, self.damping_work
         scale = max(float(np.abs(own).max()) for own in energies)
         return float(np.abs(self.energy_error).max()) / scale if scale else 0.0
+
+    @property
+    def largest(self) -> tuple[float, float, float]:
+        """Largest force [N], area [m²] and pressure [Pa] at any step."""
+        force, area, pressure = np.nanmax(self.tops, axis=0)
+        return float(force), float(area), float(pressure)
 
     @property
     def wears(self) -> bool:
@@ -97,5 +103,5 @@ def read_history(v: Array) -> ContactHistory:
         beyond_grid=bool(v[-1, BORDER] > 0.0),
         wear_volume=v[:, WORN],
         wear_depth=v[:, MOST_WORN],
-        largest=(float(v[-1, MOST_FORCE]), float(v[-1, MOST_AREA]), float(v[-1, MOST_PRESSURE])),
+        tops=v[:, MOST_FORCE : MOST_PRESSURE + 1],
     )

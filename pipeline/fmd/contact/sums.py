@@ -50,6 +50,11 @@ def evaluate_contacts(c: ContactTable, t: float, origins: Array, rotations: Arra
             for a in range(3):
                 c.now[c.contact[c.surface[i]], ENERGY] += 0.5 * (c.own[i, a] - c.viscous[i, a]) * c.moved[i, a]
             c.now[c.contact[c.surface[i]], ENERGY] += c.stored[i]
+    for k in range(c.now.shape[0]):
+        v = c.now[k]
+        v[MOST_FORCE] = max(v[MOST_FORCE], math.sqrt(v[FORCE] ** 2 + v[FORCE + 1] ** 2 + v[FORCE + 2] ** 2))
+        v[MOST_AREA] = max(v[MOST_AREA], v[AREA])
+        v[MOST_PRESSURE] = max(v[MOST_PRESSURE], v[PRESSURE])
 
 
 @inner
@@ -85,12 +90,13 @@ def _add_values(c: ContactTable, i: int, origins: Array, rotations: Array) -> No
 def note_values(c: ContactTable, values: Array) -> None:
     """Write what `fmd.contact.recorded.ContactRecord` reads, of the state that `evaluate_contacts` has seen.
 
-    Where several contacts press a node, its pressure and slip are the largest.
+    Where several contacts press a node, its pressure and slip are the largest. Largest values begin anew here.
     """
     n, nodes, n_values = c.now.shape[0], c.x.shape[0], c.now.shape[1]
     for k in range(n):
         for j in range(n_values):
             values[n_values * k + j] = c.now[k, j]
+        c.sums[k, MOST_FORCE], c.sums[k, MOST_AREA], c.sums[k, MOST_PRESSURE] = 0.0, 0.0, 0.0
     pressures = n_values * n
     forces = pressures + nodes
     for k in range(pressures, forces + 3 * nodes):
@@ -151,9 +157,7 @@ def remember(c: ContactTable, t: float, origins: Array, rotations: Array) -> Non
         if v[FORCE] != 0.0 or v[FORCE + 1] != 0.0 or v[FORCE + 2] != 0.0:
             s[BEGIN] = t if math.isnan(s[BEGIN]) else s[BEGIN]
             s[END] = t
-        s[MOST_FORCE] = max(s[MOST_FORCE], math.sqrt(v[FORCE] ** 2 + v[FORCE + 1] ** 2 + v[FORCE + 2] ** 2))
-        s[MOST_AREA] = max(s[MOST_AREA], v[AREA])
-        s[MOST_PRESSURE] = max(s[MOST_PRESSURE], v[PRESSURE])
+        s[MOST_FORCE], s[MOST_AREA], s[MOST_PRESSURE] = v[MOST_FORCE], v[MOST_AREA], v[MOST_PRESSURE]
         s[ENERGY] = v[ENERGY]
         s[ERROR] = 0.0 if begins else s[ERROR] + v[ENERGY]
     for number in range(c.slave.size):

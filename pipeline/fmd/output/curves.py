@@ -54,11 +54,12 @@ _QUANTITIES: Mapping[str, Drawn] = {
         ("kinetic_energy", "potential_energy"),
     ),
 }
+_LARGEST = "largest since the output before: {}"
 _OF_CONTACTS: Mapping[str, tuple[str, Callable[[ContactHistory], Array]]] = {
-    "contact_force": ("force of contact [N]", lambda own: np.linalg.norm(own.force, axis=1)),
-    "contact_pressure": ("largest pressure [MPa]", lambda own: 1e-6 * own.peak_pressure),
+    "contact_force": (_LARGEST.format("force [N]"), lambda own: own.tops[:, 0]),
+    "contact_pressure": (_LARGEST.format("pressure [MPa]"), lambda own: 1e-6 * own.tops[:, 2]),
     "contact_slip": ("longest way of slip [µm]", lambda own: 1e6 * own.slip),
-    "contact_area": ("area in contact [mm²]", lambda own: 1e6 * own.area),
+    "contact_area": (_LARGEST.format("area [mm²]"), lambda own: 1e6 * own.tops[:, 1]),
 }
 _FORMER = {"com_position": "centre_of_mass", "joint_angle": "joint_position"}
 

@@ -17,6 +17,7 @@ Vectors are in the ground's axes but where it says otherwise; their dimension is
 ``C.impulse``, ``C.friction_work``   of a contact since the start
 ``C.damping_work``                   of its damping since the start
 ``C.area``, ``C.peak_pressure``      of a contact's pressed points
+``C.largest_force``, ``…_area``      largest of all steps since the output time before; ``…_pressure``, too
 ``C.slip``, ``C.mean_slip``          longest way that its points have slipped while pressed; mean by areas
 ``C.wear_volume``, ``C.wear_depth``  what each of its faces has lost by wear, if it wears; largest at points
 ``C.energy``                         of a contact: of the deflection that the modes leave out
@@ -216,6 +217,9 @@ def _contact_variables(motion: Motion) -> Iterator[Variable]:
         yield Variable(f"{name}.moment", own.moment, _XYZ, "N m", text)
         yield Variable(f"{name}.area", own.area, (), "m^2", f"area that contact {name} presses")
         yield Variable(f"{name}.peak_pressure", own.peak_pressure, (), "Pa", f"largest pressure of contact {name}")
+        for of, unit, tops in zip(("force", "area", "pressure"), ("N", "m^2", "Pa"), own.tops.T, strict=True):
+            text = f"largest {of} of contact {name} at any step since the output time before"
+            yield Variable(f"{name}.largest_{of}", tops, (), unit, text)
         yield Variable(f"{name}.slip", own.slip, (), "m", f"longest way that points of contact {name} have slipped")
         text = f"mean way, by areas, of the points of contact {name} that have slipped"
         yield Variable(f"{name}.mean_slip", own.mean_slip, (), "m", text)

@@ -41,10 +41,10 @@ CHART_QUANTITIES = {
     "com_velocity": "velocity of the centre of mass",
     "com_angular_velocity": "angular velocity of the centre of mass about the axis of the first joint",
     "element_stress": "stress in a named element, given by `element` and `component`",
-    "contact_force": "size of the force of each contact",
-    "contact_pressure": "largest pressure of each contact, of points that one is found at",
+    "contact_force": "largest force of each contact since the output time before",
+    "contact_pressure": "largest pressure of each contact since the output time before, of points that one is found at",
     "contact_slip": "longest way that a point of each contact has slipped while it was pressed",
-    "contact_area": "area that each contact presses",
+    "contact_area": "largest area that each contact presses since the output time before",
     "com_position": "the former name of `centre_of_mass`",
     "joint_angle": "the former name of `joint_position`",
 }
